@@ -57,6 +57,16 @@ async def fill_in_with_mistakes(user, folder):
     await wait_for(lambda: radius.error)
     assert "must be given as" in radius.error
     assert ul.load_scene(folder.scene).indenter.radius == 1e-3
+    for marker in ("layer.nu", "layer.E", "layer.E.max"):
+        before = folder.scene_text()
+        write(user, marker, "0,45")
+        (field,) = user.find(marker=marker).elements
+        await wait_for(lambda field=field: field.error)
+        assert "with a point, such as 0.45" in field.error
+        assert folder.scene_text() == before
+    write(user, "layer.nu", "0.46")
+    write(user, "layer.E", "1")
+    write(user, "layer.E.max", "1")
     write(user, "indenter.radius", "1")
 
 
@@ -75,7 +85,7 @@ def everything_is_told(shown):
     assert "from the noise" in shown["headline"]
     assert "with friction and finite strain unknown" in shown["headline"]
     assert shown["verdict"].startswith("Verdict: ")
-    assert {"cartilage_on_bone.fit.png", "cartilage_on_bone.depths.png"} <= set(shown["pictures"])
+    assert {"cartilage_on_bone.csv.fit.png", "cartilage_on_bone.csv.depths.png"} <= set(shown["pictures"])
     assert "depths" in shown["depths"]
     assert any(words.startswith("What layer modulus stands on") for words in shown["more"])
     assert [row["parameter"] for row in shown["table"]][:2] == ["layer modulus", "layer thickness"]
@@ -108,7 +118,7 @@ def test_from_a_dropped_file_to_a_number_that_python_repeats(tmp_path):
             press(user, "fit")
             await until(user, content="What acts in this test, and how much")
             assert "Layer modulus" in text_of(user, "headline")
-            shown = json.loads((folder.results / "cartilage_on_bone.found.shown.json").read_text())
+            shown = json.loads((folder.results / "cartilage_on_bone.csv.found.shown.json").read_text())
             everything_is_told(shown)
             press(user, "step-5")
             await until(user, "script")
@@ -132,8 +142,10 @@ def test_from_a_dropped_file_to_a_number_that_python_repeats(tmp_path):
         env=environment,
     ).stdout
     assert set(values) == {"layer.E", "layer.thickness", "instrument.contact_depth", "instrument.baseline"}
-    for name, value in values.items():
-        assert f"{name} {value} as on the page" in told
+    for name, numbers in values.items():
+        value, low, high = (float(number) for number in numbers[:3])
+        assert f"{name} {value:.6g} ({low:.6g} to {high:.6g})" in told
+        assert f"{name} is as on the page" in told
 
 
 def made_curves(folder, count=4, points=120):
@@ -252,7 +264,7 @@ def test_a_posterior_tells_how_far_it_is_stops_when_told_and_is_there_again(tmp_
             said = text_of(user, "posterior-headline")
             assert "Layer modulus" in said
             await until(user, content="interrupted after")
-            posterior = ul.Posterior.load(folder.results / "gel_on_glass.posterior.npz")
+            posterior = ul.Posterior.load(folder.results / "gel_on_glass.csv.posterior.npz")
             assert not posterior.converged
             await user.open(f"/analysis/{folder.name}")
             await until(user, "modulus-half-space")
@@ -299,7 +311,7 @@ def test_a_film_by_its_stiffness_and_a_test_written_as_text(tmp_path):
             return folder
 
     folder = run(person())
-    shown = json.loads((folder.results / "oxide.film.shown.json").read_text())
+    shown = json.loads((folder.results / "oxide.xls.film.shown.json").read_text())
     found = fit_film(
         read_scene_file(folder.scene),
         folder.curves / "oxide.xls",

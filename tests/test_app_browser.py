@@ -238,3 +238,78 @@ def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_
     # On a busy machine the socket's first try is late: then the page asks in turns, and tells the console so.
     harmless = ("ERR_CONNECTION", "WebSocket", "falling back to polling")
     assert not [entry for entry in said if not any(words in entry for words in harmless)]
+
+
+# What stands out of its column, or has to be scrolled sideways within it; code has lines as long as they are.
+_CUT_OFF = """
+[...document.querySelectorAll('.side, .main')].filter(e => e.getClientRects().length).flatMap(column =>
+  [...column.querySelectorAll('*')].filter(e => !e.closest('.code, .code-entry') && e.getClientRects().length
+    && (e.getBoundingClientRect().right > column.getBoundingClientRect().right + 1
+      || (e.matches('.q-table__middle') && e.scrollWidth > e.clientWidth + 1))
+  ).map(e => `${e.tagName} ${e.className} ${(e.innerText || '').slice(0, 40)}`))
+"""
+
+
+def test_long_names_stay_in_their_places(tmp_path):
+    name = "knee_left_medial_condyle_site_17_ball_1mm_after_thaw_second_load_operator_AB.csv"
+    curve, words_only = tmp_path / name, tmp_path / f"no_curve_{name}"
+    curve.write_bytes((SAMPLES / "cartilage_on_bone.csv").read_bytes())
+    words_only.write_text("hello\nworld\n")
+    with browser() as tab, server(tmp_path / "home") as (_, address):
+        tab.open(address, **SIZE)
+        enter(tab, "New analysis")
+        choose(tab, curve, words_only)
+        until(tab, says("loading 681"))
+        assert tab.evaluate(_CUT_OFF) == []
+        press(tab, "3")
+        modulus(tab)
+        press(tab, "Fit")
+        until(tab, says("What acts in this test"))
+        assert tab.evaluate(_CUT_OFF) == []
+        press(tab, "4")
+        press(tab, "Fit all curves")
+        until(tab, "document.querySelectorAll('.card').length === 2")
+        assert tab.evaluate(_CUT_OFF) == []
+        press(tab, "5")
+        until(tab, says("Picture: fit.png"))
+        assert tab.evaluate(_CUT_OFF) == []
+
+
+# Words under a field that lie on something else than what the field stands in.
+_WORDS_ON_OTHERS = """
+[...document.querySelectorAll('.q-field__bottom')].filter(e => e.innerText.trim() && e.getClientRects().length)
+  .flatMap(words => [...document.querySelectorAll(
+      '.q-field__control, .q-field__bottom, .q-checkbox, .quiet, button')]
+    .filter(other => {
+      const a = words.getBoundingClientRect(), b = other.getBoundingClientRect();
+      const beside = a.left < b.right - 1 && b.left < a.right - 1;
+      return other !== words && b.width && beside && a.top < b.bottom - 1 && b.top < a.bottom - 1;
+    }).map(other => `${words.innerText} | ${other.innerText || other.className}`))
+"""
+
+
+def type_into(tab, label, text):
+    """Write into the first field of that name, in place of what stands there."""
+    field = f"[...document.querySelectorAll('input')].find(e => e.getAttribute('aria-label') === {label!r})"
+    until(tab, f"Boolean({field})")
+    tab.evaluate(f"(() => {{ const e = {field}; e.focus(); e.select(); }})()")
+    tab.call("Input.insertText", text=text)
+
+
+def test_what_is_wrong_with_a_number_can_be_read_under_its_field(tmp_path):
+    with browser() as tab, server(tmp_path / "home") as (_, address):
+        tab.open(address, **SIZE)
+        enter(tab, "New analysis")
+        choose(tab, SAMPLES / "gel_on_glass.csv")
+        until(tab, says("loading"))
+        press(tab, "2")
+        for number, label in enumerate(("Poisson's ratio of the layer", "Layer thickness", "min", "max"), 1):
+            type_into(tab, label, "0,45")
+            until(
+                tab,
+                "[...document.querySelectorAll('.q-field__bottom')].filter(e => e.innerText.includes("
+                f"'with a point')).length === {number}",
+            )
+        # They come and go with a movement.
+        assert eventually(lambda: tab.evaluate(_WORDS_ON_OTHERS) == [])
+        nothing_is_cut_off(tab)

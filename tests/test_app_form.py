@@ -5,6 +5,7 @@ import pytest
 from underlay.app.form import Draft, preset, problem_with
 from underlay.app.form_words import ADVANCED, ELSEWHERE, PRESETS
 from underlay.app.scene_text import draft_from
+from underlay.app.typed import comma_problem, pairs_of
 from underlay.errors import InputError, UnderlayError
 from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import scene_keys
@@ -98,3 +99,38 @@ def test_a_text_leads_to_no_file_outside_the_analysis(named):
 def test_what_is_fitted_must_be_a_section():
     with pytest.raises(InputError, match="must be a section"):
         Draft.of("fit = 3")
+
+
+@pytest.mark.parametrize(
+    ("section", "name"),
+    [
+        ("layer", "nu"),
+        ("layer", "E"),
+        ("indenter", "radius"),
+        ("layer.relaxation", "fractions"),
+        ("curve", "fit_from"),
+        ("solver", "rtol"),
+        ("solver", "order"),
+    ],
+)
+@pytest.mark.parametrize("text", ["0,45", "1,000", "0,45 MPa", ",45", "1,234,567", "0,4, 0,3"])
+def test_a_decimal_comma_is_no_list_of_two(section, name, text):
+    wrong = problem_with(text, key_of(section, name))
+    assert ("a whole number" if name == "order" else "write numbers with a point, such as 0.45") in wrong
+    assert repr(text.split()[0].rstrip(","))[1:-1] in wrong
+
+
+def test_a_list_has_spaces_behind_its_commas():
+    assert problem_with("0.4, 0.3", key_of("layer.relaxation", "fractions")) == ""
+    assert "space behind each comma" in comma_problem("0.4, 0,3")
+    assert "0.4, 0.3" in comma_problem("0.4, 0.3", may_list=False)
+
+
+def test_names_and_values_are_taken_whole_or_not_at_all():
+    assert pairs_of("depth = h (nm), force = -Fz (mN)") == {"depth": "h (nm)", "force": "-Fz (mN)"}
+    assert pairs_of(" ") == {}
+    with pytest.raises(InputError, match="with a point"):
+        pairs_of("spring_constant = 0,04 N/m, sensitivity = 60 nm/V")
+    for wrong in ("depth h (nm)", "depth = h, deep (nm)", "= 3", "depth ="):
+        with pytest.raises(InputError, match="name = value"):
+            pairs_of(wrong)

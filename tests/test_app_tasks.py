@@ -12,6 +12,7 @@ from underlay.app.form import preset
 from underlay.app.kept import keep, kept
 from underlay.app.shown import Sampled
 from underlay.app.tasks import Analyst
+from underlay.errors import CurveError
 from underlay.inference.from_files import read_whole
 from underlay.inference.held_contact import laws_at_contact
 from underlay.scene.default_depth import default_depth
@@ -96,3 +97,20 @@ def test_what_is_kept_is_what_was_shown_and_a_damaged_file_is_nothing(tmp_path):
     for damaged in (b"{", b"[1]", b'{"other": 1}', np.random.default_rng(0).bytes(100)):
         path.write_bytes(damaged)
         assert kept(folder, "a", Sampled) is None
+
+
+@pytest.mark.parametrize("task", ["fit", "sample"])
+def test_a_loading_that_left_an_imprint_is_refused_as_by_every_command(tmp_path, task):
+    folder = AnalysisFolder(tmp_path / "one")
+    into, out = np.linspace(0.0, 1e-6, 80), np.linspace(1e-6, 0.7e-6, 80)
+    depth = np.concatenate((into, out))
+    force = 1e-2 * np.concatenate(((into / 1e-6) ** 2, ((out - 0.7e-6) / 0.3e-6).clip(0.0) ** 1.5))
+    rows = "".join(f"{d!r},{f!r}\n" for d, f in zip(depth.tolist(), force.tolist(), strict=True))
+    folder.add_curve("imprint.csv", b"depth (m),force (N)\n" + rows.encode())
+    folder.write_scene(
+        '[indenter]\nshape = "cone"\nhalf_angle = "70.3 deg"\n[layer]\nE = "70 GPa"\nnu = 0.2\n'
+        '[fit]\nlayer.E = { min = "1 GPa", max = "1 TPa" }\n[curve]\nfile = "curves/imprint.csv"\n'
+    )
+    arguments = (silent,) if task == "fit" else (10, silent)
+    with pytest.raises(CurveError, match="elastoplastic"):
+        getattr(Analyst(str(folder.path)), task)(*arguments)

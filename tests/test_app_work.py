@@ -24,6 +24,8 @@ def test_a_worker_answers_refuses_fails_dies_and_lives_on():
             first = worker.process_id
             with pytest.raises(WorkError, match="depth must be positive"):
                 await worker.call("refuse")
+            with pytest.raises(WorkError, match=r'use name = "exact" in \[solver\]'):
+                await worker.call("refuse_in_python")
             with pytest.raises(WorkError, match=r"fault of underlay \(ZeroDivisionError"):
                 await worker.call("break_down")
             assert worker.process_id == first
@@ -60,6 +62,67 @@ def test_a_task_that_tells_is_asked_to_stop_and_one_that_sleeps_is_ended():
             worker.stop()
 
     asyncio.run(scenario())
+
+
+# Run by itself: where another test started a process before, all is loaded.
+_FIRST_START = """
+    import asyncio, time
+    from underlay.app import work
+
+    work._LOADED = ("support.slow_to_load",)
+
+    async def scenario():
+        workers = [work.Worker("support.worker_tasks:Tasks", "hello") for _ in range(2)]
+        longest, last, began = 0.0, time.monotonic(), time.monotonic()
+        calls = [asyncio.create_task(worker.call("say", "there")) for worker in workers]
+        {meanwhile}
+        while not all(call.done() for call in calls):
+            await asyncio.sleep(0.01)
+            longest, last = max(longest, time.monotonic() - last), time.monotonic()
+        told = [str(call.exception() or call.result()) for call in calls]
+        if {again}:
+            told.append(await workers[0].call("say", "again"))
+        for worker in workers:
+            worker.close()
+        print(told, longest, time.monotonic() - began, "__main__" in __import__("sys").modules["__main__"].__name__)
+
+    asyncio.run(scenario())
+"""
+
+
+def first_start(meanwhile="", *, again=False):
+    """What two workers told, the longest time (s) in which nothing else was done, and the time (s) of all."""
+    code = textwrap.dedent(_FIRST_START).format(meanwhile=meanwhile or "pass", again=again)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120.0,
+    )
+    told, _, numbers = done.stdout.rpartition("] ")
+    longest, whole, is_main = numbers.split()
+    assert is_main == "True"
+    return told, float(longest), float(whole)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is loaded before a process is there")
+def test_the_page_answers_while_the_first_process_loads():
+    told, longest, whole = first_start()
+    assert told.count("hello there") == 2
+    assert whole > 2.9  # what is loaded takes three seconds, so there was something to wait for
+    assert longest < 1.0
+
+
+@pytest.mark.parametrize("how", ["stop", "ask_to_stop"])
+def test_a_start_that_is_not_through_is_stopped_and_the_next_call_begins_anew(how):
+    told, longest, _ = first_start(f"await asyncio.sleep(0.3); workers[0].{how}()", again=True)
+    assert "stopped; what was finished is kept" in told
+    assert told.count("hello there") == 1
+    assert "hello again" in told
+    assert longest < 1.0
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for the process in /proc")

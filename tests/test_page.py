@@ -5,6 +5,7 @@ In the browser: every picture there, nothing fetched, readable narrow or wide, l
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -194,3 +195,22 @@ def test_the_checks_see_what_is_wrong(tab, tmp_path):
     assert "DIV." in tab.evaluate(OVERFLOW)
     assert min(contrast for contrast, _, _ in tab.evaluate(CONTRAST)) < 2.0
     assert tab.evaluate(PICTURES)[0]["natural"] == 0
+
+
+@opened
+@pytest.mark.parametrize("width", [820, 1280])
+def test_a_table_with_long_names_stays_within_the_page(tab, tmp_path, width):
+    style = (Path(labels.__file__).parent / "templates" / "page" / "page.css").read_text(encoding="utf-8")
+    name = "knee_left_condyle_site_17_" * 6
+    page = tmp_path / "long.html"
+    page.write_text(
+        f"<style>{style}</style><main><div class='table'><table><tbody>"
+        f"<tr><th>file {name}.csv</th><td>{name}</td></tr></tbody></table></div></main>",
+        encoding="utf-8",
+    )
+    tab.open(page.as_uri(), width=width, scheme="light")
+    table = "document.querySelector('table').getBoundingClientRect()"
+    assert tab.evaluate(f"{table}.right") <= tab.evaluate(
+        "document.querySelector('.table').getBoundingClientRect().right"
+    )
+    assert tab.evaluate(f"{table}.height") > 60.0  # it is broken into lines, not cut

@@ -24,6 +24,9 @@ class Tasks:
     def refuse(self, _tell):
         raise InputError("depth must be positive")
 
+    def refuse_in_python(self, _tell):
+        raise InputError("the series ends there; use solver='exact'")
+
     def break_down(self, _tell):
         raise ZeroDivisionError("division by zero")
 
@@ -55,3 +58,16 @@ class Waiting(Analyst):
 
         with mock.patch.object(posterior, "sample", partial(posterior.sample, method="emcee")):
             return super().sample(most, wait_there)
+
+
+class Held(Analyst):
+    """The tasks of the page; a fit that is through tells so by a file, and says nothing until another is there."""
+
+    def fit(self, tell):
+        def hold(value):
+            (self._folder.results / "fitted").touch()
+            while not (self._folder.results / "go").exists():
+                time.sleep(0.02)
+            tell(value)
+
+        return super().fit(hold)

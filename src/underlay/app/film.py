@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from underlay.app.folder import AnalysisFolder, safe_name
+from underlay.app.folder import AnalysisFolder
 from underlay.app.kept import keep
-from underlay.app.results import fingerprint, rows_of, stem_of
+from underlay.app.results import rows_of
 from underlay.app.shown import Film, Row
+from underlay.app.snapshot import Snapshot
 from underlay.errors import InputError
 from underlay.inference.film_from_files import fit_film
 from underlay.report.film_files import write_film
 from underlay.report.film_tables import film_notes, film_table
 from underlay.report.labels import label
 from underlay.report.spoken import spoken
-from underlay.scene.scene_file import SceneFile
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,14 +33,14 @@ def film_rows(table: pd.DataFrame) -> tuple[Row, ...]:
     return tuple(row | {"parameter": label(row["parameter"])} for row in rows_of(table))
 
 
-def film_of(folder: AnalysisFolder, file: SceneFile, base: str, modulus: str, ends: tuple[str, str]) -> Film:
+def film_of(folder: AnalysisFolder, tested: Snapshot, base: str, modulus: str, ends: tuple[str, str]) -> Film:
     """Fit the contact stiffness of the curve that is looked at.
 
     Parameters
     ----------
     folder : AnalysisFolder
         Holds both files.
-    file : SceneFile
+    tested : Snapshot
         The test; its indenter is a cone.
     base : str
         File of the test on a sample of known modulus with the same tip; empty for a perfect tip.
@@ -54,18 +54,15 @@ def film_of(folder: AnalysisFolder, file: SceneFile, base: str, modulus: str, en
     CurveError, InputError
         As `underlay film`.
     """
-    if file.curve_path is None:
-        raise InputError("bring a file first, and pick the curve to look at")
+    curve = folder.curve_file(tested.curve_name)
     if base and not modulus.strip():
         raise InputError('the known sample needs its modulus, such as "165 GPa" for (001) silicon')
     calibration = folder.curve_file(base) if base else None
-    curve = folder.curve_file(file.curve_path.name)
-    found = fit_film(file, curve, calibration, modulus or None, ends)
-    stem = stem_of(file)
-    write_film(found, folder.results, safe_name(stem))
+    found = fit_film(tested.file, curve, calibration, modulus or None, ends)
+    write_film(found, folder.results, tested.stem)
     notes = tuple(spoken(_on_the_page(note)) for note in film_notes(found, perfect=not base))
-    film = Film(fingerprint(file), notes, film_rows(film_table(found)), f"{stem}.film.png")
-    keep(folder, stem, film)
+    film = Film(tested.of, notes, film_rows(film_table(found)), f"{tested.stem}.film.png")
+    keep(folder, tested.stem, film)
     return film
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from underlay._door import FileKind, read_bytes, read_text
@@ -25,20 +26,29 @@ __all__ = [
     "LARGEST_FILE",
     "MOST_BYTES",
     "MOST_FILES",
+    "RESULTS",
     "AnalysisFolder",
     "analyses",
     "new_analysis",
     "safe_name",
+    "stem_of",
 ]
 
 #: Bounds of what may be brought: bytes of one file, files of one analysis, bytes of all of them.
 LARGEST_FILE, MOST_FILES, MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
+#: The files of a curve's results by what made them: what stands in their names behind the curve's.
+RESULTS: Mapping[str, tuple[str, ...]] = {
+    "found": ("fit", "time", "relaxation", "adhesion", "segments", "depths", "effects"),
+    "sampled": ("corner", "predictive", "posterior"),
+    "film": ("film", "film.depths"),
+}
 _TEXT = FileKind("a file of an analysis", 5_000_000, "start a new analysis")
 _ANY = FileKind("a file of an analysis", MOST_BYTES, "start a new analysis")
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,60}")
 # A name of a file may not lead anywhere, hide itself, or mean something to a shell or a spreadsheet.
 _ODD = re.compile(r"[^\w.()+,= -]|^[.=+\s-]+")
-_LONGEST = 100
+# Bytes of a curve's name and of its ending: with what results add, a system takes it.
+_LONGEST, _LONGEST_ENDING = 120, 40
 
 
 class AnalysisFolder:
@@ -131,18 +141,42 @@ class AnalysisFolder:
         write_atomic(self.scene, text)
 
     def result(self, name: str) -> Path:
-        """Where a result is kept."""
-        return self.results / safe_name(name)
+        """Where a result is kept.
+
+        Raises
+        ------
+        InputError
+            If the name leads elsewhere.
+        """
+        if name[:1] in ("", ".") or re.search(r"[/\\\0]", name):
+            raise InputError(f"a result has a plain name; got {one_line(name, 80)!r}")
+        return self.results / name
 
     def read_result(self, name: str) -> bytes | None:
         """Content of a result, None where there is none."""
         path = self.result(name)
         return read_bytes(path, _ANY) if path.is_file() else None
 
-    def result_files(self, stem: str, suffix: str) -> list[Path]:
-        """Results of a curve with this ending, by name."""
-        found = (path for path in self.results.iterdir() if path.suffix == suffix)
-        return sorted(path for path in found if stem and path.name.startswith(f"{stem}."))
+    def result_files(
+        self, stem: str, suffixes: Collection[str], made_by: Collection[str] = tuple(RESULTS)
+    ) -> list[Path]:
+        """Results of a curve with these endings, by name; of some of `RESULTS` only where `made_by` says so."""
+        words = [word for made in made_by for word in RESULTS[made]]
+        names = {f"{stem}.{word}{suffix}" for word in words for suffix in suffixes}
+        return sorted(path for path in self.results.iterdir() if path.name in names)
+
+
+def stem_of(name: str, test: object = None) -> str:
+    """Return the beginning of the names of the results of a curve: its file, and its test where one is named.
+
+    No two curves have the same: the ending of the file is in it, and no file that was brought has a ``~``.
+
+    Examples
+    --------
+    >>> stem_of("a.csv"), stem_of("a.txt"), stem_of("a.csv", 2)
+    ('a.csv', 'a.txt', 'a.csv~2')
+    """
+    return f"{name or 'curve'}~{test}" if test else name or "curve"
 
 
 def safe_name(name: str) -> str:
@@ -155,8 +189,13 @@ def safe_name(name: str) -> str:
     """
     last = re.split(r"[/\\]", name)[-1]
     plain = _ODD.sub(lambda found: "" if found.start() == 0 else "_", last).strip()
-    stem, suffix = Path(plain).stem[:_LONGEST], Path(plain).suffix[:_LONGEST]
+    stem, suffix = _cut(Path(plain).stem, _LONGEST), _cut(Path(plain).suffix, _LONGEST_ENDING)
     return f"{stem}{suffix}" if stem.strip("._ ") else f"curve{suffix}"
+
+
+def _cut(text: str, most: int) -> str:
+    """The beginning of a text that takes no more bytes."""
+    return text.encode("utf-8", "replace")[:most].decode("utf-8", "ignore")
 
 
 def analyses(home: Path) -> list[str]:

@@ -15,6 +15,7 @@ from typing import Any
 from underlay._documents import parse_toml
 from underlay._door import FileKind, read_text, understood
 from underlay.app.form_words import ELSEWHERE
+from underlay.app.typed import comma_problem
 from underlay.errors import InputError, UnitError
 from underlay.report.labels import label, start
 from underlay.scene.fit_range import Mark
@@ -30,7 +31,7 @@ _CHOSEN_BY = {"indenter": "shape", "layer.relaxation": "model", "adhesion": "mod
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
 _INDEX = re.compile(r"\[(\d+)\]$")
 _AMOUNT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
-_LIST = "a list of "
+_LIST, _WHOLE = "a list of ", "a whole number"
 _ENDS = ("fit_from", "fit_to")
 
 
@@ -123,7 +124,7 @@ class Draft:
         table = self.table(section)
         if key.takes == "true or false":
             table[key.name] = text == "true"
-        elif key.takes == "a whole number" and text.strip().lstrip("+-").isdigit():
+        elif key.takes == _WHOLE and text.strip().lstrip("+-").isdecimal():
             table[key.name] = int(text)
         elif key.takes.startswith(_LIST) or ("," in text and key.kind):
             table[key.name] = [_value(part, key.kind) for part in _parts(text)]
@@ -247,6 +248,10 @@ def problem_with(text: str, key: SceneKey) -> str:
     """Return what is wrong with a text for a key, in one sentence; empty if nothing is."""
     if not text.strip():
         return ""
+    if wrong := comma_problem(text) if key.kind or key.name in _ENDS else "":
+        return wrong
+    if key.takes == _WHOLE and not text.strip().lstrip("+-").isdecimal():
+        return f"a whole number, such as {key.default or 4}; got {text.strip()[:40]!r}"
     try:
         for part in _parts(text):
             if key.kind:

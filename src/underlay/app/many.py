@@ -34,7 +34,16 @@ from underlay.report.population_words import comparison_table, group_table, popu
 from underlay.report.review import review_cards
 from underlay.report.spoken import spoken
 
-__all__ = ["decide", "gallery", "judged_table", "overview", "population_before", "run_map", "show_population"]
+__all__ = [
+    "decide",
+    "gallery",
+    "judged_table",
+    "map_is_old",
+    "overview",
+    "population_before",
+    "run_map",
+    "show_population",
+]
 
 _KIND = FileKind("the gallery of a map", 1_000_000_000, "fit the curves again")
 #: Curves on a page of the gallery.
@@ -44,7 +53,8 @@ _TOGETHER = "population"
 
 def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
     """Fit every curve; what was done before with the same files and scene is not done again."""
-    of = _fingerprint(folder)
+    text = _scene_of_all(folder)
+    of = _fingerprint(folder, text)
     table = folder.results / "map.csv"
     journal = table.with_name("map.csv.journal")
     done = folder.read_result("map.done.txt") == of.encode()
@@ -53,7 +63,7 @@ def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
     if folder.read_result("map.of.txt") != of.encode():
         for old in (table, journal, folder.results / "map.cards.json"):
             old.unlink(missing_ok=True)
-    scene = write_atomic(folder.results / "map.scene.toml", _scene_of_all(folder))
+    scene = write_atomic(folder.results / "map.scene.toml", text)
     write_atomic(folder.results / "map.of.txt", of)
     options = MapOptions(
         resume=journal.exists(),
@@ -84,9 +94,16 @@ def overview(folder: AnalysisFolder) -> Overview:
         rows_of(failure_table(table)) if (table["status"] != FITTED).any() else (),
         tuple(pictures),
         tuple(name for name in label_columns(folder) if name in table.columns),
-        folder.read_result("map.of.txt") != _fingerprint(folder).encode(),
+        map_is_old(folder),
         folder.read_result("map.of.txt") == folder.read_result("map.done.txt"),
     )
+
+
+def map_is_old(folder: AnalysisFolder) -> bool:
+    """Whether files, labels or the test were changed since the map was begun; False where there is none."""
+    if not (folder.results / "map.csv").is_file():
+        return False
+    return folder.read_result("map.of.txt") != _fingerprint(folder, _scene_of_all(folder)).encode()
 
 
 def judged_table(folder: AnalysisFolder) -> pd.DataFrame:
@@ -141,6 +158,7 @@ def decide(folder: AnalysisFolder, names: Sequence[str], word: str, reason: str)
 
 def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
     """Say what the curves tell of a population."""
+    of = _judged(folder)
     result = population(
         judged_table(folder), [by] if by else [], parameter=_parameter(folder), group=group or None
     )
@@ -151,7 +169,7 @@ def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
         picture = "population.png"
     ratios = rows_of(comparison_table(result)) if result.comparisons else ()
     sentences, groups = tuple(population_sentences(result)), rows_of(group_table(result))
-    together = Together(_judged(folder), by, group, sentences, groups, ratios, picture)
+    together = Together(of, by, group, sentences, groups, ratios, picture)
     keep(folder, _TOGETHER, together)
     return together
 
@@ -191,10 +209,10 @@ def _manifest(folder: AnalysisFolder) -> Path | None:
     return path if path.exists() else None
 
 
-def _fingerprint(folder: AnalysisFolder) -> str:
-    """SHA-256 of all that decides the numbers of the map."""
+def _fingerprint(folder: AnalysisFolder, scene: str) -> str:
+    """SHA-256 of all that decides the numbers of the map: scene, labels and curves."""
     manifest = _manifest(folder)
-    parts = [_scene_of_all(folder), "" if manifest is None else sha256_of(manifest)]
+    parts = [scene, "" if manifest is None else sha256_of(manifest)]
     parts += [f"{path.name} {sha256_of(path)}" for path in folder.curve_files()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

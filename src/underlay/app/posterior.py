@@ -6,8 +6,9 @@ from underlay._csv_text import csv_text
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
 from underlay.app.kept import keep
-from underlay.app.results import fingerprint, rows_of, stem_of
+from underlay.app.results import rows_of
 from underlay.app.shown import Progress, Sampled
+from underlay.app.snapshot import Snapshot
 from underlay.app.work import Tell
 from underlay.data.curve import Curve
 from underlay.inference.from_files import problem_from, weak_bounds
@@ -17,7 +18,6 @@ from underlay.report.gathered_warnings import gathered_warnings
 from underlay.report.posterior_tables import posterior_table
 from underlay.report.spoken import spoken
 from underlay.report.words import posterior_summary
-from underlay.scene.scene_file import SceneFile
 
 __all__ = ["sample_posterior"]
 
@@ -26,9 +26,11 @@ _OPEN_NOISE = "looking for where to begin; no noise is stated, so it is averaged
 _UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on from there, or allow more steps."
 
 
-def sample_posterior(folder: AnalysisFolder, file: SceneFile, curve: Curve, most: int, tell: Tell) -> Sampled:
+def sample_posterior(
+    folder: AnalysisFolder, tested: Snapshot, curve: Curve, most: int, tell: Tell
+) -> Sampled:
     """Sample until the chain has converged, `most` steps are done or a stop was asked for; keep what came of it."""
-    stem, of = stem_of(file), fingerprint(file)
+    file, stem, of = tested.file, tested.stem, tested.of
     chain = folder.result(f"{stem}.chain.h5")
     mark = f"{of} {most}".encode()
     if folder.read_result(f"{stem}.chain.txt") != mark:

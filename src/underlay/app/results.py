@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from underlay._csv_text import csv_text
-from underlay._door import sha256_of
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
 from underlay.app.kept import keep
 from underlay.app.shown import Found, Row
+from underlay.app.snapshot import Snapshot
 from underlay.app.work import Tell
 from underlay.errors import UnderlayError
 from underlay.inference.least_squares import Fit
@@ -22,6 +22,7 @@ from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.problem import Problem
 from underlay.report import plots
 from underlay.report.fit_files import write_fit
+from underlay.report.intervals import Estimate, estimates
 from underlay.report.labels import labelled
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
@@ -32,70 +33,64 @@ from underlay.report.spoken import spoken
 from underlay.report.tables import interval_table
 from underlay.report.words import headline, stands_on, verdict_sentence
 from underlay.scene.effects import effects_table
-from underlay.scene.scene_file import SceneFile
 from underlay.units import printed
 
-__all__ = ["fingerprint", "rows_of", "stem_of", "tell_found"]
-
-
-def stem_of(file: SceneFile) -> str:
-    """Beginning of the names of the results of the curve that a scene looks at."""
-    path, test = file.curve_path, file.curve.get("test")
-    name = "curve" if path is None else path.stem
-    return name if test is None else f"{name}-{test}"
-
-
-def fingerprint(file: SceneFile) -> str:
-    """SHA-256 of the scene file and the curve it looks at: a result is of this pair."""
-    curve = "" if file.curve_path is None else sha256_of(file.curve_path)
-    return hashlib.sha256(f"{sha256_of(file.path)}{curve}".encode()).hexdigest()
+__all__ = ["rows_of", "tell_found"]
 
 
 def tell_found(
-    folder: AnalysisFolder, file: SceneFile, problem: Problem, result: Fit, notes: list[str], tell: Tell
+    folder: AnalysisFolder, tested: Snapshot, problem: Problem, result: Fit, notes: list[str], tell: Tell
 ) -> Found:
-    """Put a fit into words, tables and pictures; tell what is there already, keep it at the end."""
-    stem = stem_of(file)
-    parts: dict[str, Any] = {"stem": stem, "of": fingerprint(file)}
-    for more in _parts(folder, file, problem, result, notes):
-        parts |= more
-        tell(Found(**parts))
-    found = Found(**parts)
-    keep(folder, stem, found)
+    """Put a fit into words, tables and pictures; each part is kept and told when it is there.
+
+    Parameters
+    ----------
+    tested : Snapshot
+        What the fit began with: the form may say something else by now.
+    """
+    for old in folder.result_files(tested.stem, (".csv", ".json", ".png"), ("found",)):
+        old.unlink()
+    found = Found(tested.stem, tested.of, tested.text)
+    for more in _parts(folder, tested.stem, problem, result, notes):
+        found = replace(found, **more)
+        keep(folder, tested.stem, found)
+        tell(found)
     return found
 
 
 def _parts(
-    folder: AnalysisFolder, file: SceneFile, problem: Problem, result: Fit, notes: list[str]
+    folder: AnalysisFolder, stem: str, problem: Problem, result: Fit, notes: list[str]
 ) -> Iterator[dict[str, Any]]:
     """The parts of `Found`, quickest first."""
     yield {
         "headline": spoken(headline(result)),
         "verdict": printed(spoken(verdict_sentence(result))),
-        "values": {name: repr(float(value)) for name, value in result.values.items()},
+        "values": {entry.name: _exact(entry) for entry in estimates(result)},
         "table": rows_of(interval_table(result)),
     }
     doubts = [*quality_doubts(problem), *reservations(result, notes)]
     yield {"doubts": tuple(dict.fromkeys(_named(doubt, result) for doubt in doubts))}
-    written = write_fit(result, folder.results, stem_of(file))
+    written = write_fit(result, folder.results, stem)
     yield {"pictures": tuple(path.name for path in written if path.suffix == ".png")}
-    yield from _by_depth(
-        folder, result, [path.name for path in written if path.suffix == ".png"], stem_of(file)
-    )
+    yield from _by_depth(folder, result, [path.name for path in written if path.suffix == ".png"], stem)
     told = [*rivals(result), stands_on(result), *model_limits(result), *advice(result)]
     yield {"more": tuple(_named(sentence, result) for sentence in told if sentence)}
     try:
         scene = result.scenes[0]
         deepest = float(np.max(result.curves[0].depth)) - scene.instrument.contact_depth
         effects = effects_table(scene, deepest, result.solver)
-        write_atomic(folder.result(f"{stem_of(file)}.effects.csv"), csv_text(effects))
-        plots.save(
-            plots.effects(scene, deepest, result.solver), folder.result(f"{stem_of(file)}.effects.png")
-        )
+        write_atomic(folder.result(f"{stem}.effects.csv"), csv_text(effects))
+        plots.save(plots.effects(scene, deepest, result.solver), folder.result(f"{stem}.effects.png"))
     except UnderlayError:
         # A scene that the ledger has no rows for: the fit stands without it.
         return
     yield {"effects": rows_of(ledger_in_words(effects))}
+
+
+def _exact(entry: Estimate) -> list[str]:
+    """The numbers that are printed of a parameter, as Python writes them."""
+    numbers = (entry.value, entry.low, entry.high, entry.wide_low, entry.wide_high)
+    return [repr(float(number)) for number in numbers]
 
 
 def _named(sentence: str, result: Fit) -> str:

@@ -12,6 +12,7 @@ from nicegui import app, ui
 from underlay.app.pages.routes import add_pages
 from underlay.app.security import Doorkeeper, Guard
 from underlay.app.state import Home
+from underlay.app.work import load_ahead
 
 __all__ = ["serve"]
 
@@ -49,6 +50,7 @@ def serve(folder: Path, port: int = 0, *, show: bool = True, tell: Callable[[str
     prepare(home)
 
     def begin() -> None:
+        load_ahead()
         address = home.new_address()
         tell(address)
         if show:

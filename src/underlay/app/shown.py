@@ -18,6 +18,7 @@ __all__ = [
     "Reading",
     "Row",
     "Sampled",
+    "Taken",
     "Together",
 ]
 
@@ -92,6 +93,8 @@ class Found:
         Beginning of the names of its files.
     of : str
         Fingerprint of the curve and scene that were fitted.
+    scene : str
+        Text of that scene.
     headline, verdict : str
         In words.
     more : tuple of str
@@ -102,8 +105,9 @@ class Found:
         A row per fitted number.
     effects : tuple of Row
         A row per effect.
-    values : mapping of str to str
-        Every fitted number (SI) to its last bit.
+    values : mapping of str to list of str
+        What is printed of every number (SI), to its last bit: value, low and high of its interval, and of the one
+        with what is unknown.
     pictures : tuple of str
         Names of the files.
     depths : str
@@ -112,13 +116,14 @@ class Found:
 
     stem: str
     of: str
+    scene: str
     headline: str = ""
     verdict: str = ""
     more: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     table: tuple[Row, ...] = ()
     effects: tuple[Row, ...] = ()
-    values: dict[str, str] = field(default_factory=dict)
+    values: dict[str, list[str]] = field(default_factory=dict)
     pictures: tuple[str, ...] = ()
     depths: str = ""
 
@@ -264,6 +269,26 @@ class Together:
     groups: tuple[Row, ...] = ()
     ratios: tuple[Row, ...] = ()
     picture: str = ""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What is taken away of a fit.
+
+    Parameters
+    ----------
+    scene, script : str
+        Texts: the test as it was fitted, and Python that fits it again.
+    is_old : bool
+        Whether test or curve were changed since.
+    is_map_old : bool
+        Whether the curves, their labels or the test were changed since all were fitted.
+    """
+
+    scene: str
+    script: str
+    is_old: bool = False
+    is_map_old: bool = False
 
 
 @dataclass(frozen=True)

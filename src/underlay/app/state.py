@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from underlay._files import require_writable_folder
-from underlay.app.folder import AnalysisFolder
+from underlay.app.folder import AnalysisFolder, stem_of
 from underlay.app.form import Draft, preset
 from underlay.app.security import Doorkeeper
 from underlay.app.work import Worker
@@ -14,6 +15,9 @@ from underlay.errors import UnderlayError
 __all__ = ["Home", "OpenAnalysis"]
 
 _TASKS = "underlay.app.tasks:Analyst"
+# What is of one curve only: keys of its scene, and the contact point among what is fitted.
+_HANDLES = (("curve", "min_depth"), ("curve", "max_depth"), ("instrument", "contact_depth"))
+_CONTACT, _BOUNDS = "instrument.contact_depth", "bounds of the contact point"
 _BEGINNING = "cartilage_on_bone"
 
 
@@ -38,6 +42,7 @@ class OpenAnalysis:
         self.quick = Worker(_TASKS, str(folder.path))
         self.long = Worker(_TASKS, str(folder.path))
         self.window = 0
+        self._handles: dict[str, dict[str, Any]] = {}
         try:
             self.draft = Draft.of(folder.scene_text())
         except UnderlayError:
@@ -56,17 +61,59 @@ class OpenAnalysis:
         name = Path(self.draft.get("curve", "file")).name
         return name if any(path.name == name for path in self.folder.curve_files()) else ""
 
+    @property
+    def stem(self) -> str:
+        """Beginning of the names of the results of what is looked at; empty where nothing is."""
+        return stem_of(self.curve_name, self.draft.get("curve", "test")) if self.curve_name else ""
+
     def pick(self, name: str, test: int = 1) -> None:
-        """Look at a curve from now on."""
-        curve = self.draft.table("curve")
-        curve["file"] = f"curves/{self.folder.curve_file(name).name}"
+        """Look at a curve from now on: with its own range and contact point, which are depths of no other curve."""
+        path = self.folder.curve_file(name)
+        before, curve = self.stem, self.draft.table("curve")
+        curve["file"] = f"curves/{path.name}"
         curve.pop("test", None)
         if test > 1:
             curve["test"] = test
-        for end in ("min_depth", "max_depth"):
-            curve.pop(end, None)
-        self.draft.table("instrument").pop("contact_depth", None)
+        if self.stem != before:
+            taken = self._take_handles()
+            if before:
+                self._handles[before] = taken
+            self._put_handles(self._handles.get(self.stem, {_BOUNDS: {}}))
         self.keep()
+
+    def remove(self, name: str) -> None:
+        """Forget a file and what was said of its depths; where it was looked at, another is from now on."""
+        looked_at = self.curve_name == name
+        self.folder.remove_curve(name)
+        # Every test of the file goes with it: the stem of the first is its name, of others that and a number.
+        self._handles = {stem: said for stem, said in self._handles.items() if stem.split("~")[0] != name}
+        if not looked_at:
+            return
+        self._take_handles()
+        for key in ("file", "test"):
+            self.draft.table("curve").pop(key, None)
+        left = self.folder.curve_files()
+        if left:
+            self.pick(left[0].name)
+        else:
+            self.keep()
+
+    def _take_handles(self) -> dict[str, Any]:
+        """Take what is of one curve only out of the scene."""
+        handles = {}
+        for section, key in _HANDLES:
+            if key in self.draft.peek(section):
+                handles[f"{section}.{key}"] = self.draft.table(section).pop(key)
+        handles[_BOUNDS] = self.draft.free.pop(_CONTACT, None)
+        return handles
+
+    def _put_handles(self, handles: dict[str, Any]) -> None:
+        for section, key in _HANDLES:
+            if f"{section}.{key}" in handles:
+                self.draft.table(section)[key] = handles[f"{section}.{key}"]
+        if handles.get(_BOUNDS) is not None:
+            # Without bounds until the curve is seen, which has them: see step 3.
+            self.draft.free[_CONTACT] = handles[_BOUNDS]
 
     def open_window(self) -> int:
         """Number of the window that holds the analysis from now on; one before it has lost it."""

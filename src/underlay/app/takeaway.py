@@ -3,80 +3,113 @@
 from __future__ import annotations
 
 import io
+import json
 import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from underlay._door import FileKind, read_bytes
 from underlay.app.folder import AnalysisFolder
-from underlay.app.kept import SHOWN, kept
+from underlay.app.kept import kept
 from underlay.app.many import judged_table
-from underlay.app.results import stem_of
-from underlay.app.shown import Found
+from underlay.app.shown import Film, Found, Sampled
+from underlay.app.snapshot import Snapshot
 from underlay.errors import InputError
 from underlay.inference.least_squares import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.report.excel import excel_bytes
 from underlay.report.pointwise_tables import pointwise_of
 from underlay.report.render import report
-from underlay.scene.scene_file import SceneFile
 
-__all__ = ["analysis_archive", "map_workbook", "report_page", "script", "workbook_of"]
+__all__ = ["analysis_archive", "fitted_test", "map_workbook", "report_page", "script", "workbook_of"]
 
 _KIND = FileKind("a file of an analysis", 4_000_000_000, "start a new analysis")
 # A date for every member, so that the same analysis is the same archive.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
-def script(file: SceneFile, values: dict[str, str]) -> str:
+def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
     """Return Python that repeats the fit of the page from ``scene.toml`` and the curve beside it.
 
     Parameters
     ----------
-    file : SceneFile
-        The scene of the page; its curve stands under ``curves``.
-    values : mapping of str to str
-        What the page found (SI), to its last bit; compared with what the script finds.
+    curve_name : str
+        File of the curve, which stands under ``curves``.
+    values : mapping of str to sequence of str
+        What the page prints, as `Found` has it; compared with what the script finds. Empty before there is a fit.
     """
-    if file.curve_path is None:
-        raise InputError("pick a curve first")
-    found = "".join(f"    {name!r}: {value},\n" for name, value in values.items())
+    shown = "".join(f"    {name!r}: ({', '.join(numbers)}),\n" for name, numbers in values.items())
+    compare = (
+        "# What the page prints (SI): the value, its 95 % interval, and that with what is unknown.\n"
+        f"shown = {{\n{shown}}}\n"
+        "for name, numbers in shown.items():\n"
+        "    known, wide = fit.interval(name), fit.interval(name, model_error=True)\n"
+        "    same = (known.value, known.low, known.high, wide.low, wide.high) == numbers\n"
+        "    print(name, 'is as on the page' if same else 'differs from the page')\n"
+    )
     return (
         '"""The analysis of the page, as Python: the same curve, the same scene, the same numbers."""\n\n'
+        "from math import inf\n"
         "from pathlib import Path\n\n"
         "import underlay as ul\n\n"
         "here = Path(__file__).parent\n"
-        f"problem = ul.load_problem(here / 'curves' / {file.curve_path.name!r}, here / 'scene.toml')\n"
+        f"problem = ul.load_problem(here / 'curves' / {curve_name!r}, here / 'scene.toml')\n"
         "fit = ul.fit(problem)\n"
-        "print(fit.report())\n\n"
-        "# What the page found (SI):\n"
-        f"found = {{\n{found}}}\n"
-        "for name, value in fit.values.items():\n"
-        "    same = value == found.get(name)\n"
-        "    print(name, repr(float(value)), 'as on the page' if same else 'differs from the page')\n"
+        "# What is printed is fit.interval; fit.values, of least squares alone, may be other numbers.\n"
+        "for name in (*fit.names, *fit.derived):\n"
+        "    known = fit.interval(name)\n"
+        "    print(f'{name} {known.value:.6g} ({known.low:.6g} to {known.high:.6g})')\n"
+        "print(f'verdict: {fit.verdict}')\n" + (f"\n{compare}" if values else "")
     )
 
 
-def analysis_archive(folder: AnalysisFolder, file: SceneFile) -> bytes:
-    """Return the scene, the script, the curve and what was found of it, as a ZIP archive.
+def fitted_test(folder: AnalysisFolder, now: Snapshot) -> tuple[Found, Snapshot]:
+    """Return the fit of the curve that is looked at, and the test that it is of, whatever the form says since.
 
     Raises
     ------
     InputError
-        If the curve was not fitted.
+        If the curve was not fitted, or its file is another one by now.
     """
-    stem = stem_of(file)
-    found = kept(folder, stem, Found)
-    if found is None or file.curve_path is None:
+    found = kept(folder, now.stem, Found)
+    if found is None:
         raise InputError("press Fit first: what is taken away is of a fit")
+    tested = Snapshot.from_text(folder, found.scene)
+    if tested.of != found.of:
+        raise InputError(f"{now.curve_name} is not the file that was fitted: press Fit again")
+    return found, tested
+
+
+def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> bytes:
+    """Return the scene, the script, the curve and what was found of it, as a ZIP archive.
+
+    What is no result of this very test stays out: a posterior of another range, for example.
+    """
+    curve = folder.curve_file(tested.curve_name)
     members = {
-        "scene.toml": read_bytes(folder.scene, _KIND),
-        "analysis.py": script(file, found.values).encode(),
+        "scene.toml": tested.text.encode(),
+        "analysis.py": script(curve.name, found.values).encode(),
+        f"curves/{curve.name}": read_bytes(curve, _KIND),
     }
-    members[f"curves/{file.curve_path.name}"] = read_bytes(file.curve_path, _KIND)
-    for suffix in (".csv", ".json", ".png"):
-        for path in folder.result_files(stem, suffix):
-            if not path.name.endswith(SHOWN):
-                members[f"results/{path.name}"] = read_bytes(path, _KIND)
+    scene = folder.result(f"{tested.stem}.scene.toml")
+    places = {curve: f"curves/{curve.name}", scene: "scene.toml"}
+    made_by = ["found"]
+    sampled, film = kept(folder, tested.stem, Sampled), kept(folder, tested.stem, Film)
+    made_by += ["sampled"] if sampled is not None and sampled.of == found.of else []
+    made_by += ["film"] if film is not None and film.of == found.of else []
+    for path in folder.result_files(tested.stem, (".csv", ".json", ".png"), made_by):
+        content = read_bytes(path, _KIND)
+        members[f"results/{path.name}"] = content if path.suffix == ".png" else _moved(content, places)
     return _zipped(members)
+
+
+def _moved(content: bytes, places: Mapping[Path, str]) -> bytes:
+    """Name files in a table or in JSON by where they stand in the archive: who takes it has no such folders."""
+    for path, name in places.items():
+        for known in dict.fromkeys((str(path.resolve()), str(path.absolute()), str(path))):
+            for written in (json.dumps(known)[1:-1], known):
+                content = content.replace(written.encode("utf-8", "surrogateescape"), name.encode())
+    return content
 
 
 def workbook_of(result: Fit) -> bytes:
@@ -86,8 +119,9 @@ def workbook_of(result: Fit) -> bytes:
 
 
 def map_workbook(folder: AnalysisFolder) -> bytes:
-    """Return the Excel file of the map, with what was decided by hand."""
-    return excel_bytes(judged_table(folder), settings={"scene": folder.scene_text()[:30_000]})
+    """Return the Excel file of the map, with what was decided by hand and the test that was fitted."""
+    scene = (folder.read_result("map.scene.toml") or b"").decode()
+    return excel_bytes(judged_table(folder), settings={"scene": scene[:30_000]})
 
 
 def report_page(folder: AnalysisFolder, result: Fit, stem: str) -> bytes:

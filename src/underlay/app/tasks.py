@@ -9,27 +9,28 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import pandas as pd
 
 from underlay._door import sha256_of
+from underlay._files import write_atomic
 from underlay.app import many, takeaway
+from underlay.app.curve_words import printed_rows, quality_of, spoken_once, vendor_words
 from underlay.app.film import film_of
 from underlay.app.folder import AnalysisFolder
 from underlay.app.kept import kept
 from underlay.app.labels import read_labels, set_label, take_manifest
 from underlay.app.posterior import sample_posterior
-from underlay.app.results import fingerprint, stem_of, tell_found
-from underlay.app.shown import Film, Found, Gallery, Look, Overview, Reading, Row, Sampled, Together
+from underlay.app.results import tell_found
+from underlay.app.shown import Film, Found, Gallery, Look, Overview, Reading, Sampled, Taken, Together
+from underlay.app.snapshot import Snapshot
 from underlay.app.work import Tell
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
-from underlay.data.quality import check_quality
 from underlay.data.readers import read_all
 from underlay.data.recorded import recorded
 from underlay.data.signs import flipped
 from underlay.errors import InputError, UnderlayError
 from underlay.inference.file_facts import settle
-from underlay.inference.from_files import chosen_part, problem_from, read_whole
+from underlay.inference.from_files import chosen_part, problem_from, read_for, read_whole
 from underlay.inference.held_contact import laws_at_contact
 from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
@@ -46,7 +47,6 @@ from underlay.units import format_quantity, printed
 
 __all__ = ["Analyst"]
 
-_SPANS = ("depth", "force")
 _READING = ("format", "columns", "calibration")
 _CONTACT = "instrument.contact_depth"
 _Of = TypeVar("_Of", Film, Found, Sampled)
@@ -82,9 +82,9 @@ class Analyst:
             name,
             format_name(curves[0]),
             recorded(curves[0]),
-            _vendor(curves[0]),
-            _printed_rows(rows),
-            _spoken(*notes, *told),
+            vendor_words(curves[0]),
+            printed_rows(rows),
+            spoken_once(*notes, *told),
         )
 
     def segments(self, name: str, test: int, _tell: Tell) -> bytes:
@@ -111,7 +111,7 @@ class Analyst:
         high = float(file.curve.get("max_depth", np.inf)) if high is None else high
         quality, notes = "", list[str]()
         if contact is None:
-            quality, notes = _quality(curve, file)
+            quality, notes = quality_of(curve, file)
             contact = _first_contact(curve, file)
         unit, has_stiffness = unit_for(curve.depth, "length")[1], "contact_stiffness" in curve.columns
         ends = max(low, float(curve.depth.min())), min(high, float(curve.depth.max()))
@@ -121,39 +121,38 @@ class Analyst:
         except UnderlayError as error:
             used = chosen_part(curve, {**file.curve, "min_depth": low, "max_depth": high})
             bare = canvas(plots.laws(curve, used, {}), unit)
-            said = _spoken(*notes, str(error))
+            said = spoken_once(*notes, str(error))
             return Look(bare, contact, *ends, {}, quality, said, has_stiffness)
         moduli = {name: printed(format_quantity(value, "pressure")) for name, value in held.moduli.items()}
         refused = [f"{name}: {reason}" for name, reason in held.refused.items()]
         lines = {f"{name}, {moduli[name]}": line for name, line in held.lines.items()}
         picture = canvas(plots.laws(curve, held.used, lines), unit)
-        said = _spoken(*notes, *refused, *told)
+        said = spoken_once(*notes, *refused, *told)
         return Look(picture, contact, *ends, moduli, quality, said, has_stiffness)
 
     def fit(self, tell: Tell) -> Found:
         """Fit the curve as the scene says; what is there already is told on the way."""
-        file = read_scene_file(self._folder.scene)
+        tested = Snapshot.now(self._folder)
         with gathered_warnings() as notes:
-            problem = self._problem(file)
+            problem = self._problem(tested)
             result = least_squares_fit(problem)
-        self._fit = (fingerprint(file), result)
-        return tell_found(self._folder, file, problem, result, notes, tell)
+        self._fit = (tested.of, result)
+        return tell_found(self._folder, tested, problem, result, notes, tell)
 
     def before(self, kind: type[_Of], _tell: Tell) -> tuple[_Of | None, bool]:
         """What of this kind was found on this curve before, and whether the scene is still the same."""
-        file = read_scene_file(self._folder.scene)
-        found = kept(self._folder, stem_of(file), kind)
-        return found, found is not None and found.of == fingerprint(file)
+        tested = Snapshot.now(self._folder)
+        found = kept(self._folder, tested.stem, kind)
+        return found, found is not None and found.of == tested.of
 
     def film(self, base: str, modulus: str, low: str, high: str, _tell: Tell) -> Film:
         """Fit the contact stiffness of the curve."""
-        file = read_scene_file(self._folder.scene)
-        return film_of(self._folder, file, base, modulus, (low, high))
+        return film_of(self._folder, Snapshot.now(self._folder), base, modulus, (low, high))
 
     def sample(self, most: int, tell: Tell) -> Sampled:
         """Sample the posterior of the curve."""
-        file = read_scene_file(self._folder.scene)
-        return sample_posterior(self._folder, file, chosen_part(self._curve(file), file.curve), most, tell)
+        tested = Snapshot.now(self._folder)
+        return sample_posterior(self._folder, tested, self._part(tested), most, tell)
 
     def fit_all(self, tell: Tell) -> Overview:
         """Fit every curve."""
@@ -191,19 +190,23 @@ class Analyst:
         """What all curves told of a population before, and whether map and decisions are still the same."""
         return many.population_before(self._folder)
 
+    def taken(self, _tell: Tell) -> Taken:
+        """What is taken away: of the fit, whatever the form says since; without one, of the test as it is."""
+        now = Snapshot.now(self._folder)
+        found = kept(self._folder, now.stem, Found)
+        is_map_old = many.map_is_old(self._folder)
+        if found is None:
+            return Taken(now.text, takeaway.script(now.curve_name, {}), is_map_old=is_map_old)
+        script = takeaway.script(now.curve_name, found.values)
+        return Taken(found.scene, script, found.of != now.of, is_map_old)
+
     def archive(self, _tell: Tell) -> bytes:
         """The analysis as files that repeat it."""
-        return takeaway.analysis_archive(self._folder, read_scene_file(self._folder.scene))
-
-    def script(self, _tell: Tell) -> str:
-        """The analysis as Python."""
-        file = read_scene_file(self._folder.scene)
-        found = kept(self._folder, stem_of(file), Found)
-        return takeaway.script(file, {} if found is None else found.values)
+        return takeaway.analysis_archive(self._folder, *self._of_fit())
 
     def excel(self, _tell: Tell) -> bytes:
         """The fit as an Excel file."""
-        return takeaway.workbook_of(self._fitted())
+        return takeaway.workbook_of(self._fitted(self._of_fit()[1]))
 
     def excel_of_all(self, _tell: Tell) -> bytes:
         """The map as an Excel file."""
@@ -211,19 +214,33 @@ class Analyst:
 
     def report(self, _tell: Tell) -> bytes:
         """The fit as a page."""
-        file = read_scene_file(self._folder.scene)
-        return takeaway.report_page(self._folder, self._fitted(), stem_of(file))
+        tested = self._of_fit()[1]
+        return takeaway.report_page(self._folder, self._fitted(tested), tested.stem)
 
-    def _fitted(self) -> Fit:
-        """The fit of the scene as it is; made again where this process did not make it."""
-        file = read_scene_file(self._folder.scene)
-        if self._fit is None or self._fit[0] != fingerprint(file):
-            self._fit = (fingerprint(file), least_squares_fit(self._problem(file)))
+    def _of_fit(self) -> tuple[Found, Snapshot]:
+        """The fit of the curve that is looked at, and the test that it is of.
+
+        Raises
+        ------
+        InputError
+            If there is none, or its curve is another one by now.
+        """
+        return takeaway.fitted_test(self._folder, Snapshot.now(self._folder))
+
+    def _fitted(self, tested: Snapshot) -> Fit:
+        """The fit of a test; made again where this process did not make it."""
+        if self._fit is None or self._fit[0] != tested.of:
+            self._fit = (tested.of, least_squares_fit(self._problem(tested)))
         return self._fit[1]
 
-    def _problem(self, file: SceneFile) -> Problem:
-        curve = chosen_part(self._curve(file), file.curve)
-        return problem_from(file, curve.with_metadata(scene_path=str(file.path)))
+    def _problem(self, tested: Snapshot) -> Problem:
+        # What is read again for a picture is read as it was fitted, not as the form says by then.
+        scene = write_atomic(self._folder.result(f"{tested.stem}.scene.toml"), tested.text)
+        return problem_from(tested.file, self._part(tested).with_metadata(scene_path=str(scene)))
+
+    def _part(self, tested: Snapshot) -> Curve:
+        """What of the curve is fitted, taken as every command takes it: a loading that left an imprint says so."""
+        return read_for(tested.file, self._folder.curve_file(tested.curve_name))
 
     def _stated(self) -> dict[str, Any]:
         """What the scene says of how files are read; nothing while it is not complete."""
@@ -257,16 +274,6 @@ class Analyst:
         return default_depth(file.scene) + file.draft.instrument.contact_depth
 
 
-def _spoken(*messages: str) -> tuple[str, ...]:
-    """Each message once, in the words of the page."""
-    return tuple(dict.fromkeys(map(spoken, messages)))
-
-
-def _quality(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:
-    quality = check_quality(curve, file.draft)
-    return quality.verdict, list(quality.reasons)
-
-
 def _first_contact(curve: Curve, file: SceneFile) -> float:
     """The contact of the scene where it says one, else what is found on the curve."""
     if _CONTACT in file.stated:
@@ -275,19 +282,3 @@ def _first_contact(curve: Curve, file: SceneFile) -> float:
         return find_contact(curve, scene=file.draft).depth
     except UnderlayError:
         return float(np.median(curve.depth))
-
-
-def _vendor(curve: Curve) -> str:
-    """What the instrument itself found, in words."""
-    reduced = curve.metadata.get("instrument_reduced_modulus")
-    if not isinstance(reduced, int | float) or isinstance(reduced, bool) or not np.isfinite(reduced):
-        return ""
-    return f"{format_quantity(float(reduced), 'pressure')} (reduced modulus)"
-
-
-def _printed_rows(table: pd.DataFrame) -> tuple[Row, ...]:
-    """Rows for a page: spans with their units as printed, what a file calls its tests as it does."""
-    return tuple(
-        {str(key): printed(str(value)) if key in _SPANS else str(value) for key, value in row.items()}
-        for row in table.to_dict("records")
-    )

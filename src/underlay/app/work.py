@@ -16,22 +16,27 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from importlib import import_module
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import parent_process
-from typing import Any
+from typing import Any, TypeVar
 
 from underlay.errors import UnderlayError
 from underlay.inference.batch.fresh_process import start_of_a_process
+from underlay.report.spoken import spoken
 
-__all__ = ["Tell", "WorkError", "Worker"]
+__all__ = ["Tell", "WorkError", "Worker", "load_ahead"]
 
 Tell = Callable[[Any], None]
+_Of = TypeVar("_Of")
 
 # Forking is safe on Linux only: system libraries of macOS do not survive it, Windows has none.
 _START = "forkserver" if sys.platform == "linux" else "spawn"
 _LOADED = ("underlay.app.tasks", "underlay.app.preloaded")
+# A start changes what the whole program has, such as its environment: one at a time.
+_STARTING = threading.Lock()
 _STOPPED = "stopped; what was finished is kept"
 _SAID, _DONE, _REFUSED, _FAILED = "said", "done", "refused", "failed"
 
@@ -56,6 +61,8 @@ class Worker:
         self._process: Any = None
         self._connection: Connection | None = None
         self._turn = asyncio.Lock()
+        # All that waits for the process waits here, and the page answers meanwhile.
+        self._waiting = ThreadPoolExecutor(1, "underlay")
         self._stopped = self._closed = False
 
     @property
@@ -79,12 +86,15 @@ class Worker:
         async with self._turn:
             if self._closed:
                 raise WorkError(_STOPPED)
-            connection = self._started()
-            loop = asyncio.get_running_loop()
+            self._stopped = False
             try:
-                connection.send((task, arguments))
+                connection = await self._wait(self._started)
+                if self._stopped:
+                    self.stop()  # which was asked for while there was no process yet
+                    raise WorkError(_STOPPED)
+                await self._wait(connection.send, (task, arguments))
                 while True:
-                    what, value = await loop.run_in_executor(None, connection.recv)
+                    what, value = await self._wait(connection.recv)
                     if what == _SAID:
                         if heard is not None:
                             heard(value)
@@ -93,11 +103,16 @@ class Worker:
                     else:
                         raise WorkError(value)
             except (EOFError, OSError) as error:
-                raise WorkError(self._epitaph(task)) from error
+                raise WorkError(await self._wait(self._epitaph, task)) from error
+
+    async def _wait(self, what: Callable[..., _Of], *arguments: Any) -> _Of:
+        return await asyncio.get_running_loop().run_in_executor(self._waiting, what, *arguments)
 
     def ask_to_stop(self) -> None:
         """Have a task that tells how far it is end there, with what it has."""
-        if self.is_busy and self._connection is not None:
+        if self._process is None:
+            self._stopped = True
+        elif self.is_busy and self._connection is not None:
             with suppress(OSError):
                 self._connection.send(_STOPPED)
 
@@ -117,17 +132,20 @@ class Worker:
     def _started(self) -> Connection:
         if self._process is not None and self._process.is_alive() and self._connection is not None:
             return self._connection
+        self._process = None
         if self._connection is not None:
             self._connection.close()
         self._connection, theirs = multiprocessing.Pipe()
-        context: Any = multiprocessing.get_context(_START)
-        context.set_forkserver_preload(list(_LOADED))
-        self._process = context.Process(target=_serve, args=(theirs, *self._made_by))
-        with start_of_a_process():
-            self._process.start()
+        process = _context().Process(target=_serve, args=(theirs, *self._made_by))
+        with _STARTING, start_of_a_process():
+            process.start()
         # The only other end is the process's now: its death is the end of the pipe.
         theirs.close()
-        self._stopped = False
+        if self._closed:
+            process.kill()
+            process.join()
+            raise WorkError(_STOPPED)
+        self._process = process
         return self._connection
 
     def _epitaph(self, task: str) -> str:
@@ -143,6 +161,23 @@ class Worker:
             f"the process that did this ({task}) ended without a word ({how}), perhaps for want of memory; nothing "
             "else is lost: try again"
         )
+
+
+def load_ahead() -> None:
+    """Begin to load what processes need, where they are forks of one that has it; returns at once."""
+    if _START != "forkserver":
+        return
+    from multiprocessing.forkserver import ensure_running  # noqa: PLC0415  there is none on Windows
+
+    _context()
+    with _STARTING, start_of_a_process():
+        ensure_running()
+
+
+def _context() -> Any:
+    context: Any = multiprocessing.get_context(_START)
+    context.set_forkserver_preload(list(_LOADED))
+    return context
 
 
 def _serve(connection: Connection, made_by: str, arguments: tuple[Any, ...]) -> None:
@@ -179,7 +214,7 @@ def _answer(tasks: object, task: str, given: tuple[Any, ...], tell: Tell) -> tup
     try:
         return _DONE, getattr(tasks, task)(*given, tell)
     except UnderlayError as error:
-        return _REFUSED, str(error)
+        return _REFUSED, spoken(str(error))
     except KeyboardInterrupt:
         return _REFUSED, _STOPPED
     except Exception as error:  # noqa: BLE001  whatever it is, the page says it and lives on

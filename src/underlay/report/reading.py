@@ -10,7 +10,7 @@ import pandas as pd
 
 from underlay.data.readers import all_formats
 from underlay.data.segments import HOLD, LOADING, UNLOADING
-from underlay.units import format_quantity
+from underlay.report.amounts import amounts
 
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
@@ -54,4 +54,4 @@ def _span(values: FloatArray, kind: str) -> str:
     finite = values[np.isfinite(values)]
     if not finite.size:
         return "no finite number"
-    return f"{format_quantity(float(finite.min()), kind)} to {format_quantity(float(finite.max()), kind)}"
+    return " to ".join(amounts([float(finite.min()), float(finite.max())], kind))

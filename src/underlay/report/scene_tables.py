@@ -11,6 +11,7 @@ import pandas as pd
 
 from underlay.mechanics.body import RIGID, Layer
 from underlay.quantities import quantity_of
+from underlay.report.amounts import amounts
 from underlay.report.tables import labelled_table
 from underlay.units import format_quantity
 
@@ -82,7 +83,7 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
             field.name, field.name.replace("_", " ")
         )
         if isinstance(value, float):
-            text = f"{math.degrees(value):.4g} deg" if kind == "angle" else format_quantity(value, kind)
+            text = f"{math.degrees(value):.4g} deg" if kind == "angle" else amounts([value], kind)[0]
         elif known.many and len(value) <= _LISTED:
             text = ", ".join(format_quantity(one, kind) for one in value)
         else:

@@ -15,6 +15,7 @@ from underlay._text import one_line
 from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.recipe import Step
 from underlay.quantities import numbers_of
+from underlay.report.amounts import amounts
 from underlay.report.interval_words import quantity_with_interval, wide_interval
 from underlay.report.intervals import Estimate, doubts_of_curves, estimates, standing
 from underlay.report.labels import label
@@ -168,7 +169,7 @@ def _prior_text(result: Fit, name: str, kind: str) -> str:
     prior = result.problem.priors[name]
     low, high = prior.support
     bounds = [
-        f"{word} {format_quantity(end, kind)}"
+        f"{word} {amounts([end], kind)[0]}"
         for word, end in (("from", low), ("up to", high))
         if math.isfinite(end)
     ]

@@ -9,8 +9,9 @@ from nicegui import events, ui
 from underlay.app.folder import LARGEST_FILE
 from underlay.app.pages.step import Step, data_address, message_list
 from underlay.app.shown import Reading
+from underlay.app.typed import pairs_of
 from underlay.data.readers import all_formats
-from underlay.errors import UnderlayError
+from underlay.errors import InputError, UnderlayError
 
 __all__ = ["FilesStep"]
 
@@ -99,7 +100,7 @@ class FilesStep(Step):
 
     async def _remove(self, name: str) -> None:
         if self.window.holds:
-            self.analysis.folder.remove_curve(name)
+            self.analysis.remove(name)
             await self.show()
 
     async def _show_reading(self) -> None:
@@ -152,7 +153,7 @@ class FilesStep(Step):
         table = ui.table(
             columns=columns, rows=[dict(row) for row in told.tests], row_key="test", pagination=_FEW
         )
-        table.props("flat dense").classes("wide").mark("tests")
+        table.props("flat dense wrap-cells").classes("wide").mark("tests")
         if len(told.tests) <= _FEW:
             table.props("hide-pagination")
         if len(told.tests) > 1:
@@ -195,8 +196,17 @@ class FilesStep(Step):
                     value=", ".join(f"{name} = {value}" for name, value in there.items()),
                     placeholder=example,
                 ).props("outlined dense").classes("wide").on(
-                    "change", lambda event, key=key: self._read_as(key, _pairs(event.sender.value))
-                )
+                    "change", lambda event, key=key: self._pair(key, str(event.sender.value or ""))
+                ).mark(f"read-{key}")
+
+    async def _pair(self, key: str, text: str) -> None:
+        """Take over names and values, or say what is wrong with them and leave them as they are."""
+        try:
+            pairs = pairs_of(text)
+        except InputError as error:
+            self.window.complain(str(error))
+            return
+        await self._read_as(key, pairs)
 
     async def _read_as(self, key: str, value: Any) -> None:
         table = self.analysis.draft.table("curve")
@@ -209,9 +219,3 @@ class FilesStep(Step):
     async def _turn(self, column: str, *, turned: bool) -> None:
         before = [name for name in self.analysis.draft.peek("curve").get("flip") or [] if name != column]
         await self._read_as("flip", [*before, column] if turned else before)
-
-
-def _pairs(text: str) -> dict[str, str]:
-    """Names and values of ``"depth = h (nm), force = F (mN)"``."""
-    pairs = (part.split("=", 1) for part in text.split(",") if "=" in part)
-    return {name.strip(): value.strip() for name, value in pairs}

@@ -58,7 +58,11 @@ class FilmPart:
         others = [path.name for path in analysis.folder.curve_files() if path.name != analysis.curve_name]
         kept = self._base.value if self._base.value in others else _PERFECT
         self._base.set_options([_PERFECT, *others], value=kept)
-        before = await self._window.try_to(analysis.quick, "before", Film)
+        await self._show_kept()
+
+    async def _show_kept(self) -> None:
+        """Show what was found of the curve that is looked at, and whether the test is still the same."""
+        before = await self._window.try_to(self._window.analysis.quick, "before", Film)
         if isinstance(before, tuple) and before[0] is not None:
             self._shown(before[0], is_old=not before[1])
 
@@ -67,7 +71,7 @@ class FilmPart:
         low, high = (str(entry.value or entry.props["placeholder"]) for entry in (self._low, self._high))
         told = await self._working.run("film", base, str(self._modulus.value or ""), low, high)
         if isinstance(told, Film):
-            self._shown(told, is_old=False)
+            await self._show_kept()
 
     def _shown(self, film: Film, *, is_old: bool) -> None:
         self._place.clear()

@@ -10,7 +10,8 @@ from underlay.app.pages.film import FilmPart
 from underlay.app.pages.outcome import Outcome
 from underlay.app.pages.step import Step, Window, data_address, message_list
 from underlay.app.shown import Look
-from underlay.units import format_quantity, printed
+from underlay.report.amounts import amounts
+from underlay.units import printed
 
 __all__ = ["GREEN", "GREY", "FitStep"]
 
@@ -221,10 +222,10 @@ class FitStep(Step):
             )
         )
         self._picture.set_content(shade + handles)
-        self._contact_words.set_text(printed(format_quantity(self._contact, "length")))
-        self._range_words.set_text(
-            printed(" to ".join(format_quantity(end, "length") for end in self._range))
-        )
+        shown = self._contact, *self._range, picture.low, picture.high
+        at, first, last, *_ = (printed(text) for text in amounts(shown, "length"))
+        self._contact_words.set_text(at)
+        self._range_words.set_text(f"{first} to {last}")
 
     def _write(self) -> None:
         """Write contact and range into the scene."""
@@ -242,11 +243,11 @@ class FitStep(Step):
         self._outcome.is_old()
 
     def _fill_in(self) -> None:
-        """Free the contact point over the whole curve, where nothing is said of it."""
+        """Free the contact point over the whole curve, where no more is said of it than that it is free."""
         draft = self.analysis.draft
         if (
             self._look is not None
-            and _CONTACT not in draft.free
+            and not draft.free.get(_CONTACT)
             and not draft.get("instrument", "contact_depth")
         ):
             self._free_contact()

@@ -8,12 +8,14 @@ from nicegui import ui
 
 from underlay.app.form import apart, problem_with
 from underlay.app.pages.step import Window
+from underlay.app.typed import comma_problem
 from underlay.errors import UnderlayError
+from underlay.report.amounts import amounts
 from underlay.report.labels import label, start
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import SceneKey, scene_keys
-from underlay.units import KINDS, format_quantity, printed_unit
+from underlay.units import KINDS, format_quantity, printed, printed_unit
 
 __all__ = ["FreeTable"]
 
@@ -80,7 +82,7 @@ class FreeTable:
                 on_change=lambda event: self._toggle(path, value, on=bool(event.value)),
             ).props("dense").classes("free-name").mark(f"free-{path}")
             if path not in free:
-                ui.label(f"held at {format_quantity(value, kind_of(path))}").classes("quiet")
+                ui.label(f"held at {printed(amounts([value], kind_of(path))[0])}").classes("quiet")
                 return
             entry = free[path]
             names = ["uniform", "loguniform", *_OF_PRIOR]
@@ -99,7 +101,7 @@ class FreeTable:
         number, unit = apart(stated, units)
         with ui.row(wrap=False).classes("amount small"):
             entry = ui.input(name.replace("_", " "), value=number).props(
-                "outlined dense inputmode=decimal debounce=500"
+                "outlined dense hide-bottom-space inputmode=decimal debounce=500"
             )
             entry.classes("number").mark(f"{path}.{name}")
             picked = None
@@ -110,7 +112,7 @@ class FreeTable:
         async def changed() -> None:
             said = str(entry.value or "").strip()
             text = f"{said} {picked.value}" if said and picked is not None else said
-            wrong = problem_with(text, _key_of(kind))
+            wrong = comma_problem(said, may_list=False) or problem_with(text, _key_of(kind))
             entry.error = wrong or None
             if not wrong:
                 await self._put(path, name, text)

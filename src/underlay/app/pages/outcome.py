@@ -9,6 +9,7 @@ from nicegui import ui
 from underlay.app.pages.step import Window, data_address, message_list
 from underlay.app.pages.working import Working
 from underlay.app.shown import Found, Row
+from underlay.app.snapshot import said
 
 __all__ = ["Outcome", "plain_table", "plain_words"]
 
@@ -34,6 +35,7 @@ class Outcome:
 
     def __init__(self, window: Window, prepare: Callable[[], None]) -> None:
         self._window, self._prepare = window, prepare
+        self._turns = 0
         with ui.row().classes("actions"):
             self._working = Working(window, "Fit", self._go, mark="fit", heard=self._shown)
         self._old = ui.label(_OLD).classes("note").mark("old")
@@ -42,7 +44,10 @@ class Outcome:
 
     async def show(self) -> None:
         """Show what was found before."""
+        turns = self._turns
         before = await self._window.try_to(self._window.analysis.quick, "before", Found)
+        if turns != self._turns:
+            return  # a fit began or told something meanwhile: that is newer
         self._place.clear()
         self._old.set_visibility(False)
         if isinstance(before, tuple) and before[0] is not None:
@@ -55,6 +60,7 @@ class Outcome:
 
     async def _go(self) -> None:
         self._prepare()
+        self._turns += 1
         self._old.set_visibility(False)
         self._place.clear()
         found = await self._working.run("fit")
@@ -62,6 +68,12 @@ class Outcome:
             self._shown(found)
 
     def _shown(self, found: Found) -> None:
+        analysis = self._window.analysis
+        if found.stem != analysis.stem:
+            return  # another curve was picked since: it has its own place
+        # The form may have been changed while this was fitted, and what is shown is of what was fitted.
+        self._old.set_visibility(said(found.scene) != said(analysis.folder.scene_text()))
+        self._turns += 1
         self._place.clear()
         with self._place:
             ui.label(found.headline).classes("headline").mark("headline")

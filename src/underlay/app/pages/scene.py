@@ -125,9 +125,9 @@ class SceneStep(Step):
             entry = ui.input(
                 field.label, value=number, placeholder="" if field.required else field.key.default
             )
-            entry.props("outlined dense inputmode=decimal debounce=400").classes("number").tooltip(
-                field.key.meaning
-            )
+            entry.props("outlined dense hide-bottom-space inputmode=decimal debounce=400").classes(
+                "number"
+            ).tooltip(field.key.meaning)
             entry.mark(_mark(field))
             if not field.key.kind:
                 # Of words there is no example in a unit: what may stand there is said under it.

@@ -7,7 +7,7 @@ from nicegui import ui
 from underlay.app.pages.outcome import plain_table
 from underlay.app.pages.step import Step, data_address, message_list
 from underlay.app.pages.working import Working
-from underlay.app.shown import Sampled
+from underlay.app.shown import Sampled, Taken
 
 __all__ = ["TakeAwayStep"]
 
@@ -16,6 +16,14 @@ _OF_FIT = (
     ("The page (HTML)", "report", "report.html"),
     ("Excel", "excel", "xlsx"),
     ("This analysis, to run again (ZIP: scene.toml, Python, curve, results)", "archive", "analysis.zip"),
+)
+_OLD_FIT = (
+    "The test was changed since it was fitted. What is taken away of the fit is of the test as it was then, which "
+    "stands here; press Fit again for the test as it is now."
+)
+_OLD_MAP = (
+    "Files, labels or the test were changed since all curves were fitted: the table is of what was fitted, and "
+    "says with which test."
 )
 _OLD = "The test, the contact point or the range was changed since: sample again."
 _STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
@@ -37,6 +45,7 @@ class TakeAwayStep(Step):
                     ).props("outline no-caps align=left").mark(f"take-{task}")
                 self._pictures = ui.column().classes("wide")
                 ui.label("Of all curves").classes("heading")
+                self._old_map = ui.label(_OLD_MAP).classes("note").mark("old-map")
                 ui.button("Excel", on_click=lambda: self._take("excel_of_all", "all.xlsx")).props(
                     "outline no-caps"
                 ).mark("take-all")
@@ -57,8 +66,9 @@ class TakeAwayStep(Step):
                 self._working = Working(self.window, "Sample", self._sample, mark="sample")
             with ui.column().classes("main"):
                 self._posterior = ui.column().classes("wide")
+                self._old = ui.label(_OLD_FIT).classes("note").mark("old-fit")
                 ui.label("This analysis as scene.toml").classes("heading")
-                self._scene = ui.code("", language="toml").classes("wide code")
+                self._scene = ui.code("", language="toml").classes("wide code").mark("fitted-scene")
                 ui.label("and as Python").classes("heading")
                 self._script = ui.code("", language="python").classes("wide code").mark("script")
 
@@ -66,29 +76,27 @@ class TakeAwayStep(Step):
         """Show scene and script as they are now, and what was sampled before."""
         await self._show_posterior()
         folder = self.analysis.folder
-        self._scene.set_content(folder.scene_text())
-        script = await self.window.try_to(self.analysis.quick, "script")
-        self._script.set_content(str(script))
-        stem = self._stem()
+        told = await self.window.try_to(self.analysis.quick, "taken")
+        is_told = isinstance(told, Taken)
+        self._old.set_visibility(is_told and told.is_old)
+        self._old_map.set_visibility(is_told and told.is_map_old)
+        self._scene.set_content(told.scene if is_told else folder.scene_text())
+        self._script.set_content(told.script if is_told else str(told))
         self._pictures.clear()
         with self._pictures:
-            for path in folder.result_files(stem, ".png"):
+            stem = self.analysis.stem
+            for path in folder.result_files(stem, (".png",)):
                 ui.button(
-                    f"Picture: {path.name}", on_click=lambda path=path: self._give(path.name, path.name)
+                    f"Picture: {path.name.removeprefix(f'{stem}.')}",
+                    on_click=lambda path=path: self._give(path.name, path.name),
                 ).props("flat dense no-caps align=left")
-
-    def _stem(self) -> str:
-        draft = self.analysis.draft
-        name, test = self.analysis.curve_name, draft.get("curve", "test")
-        stem = name.rpartition(".")[0] or name
-        return f"{stem}-{test}" if test else stem
 
     async def _take(self, task: str, ending: str) -> None:
         with ui.context.client.content:
             ui.notify("One moment ...", timeout=2000)
         content = await self.window.ask(self.analysis.long, task)
         if isinstance(content, bytes):
-            ui.download.content(content, f"{self._stem() or 'underlay'}.{ending}")
+            ui.download.content(content, f"{self.analysis.stem or 'underlay'}.{ending}")
 
     def _give(self, result: str, name: str) -> None:
         content = self.analysis.folder.read_result(result)
