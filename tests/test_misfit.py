@@ -333,6 +333,16 @@ def test_quantiles_far_out_are_found_where_a_probability_is_rounded_to_one():
             assert mixture.probability_below(0, value + slip) >= probability * (1.0 - 1e-9)
 
 
+def test_a_mixture_with_a_part_that_is_certain_has_its_quantiles():
+    """Half of it is one value: below it lie the lower 25 % of the other half, which is normal."""
+    mixture = Mixture(np.array([0.5, 0.5]), np.array([[1.0], [0.0]]), np.array([[0.0], [2.0]]), 10**6)
+    low, middle, high = mixture.quantiles(0, [0.1, 0.5, 0.9])
+    # Student's t of a million degrees is the normal distribution to 1e-6.
+    assert [low, high] == pytest.approx(2.0 * stats.norm.ppf([0.2, 0.8]), abs=1e-5)
+    assert middle == pytest.approx(1.0, abs=1e-5)
+    assert mixture.probability_below(0, 1.0) == pytest.approx(0.5 + 0.5 * stats.norm.cdf(0.5), abs=1e-6)
+
+
 def test_a_few_noises_say_about_where_the_heaviest_combination_has_its_optimum():
     """A drift that every noise sees: what is weighed in haste moves the parameters as far as all of it does."""
     n = 200

@@ -196,7 +196,8 @@ class Evidence:
         across = np.linalg.solve(root[:, :-1, :-1], np.swapaxes(ahead, 1, 2))
         mean = -(root[:, -1:, :-1] @ across)[:, 0]
         spread = np.linalg.norm(across, axis=1) * root[:, -1, -1:] / self.freedom**0.5
-        z = mean / spread
+        # Nothing is lost at full depth of a withdrawal that begins there: the sign then tells nothing, even odds.
+        z = np.divide(mean, spread, out=np.zeros_like(mean), where=spread > 0.0)
         return np.asarray(np.where(z > -_GROWS, np.log(2.0) + special.log_ndtr(z), -np.inf).sum(axis=-1))
 
     @cached_property

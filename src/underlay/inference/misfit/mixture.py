@@ -25,7 +25,7 @@ class Mixture:
     shift : FloatArray
         Of the parameters from the present fit, (g, k).
     deviation : FloatArray
-        Standard deviations, (g, k).
+        Standard deviations, (g, k); zero where a part is certain.
     degrees : int
         Degrees of freedom.
     """
@@ -37,8 +37,7 @@ class Mixture:
 
     def probability_below(self, entry: int, value: float) -> float:
         """Probability that parameter `entry` has shifted by less than `value`."""
-        scaled = (value - self.shift[:, entry]) / self.deviation[:, entry]
-        return float(self.weights @ special.stdtr(self.degrees, scaled))
+        return float(self.weights @ special.stdtr(self.degrees, self._scaled(entry, np.array(value))))
 
     def quantiles(self, entry: int, probabilities: Sequence[float]) -> list[float]:
         """Shifts of parameter `entry` (scaled coordinates) below which each of the `probabilities` lies."""
@@ -49,16 +48,17 @@ class Mixture:
         low, high = own.min(axis=1), own.max(axis=1)
         near = np.maximum(1e-7 * (high - low), 1e-12 * np.maximum(np.abs(low), np.abs(high)))
         found, wanted = own @ self.weights, special.ndtri(asked)
+        heights = np.divide(self.weights, deviation, out=np.zeros_like(deviation), where=deviation > 0.0)
         (going,) = np.nonzero(high - low > near)
         while going.size:
             value = found[going]
-            scaled = (value[:, None] - self.shift[:, entry]) / deviation
+            scaled = self._scaled(entry, value[:, None])
             deviate = special.ndtri(special.stdtr(self.degrees, scaled) @ self.weights)
             beyond = deviate - wanted[going]
             low[going] = np.where(beyond > 0.0, low[going], value)
             high[going] = np.where(beyond > 0.0, value, high[going])
             logs = -0.5 * (self.degrees + 1.0) * np.log1p(np.square(scaled) / self.degrees)
-            density = np.exp(logs) @ (self.weights / deviation) * self._peak
+            density = np.exp(logs) @ heights * self._peak
             # So far out that the probability is rounded to nothing or to one there is no slope: halve.
             sloped = np.isfinite(deviate) & (density > 0.0)
             slope = np.sqrt(2.0 * np.pi) * density * np.exp(0.5 * np.square(np.where(sloped, deviate, 0.0)))
@@ -69,6 +69,12 @@ class Mixture:
             short = (np.abs(found[going] - value) <= near[going]) | (high - low <= near)[going]
             going = going[~short]
         return [float(each) for each in found]
+
+    def _scaled(self, entry: int, value: FloatArray) -> FloatArray:
+        """How far a value, or values (n, 1), are from the parts, in deviations; infinite from what is certain."""
+        away, deviation = value - self.shift[:, entry], self.deviation[:, entry]
+        beyond = np.where(away >= 0.0, np.inf, -np.inf)
+        return np.asarray(np.divide(away, deviation, out=beyond, where=deviation > 0.0))
 
     @cached_property
     def _peak(self) -> float:
