@@ -350,7 +350,8 @@ def test_a_few_noises_say_about_where_the_heaviest_combination_has_its_optimum()
     added = 0.4 * np.maximum(depth, 0.0) ** 2.5 / 3e-3
     model = made(n, truth=np.random.default_rng(5).standard_normal(n) + added)
     hasty, whole = Competition.in_haste(model, Sizes()), Competition.of(model, Sizes())
-    assert len(hasty.weights) == 5 * len(Sizes().amounts)
+    # Four correlated noises and none, and no creep, which may be there or not.
+    assert len(hasty.weights) == 5 * len(Sizes().amounts) / 2
     assert hasty.exact_law < 0.01
     near, far = hasty.shift[hasty.heaviest], whole.shift[whole.heaviest]
     # Both are optima of combinations that the readings do not tell apart: most of the way is gone.

@@ -100,12 +100,12 @@ class Sizes:
 
     @cached_property
     def in_haste(self) -> Sizes:
-        """The same with four correlated noises: whether there is one, and about where the optimum is if not.
+        """The same with four correlated noises and no creep: which noise it is, and about where the optimum is.
 
         White noise alone does not tell: what follows a periodic noise is then a drift, and the intervals of 200
         curves with interference fringes held in 87 % for 97 (`tests/studies/intervals.py`).
         """
-        return replace(self, times=2, shares=self.shares[1::2])
+        return replace(self, times=2, shares=self.shares[1::2], ramps=())
 
     @cached_property
     def sparse(self) -> Sizes:
