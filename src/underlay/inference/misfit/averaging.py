@@ -28,7 +28,7 @@ from underlay.inference.misfit.known_error import KnownError
 from underlay.inference.misfit.linearised import Linearised
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.shapes import JUMPS, ramp_column
-from underlay.inference.misfit.sizes import Sizes
+from underlay.inference.misfit.sizes import Sizes, shape_parameters
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.problem import Problem
 
@@ -315,7 +315,9 @@ def _moved(blocked: Blocked, optimum: Optimum) -> tuple[FloatArray, Linearised] 
         return None
     chosen = Combination.of(competition, at)
     stand = blocked.standing(model, chosen.amounts)
-    ahead = descend(stand, vector, chosen, model=model, straight=_STRAIGHT).vector
+    # A valley that bends, as those of a thickness do, is walked to its end: its deviations are no small lengths.
+    straight = 0.0 if shape_parameters(blocked.problem) else _STRAIGHT
+    ahead = descend(stand, vector, chosen, model=model, straight=straight).vector
     try:
         return ahead, blocked.linearised(ahead)
     except InputError:

@@ -7,12 +7,12 @@ that are looked for and the more shapes they may have, and a large size serves a
 prior probability of the exact law then goes as low as a median width of 1.4 on clean curves allows
 (`tests/studies/misfit_priors.py`: other kinds and probabilities on the same curves; `tests/studies/intervals.py`:
 coverage of what was chosen). Who takes a specimen for a half-space is wrong more often: no layer is one. At 0.57
-Hertz fits of layers hold in 90.5 % of 600 for a clean width of 1.47; at 0.65 it was 1.39, and 89.8 % held.
+Hertz fits of layers hold in 90.5 % of 600 for a clean width of 1.45; at 0.65 it was 1.39, and 89.8 % held.
 
 A thickness, a base or a Poisson's ratio that is fitted is read off the shape of the curve alone, and takes up a
 drift without a residual: no curve can then tell which of the two it shows, and what is widest must weigh enough to
 set the ends. With even odds and drifts of 10 and 30 % alone 80 curves of samples that relax held modulus and
-thickness in 80 and 81 %; with these 200 others hold them in 94.5 and 95.5 %, for clean intervals a quarter wider.
+thickness in 80 and 81 %; with these 200 others hold them in 93.5 and 95.5 %, for clean intervals a quarter wider.
 A relaxation is told by the time as well, and a work of adhesion by the pull-off: there the odds begin even, and
 larger drifts would only move the modulus (by 20 % on two of ten curves of `underlay benchmark`).
 """
