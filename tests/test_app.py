@@ -14,6 +14,7 @@ import pytest
 import underlay as ul
 from support.films import write_films
 from support.page import (
+    at_the_fit,
     begin,
     bring,
     changed,
@@ -31,7 +32,6 @@ from support.page import (
     write,
 )
 from underlay.app.film import film_rows
-from underlay.app.work import Worker
 from underlay.cli import main
 from underlay.inference.batch.decisions import read_decisions
 from underlay.inference.batch.map_table import read_map
@@ -246,15 +246,7 @@ def test_two_browsers_do_not_mix_and_a_second_window_takes_over(tmp_path):
 def test_a_posterior_tells_how_far_it_is_stops_when_told_and_is_there_again(tmp_path):
     async def person():
         async with page(tmp_path) as user:
-            folder = await begin(user)
-            analysis = user.home.analysis(folder.name)
-            analysis.long = Worker("support.worker_tasks:Waiting", str(folder.path))
-            await bring(user, SAMPLES / "gel_on_glass.csv")
-            press(user, "step-2")
-            press(user, "preset-gel_on_glass")
-            await until(user, "to-fit")
-            press(user, "step-3")
-            await until(user, "modulus-half-space")
+            folder = await at_the_fit(user, SAMPLES / "gel_on_glass.csv", "Waiting")
             press(user, "step-5")
             write(user, "most", 2_000)
             press(user, "sample")

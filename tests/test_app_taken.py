@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from support.page import begin, bring, page, press, run, seen, until, wait_for, write
+from support.page import at_the_fit, page, press, run, seen, until, wait_for, write
 from underlay.app import tasks
 from underlay.app.folder import AnalysisFolder, stem_of
 from underlay.app.form import Draft, preset
@@ -18,7 +18,6 @@ from underlay.app.kept import keep, kept
 from underlay.app.shown import Film, Found, Sampled
 from underlay.app.snapshot import Snapshot
 from underlay.app.tasks import Analyst
-from underlay.app.work import Worker
 from underlay.errors import InputError
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"
@@ -129,15 +128,7 @@ def test_nothing_is_taken_away_of_a_curve_that_is_another_by_now(tmp_path):
 def test_the_page_says_that_the_form_was_changed_while_it_fitted(tmp_path):
     async def person():
         async with page(tmp_path) as user:
-            folder = await begin(user)
-            analysis = user.home.analysis(folder.name)
-            analysis.long = Worker("support.worker_tasks:Held", str(folder.path))
-            await bring(user, SAMPLES / "gel_on_glass.csv")
-            press(user, "step-2")
-            press(user, "preset-gel_on_glass")
-            await until(user, "to-fit")
-            press(user, "step-3")
-            await until(user, "modulus-half-space")
+            folder = await at_the_fit(user, SAMPLES / "gel_on_glass.csv", "Held")
             press(user, "fit")
             await wait_for((folder.results / "fitted").exists)
             write(user, "contact", 300)

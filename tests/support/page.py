@@ -13,6 +13,7 @@ from nicegui.testing.user_simulation import user_simulation
 from underlay.app.security import Doorkeeper
 from underlay.app.server import prepare
 from underlay.app.state import Home
+from underlay.app.work import Worker
 
 HOST = "test"
 # How long (s) is waited for what comes; only a failure takes it.
@@ -76,6 +77,19 @@ async def begin(user: User):
     await until(user, "drop")
     (name,) = set(user.home._open) - before
     return user.home._open[name].folder
+
+
+async def at_the_fit(user: User, curve, task):
+    """Begin an analysis of a curve of the gel, whose long tasks are `task`, and go to its fit: its folder."""
+    folder = await begin(user)
+    user.home.analysis(folder.name).long = Worker(f"support.worker_tasks:{task}", str(folder.path))
+    await bring(user, curve)
+    press(user, "step-2")
+    press(user, "preset-gel_on_glass")
+    await until(user, "to-fit")
+    press(user, "step-3")
+    await until(user, "modulus-half-space")
+    return folder
 
 
 def text_of(user: User, marker):
