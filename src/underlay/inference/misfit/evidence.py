@@ -178,7 +178,7 @@ class Evidence:
         ramp = int(np.flatnonzero(self._amount == DRIFTS + 1)[curve])
         bordered = self._bordered(noise, amounts, variance)
         wanted = np.append(first + np.arange(self._known), ramp)
-        solved = np.linalg.solve(bordered[:, :-1, :-1], np.eye(bordered.shape[1] - 1)[:, wanted])
+        solved = np.linalg.solve(bordered[:, :-1, :-1], np.eye(bordered.shape[1] - 1)[None, :, wanted])
         size = np.ones((len(noise), len(wanted)))
         size[:, -1] = over_noise(amounts, variance)[:, DRIFTS + 1]
         shift = -(bordered[:, -1:, :-1] @ solved)[:, 0] * size
