@@ -8,8 +8,8 @@ import pytest
 import underlay as ul
 from support.inverse import layer_on, measured
 from underlay.inference.headline.averaged import averaged_fit
+from underlay.inference.pointwise.binned import BinnedCurve
 from underlay.inference.pointwise.explained import Body, halfspace_of
-from underlay.inference.pointwise.reading import Reading
 from underlay.report import pointwise_tables
 from underlay.scene.chain import Chain
 from underlay.scene.noise import Noise
@@ -156,19 +156,19 @@ def tilted_fit(seed):
 def test_a_slope_and_a_creep_that_cancel_leave_the_modulus():
     fit = tilted_fit(0)
     averaged = averaged_fit(fit)
-    reading = Reading.of(fit, averaged, 0, 15)
+    binned = BinnedCurve.of(fit, averaged, 0, 15)
     (curve,) = fit.curves
     largest = averaged.creep_at(0, curve.time)
-    share, tilted = 1e-3, reading.optimum.copy()
+    share, tilted = 1e-3, binned.optimum.copy()
     tilted[fit.names.index("instrument.baseline_slope")] -= share * np.ptp(largest) / np.ptp(curve.depth)
     # What slope and creep together add to the first reading the baseline takes away.
     offsets = [
-        Chain.of(reading.values(numbers)).reading(np.zeros(1), curve.depth[:1])[0]
-        for numbers in (reading.optimum, tilted)
+        Chain.of(binned.values(numbers)).reading(np.zeros(1), curve.depth[:1])[0]
+        for numbers in (binned.optimum, tilted)
     ]
     tilted[fit.names.index("instrument.baseline")] += offsets[0] - offsets[1] - share * largest[0]
-    plain, both = reading.explained(reading.optimum)[0], reading.explained(tilted, share)[0]
-    alone = reading.explained(tilted)[0]
+    plain, both = binned.explained(binned.optimum)[0], binned.explained(tilted, share)[0]
+    alone = binned.explained(tilted)[0]
     # Sums of forces that differ by rounding alone: of the first bins' forces, a thousandth of the largest.
     np.testing.assert_allclose(both.apparent, plain.apparent, rtol=1e-10)
     np.testing.assert_allclose(both.incremental, plain.incremental, rtol=1e-10)
@@ -180,9 +180,9 @@ def test_without_a_stated_noise_the_intervals_cover_and_do_not_hold_what_the_bas
     hits, ratios = [], []
     for seed in range(6):
         fit = tilted_fit(seed)
-        reading = Reading.of(fit, averaged_fit(fit), 0, 15)
-        still = replace(reading, creep=tuple(np.zeros_like(part) for part in reading.creep))
-        own, alone = (each.curves(0.95)["apparent"] for each in (reading, still))
+        binned = BinnedCurve.of(fit, averaged_fit(fit), 0, 15)
+        still = replace(binned, creep=tuple(np.zeros_like(part) for part in binned.creep))
+        own, alone = (each.curves(0.95)["apparent"] for each in (binned, still))
         hits.append(np.mean((own.low < 1e6) & (own.high > 1e6)))
         ratios.append(np.log(alone.high / alone.low)[3:] / np.log(own.high / own.low)[3:])
     assert np.mean(hits) > 0.9

@@ -23,7 +23,7 @@ from underlay.errors import CurveError, InputError
 from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit as least_squares_fit
-from underlay.inference.pointwise.reading import KINDS, ModulusCurve, Reading
+from underlay.inference.pointwise.binned import KINDS, BinnedCurve, ModulusCurve
 from underlay.inference.problem import Problem
 
 __all__ = ["ModulusCurve", "PointwiseModulus", "pointwise_modulus"]
@@ -133,8 +133,8 @@ def pointwise_modulus(
         raise InputError(
             f"points must be 2 or more and level above 0 and at most 0.999; got {points!r} and {level!r}"
         )
-    reading = Reading.of(fit, averaged_fit(fit), curve, points)
-    curves = reading.curves(level)
+    binned = BinnedCurve.of(fit, averaged_fit(fit), curve, points)
+    curves = binned.curves(level)
     apparent = curves["apparent"]
     # Against what is expected: a depth must not be shown because noise made its modulus large.
     shown = np.isfinite(apparent.high) & (apparent.high - apparent.low < 2.0 * _KNOWN * apparent.expected)
@@ -143,12 +143,12 @@ def pointwise_modulus(
             "the modulus is known at no single depth: the noise is as large as the force, or"
             " the contact point is open"
         )
-    contact = reading.layer.contact(reading.values(reading.optimum), *reading.measured)
+    contact = binned.layer.contact(binned.values(binned.optimum), *binned.measured)
     return PointwiseModulus(
         name=str(fit.curves[curve].metadata.get("name") or ""),
         depth=contact.depth[shown],
         force=contact.force[shown],
-        points=np.array([len(own) for own in reading.bins.points], dtype=float)[shown],
+        points=np.array([len(own) for own in binned.bins.points], dtype=float)[shown],
         layered=fit.problem.base_scenes[curve].substrate is not None,
         relaxing=fit.problem.base_scenes[curve].memory is not None,
         level=level,

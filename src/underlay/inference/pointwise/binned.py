@@ -23,7 +23,7 @@ from underlay.inference.pointwise.explained import Body, Explained, halfspace_of
 from underlay.inference.pointwise.local import Bins, Residuals, bins_of, noise_in, residuals_in
 from underlay.scene.chain import ContactDepth
 
-__all__ = ["KINDS", "ModulusCurve", "Reading"]
+__all__ = ["KINDS", "BinnedCurve", "ModulusCurve"]
 
 #: Names of the four moduli, in the order of the table.
 KINDS = ("apparent", "incremental", "apparent_halfspace", "incremental_halfspace")
@@ -49,7 +49,7 @@ class ModulusCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class BinnedCurve:
     """What one curve of a fit says in each bin, and the two bodies with which it is read.
 
     Parameters
@@ -89,7 +89,7 @@ class Reading:
     creep: tuple[FloatArray, FloatArray]
 
     @classmethod
-    def of(cls, fit: Fit, averaged: Averaged | None, curve: int, points: int) -> Reading:
+    def of(cls, fit: Fit, averaged: Averaged | None, curve: int, points: int) -> BinnedCurve:
         """Put the readings of a curve into at most `points` bins, and prepare what they are read with."""
         member, scene = fit.problem.members[curve], fit.scenes[curve]
         require_without_adhesion(scene)
