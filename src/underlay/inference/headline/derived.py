@@ -22,7 +22,7 @@ from underlay.inference.misfit.averaging import Averaged
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.sampling.derived import derived_quantities
 
-__all__ = ["band", "derived_interval"]
+__all__ = ["band", "derived_interval", "derived_value"]
 
 # Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
@@ -69,6 +69,11 @@ def derived_interval(
         fit, averaged, of, *(float(end[0]) for end in band(fit, averaged, of, level))
     )
     return StatedInterval(name, level, middle, low, high, "quadratic" if averaged is None else "averaged")
+
+
+def derived_value(fit: Fit, name: str) -> float:
+    """Value (SI) of a derived quantity at the optimum."""
+    return float(derived_quantities(fit.problem, fit.problem.physical(fit.vector)[None])[name][0])
 
 
 def _of_one_parameter(fit: Fit, of: Follows) -> int | None:

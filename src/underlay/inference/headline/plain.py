@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy import special
@@ -14,7 +15,7 @@ from underlay.inference.profiling.profile_result import interval_threshold
 from underlay.inference.profiling.walk import Walk
 from underlay.inference.profiling.walked import walked
 
-__all__ = ["ends_of", "plain_interval", "quadratic_interval"]
+__all__ = ["correlated_interval", "ends_of", "is_about", "plain_interval", "quadratic_interval"]
 
 # The rise at a quadratic end may be off by this share of the threshold: an end then moves by half of it.
 _UNLIKE = 0.2
@@ -69,6 +70,47 @@ def quadratic_interval(fit: Fit, name: str, level: float) -> StatedInterval:
     if name not in fit.no_error_bars and name not in fit.bounds_hit and 0.0 < deviation <= 1.0:
         low, high = ends_of(fit, index, fit.vector[index] + times * deviation * np.array([-1.0, 1.0]))
     return StatedInterval(name, level, fit.values[name], low, high, "quadratic")
+
+
+def correlated_interval(fit: Fit, name: str, level: float) -> StatedInterval:
+    """Interval of the plain likelihood, as much wider as residuals that hang together make its errors too small.
+
+    Raises
+    ------
+    InputError
+        If the level is not between 0 and 0.999.
+    """
+    plain = plain_interval(fit, name, level)
+    wider = max((entry.too_narrow_by for entry in fit.diagnostics if entry.correlated), default=1.0)
+    if fit.problem.noise_is_stated or wider == 1.0 or name.startswith("noise."):
+        return plain
+    index = fit.names.index(name)
+    coordinate = fit.problem.coordinates[index]
+    ends = [
+        coordinate.scaled(end) if math.isfinite(end) else math.copysign(math.inf, end)
+        for end in (plain.low, plain.high)
+    ]
+    middle = fit.vector[index]
+    q = middle + wider * (np.array(ends) - middle)
+    is_open = np.isinf(q) | (q < coordinate.bounds[0]) | (q > coordinate.bounds[1])
+    low, high = ends_of(fit, index, np.where(is_open, middle, q))
+    return replace(
+        plain, low=-math.inf if is_open[0] else low, high=math.inf if is_open[1] else high, kind="correlated"
+    )
+
+
+def is_about(fit: Fit, found: StatedInterval) -> bool:
+    """Whether the least-squares value lies within half a width of what a route takes for its middle."""
+    coordinate = fit.problem.coordinates[fit.names.index(found.name)]
+    own = fit.values[found.name]
+    if not found.low <= own <= found.high:
+        return False
+    if found.is_open or found.high == found.low:
+        return True
+    low, middle, high, here = (
+        coordinate.scaled(value) for value in (found.low, found.value, found.high, own)
+    )
+    return bool(abs(here - middle) <= 0.5 * (high - low))
 
 
 def ends_of(fit: Fit, index: int, q: FloatArray) -> tuple[float, float]:

@@ -11,10 +11,10 @@ from underlay._given import require_level
 from underlay._threads import one_thread
 from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_fit, averaged_interval
-from underlay.inference.headline.derived import band, derived_interval
+from underlay.inference.headline.derived import band, derived_interval, derived_value
 from underlay.inference.headline.known_inputs import sensitivity
 from underlay.inference.headline.other_bonds import OtherBond, Refit, bracket, other_bonds, stated_bonds
-from underlay.inference.headline.plain import plain_interval
+from underlay.inference.headline.plain import correlated_interval, is_about
 from underlay.inference.headline.verdict import verdict
 from underlay.inference.headline.widened import Widened, widened, wider_interval
 from underlay.inference.least_squares.fit_result import Fit
@@ -29,6 +29,8 @@ from underlay.inference.least_squares.stated import (
 from underlay.inference.misfit.averaging import Averaged
 
 __all__ = ["Headline"]
+
+_LEVEL = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +96,37 @@ class Headline(Statements):
 
     def _found(self, name: str, level: float) -> StatedInterval:
         if name not in self.fit.names:
-            return derived_interval(self.fit, self.averaged, name, level)
+            if self.strays:
+                return derived_interval(self.fit, None, name, level)
+            found = derived_interval(self.fit, self.averaged, name, level)
+            return replace(found, value=derived_value(self.fit, name))
+        averaged = self._averaged_of(name, level)
+        if averaged is None or not is_about(self.fit, averaged):
+            return correlated_interval(self.fit, name, level)
+        return replace(averaged, value=self.fit.values[name])
+
+    @cached_property
+    def strays(self) -> bool:
+        """Whether residuals hang together, and averaging over that leaves what is printed of a parameter."""
+        if not any(entry.correlated for entry in self.fit.diagnostics):
+            return False
+        for name in self.fit.names:
+            found = self._averaged_of(name, _LEVEL)
+            if found is not None and not is_about(self.fit, found):
+                printed = self.interval(name, _LEVEL)
+                if not printed.low <= found.value <= printed.high:
+                    return True
+        return False
+
+    def _averaged_of(self, name: str, level: float) -> StatedInterval | None:
+        """Interval averaged over what the residuals may be; None where there is none."""
         if self.averaged is None:
-            return plain_interval(self.fit, name, level)
+            return None
         try:
             return averaged_interval(self.fit, self.averaged, name, level)
         except InputError:
             # The optimum under correlated noise lies where there is no law to walk from.
-            return plain_interval(self.fit, name, level)
+            return None
 
     @cached_property
     @one_thread()
@@ -113,7 +138,7 @@ class Headline(Statements):
     @one_thread()
     def verdict(self) -> Verdict:
         """Whether the fit is to be believed."""
-        return verdict(self.fit, self.averaged, lambda name: self.interval(name, 0.95))
+        return verdict(self.fit, self.averaged, lambda name: self.interval(name, _LEVEL), strays=self.strays)
 
     @cached_property
     def sensitivity(self) -> Mapping[str, Mapping[str, float]]:

@@ -33,9 +33,21 @@ _WIDE = 0.5
 _DOUBTS = ("not-converged", "bound", "law-range", "too-deep", "file", "over-whitened", "prior")
 
 
-def verdict(fit: Fit, averaged: Averaged | None, interval: Callable[[str], StatedInterval]) -> Verdict:
-    """Verdict of a fit, with the reasons; `interval` gives that of a parameter, which may be a walk."""
+def verdict(
+    fit: Fit, averaged: Averaged | None, interval: Callable[[str], StatedInterval], *, strays: bool = False
+) -> Verdict:
+    """Verdict of a fit, with the reasons; `interval` gives that of a parameter, which may be a walk.
+
+    `strays` says that averaging over noise and misfit left the least-squares values.
+    """
     wrong, doubts = ([], []) if averaged is None else _of_the_residuals(fit, averaged)
+    if averaged is None and fit.problem.noise_is_open and fit.statistics.robust == "none":
+        doubts.append("what the residuals are could not be weighed: the interval is that of white noise")
+    if strays:
+        doubts.append(
+            "correlated noise or misfit would move the values by more than its own interval: these are the "
+            "least-squares values, with the interval of correlated residuals"
+        )
     doubts += [] if averaged is None or wrong else _of_the_shape(fit, averaged)
     doubts += _of_the_intervals(fit, interval)
     counted = _DOUBTS if averaged is not None else (*_DOUBTS, "correlated-residuals")

@@ -15,6 +15,7 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore, quiet_law
 from underlay.inference.model.members import Member
 from underlay.inference.model.noise_start import noise_start
+from underlay.inference.model.soft_lever import against_travel
 from underlay.inference.priors.prior import Given, Prior
 from underlay.mechanics.finite_strain import require_measured
 from underlay.mechanics.response import checked_times
@@ -39,6 +40,8 @@ def compile_members(
     """Check a problem and compile it; see `Problem` for what is refused."""
     noises = _noises(noise, len(tests))
     _check_tests(tests)
+    if noise is None:
+        tests = [against_travel(scene, curve, free) for scene, curve in tests]
     requests = _requests(free, shared, len(tests))
     if not requests:
         raise ParameterError("nothing is free: name at least one parameter, for example 'layer.E'")
