@@ -15,17 +15,16 @@ from typer.testing import CliRunner
 from underlay.cli.app import app
 from underlay.data.curve import Curve
 from underlay.errors import FileAccessError, FileFormatError, InputError, RangeError
-from underlay.inference.answer_cost import answer_cost, effects_on_answers
+from underlay.inference.answer_cost import answer_cost, effects_on_answers, posterior_cost
 from underlay.inference.least_squares import fit
-from underlay.inference.posterior_cost import posterior_cost
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.solvers import Asymptotic, Exact
 from underlay.report import bench, bench_users, plots
-from underlay.report.accuracy_table import accuracy_summary
 from underlay.report.plots.style import PAGE
+from underlay.report.tables import accuracy_summary
 from underlay.scene.accuracy_cost import accuracy_cost, explicit_formula
 from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.inference.model.adhesion_batch import batched_pull_offs
-from underlay.inference.model.forward_batch import batched_readings
-from underlay.mechanics.adhesion.punch_nodes import Columns, PunchNodes, Quantity
+from underlay.inference.model.forward_batch import batched_pull_offs, batched_readings
+from underlay.mechanics.adhesion.jkr_table import Columns, PunchNodes, Quantity
 from underlay.mechanics.adhesion.radius_relation import solve_relation
 
 SCENE = ul.Scene(

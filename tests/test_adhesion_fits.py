@@ -10,8 +10,8 @@ import pytest
 
 import underlay as ul
 from underlay.data.quality import check_quality
-from underlay.inference.least_squares import adhesive_start
-from underlay.inference.priors.densities import LogUniform
+from underlay.inference.least_squares import adhesive as adhesive_start
+from underlay.inference.priors import LogUniform
 from underlay.inference.profiles import delta_chi_square_at
 from underlay.inference.sampling.derived import derived_quantities
 from underlay.mechanics.response import History

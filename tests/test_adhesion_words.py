@@ -10,12 +10,12 @@ from matplotlib import pyplot as plt
 
 import underlay as ul
 from underlay.data.quality import check_quality
-from underlay.inference.adhesive_numbers import adhesive_estimates
-from underlay.mechanics.adhesion.range_limit import range_limit
+from underlay.inference.sampling.derived import adhesive_estimates
+from underlay.mechanics.adhesion.jkr import range_limit
 from underlay.report import maps, scene_tables
 from underlay.report.adhesion_tables import adhesion_frame, adhesion_table, halfspace_of, halfspace_sentence
+from underlay.report.limits import quality_doubts
 from underlay.report.render import file_notebook
-from underlay.report.reservations import quality_doubts
 
 SCENE = ul.Scene(
     ul.Paraboloid(1e-5),

@@ -31,11 +31,10 @@ from support.page import (
     wait_for,
     write,
 )
-from underlay.app.film import film_rows
+from underlay.app.results import film_rows
 from underlay.cli import main
-from underlay.inference.batch.decisions import read_decisions
-from underlay.inference.batch.map_table import read_map
-from underlay.inference.film_from_files import fit_film
+from underlay.inference.batch.decisions import read_decisions, read_map
+from underlay.inference.films import fit_film
 from underlay.report.film_tables import film_table
 from underlay.scene.scene_file import read_scene_file
 

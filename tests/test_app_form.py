@@ -2,10 +2,9 @@
 
 import pytest
 
-from underlay.app.form import Draft, preset, problem_with
-from underlay.app.form_words import ADVANCED, ELSEWHERE, PRESETS
+from underlay.app.form import ADVANCED, ELSEWHERE, PRESETS, Draft, preset, problem_with
+from underlay.app.labels import comma_problem, pairs_of
 from underlay.app.scene_text import draft_from
-from underlay.app.typed import comma_problem, pairs_of
 from underlay.errors import InputError, UnderlayError
 from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import scene_keys

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 from support.page import page, press, run, until, wait_for, write
-from underlay.app.pages.gallery import GalleryPart
+from underlay.app.pages.many import GalleryPart
 from underlay.app.shown import Card, Gallery
 
 

@@ -8,8 +8,7 @@ from support.page import begin, bring, page, press, run, text_of, until, wait_fo
 from underlay.app.folder import AnalysisFolder
 from underlay.app.form import Draft
 from underlay.app.many import _scene_of_all
-from underlay.app.snapshot import Snapshot
-from underlay.app.state import OpenAnalysis
+from underlay.app.state import OpenAnalysis, Snapshot
 from underlay.app.tasks import Analyst
 from underlay.errors import InputError
 from underlay.scene.scene_file import read_scene_file

@@ -12,11 +12,10 @@ import pytest
 
 from support.page import at_the_fit, page, press, run, seen, until, wait_for, write
 from underlay.app import tasks
-from underlay.app.folder import AnalysisFolder, stem_of
+from underlay.app.folder import AnalysisFolder, keep, kept, stem_of
 from underlay.app.form import Draft, preset
-from underlay.app.kept import keep, kept
 from underlay.app.shown import Film, Found, Sampled
-from underlay.app.snapshot import Snapshot
+from underlay.app.state import Snapshot
 from underlay.app.tasks import Analyst
 from underlay.errors import InputError
 

@@ -7,15 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from underlay.app.folder import AnalysisFolder
+from underlay.app.folder import AnalysisFolder, keep, kept
 from underlay.app.form import preset
-from underlay.app.kept import keep, kept
 from underlay.app.shown import Sampled
 from underlay.app.tasks import Analyst
 from underlay.errors import CurveError
+from underlay.inference.compare import laws_at_contact
 from underlay.inference.from_files import read_whole
-from underlay.inference.held_contact import laws_at_contact
-from underlay.scene.default_depth import default_depth
+from underlay.scene.program import default_depth
 from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"

@@ -5,11 +5,10 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
-from underlay.inference.least_squares.base_steps import BaseSteps, bent
 from underlay.inference.least_squares.engine import minimise
-from underlay.inference.least_squares.frozen_noise import freeze
-from underlay.inference.least_squares.noise_estimate import first_noises
-from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.models import freeze
+from underlay.inference.least_squares.objective import BaseSteps, Objective, bent
+from underlay.inference.least_squares.settle import first_noises
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
 

@@ -11,9 +11,14 @@ import underlay as ul
 from support.reference_solver import STORED
 from underlay.cli.app import main
 from underlay.errors import FitError, InputError
-from underlay.inference.benchmark.cases import benchmark_cases, rows_of
-from underlay.inference.benchmark.estimates import Estimate, Program
-from underlay.inference.benchmark.references import against_finite_elements, against_references
+from underlay.inference.benchmark import (
+    Estimate,
+    Program,
+    against_finite_elements,
+    against_references,
+    benchmark_cases,
+    rows_of,
+)
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import benchmark as study

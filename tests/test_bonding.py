@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 import underlay as ul
 from underlay.cli.app import app
-from underlay.inference.bonding import compare_bonds
-from underlay.report.bond_words import bonds_sentences, bonds_told
+from underlay.inference.compare import compare_bonds
+from underlay.report.limits import bonds_sentences, bonds_told
 from underlay.report.tables import fit_table, interval_table
 from underlay.report.words import headline
 

@@ -11,14 +11,13 @@ import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay.errors import InputError
 from underlay.inference.least_squares import fit
-from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.priors.densities import HalfNormal, LogNormal, Normal
+from underlay.inference.priors import HalfNormal, LogNormal, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.profiles import delta_chi_square_at, p_value_at, profile
-from underlay.inference.profiling.calibration import Draws
-from underlay.inference.profiling.drawing import draw_delta_chi_squares
-from underlay.inference.profiling.redraw import redrawn
+from underlay.inference.profiling.calibrated_profile import draw_delta_chi_squares, redrawn
+from underlay.inference.profiling.profile_result import Draws
 from underlay.scene.noise import Noise
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))

@@ -14,10 +14,9 @@ from support.populations import write_study
 from support.reports import small_posterior
 from underlay.cli.app import main
 from underlay.errors import FileFormatError, InputError
-from underlay.inference.citation.bibtex import bibtex
 from underlay.inference.citation.result import cited
 from underlay.inference.citation.used import of_sampling, used_by
-from underlay.inference.citation.works import _WORKS, work
+from underlay.inference.citation.works import _WORKS, bibtex, work
 from underlay.mechanics.published import published_corrections, published_names
 
 SCENE = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1.3e-3), ul.RIGID)

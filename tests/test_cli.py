@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from support.inverse import ambiguous
 from underlay.cli.app import app
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 
 SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
 CURVE, SCENE = SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from support.reports import SAMPLES, cells_of, page_text, small_posterior
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 
 
 @pytest.fixture

@@ -5,17 +5,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.convergence import (
     autocorrelation_time,
     effective_size,
     highest_density_interval,
+    judge,
     median_error,
     quantile_error,
     rank_normalised_rhat,
     tail_size,
 )
-from underlay.inference.sampling.stopping import judge
+from underlay.inference.sampling.posterior import arviz_library
 
 arviz = arviz_library()
 

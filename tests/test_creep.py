@@ -8,8 +8,7 @@ from scipy import integrate
 
 import underlay as ul
 from underlay.mechanics.response import Remembered
-from underlay.mechanics.viscoelastic.bed import depth_under
-from underlay.mechanics.viscoelastic.creep import Creep
+from underlay.mechanics.viscoelastic.bed import Creep, depth_under
 from underlay.mechanics.viscoelastic.history import Viscoelastic
 
 SOLID = ul.Prony((0.7,), (0.5,))

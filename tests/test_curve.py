@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from underlay.data.curve import Curve, check_fittable
-from underlay.data.metadata import Metadata
+from underlay.data.curve import Curve, Metadata, check_fittable
 from underlay.errors import CurveError, InputError
 
 

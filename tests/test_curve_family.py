@@ -9,16 +9,15 @@ from support.laws import exact_law
 from underlay.errors import RangeError
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.contact_curve import solve_curve
-from underlay.mechanics.exact.contact_problem import ContactProblem
+from underlay.mechanics.exact.contact_problem import ContactProblem, solve_curve
 from underlay.mechanics.exact.curve_family import (
     Cell,
     IsotropicPair,
     curve_family,
     family_holding,
     range_number,
+    solve_curves,
 )
-from underlay.mechanics.exact.curves_of_bodies import solve_curves
 from underlay.mechanics.exact.family_law import side_by_side, tabulated_law
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact_solvers import Auto, Exact

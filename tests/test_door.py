@@ -15,8 +15,17 @@ import numpy as np
 import pytest
 
 from support.posterior_cases import halfspace_curve, halfspace_problem
-from underlay._documents import parse_json, parse_toml
-from underlay._door import FileKind, printable, read_bytes, read_start, read_text, sha256_of, understood
+from underlay._door import (
+    FileKind,
+    parse_json,
+    parse_toml,
+    printable,
+    read_bytes,
+    read_start,
+    read_text,
+    sha256_of,
+    understood,
+)
 from underlay.data.curve import Curve, check_fittable
 from underlay.errors import (
     CurveError,

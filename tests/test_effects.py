@@ -19,9 +19,8 @@ from underlay.mechanics.response import Remembered
 from underlay.mechanics.solvers import Auto
 from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.report import plots
-from underlay.scene.chain import Baseline, Frame
 from underlay.scene.effects import effect_sizes
-from underlay.scene.instrument import Instrument
+from underlay.scene.instrument import Baseline, Frame, Instrument
 from underlay.scene.scene import Scene
 
 GEL = Isotropic(1e4, 0.45)

@@ -10,14 +10,13 @@ import pytest
 import underlay as ul
 from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
 from support.posed import CASES, posed
-from underlay.inference.least_squares import last_word
+from underlay.inference.least_squares import lmfit_bridge as last_word
 from underlay.inference.least_squares import settle as settling
-from underlay.inference.least_squares.damped_steps import damped_steps
-from underlay.inference.least_squares.engine import Search, _Running, minimise
+from underlay.inference.least_squares.engine import Search, _Running, damped_steps, minimise
 from underlay.inference.least_squares.fitting import quick_fit
-from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.least_squares.places import Places
+from underlay.inference.least_squares.projection import Places
 from underlay.scene.noise import Noise
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"

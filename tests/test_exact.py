@@ -11,8 +11,7 @@ from support.laws import exact_law
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES
-from underlay.mechanics.exact.contact_problem import ContactProblem
+from underlay.mechanics.exact.contact_problem import SHARE_OF_NODES, ContactProblem
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic

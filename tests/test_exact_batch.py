@@ -7,11 +7,10 @@ import pytest
 
 from support.laws import exact_law
 from underlay.errors import RangeError
-from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.body import RIGID, Layer, isotropic_constants
 from underlay.mechanics.exact.batch import ExactBatch, thickness_derivative
 from underlay.mechanics.indenters import Cone, Paraboloid, Sphere
 from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.plane_constants import isotropic_constants
 
 RTOL = 1e-6
 SETS = 12

@@ -11,9 +11,7 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on, measured
-from underlay.report.excel import excel_sheets
-from underlay.report.result_rows import result_rows
-from underlay.report.spreadsheet import MOST_ROWS, workbook
+from underlay.report.excel import MOST_ROWS, excel_sheets, result_rows, workbook
 from underlay.scene.noise import Noise
 from underlay.scene.scene_file import scene_from_text
 

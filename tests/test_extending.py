@@ -11,23 +11,27 @@ import pytest
 from scipy import stats
 
 import underlay as ul
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 from underlay.data.readers import Format
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
 from underlay.errors import CurveError, FitError, InputError, ParameterError
+from underlay.mechanics.body import transversely_isotropic_constants
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.plane_constants import transversely_isotropic_constants
-from underlay.mechanics.published.correction import MEASURED_RANGE, RIGID_BONDED, PublishedCorrection
-from underlay.mechanics.published.factor import PolynomialFactor
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import LAYER_NU
+from underlay.mechanics.published.correction import (
+    LAYER_NU,
+    MEASURED_RANGE,
+    RIGID_BONDED,
+    MeasuredError,
+    PolynomialFactor,
+    PublishedCorrection,
+)
 from underlay.mechanics.response import History
 from underlay.quantities import quantity
 from underlay.report import tables as fit_tables
 from underlay.report.labels import label
 from underlay.scene.effects import effects_table
-from underlay.scene.noise_model import NoiseModel
+from underlay.scene.noise import NoiseModel
 
 # --- an indenter -----------------------------------------------------------------------------------------
 

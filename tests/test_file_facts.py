@@ -13,7 +13,7 @@ from underlay.errors import InputError
 from underlay.inference.file_facts import settle
 from underlay.inference.from_files import load_problem
 from underlay.report.maps import parameter_table
-from underlay.report.problem_source import write_inputs
+from underlay.report.render import write_inputs
 from underlay.report.tables import fit_table, interval_table
 from underlay.scene.scene_file import load_scene, read_scene_file
 
@@ -171,7 +171,7 @@ def test_a_transversely_isotropic_layer_is_compared_by_its_indentation_modulus()
     # One with the constants of an isotropic material must give what that material gives.
     material = ul.TransverselyIsotropic(E=2e3, E_axial=2e3, nu=NU, nu_axial=NU, G_axial=2e3 / (2 * (1 + NU)))
     curve = ul.Curve([0.0], [0.0], metadata={"instrument_reduced_modulus": TOLD})
-    from underlay.inference.least_squares.instrument_modulus import instrument_modulus  # noqa: PLC0415
+    from underlay.inference.least_squares.provenance import instrument_modulus  # noqa: PLC0415
 
     own = instrument_modulus(ul.Scene(ul.Paraboloid(1e-5), ul.Layer(material)), curve)
     assert own.youngs == pytest.approx(TOLD * (1.0 - NU**2), rel=1e-9)

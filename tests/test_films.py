@@ -10,8 +10,8 @@ import pytest
 import underlay as ul
 from support.films import FILM, WORN, made_test, write_films
 from underlay.cli.app import main
-from underlay.data.curve_csv import curve_csv
-from underlay.data.plasticity import imprint_of
+from underlay.data.export import curve_csv
+from underlay.data.withdrawal import imprint_of
 from underlay.inference.films import DIAMOND
 from underlay.inference.from_files import load_problem, require_elastic
 from underlay.report.film_tables import film_moduli, film_table

@@ -7,7 +7,7 @@ import underlay as ul
 from support import instrument_files as made
 from support.maps import SCENE_TOML
 from support.real_data import CHIARO, real_file
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 from underlay.data.fit_range import in_range
 from underlay.inference.from_files import load_problem
 from underlay.inference.recipe import LeastSquaresFromContact, LineInPower, recipe_of

@@ -5,8 +5,10 @@ import pytest
 
 from underlay.data.curve import Curve
 from underlay.errors import InputError
-from underlay.inference.model import adhesion_batch, batch_readings, forward_batch, ratio_batch
-from underlay.inference.priors.densities import LogUniform, Normal, Uniform
+from underlay.inference.model import forward_batch, ratio_batch
+from underlay.inference.model import forward_batch as adhesion_batch
+from underlay.inference.model import groups as batch_readings
+from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere

@@ -4,7 +4,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from underlay.mechanics.exact.gauss import even_rule, legendre_rule
+from underlay.mechanics.exact.nodes import even_rule, legendre_rule
 
 
 @pytest.mark.parametrize("count", [2, 4, 24, 64, 130, 400])

@@ -16,7 +16,7 @@ from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.headline.plain import quadratic_interval
-from underlay.inference.least_squares.stated import Verdict
+from underlay.inference.least_squares.fit_result import Verdict
 from underlay.report import words
 from underlay.report.intervals import Estimate
 

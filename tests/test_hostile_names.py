@@ -23,17 +23,14 @@ import underlay as ul
 from support.chromium import browser, chromium
 from support.hostile import CANARY, NAMES, file_name
 from support.reports import SAMPLES, cells_of, page_text, small_posterior
-from underlay._csv_text import csv_text
+from underlay._csv import csv_text
 from underlay._files import write_atomic
-from underlay.data.curve_csv import curve_csv
-from underlay.data.export import write_curves
+from underlay.data.export import curve_csv, write_curves
 from underlay.report import labels, posterior_tables, render, tables, words
-from underlay.report.execution import import_path
-from underlay.report.markdown import markdown_text
-from underlay.report.measured import segments_of_file, segments_part
-from underlay.report.notebook import Source, filled, make_notebook
-from underlay.report.page import html_page
-from underlay.report.problem_source import problem_source
+from underlay.report.notebook import Source, filled, html_page, import_path, make_notebook
+from underlay.report.reading import segments_of_file, segments_part
+from underlay.report.render import problem_source
+from underlay.report.spoken import markdown_text
 
 anything = st.lists(
     st.sampled_from(

@@ -6,10 +6,9 @@ import pytest
 import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay.errors import InputError
-from underlay.inference.design.identifiability import Combination, identifiability
-from underlay.inference.design.information import marginal
+from underlay.inference.design.identifiability import Combination, identifiability, marginal
 from underlay.inference.least_squares import fit
-from underlay.inference.priors.densities import Normal
+from underlay.inference.priors import Normal
 from underlay.scene.noise import Noise
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"

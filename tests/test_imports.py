@@ -1,5 +1,6 @@
 """What is loaded, and when: nobody waits for a library that he does not use."""
 
+import ast
 import inspect
 import json
 import os
@@ -99,8 +100,10 @@ def test_the_help_of_a_command_loads_nothing_of_what_it_does():
     commands = typer.main.get_command(app).commands
     heads = {}
     for name, command in commands.items():
-        lines = inspect.getsource(sys.modules[command.callback.__module__]).splitlines()
-        heads[name] = "\n".join(line for line in lines if line.startswith(("import ", "from ")))
+        tree = ast.parse(inspect.getsource(sys.modules[command.callback.__module__]))
+        heads[name] = "\n".join(
+            ast.unparse(node) for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)
+        )
     # The control: a module that is loaded is told.
     done = fresh(FORKS, json.dumps(heads | {"control": "import numpy"}))
     found = dict(map(json.loads, done.splitlines()))

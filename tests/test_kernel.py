@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 from support import appendix
 from support.transfer_matrix import TransferMatrixKernel
 from underlay.errors import InputError
-from underlay.mechanics.body import RIGID
+from underlay.mechanics.body import RIGID, PlaneConstants, isotropic_constants
 from underlay.mechanics.kernel import SubstrateKernel, coefficients, one_minus_L, u_rule
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
-from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 
 EPS = np.finfo(float).eps
 U = np.concatenate(([0.0], np.geomspace(1e-8, 50.0, 60)))

@@ -5,7 +5,7 @@ import pytest
 from scipy import linalg
 
 from underlay.errors import FitError
-from underlay.inference.sampling.laplace import find_mode, overdispersed
+from underlay.inference.sampling.walker_start import find_mode, overdispersed
 
 FAR = (np.full(3, -1e9), np.full(3, 1e9))
 

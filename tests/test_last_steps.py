@@ -13,9 +13,9 @@ from support.worlds import Clean, disturbed
 from underlay.inference.least_squares import engine, settle
 from underlay.inference.least_squares.engine import FINE, Search, minimise
 from underlay.inference.least_squares.fitting import quick_fit
-from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.least_squares.places import Places
+from underlay.inference.least_squares.projection import Places
 
 
 @pytest.mark.parametrize("case", CASES)

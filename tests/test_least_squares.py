@@ -15,7 +15,7 @@ from underlay.data.synthetic import synthesize
 from underlay.errors import FileAccessError, InputError
 from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.diagnostics import diagnose
-from underlay.inference.priors.densities import LogNormal, Normal
+from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
 

@@ -12,12 +12,12 @@ import pytest
 from scipy import optimize
 
 import underlay as ul
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.left_out import LeftOut, left_out
-from underlay.mechanics.finite_strain import finite_strain_excess, friction_in_large_strains, why_unmeasured
+from underlay.mechanics.discrepancy import finite_strain_excess, friction_in_large_strains, why_unmeasured
 from underlay.report import words
-from underlay.report.model_limits import model_limits
+from underlay.report.limits import model_limits
 from underlay.units import parse_quantity
 
 PAGE = Path(__file__).parents[1] / ".reference" / "pages" / "models.md"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from underlay.inference.least_squares.losses import LOSSES, SQUARES
+from underlay.inference.least_squares.models import LOSSES, SQUARES
 
 
 @pytest.mark.parametrize("loss", [SQUARES, *LOSSES.values()], ids=["squares", *LOSSES])

@@ -8,7 +8,7 @@ from scipy import linalg, stats
 
 import underlay as ul
 from underlay.errors import InputError
-from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.sampling.model_comparison import pointwise_log_likelihood
 

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from support import appendix
 from underlay.errors import InputError, MaterialError, UnderlayError
-from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.body import RIGID, Layer, isotropic_constants, transversely_isotropic_constants
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
-from underlay.mechanics.plane_constants import isotropic_constants, transversely_isotropic_constants
 
 ZINC_STIFFNESS = {"A11": 161e9, "A12": 34.2e9, "A13": 50.1e9, "A33": 61.0e9, "A44": 38.3e9}
 

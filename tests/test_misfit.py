@@ -30,8 +30,8 @@ from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
+from underlay.mechanics.published.correction import LayerContact
 from underlay.mechanics.published.dimitriadis2002 import BONDED
-from underlay.mechanics.published.layer_contact import LayerContact
 
 RNG = np.random.default_rng(7)
 BENCHMARK = Path(__file__).parents[1] / "data_samples" / "benchmark"

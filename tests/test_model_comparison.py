@@ -8,7 +8,7 @@ import pytest
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
 from underlay.data.synthetic import synthesize
 from underlay.errors import InputError
-from underlay.inference.priors.densities import LogUniform
+from underlay.inference.priors import LogUniform
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.model_comparison import (
     compare_models,

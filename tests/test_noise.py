@@ -6,8 +6,7 @@ from scipy import stats
 
 import underlay as ul
 from underlay.errors import InputError
-from underlay.scene.correlated_noise import ar1_whiten
-from underlay.scene.noise import Noise
+from underlay.scene.noise import Noise, ar1_whiten
 
 TIME = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.3, 40))
 FORCE = np.linspace(0.0, 2e-3, 40)

@@ -13,7 +13,7 @@ import underlay as ul
 from support.chromium import browser, chromium
 from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
 from underlay.report import labels, words
-from underlay.report.distinct_scenes import distinct_scenes
+from underlay.report.limits import distinct_scenes
 from underlay.scene.effects import effects_table
 
 opened = pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine: the page is not opened")

@@ -7,7 +7,7 @@ from mpmath import mpf
 
 from support.laws import asymptotic_law
 from support.series import fifty_digits, order_of
-from underlay.mechanics.asymptotic import hemisphere
+from underlay.mechanics.asymptotic import integral_relations as hemisphere
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Sphere
 from underlay.mechanics.materials import Isotropic

@@ -9,7 +9,7 @@ from underlay.data.synthetic import synthesize
 from underlay.errors import InputError, ParameterError
 from underlay.inference.design.planning import plan
 from underlay.inference.least_squares import fit
-from underlay.inference.priors.densities import Normal
+from underlay.inference.priors import Normal
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
 

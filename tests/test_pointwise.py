@@ -8,10 +8,10 @@ import pytest
 import underlay as ul
 from support.inverse import layer_on, measured
 from underlay.inference.headline.averaged import averaged_fit
-from underlay.inference.pointwise.binned import BinnedCurve
 from underlay.inference.pointwise.explained import Body, halfspace_of
-from underlay.report import pointwise_tables
-from underlay.scene.chain import Chain
+from underlay.inference.pointwise.modulus import BinnedCurve
+from underlay.report import fit_files as pointwise_tables
+from underlay.scene.instrument import Chain
 from underlay.scene.noise import Noise
 
 ELASTIC = ul.Isotropic(5e6, 0.3)

@@ -15,10 +15,9 @@ from support.populations import made_study, table_of
 from underlay.errors import InputError
 from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
-from underlay.inference.population.messages import Grid
-from underlay.inference.population.spreads import BETWEEN, WITHIN
-from underlay.report.interval_words import quantity_with_interval
-from underlay.report.population_words import comparison_table, group_table, of_map, population_tables, told
+from underlay.inference.population.messages import BETWEEN, WITHIN, Grid
+from underlay.report.intervals import quantity_with_interval
+from underlay.report.maps import comparison_table, group_table, of_map, population_tables, told
 
 ENDS = np.array([0.025, 0.5, 0.975])
 

@@ -14,19 +14,19 @@ from scipy import stats
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
 from underlay.data.synthetic import synthesize
 from underlay.errors import FileAccessError, FileFormatError, InputError, MissingExtraError
-from underlay.inference.priors.densities import LogUniform, Normal, Uniform
+from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
-from underlay.inference.sampling import arviz_bridge
+from underlay.inference.sampling import posterior as arviz_bridge
 from underlay.inference.sampling.convergence import highest_density_interval
-from underlay.inference.sampling.informed import (
+from underlay.inference.sampling.diagnostics import (
     INFORMED,
     NOT_INFORMED,
+    PREDICTIVE_LEVELS,
     WEAKLY_INFORMED,
     compare_with_prior,
     prior_levels,
 )
 from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.predictive import PREDICTIVE_LEVELS
 from underlay.inference.sampling.run import sample
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
@@ -354,7 +354,7 @@ def test_a_process_that_imports_arviz_beside_another_gets_it(tmp_path):
         "    draft.replace(note)\n"
     )
     program = (
-        "from underlay.inference.sampling.arviz_bridge import arviz_library; print(arviz_library().__file__)"
+        "from underlay.inference.sampling.posterior import arviz_library; print(arviz_library().__file__)"
     )
     path = os.pathsep.join([str(tmp_path), *sys.path])
     call = [sys.executable, "-c", program]

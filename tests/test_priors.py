@@ -8,9 +8,16 @@ from scipy import integrate, stats
 
 from underlay.errors import InputError
 from underlay.inference.model.coordinates import Spans, make_coordinate
-from underlay.inference.priors.densities import Flat, HalfNormal, LogNormal, LogUniform, Normal, Uniform
-from underlay.inference.priors.from_numbers import prior_from_numbers
-from underlay.inference.priors.prior import Truncated
+from underlay.inference.priors import (
+    Flat,
+    HalfNormal,
+    LogNormal,
+    LogUniform,
+    Normal,
+    Truncated,
+    Uniform,
+    prior_from_numbers,
+)
 from underlay.quantities import declared
 
 PRIORS = [

@@ -10,7 +10,7 @@ import underlay as ul
 from support.inverse import exact_curve, layer_on, measured, problem
 from underlay.data.curve import Curve
 from underlay.errors import CurveError, InputError, ParameterError
-from underlay.inference.priors.densities import LogUniform, Normal, Uniform
+from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
 

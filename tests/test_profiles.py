@@ -16,7 +16,7 @@ from underlay.errors import InputError
 from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.engine import Search, minimise
 from underlay.inference.least_squares.projection import Point
-from underlay.inference.priors.densities import Normal
+from underlay.inference.priors import Normal
 from underlay.inference.profiles import Interval, delta_chi_square_at, profile
 from underlay.inference.profiling.profile_result import _constant, _crossing
 from underlay.inference.profiling.walk import Walk

@@ -29,9 +29,8 @@ from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.published import OutOfRange, published_corrections, published_names
-from underlay.mechanics.published.correction import ELASTIC
+from underlay.mechanics.published.correction import ELASTIC, PolynomialFactor
 from underlay.mechanics.published.dimitriadis2002 import _expansion
-from underlay.mechanics.published.factor import PolynomialFactor
 
 CORRECTIONS = {(c.name, c.indenter): c for c in published_corrections()}
 RIGID_ONES = [c for c in published_corrections() if c.substrate != ELASTIC]

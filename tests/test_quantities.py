@@ -21,7 +21,7 @@ from underlay.quantities import (
     replace_values,
 )
 from underlay.report.labels import label, labelled, symbol
-from underlay.scene.chain import Chain
+from underlay.scene.instrument import Chain
 from underlay.units import KINDS
 
 SCENE = ul.Scene(

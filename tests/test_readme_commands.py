@@ -14,7 +14,7 @@ from support.reports import write_result
 from support.timing import timed_once
 from test_help import examples
 from underlay.cli.app import main
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / ".reference" / "pages").glob("*.md"))]

@@ -16,16 +16,15 @@ import underlay as ul
 from support.call_counter import count_calls
 from underlay.inference.least_squares.engine import minimise
 from underlay.inference.least_squares.fractions import Fractions
-from underlay.inference.least_squares.frozen_noise import freeze
-from underlay.inference.least_squares.noise_estimate import first_noises
+from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.settle import first_noises
 from underlay.inference.model.forward import Forward
 from underlay.inference.sampling.derived import derived_quantities
 from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.history import Viscoelastic
-from underlay.mechanics.viscoelastic.loading import Loading
-from underlay.mechanics.viscoelastic.unloading import Unloading
+from underlay.mechanics.viscoelastic.loading import Loading, Unloading
 from underlay.report import plots, tables, words
 from underlay.report.scene_tables import scene_table
 

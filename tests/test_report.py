@@ -15,19 +15,17 @@ from support import real_data
 from support.inverse import ambiguous
 from support.real_data import real_file
 from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
-from underlay.data.recorded import recorded
+from underlay.data.curve import recorded
 from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
-from underlay.inference.priors.prior import Truncated
-from underlay.inference.profiling.interval import Interval
-from underlay.report import labels, maps, open_ends, tables, words
-from underlay.report.distinct_scenes import distinct_scenes
-from underlay.report.execution import execute
-from underlay.report.interval_words import wide_interval
-from underlay.report.intervals import Estimate, estimates
-from underlay.report.notebook import filled, make_notebook
-from underlay.report.page import html_page
+from underlay.inference.priors import Truncated
+from underlay.inference.profiling.profile_result import Interval
+from underlay.report import labels, maps, tables, words
+from underlay.report import limits as open_ends
+from underlay.report.intervals import Estimate, estimates, wide_interval
+from underlay.report.limits import distinct_scenes
+from underlay.report.notebook import execute, filled, html_page, make_notebook
 from underlay.report.posterior_tables import _span
-from underlay.report.problem_source import _exact_csv, problem_source, write_inputs
+from underlay.report.render import _exact_csv, problem_source, write_inputs
 
 # --- words -----------------------------------------------------------------------------------------------
 

@@ -21,27 +21,36 @@ from support.posterior_cases import (
 from support.posterior_quadrature import reference
 from support.random_posteriors import random_problem
 from underlay.errors import FileFormatError, FitError, InputError, UnderlayWarning
-from underlay.inference.priors.densities import HalfNormal, LogNormal, LogUniform, Normal, Uniform
-from underlay.inference.ridge.aimed import aimed
-from underlay.inference.ridge.budget import Budget, OutOfTimeError
-from underlay.inference.ridge.climb import climb, small_basis
-from underlay.inference.ridge.coordinates import PriorNormal, Target
-from underlay.inference.ridge.importance import judged, leak_of, leak_of_walk, produced
-from underlay.inference.ridge.learn import Proposal, learn
-from underlay.inference.ridge.march import march, march_inside
-from underlay.inference.ridge.mixture import Mixture
-from underlay.inference.ridge.pareto import pareto_fit, smoothed
-from underlay.inference.ridge.parts import Part, nodes_of
-from underlay.inference.ridge.trial import weigh
-from underlay.inference.ridge.weights import LEVELS, WeightedDraws
-from underlay.inference.sampling import second_opinion as opinions
-from underlay.inference.sampling.arviz_bridge import arviz_library
+from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
+from underlay.inference.ridge.importance import (
+    Proposal,
+    aimed,
+    judged,
+    leak_of,
+    leak_of_walk,
+    learn,
+    produced,
+    weigh,
+)
+from underlay.inference.ridge.march import (
+    Budget,
+    OutOfTimeError,
+    Part,
+    PriorNormal,
+    Target,
+    climb,
+    march,
+    march_inside,
+    nodes_of,
+    small_basis,
+)
+from underlay.inference.ridge.mixture import LEVELS, Mixture, WeightedDraws, pareto_fit, smoothed
+from underlay.inference.sampling import weighted as opinions
 from underlay.inference.sampling.convergence import effective_size
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.model_comparison import compare_models
-from underlay.inference.sampling.moves import IndependenceMove
-from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.run import sample
+from underlay.inference.sampling.posterior import Posterior, arviz_library
+from underlay.inference.sampling.run import IndependenceMove, sample
 from underlay.inference.sampling.weighted import Ridges
 from underlay.report.posterior_tables import posterior_diagnostics_table
 from underlay.scene.noise import Noise
@@ -667,7 +676,7 @@ def test_a_mixture_that_is_no_good_costs_the_evidence_and_not_the_chain(monkeypa
 
     monkeypatch.setattr(Ridges, "seek", spoilt)
     # The others do it all: with the share they have beside a good mixture five times the steps are needed.
-    monkeypatch.setattr("underlay.inference.sampling.moves._INDEPENDENT", 0.1)
+    monkeypatch.setattr("underlay.inference.sampling.run._INDEPENDENT", 0.1)
     posterior = sample(halfspace_problem(), walkers=16)
     assert posterior.converged
     assert posterior.log_evidence is None

@@ -25,16 +25,15 @@ from support.posterior_cases import (
     halfspace_scene,
 )
 from underlay.errors import InputError, UnderlayWarning
-from underlay.inference.priors.densities import Flat, LogUniform, Normal, Uniform
+from underlay.inference.priors import Flat, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.ridge.importance import leak_of_walk
 from underlay.inference.sampling import run as sampling
 from underlay.inference.sampling import weighted
 from underlay.inference.sampling.convergence import autocorrelation_time, effective_size
 from underlay.inference.sampling.counted import CountedDensity
-from underlay.inference.sampling.informed import INFORMED, NOT_INFORMED
-from underlay.inference.sampling.moves import moves
-from underlay.inference.sampling.run import sample
+from underlay.inference.sampling.diagnostics import INFORMED, NOT_INFORMED
+from underlay.inference.sampling.run import moves, sample
 from underlay.scene.noise import Noise
 
 TESTS = Path(__file__).parent

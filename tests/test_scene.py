@@ -7,7 +7,7 @@ import pytest
 
 import underlay as ul
 from underlay.errors import InputError, ParameterError
-from underlay.scene.chain import Baseline, ContactDepth, Frame
+from underlay.scene.instrument import Baseline, ContactDepth, Frame
 from underlay.scene.parameters import kind_of
 
 CARTILAGE = ul.Scene(

@@ -12,7 +12,7 @@ import underlay as ul
 from underlay.cli.new_scene import new_scene
 from underlay.errors import InputError, ParameterError, RangeError, UnderlayWarning, UnitError
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.kernel.quadrature import u_rule
+from underlay.mechanics.kernel.kernel import u_rule
 from underlay.scene.scene_file import read_scene_file
 from underlay.scene.scene_keys import TOP, scene_keys
 

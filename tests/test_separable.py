@@ -7,8 +7,7 @@ import underlay as ul
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
-from underlay.inference.batch.separable import SeparableModel
-from underlay.inference.batch.separable_warnings import separable_warnings
+from underlay.inference.batch.separable import SeparableModel, separable_warnings
 from underlay.inference.batch.work import CurveFitter
 
 LAYER = ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3)

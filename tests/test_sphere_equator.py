@@ -7,9 +7,9 @@ import pytest
 import underlay as ul
 from support.maps import FREE
 from underlay.errors import RangeError, UnderlayWarning
-from underlay.mechanics.depth_doubt import DeeperThanLayer
+from underlay.mechanics.body import isotropic_constants
+from underlay.mechanics.contact_law import DeeperThanLayer
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.plane_constants import isotropic_constants
 
 R = 1e-6
 BALL = ul.Sphere(R)

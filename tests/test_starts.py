@@ -6,12 +6,12 @@ import pytest
 import underlay as ul
 from support.inverse import exact_curve, layer_on, measured, problem
 from underlay.data.curve import Curve
+from underlay.inference.answer_cost import plain_hertz_fit
 from underlay.inference.least_squares import fit, fitting
-from underlay.inference.least_squares.blocks import Blocks, blocked_objective
 from underlay.inference.least_squares.candidates import candidates
 from underlay.inference.least_squares.scan import Landscape, scan
+from underlay.inference.least_squares.scan_curve import Blocks, blocked_objective
 from underlay.inference.least_squares.settle import settle
-from underlay.inference.plain_hertz import plain_hertz_fit
 from underlay.inference.problem import Problem
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"

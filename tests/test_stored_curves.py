@@ -5,9 +5,9 @@ import pytest
 
 from studies.stored_curves import RTOL
 from underlay.errors import LawError
+from underlay.mechanics.body import isotropic_constants, transversely_isotropic_constants
 from underlay.mechanics.exact import stored_curves as module
-from underlay.mechanics.exact.contact_curve import known_curve
-from underlay.mechanics.exact.contact_problem import ContactProblem
+from underlay.mechanics.exact.contact_problem import ContactProblem, known_curve
 from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase, range_end
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.stored_curves import (
@@ -20,7 +20,6 @@ from underlay.mechanics.exact.stored_curves import (
 )
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import LayerKernel
-from underlay.mechanics.plane_constants import isotropic_constants, transversely_isotropic_constants
 
 
 def random_bodies(count):

@@ -15,9 +15,7 @@ from support.stuck_references import REFERENCES, StuckReference
 from underlay.inference.model.members import Member
 from underlay.mechanics.exact.master_curve import Stretch
 from underlay.mechanics.exact.nodes import Resolution
-from underlay.mechanics.stuck.basis import Basis, end_rule
-from underlay.mechanics.stuck.growth import Growth, chebyshev_radii
-from underlay.mechanics.stuck.stuck_punch import StuckPunch
+from underlay.mechanics.stuck.stuck_punch import Basis, Growth, StuckPunch, chebyshev_radii, end_rule
 from underlay.scene.scene_file import scene_from_text
 from underlay.scene.scene_writer import scene_text
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from underlay.data.disturbances import Disturbances
-from underlay.data.synthetic import simulate, synthesize
+from underlay.data.synthetic import Disturbances, simulate, synthesize
 from underlay.errors import InputError
 from underlay.mechanics.body import Layer
 from underlay.mechanics.indenters import Paraboloid

@@ -6,10 +6,10 @@ import pytest
 from underlay.data.synthetic import synthesize
 from underlay.errors import RangeError
 from underlay.inference.least_squares import fit
-from underlay.inference.least_squares.blocks import power_law_objective
-from underlay.inference.model.tip_over_power_law import TipOverPowerLaw
+from underlay.inference.least_squares.scan_curve import power_law_objective
+from underlay.inference.model.forward import TipOverPowerLaw
 from underlay.inference.problem import Problem
-from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.body import RIGID, Layer, isotropic_constants
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact import law as direct
 from underlay.mechanics.exact import tip_curves
@@ -22,14 +22,13 @@ from underlay.mechanics.exact.curve_family import (
     ratio_span,
 )
 from underlay.mechanics.exact.law import exact_law
-from underlay.mechanics.exact.punch_family import PunchCell, punch_family
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.tip_curves import PunchCell, punch_family
 from underlay.mechanics.exact.tip_law import in_size as size_slope
 from underlay.mechanics.exact.tip_law import tip_laws
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.kernel import LayerKernel
 from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.plane_constants import isotropic_constants
 from underlay.mechanics.profile import Profile
 from underlay.mechanics.solvers import Exact
 from underlay.scene.instrument import Instrument

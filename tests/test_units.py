@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from underlay import units as reading
 from underlay.errors import InputError, UnitError
-from underlay.units import KINDS, format_quantity, human_unit, kind_of, parse_quantity, reading, unit_factor
+from underlay.units import KINDS, format_quantity, human_unit, kind_of, parse_quantity, unit_factor
 
 
 @pytest.mark.parametrize(

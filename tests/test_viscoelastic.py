@@ -9,8 +9,8 @@ from scipy import integrate, special
 
 import underlay as ul
 from underlay.inference.sampling.derived import derived_quantities
+from underlay.mechanics.contact_law import ScaledLaw
 from underlay.mechanics.response import Remembered
-from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.equal_radius import equal_radius

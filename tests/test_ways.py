@@ -7,8 +7,7 @@ from support.user_scenes import user_test
 from support.worlds import Clean, disturbed
 from underlay.inference.least_squares import fitting
 from underlay.inference.least_squares.engine import Ahead
-from underlay.inference.least_squares.fitting import quick_fit
-from underlay.inference.least_squares.ways import Ways
+from underlay.inference.least_squares.fitting import Ways, quick_fit
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
 

@@ -15,11 +15,10 @@ from hypothesis import strategies as st
 import underlay as ul
 from support.hostile import NAMES
 from support.reports import SAMPLES, small_posterior
-from underlay._csv_text import csv_text, unguarded
+from underlay._csv import csv_text, unguarded
 from underlay._files import replacing, require_own_folder, write_atomic
 from underlay._text import comment_line, guarded_cell, one_line, unguarded_cell
-from underlay.data.curve_csv import curve_csv
-from underlay.data.export import write_curves
+from underlay.data.export import curve_csv, write_curves
 from underlay.errors import FileAccessError
 from underlay.inference.batch.results_table import Layout, to_frame, write_table
 from underlay.report import maps

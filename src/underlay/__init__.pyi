@@ -1,7 +1,7 @@
 # The public names and where each lives: `__init__.py` reads this file and loads a module when it is asked for.
 from .data.contact_point import find_contact as find_contact
 from .data.curve import Curve as Curve
-from .data.disturbances import Disturbances as Disturbances
+from .data.synthetic import Disturbances as Disturbances
 from .data.fit_range import in_range as in_range
 from .data.quality import check_quality as check_quality
 from .data.readers import (
@@ -37,10 +37,10 @@ from .inference.batch.decisions import (
     read_decisions as read_decisions,
 )
 from .inference.batch.fit_many import fit_many as fit_many
-from .inference.batch.options import MapOptions as MapOptions
-from .inference.batch.options import Sampling as Sampling
-from .inference.benchmark.scores import benchmark as benchmark
-from .inference.bonding import compare_bonds as compare_bonds
+from .inference.batch.model import MapOptions as MapOptions
+from .inference.batch.model import Sampling as Sampling
+from .inference.benchmark import benchmark as benchmark
+from .inference.compare import compare_bonds as compare_bonds
 from .inference.compare import compare as compare
 from .inference.films import (
     StiffnessFit as StiffnessFit,
@@ -53,7 +53,7 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
-from .inference.posterior_cost import posterior_cost as posterior_cost
+from .inference.answer_cost import posterior_cost as posterior_cost
 from .inference.pointwise.modulus import (
     ModulusCurve as ModulusCurve,
     PointwiseModulus as PointwiseModulus,
@@ -62,36 +62,36 @@ from .inference.pointwise.modulus import (
 from .inference.misfit.as_parameters import free_model_error as free_model_error
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
-from .inference.priors.densities import (
+from .inference.priors import (
     HalfNormal as HalfNormal,
     LogNormal as LogNormal,
     LogUniform as LogUniform,
     Normal as Normal,
     Uniform as Uniform,
 )
-from .inference.priors.prior import Prior as Prior
+from .inference.priors import Prior as Prior
 from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
 from .inference.recipe import steps_to_ours as steps_to_ours
-from .inference.sampling.from_chain import posterior_from_chain as posterior_from_chain
-from .inference.sampling.marginalised import marginalised as marginalised
+from .inference.sampling.assembly import posterior_from_chain as posterior_from_chain
+from .inference.sampling.counted import marginalised as marginalised
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
     with_model_error as with_model_error,
 )
 from .inference.sampling.posterior import Posterior as Posterior
 from .inference.sampling.run import sample as sample
-from .mechanics.adhesion.dmt import DMT as DMT
+from .mechanics.adhesion.maugis import DMT as DMT
 from .mechanics.adhesion.jkr import JKR as JKR
 from .mechanics.adhesion.maugis import Maugis as Maugis
-from .mechanics.area_function import AreaFunction as AreaFunction
+from .mechanics.stiffness_relation import AreaFunction as AreaFunction
 from .mechanics.body import (
     RIGID as RIGID,
     Layer as Layer,
     Material as Material,
 )
-from .mechanics.bonds import Spring as Spring
+from .mechanics.body import Spring as Spring
 from .mechanics.contact import (
     Adhesion as Adhesion,
     Contact as Contact,
@@ -141,23 +141,23 @@ from .mechanics.solvers import (
     Stuck as Stuck,
     contact_law as contact_law,
 )
-from .mechanics.stack import Stack as Stack
+from .mechanics.body import Stack as Stack
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots
 from .report.excel import write_excel as write_excel
 from .report.render import report as report
-from .report.with_units import with_units as with_units
+from .report.tables import with_units as with_units
 from .report.review import write_review as write_review
 from .scene.discrepancy import Discrepancy as Discrepancy
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
-from .scene.effect import Effect as Effect
+from .scene.effect_rules import Effect as Effect
 from .scene.fit_range import FitRange as FitRange
 from .scene.instrument import Instrument as Instrument
-from .scene.lever import Lever as Lever
-from .scene.low_rank_noise import LowRankNoise as LowRankNoise
+from .scene.instrument import Lever as Lever
+from .scene.noise import LowRankNoise as LowRankNoise
 from .scene.noise import Noise as Noise
-from .scene.noise_model import NoiseModel as NoiseModel
+from .scene.noise import NoiseModel as NoiseModel
 from .scene.program import Program as Program
 from .scene.scene import Scene as Scene
 from .scene.scene_file import load_scene as load_scene

@@ -1,18 +1,31 @@
-"""The one door through which every file comes in: curves, scenes, tables, results, chains.
+"""The one door through which every file comes in: files, archives, JSON and TOML, all bounded.
+
+The one door through which every file comes in: curves, scenes, tables, results, chains.
 
 A file may come from anybody. Here it is opened only if it is a regular file, so that no pipe is waited for
 and no device read without end; it is taken in up to a size that its kind states; and whatever the parser
 behind the door makes of its content (a number of 5000 digits, lists in lists, a false promise of a billion
 points) becomes one error of ours that names the file and says what to do. No other module opens a file to
 read it.
+
+Archives in memory, bounded by what they claim and held to it.
+
+JSON and TOML from files: neither nested nor filled beyond reason, and no integer beyond 64 bits.
+
+Python's parsers take a hundred thousand brackets, keys of twenty thousand parts and integers of four thousand
+digits, and whoever walks, prints or converts the result later fails on them.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
+import json
 import os
+import re
 import stat
+import tomllib
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,9 +37,13 @@ from underlay.errors import FileAccessError, FileFormatError, UnderlayError
 __all__ = [
     "FileKind",
     "PathLike",
+    "open_zip",
     "opened",
+    "parse_json",
+    "parse_toml",
     "printable",
     "read_bytes",
+    "read_member",
     "read_start",
     "read_text",
     "require_regular",
@@ -36,7 +53,10 @@ __all__ = [
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
+
 _MB = 1_000_000
+
+
 _PIECE, _LEAST = 16 * _MB, 65_536
 
 
@@ -233,3 +253,165 @@ def _in_words(error: Exception) -> str:
         return "it is nested too deeply"
     told = printable(" ".join(str(error).split()))[:120]
     return told if told and isinstance(error, ValueError) else f"{type(error).__name__} {told}".strip()
+
+
+# More members than any instrument archive of 256 MB holds (a JPK map has about 20 per point).
+_MAX_MEMBERS = 400_000
+
+
+def open_zip(data: bytes, name: str, largest: int) -> zipfile.ZipFile:
+    """Open an archive after checking what it claims to hold.
+
+    Parameters
+    ----------
+    data : bytes
+        The archive.
+    name : str
+        What it is called in a message.
+    largest : int
+        Most bytes that its members may claim together.
+
+    Raises
+    ------
+    FileFormatError
+        If it is damaged, or claims more than that.
+    """
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(data))
+    except Exception as error:  # BadZipFile, struct.error, and whatever else a damaged directory gives
+        raise FileFormatError(f"{name} starts as a ZIP archive but is damaged: {error!s:.120}") from error
+    members = archive.infolist()
+    total = sum(member.file_size for member in members)
+    if total > largest or len(members) > _MAX_MEMBERS:
+        raise FileFormatError(
+            f"{name} claims {len(members)} members and {total / _MB:.0f} MB unpacked; at most "
+            f"{_MAX_MEMBERS} and {largest // _MB} MB are read"
+        )
+    return archive
+
+
+def read_member(archive: zipfile.ZipFile, name: str, largest: int | None = None) -> bytes:
+    """Unpack one member into memory, never beyond the size it claims.
+
+    Parameters
+    ----------
+    archive : ZipFile
+        The archive.
+    name : str
+        Of the member.
+    largest : int, optional
+        Most bytes that it may claim.
+
+    Raises
+    ------
+    FileFormatError
+        If it is missing, damaged, encrypted, larger than it claims, or claims more than `largest`.
+    """
+    shown = printable(name)[:80]
+    try:
+        info = archive.getinfo(name)
+    except KeyError as error:
+        raise FileFormatError(f"the archive has no member {shown!r}") from error
+    if largest is not None and info.file_size > largest:
+        raise FileFormatError(
+            f"archive member {shown!r} claims {info.file_size / _MB:.0f} MB unpacked; at most "
+            f"{largest / _MB:g} MB of such a member are read"
+        )
+    try:
+        with archive.open(info) as stream:
+            data = stream.read(info.file_size + 1)
+    except Exception as error:  # each decompressor has errors of its own
+        raise FileFormatError(f"archive member {shown!r} is damaged: {error!s:.120}") from error
+    if len(data) > info.file_size:
+        raise FileFormatError(f"archive member {shown!r} is larger than it claims")
+    return data
+
+
+# Our own files nest about ten deep; what is walked by recursion later must stay far from Python's limit.
+_DEEPEST = 50
+
+
+# An empty list takes 60 bytes of memory for its two in the text, so their number is bounded too.
+_MOST_CONTAINERS = 2_000_000
+
+
+_LONGEST_INTEGER = 20  # digits: the largest of 64 bits has 20
+
+
+_LONGEST_KEY = (
+    16  # parts of a dotted key: a scene file has three, and the time of tomllib grows as their square
+)
+
+
+# Strings and comments of TOML, whose dots are no parts of a key. One without an end takes the rest, so that
+# no place is looked at twice: tomllib refuses it anyhow.
+_TOML_TEXT = re.compile(
+    r'"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)'
+    r'|"(?:[^"\\\n]|\\[^\n])*+"?|\'[^\'\n]*+\'?|#[^\n]*+',
+    re.DOTALL,
+)
+
+
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_LONGEST_KEY}}}")
+
+
+_LONG_NUMBER = re.compile(rf"(?<![\w.])\d[\d_]{{{_LONGEST_INTEGER},}}+(?![\w.])")
+
+
+def parse_json(text: str) -> Any:
+    """Read JSON that is neither nested nor filled beyond reason; for use inside `understood`.
+
+    Raises
+    ------
+    ValueError, RecursionError
+        If it is not JSON, or goes beyond the bounds.
+    """
+    if text.count("[") + text.count("{") > _MOST_CONTAINERS:
+        raise ValueError(f"more than {_MOST_CONTAINERS} lists and tables")
+    return _checked(json.loads(text, parse_int=_integer))
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Read TOML whose keys and tables are not nested beyond reason; for use inside `understood`.
+
+    Raises
+    ------
+    ValueError, RecursionError
+        If it is not TOML, or goes beyond the bounds.
+    """
+    bare = _TOML_TEXT.sub("s", text)
+    if _LONG_KEY.search(bare):
+        raise ValueError(f"a key has more than {_LONGEST_KEY} parts")
+    if _LONG_NUMBER.search(bare):
+        raise ValueError(f"an integer of more than {_LONGEST_INTEGER} digits")
+    document: dict[str, Any] = _checked(tomllib.loads(text))
+    return document
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > _LONGEST_INTEGER:
+        raise ValueError(f"an integer of {len(digits)} digits")
+    return int(digits)
+
+
+def _checked(document: Any) -> Any:
+    """Refuse what is nested too deeply or holds an integer that no number here can be."""
+    level, deep = [document], 0
+    while level:
+        deep += 1
+        if deep > _DEEPEST:
+            raise ValueError(f"nested more than {_DEEPEST} deep")
+        below: list[Any] = []
+        for part in level:
+            below += _containers(part)
+        level = below
+    return document
+
+
+def _containers(part: Any) -> Iterator[Any]:
+    values = part.values() if isinstance(part, dict) else part if isinstance(part, list) else (part,)
+    for value in values:
+        if isinstance(value, dict | list):
+            yield value
+        elif type(value) is int and abs(value) >> 64:
+            raise ValueError("an integer beyond 64 bits")

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from support.laws import exact_law
-from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.body import RIGID, Layer, isotropic_constants
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.plane_constants import isotropic_constants
 
 SHAPE = Paraboloid(1e-3)
 LAYER = Layer(Isotropic(3e6, 0.5), 1e-3)

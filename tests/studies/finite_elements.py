@@ -18,7 +18,7 @@ import numpy as np
 
 import underlay as ul
 from support.finite_elements import Layer, Press, Tip
-from underlay.mechanics.finite_strain import finite_strain_excess
+from underlay.mechanics.discrepancy import finite_strain_excess
 
 RESULTS = Path(__file__).parent / "results"
 MESHES = (8, 16)

@@ -19,7 +19,7 @@ import numpy as np
 
 from underlay.inference.least_squares import fit
 from underlay.inference.problem import Problem
-from underlay.mechanics.body import Layer
+from underlay.mechanics.body import Layer, isotropic_constants
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.curve_family import (
     Cell,
@@ -32,7 +32,6 @@ from underlay.mechanics.exact.family_law import side_by_side
 from underlay.mechanics.exact.master_curve import Factor, polynomial
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.plane_constants import isotropic_constants
 from underlay.report import bench_fits
 from underlay.scene.noise import Noise
 

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 import underlay as ul
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 from underlay.mechanics.contact_law import ContactLaw
 
 RADIUS, NU = 5e-4, 0.45

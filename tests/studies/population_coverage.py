@@ -46,7 +46,7 @@ sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 from support.populations import made_study, table_of  # noqa: E402
 from underlay import population  # noqa: E402
 from underlay.inference.population.levels import GroupModel  # noqa: E402
-from underlay.inference.population.spreads import SpreadPrior  # noqa: E402
+from underlay.inference.population.messages import SpreadPrior  # noqa: E402
 
 #: animals, sites, between, within, openness, unequal numbers.
 CELLS = (

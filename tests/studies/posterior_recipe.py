@@ -50,13 +50,15 @@ from support.posterior_quadrature import LEVELS, reference  # noqa: E402
 from support.random_posteriors import random_problem  # noqa: E402
 from underlay.errors import FitError, UnderlayError  # noqa: E402
 from underlay.inference.from_files import problem_from, read_for, weak_bounds  # noqa: E402
-from underlay.inference.ridge.coordinates import PriorNormal  # noqa: E402
-from underlay.inference.ridge.trial import weigh  # noqa: E402
-from underlay.inference.ridge.weights import WeightedDraws  # noqa: E402
-from underlay.inference.sampling import moves  # noqa: E402
+from underlay.inference.ridge.importance import weigh  # noqa: E402
+from underlay.inference.ridge.march import PriorNormal  # noqa: E402
+from underlay.inference.ridge.mixture import WeightedDraws  # noqa: E402
+from underlay.inference.sampling import run as moves  # noqa: E402
 from underlay.inference.sampling.convergence import tail_size  # noqa: E402
-from underlay.inference.sampling.counted import CountedDensity  # noqa: E402
-from underlay.inference.sampling.marginalised import marginalised  # noqa: E402
+from underlay.inference.sampling.counted import (  # noqa: E402
+    CountedDensity,
+    marginalised,
+)
 from underlay.inference.sampling.run import sample  # noqa: E402
 from underlay.inference.sampling.weighted import Ridges  # noqa: E402
 from underlay.scene.scene_file import read_scene_file  # noqa: E402

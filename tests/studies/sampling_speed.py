@@ -26,7 +26,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent.parent / "src")]
 
 from underlay.data.synthetic import synthesize  # noqa: E402
-from underlay.inference.priors.densities import LogUniform, Uniform  # noqa: E402
+from underlay.inference.priors import LogUniform, Uniform  # noqa: E402
 from underlay.inference.problem import Problem  # noqa: E402
 from underlay.inference.sampling.convergence import autocorrelation_time  # noqa: E402
 from underlay.inference.sampling.run import sample  # noqa: E402

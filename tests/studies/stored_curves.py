@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from underlay.mechanics.exact.contact_curve import solve_curve
-from underlay.mechanics.exact.contact_problem import ContactProblem
+from underlay.mechanics.exact.contact_problem import ContactProblem, solve_curve
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.stored_curves import EXPONENT, TOP, StoredCurves, grid
 from underlay.mechanics.indenters import PowerLaw

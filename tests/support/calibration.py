@@ -14,8 +14,8 @@ from scipy import stats
 
 from underlay.data.synthetic import synthesize
 from underlay.errors import UnderlayWarning
-from underlay.inference.design.information import information, prior_information
-from underlay.inference.priors.densities import LogNormal, LogUniform, Normal
+from underlay.inference.design.identifiability import information, prior_information
+from underlay.inference.priors import LogNormal, LogUniform, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
 from underlay.mechanics.body import RIGID, Layer

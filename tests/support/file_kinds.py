@@ -19,7 +19,7 @@ from underlay.errors import UnderlayWarning
 from underlay.inference.batch.fit_many import fit_many
 from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.batch.options import MapOptions
+from underlay.inference.batch.model import MapOptions
 from underlay.inference.least_squares import fit
 from underlay.inference.sampling.chain_file import ChainFile
 from underlay.inference.sampling.posterior import Posterior

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import underlay as ul
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 
 SCENE = ul.Scene(ul.Paraboloid(5e-4), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
 FREE = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-5e-5, 5e-5)}

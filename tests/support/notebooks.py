@@ -5,7 +5,7 @@ from pathlib import Path
 
 import nbformat
 
-from underlay.report.execution import execute
+from underlay.report.notebook import execute
 
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 

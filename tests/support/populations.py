@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from underlay._csv_text import csv_text
+from underlay._csv import csv_text
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 
 

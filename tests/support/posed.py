@@ -4,7 +4,7 @@ import numpy as np
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
-from underlay.inference.priors.densities import Normal
+from underlay.inference.priors import Normal
 from underlay.scene.noise import Noise
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"

@@ -3,7 +3,7 @@
 import numpy as np
 
 from underlay.data.synthetic import synthesize
-from underlay.inference.priors.densities import LogUniform, Normal, Uniform
+from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid

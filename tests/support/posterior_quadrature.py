@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import interpolate, special
 
-from underlay.inference.priors.densities import Normal, Uniform
+from underlay.inference.priors import Normal, Uniform
 
 E_PATH, E2_PATH, H_PATH = "layer.E", "substrate.E", "layer.thickness"
 CONTACT, BASELINE = "instrument.contact_depth", "instrument.baseline"

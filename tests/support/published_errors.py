@@ -17,8 +17,7 @@ from underlay.mechanics.body import RIGID
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid
 from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.published import published_corrections
-from underlay.mechanics.published.correction import ELASTIC
-from underlay.mechanics.published.layer_contact import LayerContact
+from underlay.mechanics.published.correction import ELASTIC, LayerContact
 
 # Contact radii a/h at which the exact problem is solved: the answers are smooth between them. The first
 # is so small that the factor is 1 + 0.006.

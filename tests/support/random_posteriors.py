@@ -3,7 +3,7 @@
 import numpy as np
 
 from underlay.data.synthetic import synthesize
-from underlay.inference.priors.densities import LogNormal, LogUniform, Normal, Uniform
+from underlay.inference.priors import LogNormal, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, Paraboloid

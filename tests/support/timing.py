@@ -3,9 +3,8 @@
 from functools import partial
 
 from underlay.inference import answer_cost as answers
-from underlay.inference import posterior_cost as posteriors
-from underlay.inference.answer_cost import answer_cost
-from underlay.inference.posterior_cost import posterior_cost
+from underlay.inference import answer_cost as posteriors
+from underlay.inference.answer_cost import answer_cost, posterior_cost
 from underlay.mechanics.solvers import Asymptotic, Auto, Exact, HalfSpace
 from underlay.report import bench, bench_users
 from underlay.scene.accuracy_cost import accuracy_cost

@@ -5,7 +5,7 @@ import time
 from functools import partial
 from unittest import mock
 
-from underlay.app import posterior
+from underlay.app import results as posterior
 from underlay.app.tasks import Analyst
 from underlay.errors import InputError
 

@@ -8,27 +8,35 @@
     results/         what was found
 
 Every file is written whole or not at all, and every name in it is made here: nothing that a page says is a path.
+
+What was found, kept as plain files, so that a reopened analysis shows it again.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from collections.abc import Collection, Mapping
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any, TypeVar
 
-from underlay._door import FileKind, read_bytes, read_text
+from underlay._door import FileKind, parse_json, read_bytes, read_text, understood
 from underlay._files import require_own_folder, write_atomic
 from underlay._text import one_line
-from underlay.errors import InputError
+from underlay.errors import InputError, UnderlayError
 
 __all__ = [
     "LARGEST_FILE",
     "MOST_BYTES",
     "MOST_FILES",
     "RESULTS",
+    "SHOWN",
     "AnalysisFolder",
     "analyses",
+    "keep",
+    "kept",
     "new_analysis",
     "safe_name",
     "stem_of",
@@ -36,17 +44,29 @@ __all__ = [
 
 #: Bounds of what may be brought: bytes of one file, files of one analysis, bytes of all of them.
 LARGEST_FILE, MOST_FILES, MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
+
+
 #: The files of a curve's results by what made them: what stands in their names behind the curve's.
 RESULTS: Mapping[str, tuple[str, ...]] = {
     "found": ("fit", "time", "relaxation", "adhesion", "segments", "depths", "effects"),
     "sampled": ("corner", "predictive", "posterior"),
     "film": ("film", "film.depths"),
 }
+
+
 _TEXT = FileKind("a file of an analysis", 5_000_000, "start a new analysis")
+
+
 _ANY = FileKind("a file of an analysis", MOST_BYTES, "start a new analysis")
+
+
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,60}")
+
+
 # A name of a file may not lead anywhere, hide itself, or mean something to a shell or a spreadsheet.
 _ODD = re.compile(r"[^\w.()+,= -]|^[.=+\s-]+")
+
+
 # Bytes of a curve's name and of its ending: with what results add, a system takes it.
 _LONGEST, _LONGEST_ENDING = 120, 40
 
@@ -210,3 +230,34 @@ def new_analysis(home: Path) -> AnalysisFolder:
     while (home / f"{day}-{number}").exists():
         number += 1
     return AnalysisFolder(home / f"{day}-{number}")
+
+
+#: How the names of these files end; what is taken away leaves them out.
+SHOWN = ".shown.json"
+
+
+_KIND = FileKind("a result of the page", 5_000_000, "press the button again that made it")
+
+
+_Shown = TypeVar("_Shown")
+
+
+def keep(folder: AnalysisFolder, stem: str, shown: Any) -> None:
+    """Write what is shown, a dataclass of plain values, among the results of a curve or of all."""
+    write_atomic(folder.result(_name(stem, type(shown))), json.dumps(asdict(shown), indent=1))
+
+
+def kept(folder: AnalysisFolder, stem: str, kind: type[_Shown]) -> _Shown | None:
+    """Read what was shown; None where nothing was, or the file is not what was written."""
+    path = folder.result(_name(stem, kind))
+    if not path.is_file():
+        return None
+    try:
+        with understood(path, _KIND):
+            return kind(**parse_json(read_text(path, _KIND)))
+    except UnderlayError:
+        return None
+
+
+def _name(stem: str, kind: type[object]) -> str:
+    return f"{stem}.{kind.__name__.lower()}{SHOWN}"

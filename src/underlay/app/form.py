@@ -1,4 +1,8 @@
-"""The form of a scene, made from the declarations that check a scene file: there is no second list of its keys.
+"""The form of a scene, made from the declarations that check a scene file.
+
+What the form of a scene calls its parts, and which keys stand elsewhere on the page.
+
+The form of a scene, made from the declarations that check a scene file: there is no second list of its keys.
 
 A `Draft` is a scene file on its way: sections, keys and the texts that stand for them. It knows no physics: what
 may stand where is said by `scene_keys`, and whether a whole is possible by `read_scene_file`.
@@ -12,10 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from underlay._documents import parse_toml
-from underlay._door import FileKind, read_text, understood
-from underlay.app.form_words import ELSEWHERE
-from underlay.app.typed import comma_problem
+from underlay._door import FileKind, parse_toml, read_text, understood
+from underlay.app.labels import comma_problem
 from underlay.errors import InputError, UnitError
 from underlay.report.labels import label, start
 from underlay.scene.fit_range import Mark
@@ -23,15 +25,78 @@ from underlay.scene.scene_keys import TOP, SceneKey, scene_keys
 from underlay.scene.scene_writer import document_text
 from underlay.units import KINDS, parse_quantity
 
-__all__ = ["Draft", "Field", "apart", "preset", "problem_with"]
+__all__ = ["ADVANCED", "BASES", "ELSEWHERE", "PRESETS", "Draft", "Field", "apart", "preset", "problem_with"]
+
+#: Samples to begin with: name of the file and what it is called.
+PRESETS: Mapping[str, str] = {
+    "cartilage_on_bone": "Cartilage on bone",
+    "gel_on_glass": "Gel on glass",
+    "cell_on_glass": "Cell on glass",
+    "film_on_wafer": "Film on a wafer",
+}
+
+
+#: What may lie under the layer, and what that is called.
+BASES: Mapping[str, str] = {
+    "rigid": "a rigid base",
+    "elastic": "an elastic base",
+    "none": "nothing: the sample is deep",
+}
+
+
+#: Sections that most tests do without, and what they are called.
+ADVANCED: Mapping[str, str] = {
+    "curve": "Which part of the curve is fitted",
+    TOP: "Title, friction and large strain",
+    "layer.relaxation": "A sample that relaxes",
+    "adhesion": "A tip that sticks",
+    "discrepancy": "What friction and large strain add, as numbers",
+    "instrument": "The instrument",
+    "lever": "The cantilever",
+    "noise": "The noise, where it is known",
+    "solver": "The contact law",
+}
+
+
+_FILES, _HANDLES = "step 1, where the file is read", "step 3, the handles of the curve"
+
+
+#: Keys that the form has no field for, and where the page has them.
+ELSEWHERE: Mapping[tuple[str, str], str] = {
+    ("substrate", "rigid"): "the choice of what lies under the layer",
+    ("curve", "file"): _FILES,
+    ("curve", "test"): _FILES,
+    ("curve", "format"): _FILES,
+    ("curve", "flip"): _FILES,
+    ("curve", "columns"): _FILES,
+    ("curve", "calibration"): _FILES,
+    ("curve", "min_depth"): _HANDLES,
+    ("curve", "max_depth"): _HANDLES,
+    ("instrument", "contact_depth"): _HANDLES,
+}
+
 
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
+
+
 _FOLDER = Path(__file__).parent / "presets"
+
+
 _CHOSEN_BY = {"indenter": "shape", "layer.relaxation": "model", "adhesion": "model"}
+
+
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
+
+
 _INDEX = re.compile(r"\[(\d+)\]$")
+
+
 _AMOUNT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
+
+
 _LIST, _WHOLE = "a list of ", "a whole number"
+
+
 _ENDS = ("fit_from", "fit_to")
 
 
@@ -225,7 +290,7 @@ class Draft:
 
 
 def preset(name: str) -> Draft:
-    """Return one of the samples to begin with; see `underlay.app.form_words`."""
+    """Return one of the samples to begin with; see `underlay.app.form`."""
     return Draft.of(read_text(_FOLDER / f"{name}.toml", _KIND))
 
 

@@ -10,27 +10,32 @@ from pathlib import Path
 
 import pandas as pd
 
-from underlay._csv_text import csv_text
-from underlay._documents import parse_json
-from underlay._door import FileKind, read_text, sha256_of, understood
+from underlay._csv import csv_text
+from underlay._door import FileKind, parse_json, read_text, sha256_of, understood
 from underlay._files import write_atomic
-from underlay.app.folder import AnalysisFolder
+from underlay.app.folder import AnalysisFolder, keep, kept
 from underlay.app.form import Draft
-from underlay.app.kept import keep, kept
 from underlay.app.labels import label_columns
 from underlay.app.results import rows_of
 from underlay.app.shown import Card, Gallery, Overview, Progress, Together
 from underlay.app.work import Tell
 from underlay.errors import InputError
-from underlay.inference.batch.decisions import Decision, Decisions, read_decisions, without_refused
+from underlay.inference.batch.decisions import Decision, Decisions, read_decisions, read_map, without_refused
 from underlay.inference.batch.fit_many import fit_many
-from underlay.inference.batch.map_table import read_map
-from underlay.inference.batch.options import MapOptions
+from underlay.inference.batch.model import MapOptions
 from underlay.inference.batch.results_table import FITTED, write_frame
 from underlay.inference.population.population import population
 from underlay.report import plots
-from underlay.report.maps import failure_table, map_summary, parameter_table, sample_parameters, verdict_table
-from underlay.report.population_words import comparison_table, group_table, population_sentences
+from underlay.report.maps import (
+    comparison_table,
+    failure_table,
+    group_table,
+    map_summary,
+    parameter_table,
+    population_sentences,
+    sample_parameters,
+    verdict_table,
+)
 from underlay.report.review import review_cards
 from underlay.report.spoken import spoken
 

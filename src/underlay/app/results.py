@@ -1,4 +1,11 @@
-"""What was found on one curve, as the page shows it: words, tables, pictures; kept as plain files."""
+"""What was found on one curve, its posterior, or a film, as the page shows it.
+
+What was found on one curve, as the page shows it: words, tables, pictures; kept as plain files.
+
+The posterior of the curve that is looked at: with progress, a stop, and a chain that goes on from there.
+
+A film by its contact stiffness S(h): what `underlay film` finds, for the page.
+"""
 
 from __future__ import annotations
 
@@ -9,33 +16,35 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from underlay._csv_text import csv_text
+from underlay._csv import csv_text
 from underlay._files import write_atomic
-from underlay.app.folder import AnalysisFolder
-from underlay.app.kept import keep
-from underlay.app.shown import Found, Row
-from underlay.app.snapshot import Snapshot
+from underlay.app.folder import AnalysisFolder, keep
+from underlay.app.shown import Film, Found, Progress, Row, Sampled
+from underlay.app.state import Snapshot
 from underlay.app.work import Tell
-from underlay.errors import UnderlayError
-from underlay.inference.least_squares import Fit
+from underlay.data.curve import Curve
+from underlay.errors import InputError, UnderlayError
+from underlay.inference.films import fit_film
+from underlay.inference.from_files import problem_from, weak_bounds
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.problem import Problem
+from underlay.inference.sampling.run import sample
 from underlay.report import plots
-from underlay.report.fit_files import write_fit
+from underlay.report.film_tables import film_notes, film_table, write_film
+from underlay.report.fit_files import pointwise_of, pointwise_sentence, write_fit
 from underlay.report.intervals import Estimate, estimates
-from underlay.report.labels import labelled
-from underlay.report.model_limits import model_limits
-from underlay.report.open_ends import advice, rivals
-from underlay.report.pointwise_tables import pointwise_of, pointwise_sentence
-from underlay.report.reservations import quality_doubts, reservations
+from underlay.report.labels import label, labelled
+from underlay.report.limits import advice, model_limits, quality_doubts, reservations, rivals
+from underlay.report.posterior_tables import posterior_table
 from underlay.report.scene_tables import ledger_in_words
-from underlay.report.spoken import spoken
+from underlay.report.spoken import gathered_warnings, spoken
 from underlay.report.tables import interval_table
-from underlay.report.words import headline, stands_on, verdict_sentence
+from underlay.report.words import headline, posterior_summary, stands_on, verdict_sentence
 from underlay.scene.effects import effects_table
 from underlay.units import printed
 
-__all__ = ["rows_of", "tell_found"]
+__all__ = ["film_of", "film_rows", "rows_of", "sample_posterior", "tell_found"]
 
 
 def tell_found(
@@ -124,3 +133,101 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return "" if np.isnan(value) else f"{value:.4g}"
     return str(value)
+
+
+_WALKERS, _EVERY = 64, 10
+
+
+_OPEN_NOISE = "looking for where to begin; no noise is stated, so it is averaged over, which takes longer"
+
+
+_UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on from there, or allow more steps."
+
+
+def sample_posterior(
+    folder: AnalysisFolder, tested: Snapshot, curve: Curve, most: int, tell: Tell
+) -> Sampled:
+    """Sample until the chain has converged, `most` steps are done or a stop was asked for; keep what came of it."""
+    file, stem, of = tested.file, tested.stem, tested.of
+    chain = folder.result(f"{stem}.chain.h5")
+    mark = f"{of} {most}".encode()
+    if folder.read_result(f"{stem}.chain.txt") != mark:
+        chain.unlink(missing_ok=True)
+    write_atomic(folder.result(f"{stem}.chain.txt"), mark)
+
+    def step(done: int, needed: int, effective: float) -> None:
+        if done % _EVERY == 0:
+            words = f"{done} of about {needed} steps; worth {effective:.0f} independent draws so far"
+            tell(Progress(done, needed, words))
+
+    with gathered_warnings() as notes:
+        problem = problem_from(file, curve, weak_bounds(file, curve))
+        tell(Progress(0, most, _OPEN_NOISE if problem.noise_is_open else "looking for where to begin"))
+        posterior = sample(problem, _WALKERS, most, backend=chain, resume=chain.exists(), progress=step)
+    pictures = []
+    for name, draw in (("corner", plots.corner), ("predictive", plots.predictive)):
+        plots.save(draw(posterior), folder.result(f"{stem}.{name}.png"))
+        pictures.append(f"{stem}.{name}.png")
+    posterior.save(folder.result(f"{stem}.posterior.npz"))
+    summary = csv_text(posterior.summary().rename_axis("parameter"))
+    write_atomic(folder.result(f"{stem}.posterior.csv"), summary)
+    words = posterior_summary(posterior).replace("**", "").split("\n\n")
+    # What the sampler warns of is the second sentence already; what to do about it is not.
+    unfinished = not posterior.converged
+    notes = [note for note in notes if not (unfinished and posterior.diagnostics.reason in note)]
+    advice = (_UNFINISHED,) if unfinished else ()
+    said = (*words[:2], *advice, *words[2:], *map(spoken, notes))
+    sampled = Sampled(of, said, rows_of(posterior_table(posterior)), tuple(pictures))
+    keep(folder, stem, sampled)
+    return sampled
+
+
+#: What the command says otherwise.
+_WORDS = {
+    "left of the trend with depth": "What is left of the trend with depth, once the base is in the model",
+    "give --calibration": "bring a test of a known sample",
+}
+
+
+def film_rows(table: pd.DataFrame) -> tuple[Row, ...]:
+    """Rows of `underlay film`, with every parameter called by its words."""
+    return tuple(row | {"parameter": label(row["parameter"])} for row in rows_of(table))
+
+
+def film_of(folder: AnalysisFolder, tested: Snapshot, base: str, modulus: str, ends: tuple[str, str]) -> Film:
+    """Fit the contact stiffness of the curve that is looked at.
+
+    Parameters
+    ----------
+    folder : AnalysisFolder
+        Holds both files.
+    tested : Snapshot
+        The test; its indenter is a cone.
+    base : str
+        File of the test on a sample of known modulus with the same tip; empty for a perfect tip.
+    modulus : str
+        E / (1 - nu^2) of that sample, with its unit.
+    ends : (str, str)
+        Shallowest and deepest depth that count, with units.
+
+    Raises
+    ------
+    CurveError, InputError
+        As `underlay film`.
+    """
+    curve = folder.curve_file(tested.curve_name)
+    if base and not modulus.strip():
+        raise InputError('the known sample needs its modulus, such as "165 GPa" for (001) silicon')
+    calibration = folder.curve_file(base) if base else None
+    found = fit_film(tested.file, curve, calibration, modulus or None, ends)
+    write_film(found, folder.results, tested.stem)
+    notes = tuple(spoken(_on_the_page(note)) for note in film_notes(found, perfect=not base))
+    film = Film(tested.of, notes, film_rows(film_table(found)), f"{tested.stem}.film.png")
+    keep(folder, tested.stem, film)
+    return film
+
+
+def _on_the_page(note: str) -> str:
+    for words, others in _WORDS.items():
+        note = note.replace(words, others)
+    return note

@@ -1,11 +1,24 @@
-"""What the page shows of work that was done beside it: plain values, which travel through a pipe."""
+"""What the page shows of work that was done beside it.
+
+What the page shows of work that was done beside it: plain values, which travel through a pipe.
+
+What is said of a curve before anything is fitted to it: how it was read, how good it is, what its file found.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from underlay.report.canvas import Canvas
+import numpy as np
+import pandas as pd
+
+from underlay.data.curve import Curve
+from underlay.data.quality import check_quality
+from underlay.report.plots.fit import Canvas
+from underlay.report.spoken import spoken
+from underlay.scene.scene_file import SceneFile
+from underlay.units import format_quantity, printed
 
 __all__ = [
     "Card",
@@ -20,6 +33,10 @@ __all__ = [
     "Sampled",
     "Taken",
     "Together",
+    "printed_rows",
+    "quality_of",
+    "spoken_once",
+    "vendor_words",
 ]
 
 #: A row of a table: texts by column.
@@ -311,3 +328,33 @@ class Sampled:
     sentences: tuple[str, ...] = ()
     table: tuple[Row, ...] = ()
     pictures: tuple[str, ...] = ()
+
+
+_SPANS = ("depth", "force")
+
+
+def spoken_once(*messages: str) -> tuple[str, ...]:
+    """Each message once, in the words of the page."""
+    return tuple(dict.fromkeys(map(spoken, messages)))
+
+
+def quality_of(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:
+    """Verdict on a curve, and what speaks against it."""
+    quality = check_quality(curve, file.draft)
+    return quality.verdict, list(quality.reasons)
+
+
+def vendor_words(curve: Curve) -> str:
+    """What the instrument itself found, in words."""
+    reduced = curve.metadata.get("instrument_reduced_modulus")
+    if not isinstance(reduced, int | float) or isinstance(reduced, bool) or not np.isfinite(reduced):
+        return ""
+    return f"{format_quantity(float(reduced), 'pressure')} (reduced modulus)"
+
+
+def printed_rows(table: pd.DataFrame) -> tuple[Row, ...]:
+    """Rows for a page: spans with their units as printed, what a file calls its tests as it does."""
+    return tuple(
+        {str(key): printed(str(value)) if key in _SPANS else str(value) for key, value in row.items()}
+        for row in table.to_dict("records")
+    )

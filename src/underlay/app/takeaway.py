@@ -9,16 +9,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from underlay._door import FileKind, read_bytes
-from underlay.app.folder import AnalysisFolder
-from underlay.app.kept import kept
+from underlay.app.folder import AnalysisFolder, kept
 from underlay.app.many import judged_table
 from underlay.app.shown import Film, Found, Sampled
-from underlay.app.snapshot import Snapshot
+from underlay.app.state import Snapshot
 from underlay.errors import InputError
-from underlay.inference.least_squares import Fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.report.excel import excel_bytes
-from underlay.report.pointwise_tables import pointwise_of
+from underlay.report.fit_files import pointwise_of
 from underlay.report.render import report
 
 __all__ = ["analysis_archive", "fitted_test", "map_workbook", "report_page", "script", "workbook_of"]

@@ -13,35 +13,43 @@ import numpy as np
 from underlay._door import sha256_of
 from underlay._files import write_atomic
 from underlay.app import many, takeaway
-from underlay.app.curve_words import printed_rows, quality_of, spoken_once, vendor_words
-from underlay.app.film import film_of
-from underlay.app.folder import AnalysisFolder
-from underlay.app.kept import kept
+from underlay.app.folder import AnalysisFolder, kept
 from underlay.app.labels import read_labels, set_label, take_manifest
-from underlay.app.posterior import sample_posterior
-from underlay.app.results import tell_found
-from underlay.app.shown import Film, Found, Gallery, Look, Overview, Reading, Sampled, Taken, Together
-from underlay.app.snapshot import Snapshot
+from underlay.app.results import film_of, sample_posterior, tell_found
+from underlay.app.shown import (
+    Film,
+    Found,
+    Gallery,
+    Look,
+    Overview,
+    Reading,
+    Sampled,
+    Taken,
+    Together,
+    printed_rows,
+    quality_of,
+    spoken_once,
+    vendor_words,
+)
+from underlay.app.state import Snapshot
 from underlay.app.work import Tell
 from underlay.data.contact_point import find_contact
-from underlay.data.curve import Curve
+from underlay.data.curve import Curve, recorded
 from underlay.data.readers import read_all
-from underlay.data.recorded import recorded
 from underlay.data.signs import flipped
 from underlay.errors import InputError, UnderlayError
+from underlay.inference.compare import laws_at_contact
 from underlay.inference.file_facts import settle
 from underlay.inference.from_files import chosen_part, problem_from, read_for, read_whole
-from underlay.inference.held_contact import laws_at_contact
-from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
-from underlay.report.gathered_warnings import gathered_warnings
-from underlay.report.plots.laws import canvas
+from underlay.report.plots.fit import canvas
 from underlay.report.plots.style import drawn, unit_for
 from underlay.report.reading import format_name, reading_table
-from underlay.report.spoken import spoken
-from underlay.scene.default_depth import default_depth
+from underlay.report.spoken import gathered_warnings, spoken
+from underlay.scene.program import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity, printed
 

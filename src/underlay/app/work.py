@@ -24,7 +24,7 @@ from multiprocessing.process import parent_process
 from typing import Any, TypeVar
 
 from underlay.errors import UnderlayError
-from underlay.inference.batch.fresh_process import start_of_a_process
+from underlay.inference.batch.processes import start_of_a_process
 from underlay.report.spoken import spoken
 
 __all__ = ["Tell", "WorkError", "Worker", "load_ahead"]

@@ -9,8 +9,7 @@ import typer
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.expected import deepest_point, measured_curve
-from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, ScenePath
-from underlay.cli.output_folder import ready_folder
+from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, ScenePath, ready_folder
 
 __all__ = ["accuracy"]
 
@@ -28,11 +27,10 @@ def accuracy(
 
     Example: `underlay accuracy scene.toml --max-depth "100 um" --output results`
     """
-    from underlay._csv_text import csv_text
-    from underlay.inference.answer_cost import answer_cost
-    from underlay.inference.posterior_cost import posterior_cost
+    from underlay._csv import csv_text
+    from underlay.inference.answer_cost import answer_cost, posterior_cost
     from underlay.report import plots
-    from underlay.report.accuracy_table import accuracy_summary, answer_summary
+    from underlay.report.tables import accuracy_summary, answer_summary
     from underlay.scene.accuracy_cost import accuracy_cost
     from underlay.scene.scene_file import read_scene_file
     from underlay.units import format_quantity

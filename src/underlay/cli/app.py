@@ -23,7 +23,7 @@ from underlay.cli.formats import formats
 from underlay.cli.identify import identify
 from underlay.cli.keys import keys
 from underlay.cli.map import map_curves
-from underlay.cli.output_folder import without_empty_folders
+from underlay.cli.options import without_empty_folders
 from underlay.cli.plan import plan
 from underlay.cli.population import population
 from underlay.cli.report import report

@@ -11,8 +11,7 @@ import typer
 from underlay._door import FileKind, read_text
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
-from underlay.cli.options import OutputFolder
-from underlay.cli.output_folder import ready_folder
+from underlay.cli.options import OutputFolder, ready_folder
 from underlay.errors import FileFormatError
 
 __all__ = ["bench"]
@@ -37,7 +36,7 @@ def bench(
 
     Example: `underlay bench --output results`
     """
-    from underlay._csv_text import csv_text
+    from underlay._csv import csv_text
     from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
     from underlay.report.bench_users import machine, user_table
 

@@ -9,12 +9,11 @@ from rich.console import Console
 
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
-from underlay.cli.options import OutputFolder
-from underlay.cli.output_folder import ready_folder
+from underlay.cli.options import OutputFolder, ready_folder
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
-    from underlay.inference.benchmark.scores import Scores
+    from underlay.inference.benchmark import Scores
 
 __all__ = ["benchmark"]
 
@@ -49,10 +48,9 @@ def benchmark(
 
     Example: `underlay benchmark --solver garcia2018 --kind elastic --output results`
     """
-    from underlay._csv_text import csv_text
-    from underlay.inference.benchmark.estimates import Program
-    from underlay.inference.benchmark.references import against_finite_elements, against_references
-    from underlay.inference.benchmark.scores import benchmark as scored
+    from underlay._csv import csv_text
+    from underlay.inference.benchmark import Program, against_finite_elements, against_references
+    from underlay.inference.benchmark import benchmark as scored
 
     if solver is not None and program is not None:
         raise InputError("--solver and --program do not go together: score one after the other")

@@ -9,8 +9,7 @@ import typer
 
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
-from underlay.cli.options import OutputFolder
-from underlay.cli.output_folder import ready_folder
+from underlay.cli.options import OutputFolder, ready_folder
 
 __all__ = ["cite"]
 
@@ -29,8 +28,8 @@ def cite(
     """
     import pandas as pd
 
-    from underlay.inference.citation.bibtex import bibtex
     from underlay.inference.citation.result import cited
+    from underlay.inference.citation.works import bibtex
 
     if output is not None:
         ready_folder(output)

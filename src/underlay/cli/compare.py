@@ -6,10 +6,8 @@ from typing import TYPE_CHECKING
 
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table, say_warnings
-from underlay.cli.options import CurveFile, OutputFolder, SceneOption
-from underlay.cli.output_folder import ready_folder
-from underlay.report.gathered_warnings import gathered_warnings
-from underlay.report.spoken import spoken
+from underlay.cli.options import CurveFile, OutputFolder, SceneOption, ready_folder
+from underlay.report.spoken import gathered_warnings, spoken
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,12 +22,12 @@ def compare(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -
 
     Example: `underlay compare curve.csv --scene scene.toml --output results`
     """
-    from underlay._csv_text import csv_text
-    from underlay.inference.bonding import compare_bonds
+    from underlay._csv import csv_text
     from underlay.inference.compare import compare as compare_laws
+    from underlay.inference.compare import compare_bonds
     from underlay.inference.from_files import load_problem
-    from underlay.report.bond_words import bonds_sentences
-    from underlay.scene.faces import has_face
+    from underlay.report.limits import bonds_sentences
+    from underlay.scene.scene import has_face
 
     if output is not None:
         ready_folder(output)

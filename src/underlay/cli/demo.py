@@ -11,7 +11,7 @@ from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_warnings
 from underlay.cli.fit import show_fit
 from underlay.data.samples import sample
-from underlay.report.gathered_warnings import gathered_warnings
+from underlay.report.spoken import gathered_warnings
 
 __all__ = ["demo"]
 
@@ -33,7 +33,7 @@ def demo(
     from underlay.inference.from_files import load_problem
     from underlay.inference.least_squares import fit
     from underlay.report.fit_files import write_fit
-    from underlay.report.reservations import reservations
+    from underlay.report.limits import reservations
 
     folder = require_writable_folder(output)
     written: list[Path] = []

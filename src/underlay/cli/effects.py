@@ -5,9 +5,16 @@ from __future__ import annotations
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.expected import deepest_point, measured_curve
-from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
-from underlay.cli.output_folder import ready_folder
-from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.options import (
+    CurveOption,
+    MaxDepth,
+    OutputFolder,
+    Rtol,
+    ScenePath,
+    SolverName,
+    ready_folder,
+    wanted_solver,
+)
 
 __all__ = ["effects"]
 
@@ -24,7 +31,7 @@ def effects(
 
     Example: `underlay effects scene.toml --max-depth "100 um" --output results`
     """
-    from underlay._csv_text import csv_text
+    from underlay._csv import csv_text
     from underlay.inference.answer_cost import effects_on_answers
     from underlay.report import plots
     from underlay.scene.effects import effects_table

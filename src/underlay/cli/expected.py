@@ -15,7 +15,7 @@ from underlay.errors import InputError
 
 if TYPE_CHECKING:
     from underlay.data.curve import Curve
-    from underlay.scene.noise_model import NoiseModel
+    from underlay.scene.noise import NoiseModel
     from underlay.scene.scene import Scene
     from underlay.scene.scene_file import SceneFile, SimulatedDepths
 
@@ -42,7 +42,7 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
     InputError
         If what was given is not positive.
     """
-    from underlay.scene.default_depth import default_depth
+    from underlay.scene.program import default_depth
     from underlay.units import format_quantity, parse_quantity
 
     if option is not None:
@@ -69,7 +69,7 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
 
 def doubt_depth(scene: Scene, depth: float) -> None:
     """Warn where a depth since contact (m) is more than the layer's thickness."""
-    from underlay.mechanics.depth_doubt import DeeperThanLayer
+    from underlay.mechanics.contact_law import DeeperThanLayer
 
     doubt = DeeperThanLayer.of(depth, scene.layer.thickness)
     if doubt is not None:
@@ -80,7 +80,7 @@ def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) 
     """Noise of [noise], else what the curve scatters, else a default that is said."""
     import numpy as np
 
-    from underlay.inference.model.noise_start import scatter
+    from underlay.inference.model.members import scatter
     from underlay.scene.noise import Noise
     from underlay.units import format_quantity
 

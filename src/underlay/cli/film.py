@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from underlay.cli.console import say, say_table
-from underlay.cli.options import CurveFile, OutputFolder, SceneOption
-from underlay.cli.output_folder import ready_folder
+from underlay.cli.options import CurveFile, OutputFolder, SceneOption, ready_folder
 
 __all__ = ["film"]
 
@@ -34,7 +33,7 @@ def film(
 
     Example: `underlay film oxide.xls --scene film.toml --calibration silicon.xls --known-modulus "165 GPa"`
     """
-    from underlay.inference.film_from_files import fit_film
+    from underlay.inference.films import fit_film
     from underlay.report.film_tables import film_notes, film_table
     from underlay.scene.scene_file import read_scene_file
 
@@ -45,7 +44,7 @@ def film(
     for note in film_notes(found, perfect=calibration is None):
         say(note)
     if output is not None:
-        from underlay.report.film_files import write_film
+        from underlay.report.film_tables import write_film
 
         for path in write_film(found, output, curve.stem):
             say(f"wrote {path}")

@@ -6,15 +6,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from underlay.cli.console import say, say_table, say_warnings
-from underlay.cli.excel_file import require_excel
-from underlay.cli.options import CurveFile, ExcelFile, OutputFolder, Rtol, SceneOption, SolverName
-from underlay.cli.output_folder import ready_folder
-from underlay.cli.wanted_solver import wanted_solver
-from underlay.report.gathered_warnings import gathered_warnings
-from underlay.report.spoken import spoken
+from underlay.cli.options import (
+    CurveFile,
+    ExcelFile,
+    OutputFolder,
+    Rtol,
+    SceneOption,
+    SolverName,
+    ready_folder,
+    require_excel,
+    wanted_solver,
+)
+from underlay.report.spoken import gathered_warnings, spoken
 
 if TYPE_CHECKING:
-    from underlay.inference.least_squares import Fit
+    from underlay.inference.least_squares.fit_result import Fit
 
 __all__ = ["fit", "show_fit"]
 
@@ -33,7 +39,7 @@ def fit(
     """
     from underlay.inference.from_files import load_problem
     from underlay.inference.least_squares import fit as least_squares_fit
-    from underlay.report.reservations import quality_doubts, reservations
+    from underlay.report.limits import quality_doubts, reservations
 
     if output is not None:
         ready_folder(output)
@@ -59,7 +65,7 @@ def _write_excel(result: Fit, path: Path) -> Path:
     """Write the fit and its modulus at each depth, where there is one, as an Excel file."""
     from underlay.inference.pointwise.modulus import PointwiseModulus
     from underlay.report.excel import write_excel
-    from underlay.report.pointwise_tables import pointwise_of
+    from underlay.report.fit_files import pointwise_of
 
     by_depth = [found for found in pointwise_of(result) if isinstance(found, PointwiseModulus)]
     return write_excel(path, result, *by_depth)
@@ -69,8 +75,7 @@ def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
     from underlay.inference.recipe import steps_to_ours
     from underlay.report.adhesion_tables import adhesion_frame, halfspace_of
-    from underlay.report.model_limits import model_limits
-    from underlay.report.open_ends import advice, rivals
+    from underlay.report.limits import advice, model_limits, rivals
     from underlay.report.tables import correlated_pairs, fit_table, steps_table
     from underlay.report.words import headline, stands_on, verdict_sentence
     from underlay.units import format_quantity

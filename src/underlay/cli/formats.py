@@ -11,8 +11,7 @@ import typer
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.new_scene import new_scene as starter
-from underlay.cli.options import OutputFolder
-from underlay.cli.output_folder import ready_folder
+from underlay.cli.options import OutputFolder, ready_folder
 from underlay.errors import InputError
 
 if TYPE_CHECKING:

@@ -8,9 +8,15 @@ from typing import TYPE_CHECKING
 from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.cli.expected import deepest_point, expected_depths, expected_noise, measured_curve
-from underlay.cli.options import CurveOption, OutputFolder, Rtol, ScenePath, SolverName
-from underlay.cli.output_folder import ready_folder
-from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.options import (
+    CurveOption,
+    OutputFolder,
+    Rtol,
+    ScenePath,
+    SolverName,
+    ready_folder,
+    wanted_solver,
+)
 from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
@@ -33,7 +39,7 @@ def identify(
 
     Example: `underlay identify scene.toml --curve curve.csv`
     """
-    from underlay._csv_text import csv_text
+    from underlay._csv import csv_text
     from underlay.inference.design.identifiability import identifiability
     from underlay.inference.from_files import problem_from
     from underlay.report import plots

@@ -9,9 +9,7 @@ import typer
 
 from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_error, say_table
-from underlay.cli.excel_file import require_excel
-from underlay.cli.options import ExcelFile, Rtol, SceneOption, Seed, SolverName
-from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.options import ExcelFile, Rtol, SceneOption, Seed, SolverName, require_excel, wanted_solver
 from underlay.errors import InputError
 from underlay.report.spoken import spoken
 
@@ -79,7 +77,7 @@ def map_curves(
     """
     from underlay.inference.batch.decisions import read_decisions, without_refused
     from underlay.inference.batch.fit_many import fit_many
-    from underlay.inference.batch.options import MapOptions, Sampling
+    from underlay.inference.batch.model import MapOptions, Sampling
     from underlay.inference.batch.results_table import write_frame
     from underlay.scene.scene_file import read_scene_file
 

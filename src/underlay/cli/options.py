@@ -1,11 +1,32 @@
-"""Arguments that several commands share, spelled once."""
+"""Arguments that several commands share, and the folder that results go into.
+
+Options that are given as NAME=VALUE, any number of times: ``--noise force="2 uN" --noise relative=0.5%``.
+
+By which solver a command looks at a scene: from its options, else from the scene file.
+
+The option --excel: refused before the work where it could not be met after it.
+
+The folder that a command writes its results into: made before it computes, and gone if nothing was written.
+
+Arguments that several commands share, spelled once.
+"""
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from underlay._files import require_writable_folder
+from underlay.errors import InputError, UnitError
+
+if TYPE_CHECKING:
+    from underlay.mechanics.solver import Solver
 
 __all__ = [
     "CurveFile",
@@ -18,26 +39,170 @@ __all__ = [
     "ScenePath",
     "Seed",
     "SolverName",
+    "named_quantities",
+    "ready_folder",
+    "require_excel",
+    "wanted_solver",
+    "without_empty_folders",
 ]
 
+
+def named_quantities(option: str, given: Iterable[str], kinds: Mapping[str, str]) -> dict[str, float]:
+    """Read the values of an option that may be repeated.
+
+    Parameters
+    ----------
+    option : str
+        As it is spelled, e.g. ``"--noise"``.
+    given : iterable of str
+        What was written, each ``NAME=VALUE``.
+    kinds : mapping of str to str
+        Kind of quantity of each name there is.
+
+    Returns
+    -------
+    dict of str to float
+        Values (SI) by name, in the order given.
+
+    Raises
+    ------
+    InputError
+        If one is not written so, its name is unknown, or it is given twice.
+    UnitError
+        If a unit is missing, unknown or of another kind.
+    """
+    from underlay.units import KINDS, parse_quantity
+
+    found: dict[str, float] = {}
+    for text in given:
+        written, equals, value = text.partition("=")
+        name = written.strip().replace("-", "_")
+        if name not in kinds:
+            near = difflib.get_close_matches(name, kinds, n=1)
+            hint = f"; did you mean {near[0]}?" if near else "."
+            raise InputError(f"{option} has no {written.strip()!r}{hint} There are {', '.join(kinds)}")
+        if not equals or not value.strip():
+            example = KINDS[kinds[name]].example
+            raise InputError(f"{option} {name} needs a value, e.g. {option} {name}={_quoted(example)}")
+        if name in found:
+            raise InputError(f"{option} {name} is given twice; give it once")
+        try:
+            found[name] = parse_quantity(value.strip(), kinds[name])
+        except UnitError as error:
+            raise UnitError(f"{option} {name}: {error}") from error
+    return found
+
+
+def _quoted(example: str) -> str:
+    return f'"{example}"' if " " in example else example
+
+
+def wanted_solver(stated: Solver, name: str | None, rtol: float | None) -> Solver:
+    """Return the solver of the options, else that of the scene file.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name, or it takes no --rtol.
+    """
+    from underlay.mechanics.solvers import as_solver
+
+    solver = stated if name is None else as_solver(name)
+    if rtol is None:
+        return solver
+    if not solver.tolerance:
+        raise InputError(
+            f'--rtol does not go with the solver {solver.label}: it goes with "auto" and "exact"'
+        )
+    return solver.with_tolerance(rtol)
+
+
+def require_excel(path: Path) -> None:
+    """Refuse a file that could not be written at the end.
+
+    Raises
+    ------
+    InputError
+        If it does not end in .xlsx.
+    MissingExtraError
+        If the extra ``excel`` is not installed.
+    FileAccessError
+        If its folder cannot be written.
+    """
+    from underlay.report.excel import excel_library
+
+    if path.suffix.lower() != ".xlsx":
+        raise InputError(f"--excel must end in .xlsx; got {path.name!r}")
+    excel_library()
+    require_writable_folder(path.parent)
+
+
+# Folders that the command at hand has made, innermost first.
+_made: ContextVar[list[Path] | None] = ContextVar("made", default=None)
+
+
+def ready_folder(path: Path) -> Path:
+    """Make an output folder, so that a command that cannot write fails before it computes.
+
+    Raises
+    ------
+    FileAccessError
+        As `require_writable_folder`.
+    """
+    missing = [folder for folder in (path, *path.parents) if not folder.exists()]
+    folder = require_writable_folder(path)
+    made = _made.get()
+    if made is not None:
+        made.extend(missing)
+    return folder
+
+
+@contextmanager
+def without_empty_folders() -> Iterator[None]:
+    """Take away what `ready_folder` made and nothing was written into, as after input that is refused."""
+    token = _made.set([])
+    try:
+        yield
+    finally:
+        for folder in _made.get() or []:
+            # Only an empty folder can be removed so.
+            with suppress(OSError):
+                folder.rmdir()
+        _made.reset(token)
+
+
 CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
+
+
 CurveOption = Annotated[
     Path | None,
     typer.Option(
         "--curve", help="Measured curve that says depth and noise; else the one that [curve] file names."
     ),
 ]
+
+
 SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): what was tested.")]
+
+
 ScenePath = Annotated[Path, typer.Argument(help="Scene file (TOML).")]
+
+
 OutputFolder = Annotated[
     Path | None,
     typer.Option("--output", "-o", help="Folder for tables, JSON and pictures; made if absent."),
 ]
+
+
 ExcelFile = Annotated[
     Path | None,
     typer.Option("--excel", help="Excel file to write (.xlsx): results, settings, curves, each a sheet."),
 ]
+
+
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same seed makes the same file.")]
+
+
 MaxDepth = Annotated[
     str | None,
     typer.Option(
@@ -45,6 +210,8 @@ MaxDepth = Annotated[
         help='Deepest point since contact, e.g. "100 um"; else that of the curve or [simulate].',
     ),
 ]
+
+
 SolverName = Annotated[
     str | None,
     typer.Option(
@@ -52,6 +219,8 @@ SolverName = Annotated[
         help="Contact law: auto, exact, asymptotic, halfspace or a published correction; else that of [solver].",
     ),
 ]
+
+
 Rtol = Annotated[
     float | None,
     typer.Option("--rtol", help="Relative error allowed; else that of [solver], else 1e-6."),

@@ -9,9 +9,16 @@ import typer
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_warnings
 from underlay.cli.expected import deepest_point, expected_noise, measured_curve
-from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
-from underlay.cli.output_folder import ready_folder
-from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.options import (
+    CurveOption,
+    MaxDepth,
+    OutputFolder,
+    Rtol,
+    ScenePath,
+    SolverName,
+    ready_folder,
+    wanted_solver,
+)
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,7 +57,7 @@ def plan(
     """
     import numpy as np
 
-    from underlay._csv_text import csv_text
+    from underlay._csv import csv_text
     from underlay.inference.design.planning import plan as plan_tests
     from underlay.inference.from_files import free_of
     from underlay.report import plots

@@ -9,9 +9,7 @@ import typer
 
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
-from underlay.cli.excel_file import require_excel
-from underlay.cli.options import ExcelFile, OutputFolder
-from underlay.cli.output_folder import ready_folder
+from underlay.cli.options import ExcelFile, OutputFolder, ready_folder, require_excel
 
 __all__ = ["population"]
 
@@ -48,10 +46,10 @@ def population(
 
     Example: `underlay population map.csv --by animal --group treatment`
     """
-    from underlay._csv_text import csv_text
+    from underlay._csv import csv_text
     from underlay.inference.population.population import population as population_of
     from underlay.report import plots
-    from underlay.report.population_words import comparison_table, group_table, population_sentences
+    from underlay.report.maps import comparison_table, group_table, population_sentences
 
     if output is not None:
         ready_folder(output)
@@ -67,7 +65,7 @@ def population(
     if result.comparisons:
         say_table(comparison_table(result), "Ratios")
     if excel is not None:
-        from underlay.inference.batch.map_table import read_map
+        from underlay.inference.batch.decisions import read_map
         from underlay.report.excel import write_excel
 
         asked = {"table": str(table), "by": ", ".join(levels), "group": group or "", "parameter": parameter}

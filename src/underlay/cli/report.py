@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from underlay._documents import parse_json
-from underlay._door import FileKind, read_text, understood
+from underlay._door import FileKind, parse_json, read_text, understood
 from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.errors import InputError

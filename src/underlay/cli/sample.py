@@ -10,11 +10,18 @@ import typer
 
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table, say_warnings
-from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, Seed, SolverName
-from underlay.cli.output_folder import ready_folder
-from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.options import (
+    CurveFile,
+    OutputFolder,
+    Rtol,
+    SceneOption,
+    Seed,
+    SolverName,
+    ready_folder,
+    wanted_solver,
+)
 from underlay.errors import InputError
-from underlay.report.gathered_warnings import gathered_warnings
+from underlay.report.spoken import gathered_warnings
 
 if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior
@@ -113,7 +120,7 @@ def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
 
 def _write(posterior: Posterior, folder: Path, stem: str) -> list[Path]:
     """Write table, draws and pictures; return the files."""
-    from underlay._csv_text import csv_text
+    from underlay._csv import csv_text
     from underlay.report import plots
 
     draws = folder / f"{stem}.posterior.npz"

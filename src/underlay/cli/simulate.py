@@ -14,13 +14,12 @@ import typer
 from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.cli.expected import deepest_point, doubt_depth, expected_depths
-from underlay.cli.named_quantities import named_quantities
-from underlay.cli.options import ScenePath, Seed
+from underlay.cli.options import ScenePath, Seed, named_quantities
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
     from underlay.data.curve import Curve
-    from underlay.scene.noise_model import NoiseModel
+    from underlay.scene.noise import NoiseModel
     from underlay.scene.scene_file import SceneFile
 
 __all__ = ["simulate"]
@@ -66,7 +65,7 @@ def simulate(
 
     Example: `underlay simulate scene.toml --output noisy.csv --noise force="2 uN" --noise relative=0.5%`
     """
-    from underlay.data.curve_csv import curve_csv
+    from underlay.data.export import curve_csv
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(scene)
@@ -87,9 +86,8 @@ def simulate(
 def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate: str | None) -> Curve:
     """The curve of a scene file with what the options change."""
     from underlay._arrays import positive
-    from underlay.data.disturbances import Disturbances
+    from underlay.data.synthetic import Disturbances, synthesize
     from underlay.data.synthetic import simulate as noiseless
-    from underlay.data.synthetic import synthesize
     from underlay.scene.instrument import Instrument
     from underlay.scene.noise import Noise
     from underlay.units import parse_quantity

@@ -1,26 +1,115 @@
-"""A measured or made curve: depth, force, time and segments in SI, read-only, with where they came from."""
+"""A measured or made curve: depth, force, time and segments in SI, with where they came from.
+
+An immutable mapping for what is known about a curve: where it came from and what was done to it.
+
+A measured or made curve: depth, force, time and segments in SI, read-only, with where they came from.
+
+Which instrument recorded a curve, and when, in the words of its file.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, final
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from underlay._arrays import SMALLEST_LENGTH, ArrayLike, FloatArray
+from underlay._text import one_line
 from underlay.data.equilibrium import equilibrium_points
-from underlay.data.metadata import Metadata
 from underlay.data.segments import HOLD, LOADING, UNLOADING, one_label, one_of_each, segments_from_motion
-from underlay.errors import CurveError
+from underlay.errors import CurveError, InputError
 
-__all__ = ["MIN_POINTS", "Curve", "check_fittable"]
+__all__ = ["MIN_POINTS", "RECORDED", "Curve", "Metadata", "check_fittable", "recorded"]
+
+
+@final
+class Metadata(Mapping[str, Any]):
+    """A read-only mapping of names to plain values.
+
+    Values are text, numbers, booleans, None, tuples of these and further `Metadata`; lists become tuples
+    and mappings become `Metadata`. It can be pickled (curves travel to worker processes) and written as
+    JSON through `to_dict`.
+
+    Parameters
+    ----------
+    values : mapping, optional
+        What to hold.
+
+    Raises
+    ------
+    InputError
+        If a value is not plain.
+
+    Examples
+    --------
+    >>> Metadata({"reader": "csv"}).updated(test=2)
+    Metadata({'reader': 'csv', 'test': 2})
+    """
+
+    __slots__ = ("_values",)
+
+    def __init__(self, values: Mapping[str, Any] | None = None) -> None:
+        self._values = {str(key): _plain(str(key), value) for key, value in (values or {}).items()}
+
+    def __getitem__(self, key: str) -> Any:
+        return self._values[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __repr__(self) -> str:
+        return f"Metadata({self.to_dict()!r})"
+
+    def updated(self, /, **values: Any) -> Metadata:
+        """Return a copy with some entries added or replaced."""
+        added = Metadata(values)
+        added._values = {**self._values, **added._values}  # what is held here is plain already
+        return added
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return nested plain dictionaries and lists, ready for JSON."""
+        return {key: _thaw(value) for key, value in self._values.items()}
+
+
+# `isinstance` takes a tuple of types twice as fast as their union, and every value of every curve comes here.
+_AS_THEY_ARE = (str, bool, int, float, Metadata)
+
+
+def _plain(key: str, value: Any) -> Any:
+    if value is None or isinstance(value, _AS_THEY_ARE):
+        return value
+    if isinstance(value, np.generic):
+        return _plain(key, value.item())
+    if isinstance(value, Mapping):
+        return Metadata(value)
+    if isinstance(value, np.ndarray):
+        return _plain(key, value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, bytes | bytearray):
+        return tuple(_plain(key, item) for item in value)
+    raise InputError(
+        f"metadata {key!r} must be text, a number or a tuple or mapping of these; got {value!r:.80}"
+    )
+
+
+def _thaw(value: Any) -> Any:
+    if isinstance(value, Metadata):
+        return value.to_dict()
+    if isinstance(value, tuple):
+        return [_thaw(item) for item in value]
+    return value
+
 
 #: Fewer points than this are not fitted.
 MIN_POINTS = 8
+
 
 _LABELS = (LOADING, HOLD, UNLOADING)
 
@@ -356,3 +445,31 @@ def _labels(values: ArrayLike, length: int) -> NDArray[np.str_]:
     labels: NDArray[np.str_] = array.astype("<U9")
     labels.flags.writeable = False
     return labels
+
+
+#: How a copy of a curve says it in a comment.
+RECORDED = "recorded: "
+
+
+# Entries of a file's header, in the order they are told; what a file calls them, in lower case.
+_ENTRIES = (("device", "instrument"), ("software version",), ("date",), ("time",))
+
+
+def recorded(curve: Curve) -> str:
+    """Return instrument, software, date and time as the file writes them; empty where it says none of it.
+
+    Examples
+    --------
+    >>> from underlay import Curve
+    >>> recorded(Curve([0.0, 1e-6], [0.0, 1e-6], metadata={"header": {"Device": "Chiaro", "Date": "12/05/2025"}}))
+    'Chiaro, 12/05/2025'
+    """
+    for comment in curve.metadata.get("comments", ()):
+        if str(comment).startswith(RECORDED):
+            return str(comment)[len(RECORDED) :]
+    header = curve.metadata.get("header", {})
+    if not isinstance(header, Mapping):
+        return ""
+    told = {str(key).strip().lower(): one_line(value).strip() for key, value in header.items()}
+    found = [next((told[word] for word in words if told.get(word)), "") for words in _ENTRIES]
+    return ", ".join(text for text in found if text)

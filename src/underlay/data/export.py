@@ -1,4 +1,8 @@
-"""Curves to files: CSV, JSON and HDF5, each written whole or not at all, and each read back by `read`.
+"""Curves to files: CSV, JSON and HDF5, each written whole or not at all, and each read back.
+
+A curve as the text of a plain table that `read` takes back.
+
+Curves to files: CSV, JSON and HDF5, each written whole or not at all, and each read back by `read`.
 
 Numbers are written with all their digits, in SI, with the unit in the header. Metadata and truth travel
 along, so what is read back knows where it came from.
@@ -11,7 +15,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -19,18 +23,57 @@ from typing import Any
 import numpy as np
 
 from underlay._files import write_atomic
-from underlay.data.curve import Curve
-from underlay.data.metadata import Metadata
+from underlay._text import comment_line
+from underlay.data.curve import Curve, Metadata
 from underlay.errors import InputError, MissingExtraError
+from underlay.units import human_unit
 
-__all__ = ["HDF5_MARK", "METADATA_MARK", "write_curves", "write_json"]
+__all__ = ["HDF5_MARK", "METADATA_MARK", "curve_csv", "write_curves", "write_json"]
+
+# Seven digits: a ten-thousandth of the finest noise, and the same text wherever the last bit of a force
+# comes out differently.
+_FORMAT = "{:.7g}"
+
+
+def curve_csv(curve: Curve, comments: Iterable[str] = ()) -> str:
+    """Return `curve` as comma-separated text with names and units in the header.
+
+    Parameters
+    ----------
+    curve : Curve
+        What to write: time (where there is one), depth, force and segment.
+    comments : iterable of str
+        Lines written above the header behind ``#``.
+    """
+    columns: list[tuple[str, list[str]]] = []
+    for name, kind, values in (
+        ("time", "time", curve.time),
+        ("depth", "length", curve.depth),
+        ("force", "force", curve.force),
+    ):
+        if values is not None:
+            unit, factor = human_unit(float(np.max(np.abs(values))), kind)
+            columns.append((f"{name} ({unit})", [_FORMAT.format(value) for value in values / factor]))
+    if curve.segment is not None:
+        columns.append(("segment", [str(label) for label in curve.segment]))
+    lines = [comment_line(comment) for comment in comments]
+    lines.append(",".join(name for name, _ in columns))
+    lines += [",".join(row) for row in zip(*(cells for _, cells in columns), strict=True)]
+    return "\n".join(lines) + "\n"
+
 
 #: A comment line of a CSV that starts with this carries metadata and truth as JSON.
 METADATA_MARK = "underlay-metadata:"
+
+
 #: What the JSON and HDF5 files of curves say they are.
 HDF5_MARK = "underlay-curves"
+
+
 #: Columns of an exported curve and their units.
 UNITS = {"depth": "m", "force": "N", "time": "s"}
+
+
 _JSON_TEXT = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 

@@ -1,17 +1,131 @@
-"""What the way out of a curve says of adhesion: its lowest force, kept where the way in alone is fitted."""
+"""What the way out of a curve says: adhesion, and what did not come back.
+
+What of an indentation did not come back: the signs that a sharp tip left an imprint.
+
+An elastic contact springs back along the curve it went in by. Three readings say how far a test is from that: how
+far the way out lies beyond the way in; the stiffness at which the sample springs back, over the slope
+of the loading curve (one where it is elastic); and the exponent of the loading, which a cone has as 2 either way.
+
+What the way out of a curve says of adhesion: its lowest force, kept where the way in alone is fitted.
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.segments import UNLOADING, one_of_each
 
-__all__ = ["Lowest", "lowest_of", "remembering_withdrawal"]
+__all__ = ["Imprint", "Lowest", "imprint_of", "lowest_of", "remembering_withdrawal"]
+
+# Share of the largest depth that an elastic test may seem to leave: the contact point is not known better.
+_LEFT = 0.15
+
+
+# Stiffness over slope: an elastic test's differ by the noise of a slope.
+_STIFFER = 1.2
+
+
+# Share of the largest force at which the ways in and out are compared.
+_LOW = 0.1
+
+
+# The upper part of the loading, over which slope and exponent are read.
+_UPPER = 0.5
+
+
+_FEWEST = 5
+
+
+@dataclass(frozen=True)
+class Imprint:
+    """What a test leaves.
+
+    Parameters
+    ----------
+    residual : float
+        How far the way out lies beyond the way in where a tenth of the force is left, over the largest depth; NaN
+        without a way out.
+    stiffening : float
+        Median of S / (dP/dh) over the upper half of the loading; NaN without a measured stiffness.
+    exponent : float
+        d ln P / d ln h over the same.
+    """
+
+    residual: float
+    stiffening: float
+    exponent: float
+
+    @property
+    def reason(self) -> str:
+        """Why no elastic law of the loading holds, in words; empty where nothing speaks against one."""
+        said = []
+        if self.residual > _LEFT:
+            said.append(f"the way out lies {100.0 * self.residual:.0f} % of the depth beyond the way in")
+        if self.stiffening > _STIFFER:
+            said.append(f"the sample springs back {self.stiffening:.2g} times as stiffly as it was loaded")
+        if not said:
+            return ""
+        return f"{' and '.join(said)} (exponent of the loading {self.exponent:.2f})"
+
+
+def imprint_of(curve: Curve, contact_depth: float = 0.0) -> Imprint:
+    """Read the signs of plasticity from a whole test.
+
+    Parameters
+    ----------
+    curve : Curve
+        With its unloading, or with the column ``contact_stiffness``.
+    contact_depth : float, default 0
+        Depth reading at contact (m).
+    """
+    way_in, way_out = curve.loading(), curve.unloading()
+    nothing = Imprint(math.nan, math.nan, math.nan)
+    if len(way_in) < _FEWEST:
+        return nothing
+    depth = way_in.depth - contact_depth
+    deepest, largest = float(depth.max()), float(way_in.force.max())
+    upper = (depth > _UPPER * deepest) & (way_in.force > 0.0)
+    if not (
+        deepest > 0.0 and largest > 0.0 and np.count_nonzero(upper) >= _FEWEST and np.ptp(depth[upper]) > 0.0
+    ):
+        return nothing
+    exponent, log_scale = np.polyfit(np.log(depth[upper]), np.log(way_in.force[upper]), 1)
+    slope = exponent * np.exp(log_scale) * depth[upper] ** (exponent - 1.0)
+    return Imprint(
+        _residual(way_in, way_out, deepest, largest),
+        _stiffening(way_in, upper, slope),
+        float(exponent),
+    )
+
+
+def _residual(way_in: Curve, way_out: Curve, deepest: float, largest: float) -> float:
+    """How far the way out lies beyond the way in at a low force, over the largest depth; NaN if it ends before."""
+    low = _LOW * largest
+    if len(way_out) < _FEWEST or not (way_out.force < low).any():
+        return math.nan
+    back, forth = int(np.argmax(way_out.force < low)), int(np.argmax(way_in.force >= low))
+    return float(way_out.depth[back] - way_in.depth[forth]) / deepest
+
+
+def _stiffening(way_in: Curve, upper: NDArray[np.bool_], slope: FloatArray) -> float:
+    """Median of the measured stiffness over the slope of the loading curve (N/m), (n,)."""
+    if "contact_stiffness" not in way_in.columns:
+        return math.nan
+    ratio = way_in.columns["contact_stiffness"][upper] / slope
+    known = np.isfinite(ratio) & (ratio > 0.0)
+    return float(np.median(ratio[known])) if known.any() else math.nan
+
 
 _KEY = "withdrawal_lowest"
+
+
 # Standard deviation over the median size of the differences of neighbours, for normal noise.
 _MAD = 1.4826 / 2.0**0.5
 

@@ -1,25 +1,40 @@
-"""One curve under several contact laws: what each would have reported, and how well it explains the data."""
+"""One curve under several contact laws, bonded and slipping, and with its contact held.
+
+One curve under several contact laws: what each would have reported, and how well it explains the data.
+
+One curve with a layer's lower face bonded, and free to slip: what each would have reported.
+
+What two laws make of a curve while its contact point is held: the quick look before a fit.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
+from underlay._arrays import FloatArray
 from underlay._given import require_given
+from underlay.data.curve import Curve
 from underlay.errors import FitError, InputError, ParameterError
+from underlay.inference.from_files import chosen_part, problem_from
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.fitting import quick_fit
+from underlay.inference.least_squares.fitting import fit, quick_fit
 from underlay.inference.problem import Problem
 from underlay.mechanics.published import published_names
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Asymptotic, Exact, HalfSpace, Published, as_solver
+from underlay.quantities import declared
+from underlay.scene.scene import bond_of, faces, has_face, with_bond
+from underlay.scene.scene_file import SceneFile
 
-__all__ = ["Comparison", "compare"]
+__all__ = ["BondComparison", "Comparison", "HeldLaws", "compare", "compare_bonds", "laws_at_contact"]
 
 _DEFAULT = (HalfSpace(), *(Asymptotic(order) for order in range(1, 5)), Exact())
+
+
 # What a law that does not see the base does not know.
 _UNSEEN = ("layer.thickness", "substrate.")
 
@@ -166,3 +181,184 @@ def _posed(problem: Problem, solver: Solver) -> tuple[Problem, tuple[str, ...]]:
     if not free:
         raise ParameterError(f"{solver.label} knows none of the free parameters {', '.join(problem.free)}")
     return problem.revised(free=free, solver=solver), unseen
+
+
+#: What each bond is called, and the value that a layer's `bond` takes.
+_BONDS = {"bonded": "bonded", "slipping": "slip"}
+
+
+@dataclass(frozen=True, eq=False)
+class BondComparison:
+    """Fits of the same data with one face bonded, and free to slip.
+
+    Parameters
+    ----------
+    face : str
+        The layer whose lower face it is: ``"layer"``, ``"substrate.layers[0]"``, ...
+    names : tuple of str
+        Free parameters.
+    fits : mapping of str to Fit
+        ``"bonded"`` and ``"slipping"``, those that could be fitted.
+    refused : mapping of str to str
+        Why one could not.
+    """
+
+    face: str
+    names: tuple[str, ...]
+    fits: Mapping[str, Fit]
+    refused: Mapping[str, str]
+
+    @property
+    def difference(self) -> float:
+        """AIC of the slipping face above that of the bonded one: negative where the data speak for slip.
+
+        NaN where one could not be fitted.
+        """
+        if self.refused:
+            return np.nan
+        slipping, bonded = (self.fits[name].statistics.aic for name in ("slipping", "bonded"))
+        return slipping - bonded
+
+    def to_frame(self, level: float = 0.95) -> pd.DataFrame:
+        """One row per bond and parameter.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``face``, ``parameter``, ``value``, ``low`` and ``high`` of its interval (SI; infinite where open),
+            ``rms residual`` (N) and ``AIC`` above the smaller.
+        """
+        least = min((found.statistics.aic for found in self.fits.values()), default=0.0)
+        rows = []
+        for bond, found in self.fits.items():
+            rms = float(np.sqrt(np.mean(np.square(np.concatenate(found.residuals)))))
+            for name in self.names:
+                known = found.interval(name, level)
+                row = {"face": bond, "parameter": name, "value": known.value}
+                row |= {"low": known.low, "high": known.high}
+                rows.append(row | {"rms residual": rms, "AIC": found.statistics.aic - least})
+        return pd.DataFrame(rows)
+
+
+def compare_bonds(given: Problem | Fit, face: str = "layer") -> BondComparison:
+    """Fit the same data with a layer bonded to what is under it, and free to slip on it.
+
+    A gel that lies loose in a dish carries up to 40 % less force at equal depth than one that sticks to it: where
+    nobody knows, the two moduli are the honest answer.
+
+    Parameters
+    ----------
+    given : Problem or Fit
+        Data, free parameters, noise and solver. The bond of a fit is not fitted again.
+    face : str, default "layer"
+        The layer whose lower face it is: ``"layer"`` for the one on top, ``"substrate.layers[0]"`` for the next.
+
+    Returns
+    -------
+    BondComparison
+        A bond that cannot be fitted is listed with the reason.
+
+    Raises
+    ------
+    InputError
+        If there is no such face.
+    """
+    require_given(given, "given", Problem, Fit)
+    problem = given.problem if isinstance(given, Fit) else given
+    for scene in problem.base_scenes:
+        if not has_face(scene, face):
+            known = ", ".join(faces(scene)) or "none"
+            raise InputError(f"no layer {face!r} with something under it; such faces here: {known}")
+    fits: dict[str, Fit] = {}
+    refused: dict[str, str] = {}
+    for name, bond in _BONDS.items():
+        scenes = [with_bond(scene, face, bond) for scene in problem.base_scenes]
+        try:
+            # An unknown bond is computed as bonded: that fit is the one at hand.
+            if isinstance(given, Fit) and all(bond_of(scene, face) == bond for scene in problem.base_scenes):
+                fits[name] = given
+            else:
+                fits[name] = fit(problem.revised(scenes=scenes))
+        except (InputError, FitError) as error:
+            refused[name] = str(error)
+    return BondComparison(face, problem.names, fits, refused)
+
+
+_CONTACT, _MODULUS = "instrument.contact_depth", "layer.E"
+
+
+_POINTS = 300
+
+
+@dataclass(frozen=True, eq=False)
+class HeldLaws:
+    """The scene's law and that of a half-space, at one contact point.
+
+    Parameters
+    ----------
+    used : Curve
+        The points they are fitted to.
+    moduli : mapping of str to float
+        Layer modulus (Pa) by law: ``"layer and base"`` where there is a base, ``"half-space"``.
+    lines : mapping of str to (depth, force)
+        Readings (m, N) of each law over the whole curve.
+    refused : mapping of str to str
+        Why a law could not be fitted.
+    """
+
+    used: Curve
+    moduli: dict[str, float]
+    lines: dict[str, tuple[FloatArray, FloatArray]]
+    refused: dict[str, str]
+
+
+def laws_at_contact(
+    file: SceneFile, curve: Curve, contact: float, low: float = -np.inf, high: float = np.inf
+) -> HeldLaws:
+    """Fit the modulus, and what the force is linear in, with everything else held as the scene file says.
+
+    Parameters
+    ----------
+    file : SceneFile
+        The test.
+    curve : Curve
+        As it was read, with every segment.
+    contact : float
+        Depth reading of the contact (m).
+    low, high : float
+        Depth readings (m) between which points are used.
+
+    Raises
+    ------
+    CurveError, InputError
+        If no points are left, or the scene and the curve do not fit together.
+    """
+    used = chosen_part(curve, {**file.curve, "min_depth": low, "max_depth": high})
+    held = replace(
+        file,
+        draft=file.draft.with_values({_CONTACT: contact}),
+        free=tuple(entry for entry in file.free if entry.path == _MODULUS or declared(entry.path).linear),
+        stated=file.stated | {_CONTACT},
+    )
+    problem = problem_from(held, used)
+    names: dict[str, Solver] = {"half-space": HalfSpace()}
+    if problem.base_scenes[0].substrate is not None:
+        names = {"layer and base": problem.solver, **names}
+    depth = np.linspace(float(curve.depth.min()), float(curve.depth.max()), _POINTS)
+    # The points within the fit range of the scene file, where it says one.
+    held_laws = HeldLaws(problem.curves[0], {}, {}, {})
+    for name, solver in names.items():
+        found = compare(problem, [solver])
+        for own in found.fits.values():
+            held_laws.moduli[name] = own.scene.parameters[_MODULUS]
+            held_laws.lines[name] = _line(own, depth)
+        for reason in found.refused.values():
+            held_laws.refused[name] = reason
+    return held_laws
+
+
+def _line(fit: Fit, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Force of a fit at even depths; at the points themselves where it depends on what came before them."""
+    if fit.scene.memory is None and fit.scene.adhesion is None:
+        return depth, fit.scene.force(depth, solver=fit.solver)
+    return fit.curves[0].depth, fit.curves[0].force - fit.residuals[0]

@@ -7,12 +7,15 @@ with that of the tip itself:
     beta 2 a / S = 1/M(a) + 1/M_tip,    M(a) = S_punch(a) / (2 a)
 
 with a from the contact depth h_c = h - 0.75 P/S (Oliver and Pharr 1992) by the tip's area function.
+
+The modulus of a film from files: the test, and one on a sample of known modulus with the same tip.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -21,26 +24,42 @@ from scipy import interpolate, optimize
 from underlay._arrays import FloatArray
 from underlay._given import require_given
 from underlay.data.curve import Curve
+from underlay.data.readers import read
 from underlay.errors import CurveError, InputError
-from underlay.mechanics.area_function import AreaFunction
+from underlay.inference.from_files import read_whole
 from underlay.mechanics.indenters import Cone, FlatPunch
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Exact, as_solver
+from underlay.mechanics.stiffness_relation import AreaFunction
 from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene import Scene
+from underlay.scene.scene_file import SceneFile
+from underlay.units import parse_quantity
 
-__all__ = ["DIAMOND", "StiffnessFit", "fit_stiffness"]
+__all__ = ["DIAMOND", "StiffnessFit", "fit_film", "fit_stiffness"]
 
 #: E / (1 - nu^2) (Pa) of a diamond tip, E = 1070 GPa and nu = 0.07.
 DIAMOND = 1070e9 / (1.0 - 0.07**2)
+
+
 # Radii at which a body's M(a) is computed; in between a cubic in ln a is within 1e-4 of it.
 _NODES = 9
+
+
 _RTOL = 1e-4
+
+
 # For derivatives of ln M in ln(parameter): far above the law's error, far below its curvature.
 _STEP = 0.02
+
+
 _FEWEST = 4
+
+
 # Harmonic stiffness that a machine cannot have (N/m): what instruments write for "no value" is beyond.
 _LARGEST = 1e12
+
+
 _WIDTH = 1.959964  # of 95 %
 
 
@@ -315,3 +334,48 @@ def _table(
         frame["layer modulus noise"] = frame["layer modulus"] * measured.scatter / power
     frame.attrs["curve"] = str(curve.metadata.get("name") or "")
     return frame
+
+
+def fit_film(
+    file: SceneFile, curve: Path, calibration: Path | None, known_modulus: str | None, ends: tuple[str, str]
+) -> StiffnessFit:
+    """Fit what [fit] frees of layer and substrate to the contact stiffness of a file.
+
+    Parameters
+    ----------
+    file : SceneFile
+        The test.
+    curve, calibration : Path
+        Files of the film, and of a sample of known modulus with the same tip; None for a perfect tip.
+    known_modulus : str
+        E / (1 - nu^2) of that sample, with its unit.
+    ends : (str, str)
+        Shallowest and deepest depth that count, with units.
+
+    Raises
+    ------
+    CurveError, InputError
+        If nothing of layer or substrate is free, or a file has no contact stiffness.
+    """
+    depths = tuple(parse_quantity(end, "length") for end in ends)
+    free = [entry.path for entry in file.free if entry.path.startswith(("layer.", "substrate."))]
+    if not free:
+        raise InputError(f"{file.path.name} frees nothing of layer or substrate in [fit]: say layer.E = {{}}")
+    area = None if calibration is None else _area(calibration, known_modulus)
+    whole = read_whole(file, curve)
+    return fit_stiffness(whole, file.scene, free=free, area=area, depths=(depths[0], depths[1]))
+
+
+def _area(path: Path, modulus: str | None) -> AreaFunction:
+    """Area function of the tip from a test on a sample of known modulus."""
+    if modulus is None:
+        raise InputError('--calibration needs --known-modulus, such as "165 GPa" for (001) silicon')
+    test = read(path).loading()
+    if "contact_stiffness" not in test.columns:
+        raise InputError(f"{path.name} has no contact stiffness: a calibration needs a test with S(h)")
+    S = test.columns["contact_stiffness"]
+    usable = (S > 0.0) & (test.force > 0.0) & (test.depth > 0.0)
+    contact = test.depth[usable] - _EPSILON * test.force[usable] / S[usable]
+    inside = contact > 0.0
+    reduced = 1.0 / (1.0 / parse_quantity(modulus, "pressure") + 1.0 / DIAMOND)
+    return AreaFunction.calibrated(contact[inside], S[usable][inside], modulus=reduced)

@@ -12,23 +12,19 @@ import numpy as np
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.data.fit_range import in_range
-from underlay.data.plasticity import imprint_of
 from underlay.data.readers import MapCurve, read, read_from_map
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.data.signs import flipped, require_signs
-from underlay.data.withdrawal import remembering_withdrawal
+from underlay.data.withdrawal import imprint_of, remembering_withdrawal
 from underlay.errors import CurveError, InputError, UnderlayError
-from underlay.inference.file_facts import settle
-from underlay.inference.known_lever import known_lever
+from underlay.inference.file_facts import known_lever, settle
 from underlay.inference.plausibility import require_plausible
-from underlay.inference.priors.densities import Normal, Uniform
-from underlay.inference.priors.from_numbers import prior_from_numbers
+from underlay.inference.priors import Normal, Uniform, prior_from_numbers
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.indenters import Cone
 from underlay.scene.fit_range import PRESETS, FitRange
-from underlay.scene.fit_section import FreeParameter
 from underlay.scene.scene import Scene
-from underlay.scene.scene_file import SceneFile, read_scene_file
+from underlay.scene.scene_file import FreeParameter, SceneFile, read_scene_file
 
 __all__ = [
     "chosen_part",

@@ -20,7 +20,7 @@ from underlay.units import format_quantity
 if TYPE_CHECKING:
     from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.priors.prior import Prior
+    from underlay.inference.priors import Prior
     from underlay.inference.problem import Problem
     from underlay.scene.scene import Scene
 

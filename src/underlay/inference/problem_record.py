@@ -13,17 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from underlay.data.curve import Curve
-from underlay.data.metadata import Metadata
+from underlay.data.curve import Curve, Metadata
 from underlay.errors import FileFormatError, InputError
 from underlay.inference.least_squares.provenance import curve_hash
-from underlay.inference.priors.densities import Flat, HalfNormal, LogNormal, LogUniform, Normal, Uniform
-from underlay.inference.priors.prior import Prior, Truncated
+from underlay.inference.priors import (
+    Flat,
+    HalfNormal,
+    LogNormal,
+    LogUniform,
+    Normal,
+    Prior,
+    Truncated,
+    Uniform,
+)
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import solver_named, solver_record
 from underlay.quantities import field_quantities
-from underlay.scene.noise import Noise
-from underlay.scene.noise_model import NoiseModel
+from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import scene_from_text
 from underlay.scene.scene_writer import scene_text

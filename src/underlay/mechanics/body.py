@@ -1,22 +1,185 @@
-"""What a tip is pressed into: a layer on a body, which is a half-space or further layers on one."""
+"""What a tip is pressed into: layers, how they hold to one another, a base, and what an indentation sees of them.
+
+How a layer holds to what is under it: bonded, free to slip, by springs, or nobody knows.
+
+What an indentation sees of an elastic material: four combinations of its constants.
+
+A transversely isotropic material (axis along the indentation) has five constants, but a frictionless
+axisymmetric indentation sees only four combinations of them (`PlaneConstants`), finite at nu = 0.5:
+
+- q = A13/A33,  c = 1/A33,  g = A11 - A13^2/A33,  S = 1/A44  (stiffnesses A_ij, the paper's appendix);
+- from engineering constants, with n = E/E': q = n nu'/(1-nu), c = (1 - 2 n nu'^2/(1-nu))/E',
+  g = E/(1-nu^2), S = 1/G'.
+
+From them p = sqrt(q^2 + c g), sigma = sqrt(S g - 2q + 2p), and theta = g/(p sigma), which is the paper's
+1/(2 pi H): half the indentation modulus. Isotropic: p = 1, sigma = 2, theta = E/(2(1-nu^2)).
+
+What a tip is pressed into: a layer on a body, which is a half-space or further layers on one.
+
+Further layers under the one on top, on a base: what may stand where a substrate stands.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
-from underlay._arrays import positive
+from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError
-from underlay.mechanics.bonds import Bond, as_bond
-from underlay.mechanics.plane_constants import PlaneConstants
 from underlay.mechanics.relaxation import Relaxation
 from underlay.quantities import Part, inlined, no_number, quantity
 
-__all__ = ["RIGID", "Base", "Body", "Layer", "Material", "Rigid"]
+__all__ = [
+    "BONDS",
+    "MOST_LAYERS",
+    "RIGID",
+    "Base",
+    "Body",
+    "Bond",
+    "Layer",
+    "Material",
+    "PlaneConstants",
+    "Real",
+    "Rigid",
+    "Spring",
+    "Stack",
+    "as_bond",
+    "isotropic_constants",
+    "magnitude",
+    "stacked",
+    "transversely_isotropic_constants",
+]
+
+#: Bonds that have a name: no gap and no slip; no gap and no friction; and one that nobody knows, which is computed
+#: as bonded, and a fit says what slip would give.
+BONDS = ("bonded", "slip", "unknown")
+
+
+@dataclass(frozen=True)
+class Spring(Part):
+    """An imperfect interface: it opens and slides in proportion to the stress on it.
+
+    Parameters
+    ----------
+    normal : float, default inf
+        Stress per opening (Pa/m), positive; infinite where it does not open.
+    shear : float, default inf
+        Stress per sliding (Pa/m), zero or more; zero slides freely, infinite does not slide. A glue of
+        thickness t and moduli M (confined) and G has normal = M/t and shear = G/t.
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ("layer", "substrate")
+
+    normal: float = field(
+        default=np.inf,
+        metadata=quantity(
+            "stiffness per area", "normal stiffness of the {part}'s bond", bounds=(0.0, np.inf)
+        ),
+    )
+    shear: float = field(
+        default=np.inf,
+        metadata=quantity("stiffness per area", "shear stiffness of the {part}'s bond", bounds=(0.0, np.inf)),
+    )
+
+    def __post_init__(self) -> None:
+        for name, least in (("normal", "positive"), ("shear", "zero or more")):
+            given = getattr(self, name)
+            value = np.inf if given == np.inf else finite(given, f"the spring's {name} stiffness", "Pa/m")
+            if not (value > 0.0 or (value == 0.0 and name == "shear")):
+                why = ": nothing would hold the layer" if value == 0.0 else ""
+                raise InputError(f"the spring's {name} stiffness must be {least} (Pa/m); got {value!r}{why}")
+            object.__setattr__(self, name, value)
+
+
+Bond: TypeAlias = str | Spring
+
+
+def as_bond(given: object) -> Bond:
+    """Return a bond as it is.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if isinstance(given, Spring) or (isinstance(given, str) and given in BONDS):
+        return given
+    raise InputError(
+        f'unknown bond {given!r:.60}: a layer\'s lower face is "bonded", "slip", "unknown" or a Spring'
+    )
+
+
+Real: TypeAlias = "float | FloatArray"
+
+
+def magnitude(value: Real) -> Real:
+    """|value|; keeps a float a float, which the scalar paths of the kernel live on."""
+    return np.abs(value) if isinstance(value, np.ndarray) else abs(value)
+
+
+class PlaneConstants(NamedTuple):
+    """What an axisymmetric indentation sees of a material; each entry a float or an array (batch,).
+
+    q is dimensionless; c and S are compliances (1/Pa); g is a stiffness (Pa).
+    """
+
+    q: Real
+    c: Real
+    g: Real
+    S: Real
+
+    @property
+    def p(self) -> Real:
+        """Product of the two decay roots of the material (dimensionless)."""
+        return (self.q * self.q + self.c * self.g) ** 0.5
+
+    @property
+    def p_minus_q(self) -> Real:
+        """p - q, zero or more, without the cancellation of the difference."""
+        size = magnitude(self.q)
+        return self.c * self.g / (self.p + size) + (size - self.q)
+
+    @property
+    def sigma(self) -> Real:
+        """Sum of the two decay roots of the material (dimensionless)."""
+        return (self.S * self.g + 2.0 * self.p_minus_q) ** 0.5
+
+    @property
+    def theta(self) -> Real:
+        """The paper's elastic constant theta (Pa): half the indentation modulus."""
+        return self.g / (self.p * self.sigma)
+
+    @property
+    def coupling(self) -> float:
+        """gamma of the surface, of one material: what a shear moves axially, (1 - 2 nu)/(2 (1 - nu)) isotropic."""
+        return float(self.p_minus_q / (self.sigma * self.p**0.5))
+
+
+def isotropic_constants(E: Real, nu: Real) -> PlaneConstants:
+    """Plane constants of isotropic materials; `E` (Pa) and `nu` may be arrays of one shape."""
+    return PlaneConstants(
+        q=nu / (1.0 - nu),
+        c=(1.0 + nu) * (1.0 - 2.0 * nu) / (E * (1.0 - nu)),
+        g=E / ((1.0 - nu) * (1.0 + nu)),
+        S=2.0 * (1.0 + nu) / E,
+    )
+
+
+def transversely_isotropic_constants(
+    E: Real, E_axial: Real, nu: Real, nu_axial: Real, G_axial: Real
+) -> PlaneConstants:
+    """Plane constants from the paper's engineering constants E, E', nu, nu', G'; arrays allowed."""
+    n = E / E_axial
+    return PlaneConstants(
+        q=n * nu_axial / (1.0 - nu),
+        c=(1.0 - 2.0 * n * nu_axial * nu_axial / (1.0 - nu)) / E_axial,
+        g=E / ((1.0 - nu) * (1.0 + nu)),
+        S=1.0 / G_axial,
+    )
 
 
 class Body(Part, ABC):
@@ -207,3 +370,80 @@ def _check_relaxation(relaxation: Relaxation, material: Material) -> None:
             "constant one misses the force by 1 % (nu = 0.49, half of the shear modulus relaxing) to 30 % "
             '(nu = 0.3); take nu = 0.5, or relaxes = "shear_and_bulk"'
         )
+
+
+#: Most layers of a body, the one on top included: graded materials want another method.
+MOST_LAYERS = 8
+
+
+@dataclass(frozen=True)
+class Stack(Body):
+    """Layers on a base, under the layer of a scene.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        From the top down, each of finite thickness; one to seven.
+    base : Isotropic, TransverselyIsotropic or RIGID, default RIGID
+        The half-space under them.
+
+    Raises
+    ------
+    InputError
+        If a part is of the wrong kind, a layer has no finite thickness, or there are too many.
+
+    Examples
+    --------
+    A gel stuck to a film of PDMS on glass:
+
+    >>> from underlay.mechanics.materials import Isotropic
+    >>> film = Layer(Isotropic(E=2e6, nu=0.49), thickness=50e-6)
+    >>> Stack([film], base=Isotropic(E=70e9, nu=0.2)).layers[0].material.E
+    2000000.0
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ("substrate",)
+
+    layers: Sequence[Layer] = field(metadata=no_number())
+    base: Base = field(default=RIGID, metadata=inlined())
+
+    def __post_init__(self) -> None:
+        given = (self.layers,) if isinstance(self.layers, Layer) else tuple(self.layers)
+        if not given:
+            raise InputError("a Stack has one layer or more; without one pass its base as substrate")
+        for number, layer in enumerate(given):
+            if not isinstance(layer, Layer):
+                raise InputError(
+                    f"layers[{number}] of a Stack must be Layer(material, thickness); got {layer!r}"
+                )
+            if not np.isfinite(layer.thickness):
+                raise InputError(
+                    f"layers[{number}] of a Stack needs a finite thickness: what goes on for ever is its base"
+                )
+        if len(given) >= MOST_LAYERS:
+            raise InputError(
+                f"a Stack has up to {MOST_LAYERS - 1} layers, {MOST_LAYERS} with the one on top; got {len(given)}. "
+                "Join layers that are alike"
+            )
+        if not isinstance(self.base, Base):
+            raise InputError(f"the base of a Stack must be a material or RIGID; got {self.base!r}")
+        object.__setattr__(self, "layers", given)
+
+    def on(self, base: Base) -> Stack:
+        """Return the same layers on another half-space."""
+        return replace(self, base=base)
+
+    @property
+    def in_plane(self) -> Stack:
+        """The stack of isotropic materials of the in-plane E and nu."""
+        return Stack([layer.in_plane for layer in self.layers], self.base.in_plane)
+
+    @property
+    def bonded(self) -> Stack:
+        """The stack without slip and springs."""
+        return replace(self, layers=tuple(replace(layer, bond="bonded") for layer in self.layers))
+
+
+def stacked(layers: Sequence[Layer], base: Base) -> Body:
+    """Return layers on a base, or the base alone where there are none."""
+    return Stack(layers, base) if layers else base

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.body import Base, Body, Layer, Material
+from underlay.mechanics.body import Base, Body, Layer, Material, stacked
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Kernel, StackKernel, SubstrateKernel
-from underlay.mechanics.stack import stacked
 from underlay.quantities import Part
 
 __all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "Beside", "BuildsElastic", "Contact"]

@@ -10,8 +10,8 @@ import numpy as np
 
 from underlay._arrays import finite, positive
 from underlay.errors import MaterialError
-from underlay.mechanics.body import Material
-from underlay.mechanics.plane_constants import (
+from underlay.mechanics.body import (
+    Material,
     PlaneConstants,
     isotropic_constants,
     transversely_isotropic_constants,

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, as_finite, read_only
 from underlay.errors import InputError
-from underlay.mechanics._roots import invert_increasing
 from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.inverse import invert_increasing
 from underlay.quantities import quantity
 
 __all__ = ["Profile"]

@@ -19,8 +19,7 @@ from underlay._arrays import FloatArray, finite
 from underlay._threads import one_thread
 from underlay.errors import InputError, LawError, RangeError, UnderlayError
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.depth_doubt import DeeperThanLayer
+from underlay.mechanics.contact_law import ContactLaw, DeeperThanLayer
 from underlay.mechanics.kernel import Family
 
 __all__ = ["Scaling", "Solver"]

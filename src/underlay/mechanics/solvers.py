@@ -22,8 +22,8 @@ from underlay.mechanics.asymptotic.law import FORMS, asymptotic_law
 from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.discrepancy import as_friction
 from underlay.mechanics.exact_solvers import Auto, Exact, Stuck
-from underlay.mechanics.friction import as_friction
 from underlay.mechanics.halfspace import halfspace_law
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published import PublishedCorrection, published_law, published_names

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from underlay.inference.adhesive_numbers import adhesive_estimates
-from underlay.inference.sampling.derived import kind_of_quantity
-from underlay.report.interval_words import quantity_with_interval
+from underlay.inference.sampling.derived import adhesive_estimates, kind_of_quantity
+from underlay.report.intervals import quantity_with_interval
 from underlay.report.labels import label
 from underlay.report.notebook import Cell, filled
 from underlay.report.tables import labelled_table

@@ -19,11 +19,10 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.body import RIGID, Layer, isotropic_constants
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.plane_constants import isotropic_constants
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Asymptotic, Auto, Exact, HalfSpace
 from underlay.report.bench_fits import exact_fit, hertz_fit

@@ -9,8 +9,8 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.synthetic import synthesize
+from underlay.inference.answer_cost import plain_hertz_fit
 from underlay.inference.least_squares import fit
-from underlay.inference.plain_hertz import plain_hertz_fit
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.indenters import Indenter, Paraboloid

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from underlay.data.curve import Curve
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 from underlay.data.synthetic import synthesize
 from underlay.mechanics.body import RIGID, Base, Layer
 from underlay.mechanics.indenters import Indenter, Paraboloid

@@ -13,7 +13,7 @@ import pandas as pd
 
 from underlay.data.curve import Curve
 from underlay.inference.batch.fit_many import fit_many
-from underlay.inference.batch.options import MapOptions
+from underlay.inference.batch.model import MapOptions
 from underlay.mechanics.body import RIGID, Base
 from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
 from underlay.mechanics.materials import Isotropic

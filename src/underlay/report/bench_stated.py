@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from underlay.data.synthetic import simulate, synthesize
-from underlay.inference.least_squares import Fit, fit
+from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid

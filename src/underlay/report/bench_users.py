@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay.data.curve_csv import curve_csv
+from underlay.data.export import curve_csv
 from underlay.data.quality import check_quality
 from underlay.data.readers import read
 from underlay.inference.least_squares import fit

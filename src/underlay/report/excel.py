@@ -1,32 +1,294 @@
-"""Results as one Excel file: results, settings, curves, depths and groups, each a sheet."""
+"""Results as one Excel file, and the rows of it.
+
+Tables as the sheets of one Excel file, in which nothing that came from a file is a formula or a link.
+
+A fit as rows of numbers that can be repeated: what goes into CSV files and spreadsheets.
+
+Results as one Excel file: results, settings, curves, depths and groups, each a sheet.
+"""
 
 from __future__ import annotations
 
+import importlib
+import io
+import math
 import os
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from pathlib import Path
-from typing import TypeAlias
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
 import pandas as pd
 
 from underlay._files import write_atomic
+from underlay._text import one_line
 from underlay._version import VERSION
-from underlay.errors import InputError
+from underlay.errors import InputError, MissingExtraError
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.population.result import Population
-from underlay.report.result_rows import curve_rows, result_rows, setting_rows
-from underlay.report.spreadsheet import workbook
+from underlay.mechanics.solver import Solver
+from underlay.quantities import curve_of, numbers_of, path_of
+from underlay.report.tables import fit_table
+from underlay.scene.noise import NoiseModel
+from underlay.scene.scene_writer import scene_text
 
-__all__ = ["Reported", "excel_bytes", "excel_sheets", "write_excel"]
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from underlay.data.curve import Curve
+
+__all__ = [
+    "MOST_ROWS",
+    "Reported",
+    "curve_rows",
+    "excel_bytes",
+    "excel_library",
+    "excel_sheets",
+    "result_rows",
+    "setting_rows",
+    "workbook",
+    "write_excel",
+]
+
+#: Rows of a sheet under its header, as the format allows; and letters of a cell.
+MOST_ROWS, _LONGEST = 1_048_575, 32_767
+
+
+_WIDEST, _MARGIN = 60, 2
+
+
+# Rows of which the widths of columns are taken.
+_LOOKED_AT = 200
+
+
+_OPTIONS = {
+    "in_memory": True,
+    "strings_to_formulas": False,
+    "strings_to_urls": False,
+    "strings_to_numbers": False,
+}
+
+
+def excel_library() -> ModuleType:
+    """Import what writes Excel files.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        return importlib.import_module("xlsxwriter")
+    except ImportError as error:
+        raise MissingExtraError("an Excel file needs xlsxwriter: pip install 'underlay[excel]'") from error
+
+
+def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
+    """Return the bytes of an Excel file with one sheet per table, in order.
+
+    Numbers are numbers, words are words; an infinite end of an interval is the word ``open`` and what is not known
+    an empty cell.
+
+    Raises
+    ------
+    MissingExtraError
+        If the extra ``excel`` is not installed.
+    InputError
+        If a table has more rows than a sheet can hold.
+    """
+    stream = io.BytesIO()
+    with excel_library().Workbook(stream, _OPTIONS) as book:
+        head = book.add_format({"bold": True, "text_wrap": True, "valign": "top", "bottom": 1})
+        for name, table in sheets.items():
+            if len(table) > MOST_ROWS:
+                raise InputError(
+                    f"a sheet of Excel holds {MOST_ROWS} rows; {name!r} has {len(table)}: write CSV instead"
+                )
+            _fill(book.add_worksheet(name), table, head)
+    return stream.getvalue()
+
+
+def _fill(sheet: Any, table: pd.DataFrame, head: Any) -> None:
+    sheet.freeze_panes(1, 0)
+    for column, name in enumerate(table.columns):
+        values = table.iloc[:, column].tolist()
+        sheet.write_string(0, column, one_line(name, _LONGEST), head)
+        sheet.set_column(column, column, _width(str(name), values[:_LOOKED_AT]))
+        for row, value in enumerate(values, start=1):
+            _write(sheet, row, column, value)
+
+
+def _write(sheet: Any, row: int, column: int, value: Any) -> None:
+    """Write one cell by its kind: no text is looked at for what it might mean."""
+    if isinstance(value, bool):
+        sheet.write_boolean(row, column, value)
+    elif isinstance(value, Real):
+        if math.isfinite(value):
+            sheet.write_number(row, column, float(value))
+        elif math.isinf(value):
+            sheet.write_string(row, column, "open")
+    elif value is not None and value is not pd.NA:
+        sheet.write_string(row, column, one_line(value, _LONGEST))
+
+
+def _width(name: str, values: list[Any]) -> float:
+    words = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
+    # A long name is wrapped, a long text runs on.
+    longest = max([*(len(word) for word in words), min(len(name), _WIDEST // 4)], default=0)
+    return float(min(_WIDEST, longest + _MARGIN))
+
+
+_CONTACT = "instrument.contact_depth"
+
+
+def result_rows(result: Fit) -> pd.DataFrame:
+    """Return one row per fitted parameter with all that says what it is of and how it was found.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns of `fit_table`; then ``verdict`` and ``reasons``; of the curve, where the parameter is one
+        curve's: ``curve``, ``contact point (m)`` with its interval, ``fitted from (m)`` and ``fitted to (m)``
+        (depth readings), ``points``, ``thickness (m)``, ``indenter``, ``radius (m)``, ``Poisson's ratio``; and
+        ``solver``, ``file``, its ``SHA-256``, ``underlay`` (version). A parameter that several curves share has
+        those of the curves that all have in common.
+    """
+    table = fit_table(result)
+    told = [_about(result, number) for number in range(len(result.curves))]
+    rows = []
+    for name in table["parameter"]:
+        curve = curve_of(name)
+        rows.append(told[curve] if curve is not None else _common(told))
+    about = pd.DataFrame(rows, index=table.index)
+    about.insert(0, "verdict", result.verdict.word)
+    about.insert(1, "reasons", one_line("; ".join(result.verdict.reasons)))
+    return pd.concat([table, about], axis=1)
+
+
+def _about(result: Fit, number: int) -> dict[str, Any]:
+    """Everything that a row says of one curve."""
+    curve, scene = result.curves[number], result.scenes[number]
+    record = result.provenance["curves"][number]
+    own = _CONTACT if len(result.curves) == 1 or _CONTACT in result.names else f"{_CONTACT}[{number}]"
+    contact = scene.instrument.contact_depth
+    ends = (math.nan, math.nan)
+    if own in result.names:
+        known = result.interval(own)
+        contact, ends = known.value, (known.low, known.high)
+    numbers = dict(scene.parameters)
+    for name in result.names:
+        if curve_of(name) in (None, number):
+            numbers[path_of(name)] = result.interval(name).value
+    return {
+        "curve": one_line(record["name"] or f"curve {number + 1}"),
+        "contact point (m)": contact,
+        "contact point low (m)": ends[0],
+        "contact point high (m)": ends[1],
+        "fitted from (m)": float(curve.depth.min()),
+        "fitted to (m)": float(curve.depth.max()),
+        "points": len(curve),
+        "thickness (m)": numbers.get("layer.thickness", math.inf),
+        "indenter": scene.indenter.shape,
+        "radius (m)": numbers.get("indenter.radius", math.nan),
+        "Poisson's ratio": numbers.get("layer.nu", math.nan),
+        "solver": result.solver.label,
+        "file": one_line(record["path"] or ""),
+        "SHA-256": record["file_sha256"] or record["data_sha256"],
+        "underlay": result.provenance["versions"]["underlay"],
+    }
+
+
+def _common(told: list[dict[str, Any]]) -> dict[str, Any]:
+    """What all curves have in common; empty where they differ."""
+    return {
+        key: value if all(_same(value, other[key]) for other in told) else None
+        for key, value in told[0].items()
+    }
+
+
+def _same(first: Any, second: Any) -> bool:
+    both_none = isinstance(first, float) and isinstance(second, float) and math.isnan(first + second)
+    return bool(first == second) or both_none
+
+
+def setting_rows(result: Fit) -> pd.DataFrame:
+    """Return all that repeats a fit, one setting a row: scenes as text, priors, noise, solver, files, versions."""
+    problem, record = result.problem, result.provenance
+    rows: list[tuple[str, str]] = [("solver", _solver(result.solver))]
+    rows += [(f"free: {name}", repr(prior)) for name, prior in problem.priors.items()]
+    rows += [("shared by all curves", ", ".join(problem.shared))] if problem.shared else []
+    rows.append(("noise", _noise(problem.noise)))
+    for number, curve in enumerate(result.curves):
+        which = f" {number + 1}" if len(result.curves) > 1 else ""
+        rows += [(f"curve{which}: {name}", text) for name, text in _of_curve(curve, record["curves"][number])]
+        text = scene_text(problem.base_scenes[number])
+        rows += [
+            (f"scene file{which}, line {n}", line) for n, line in enumerate(text.splitlines(), 1) if line
+        ]
+    rows += [(f"version of {name}", version) for name, version in record["versions"].items()]
+    return pd.DataFrame([(name, one_line(text)) for name, text in rows], columns=["setting", "value"])
+
+
+def _solver(solver: Solver) -> str:
+    return f"{solver.label}: {solver!r}"
+
+
+def _noise(given: Any) -> str:
+    """The noise as it was stated; one per curve if several were."""
+    if given is None:
+        return "not stated: intervals are averaged over what the residuals may be"
+    if isinstance(given, NoiseModel):
+        stated = [f"{path} = {number.value:.17g}" for path, number in numbers_of(given, "noise").items()]
+        return ", ".join(stated) or repr(given)
+    return "; ".join(_noise(entry) for entry in given)
+
+
+def _of_curve(curve: Curve, record: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    for name in ("name", "path", "scene_path", "recorded", "file_sha256", "data_sha256", "points"):
+        if record.get(name):
+            yield name, str(record[name])
+    for name in ("format", "test", "fit_range"):
+        if curve.metadata.get(name):
+            yield name, str(curve.metadata[name])
+    if curve.segment is not None:
+        yield "segments", ", ".join(sorted(set(curve.segment.tolist())))
+
+
+def curve_rows(result: Fit, most: int) -> pd.DataFrame:
+    """Return the points of every curve with what the fit makes of them (SI), at most about `most` rows in all."""
+    step = max(1, -(-sum(len(curve) for curve in result.curves) // most))
+    parts = []
+    for number, (curve, residual, sigma) in enumerate(
+        zip(result.curves, result.residuals, result.sigmas, strict=True)
+    ):
+        columns = {
+            "curve": one_line(curve.metadata.get("name") or f"curve {number + 1}"),
+            "time (s)": np.full(len(curve), np.nan) if curve.time is None else curve.time,
+            "depth (m)": curve.depth,
+            "force (N)": curve.force,
+            "fit (N)": curve.force - residual,
+            "residual (N)": residual,
+            "noise (N)": sigma,
+            "segment": "" if curve.segment is None else curve.segment,
+        }
+        parts.append(pd.DataFrame(columns).iloc[::step])
+    return pd.concat(parts, ignore_index=True)
+
 
 #: What an Excel file can hold: fits or the table of a map, and what was made of them.
 Reported: TypeAlias = Fit | PointwiseModulus | Population | pd.DataFrame
 
+
 # Points of all curves together: a file of some 10 MB that a spreadsheet opens at once.
 _MOST_POINTS = 100_000
+
+
 # Columns of a map's table that say which curve a row is of.
 _WHICH = ("name", "path", "sha256", "x", "y", "status", "verdict", "reason", "decision", "decision_reason")
+
 
 _VERSION = pd.DataFrame({"setting": ["underlay", "units"], "value": [VERSION, "SI: m, N, Pa, s"]})
 

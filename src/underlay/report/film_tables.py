@@ -1,20 +1,29 @@
-"""A film's moduli as a table, and what they stand on."""
+"""A film's moduli as a table, what they stand on, and the files of them.
+
+A film's moduli as a table, and what they stand on.
+
+The files that the fit of a film leaves in a folder: its moduli, what was measured at each depth, its picture.
+"""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from underlay._csv import csv_text
+from underlay._files import write_atomic
 from underlay._version import VERSION
+from underlay.report import plots
 from underlay.scene.parameters import kind_of
 from underlay.units import format_ends, format_quantity, human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
 
-__all__ = ["film_by_depth", "film_moduli", "film_notes", "film_table"]
+__all__ = ["film_by_depth", "film_moduli", "film_notes", "film_table", "write_film"]
 
 _UNITS = {
     "depth": "m",
@@ -93,3 +102,12 @@ def film_notes(found: StiffnessFit, *, perfect: bool) -> list[str]:
         "give --calibration"
     )
     return [left, worn] if perfect else [left]
+
+
+def write_film(found: StiffnessFit, folder: Path, stem: str) -> list[Path]:
+    """Write both tables and the picture of a film; return the files."""
+    return [
+        write_atomic(folder / f"{stem}.film.csv", csv_text(film_moduli(found))),
+        write_atomic(folder / f"{stem}.film.depths.csv", csv_text(film_by_depth(found))),
+        plots.save(plots.film(found), folder / f"{stem}.film.png"),
+    ]

@@ -1,21 +1,105 @@
-"""The files that a fit leaves in a folder: its table, its full result, its pictures."""
+"""The files that a fit leaves in a folder, the modulus depth by depth among them.
+
+The part of a page on the modulus depth by depth: its table and its sentence.
+
+The files that a fit leaves in a folder: its table, its full result, its pictures.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from underlay._csv_text import csv_text
+import numpy as np
+import pandas as pd
+
+from underlay._csv import csv_text
 from underlay._files import write_atomic
+from underlay.errors import UnderlayError
+from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus, pointwise_modulus
 from underlay.report import plots
 from underlay.report.adhesion_tables import adhesion_frame
-from underlay.report.measured import beyond_loading
-from underlay.report.result_rows import result_rows
+from underlay.report.excel import result_rows
+from underlay.report.intervals import quantity_with_interval
+from underlay.report.notebook import Cell, filled
+from underlay.report.reading import beyond_loading
+from underlay.report.tables import labelled_table
+from underlay.units import format_quantity, human_unit, printed, printed_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.least_squares import Fit
+    from collections.abc import Sequence
 
-__all__ = ["write_fit"]
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.scene.scene import Scene
+
+__all__ = ["pointwise_of", "pointwise_part", "pointwise_sentence", "pointwise_table", "write_fit"]
+
+# Rows of a table that is read and not plotted.
+_ROWS = 10
+
+
+def pointwise_part(scenes: Sequence[Scene]) -> tuple[Cell, ...]:
+    """Return the part of a notebook on the modulus depth by depth; nothing where a tip sticks."""
+    return () if any(scene.adhesion is not None for scene in scenes) else filled("pointwise", {})
+
+
+def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:
+    """Return the modulus depth by depth of every curve of a fit, or in words why there is none."""
+    found: list[PointwiseModulus | str] = []
+    for curve in range(len(result.curves)):
+        try:
+            found.append(pointwise_modulus(result, curve=curve))
+        except UnderlayError as error:
+            found.append(str(error))
+    return found
+
+
+def pointwise_sentence(found: PointwiseModulus | str) -> str:
+    """Say at how many depths the modulus is that of the fit, and what the half-space's formula makes of it."""
+    if isinstance(found, str):
+        return f"Not read depth by depth: {found}."
+    layer, bare = found.apparent, found.apparent_halfspace
+    held = int(np.count_nonzero((layer.low <= layer.expected) & (layer.expected <= layer.high)))
+    whose = "what the fit's modulus has relaxed to by then" if found.relaxing else "the fit's modulus"
+    text = (
+        f"Read from the force at each depth, the {100.0 * found.level:.0f} % interval holds {whose}, "
+        f"{format_quantity(float(layer.expected[-1]), 'pressure')}, at {held} of {len(found.depth)} depths."
+    )
+    if not found.layered:
+        return text
+    first, last = (
+        f"{format_quantity(float(bare.modulus[end]), 'pressure')} at "
+        f"{format_quantity(float(found.depth[end]), 'length')}"
+        for end in (0, -1)
+    )
+    return printed(f"{text} The formula of a half-space reads {first} and {last}.")
+
+
+def pointwise_table(found: PointwiseModulus) -> pd.DataFrame:
+    """Return ten of the depths, as text: the modulus with the layer and by the half-space, with intervals."""
+    unit, metre = human_unit(float(found.depth[-1]), "length")
+    length = printed_unit(unit)
+    name, pascal = human_unit(float(found.apparent.expected[-1]), "pressure")
+    what = ", layer in the model" if found.layered else ""
+    rows = []
+    for n in np.unique(np.linspace(0, len(found.depth) - 1, _ROWS).round().astype(int)):
+        row = {
+            f"depth ({length})": f"{found.depth[n] / metre:.3g}",
+            "points": f"{found.points[n]:.0f}",
+            f"from the force{what} ({name})": _cell(found.apparent, n, pascal),
+            f"from the slope{what} ({name})": _cell(found.incremental, n, pascal),
+        }
+        if found.layered:
+            bare = found.apparent_halfspace
+            row[f"from the force, half-space ({name})"] = _cell(bare, n, pascal)
+            row["half-space, were the model right"] = f"{bare.expected[n] / pascal:.4g}"
+        rows.append(row)
+    return labelled_table(rows)
+
+
+def _cell(curve: ModulusCurve, n: int, pascal: float) -> str:
+    value, low, high = (float(column[n]) / pascal for column in (curve.modulus, curve.low, curve.high))
+    return "none" if np.isnan(value) else quantity_with_interval(value, low, high, "dimensionless")
 
 
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:

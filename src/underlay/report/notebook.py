@@ -1,4 +1,6 @@
-"""Notebooks from templates: Markdown with fenced Python, split into cells first and filled cell by cell.
+"""Notebooks from templates, executed, and as one HTML page.
+
+Notebooks from templates: Markdown with fenced Python, split into cells first and filled cell by cell.
 
 A template is a page of Markdown. Each fenced block that starts with three backticks and ``python`` becomes a
 code cell; what stands between two of them becomes a Markdown cell. Words after ``python`` say how the cell
@@ -8,28 +10,53 @@ A placeholder such as ``${title}`` stands for data. Because the cells are there 
 can begin or end one. In code a placeholder becomes the literal of its value, in Markdown one line of words
 without markup. Two kinds of value are not data: `Source`, which is Python written by this package, and cells
 of another template, which take the place of a placeholder that stands alone on a line of Markdown.
+
+Execute a notebook with the Python that runs this, and say in one line what stopped it.
+
+An executed notebook as one HTML page: pictures inside, no script, nothing fetched.
 """
 
 from __future__ import annotations
 
 import importlib
+import os
 import re
+import sys
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from pathlib import Path
 from string import Template
 from types import ModuleType
 from typing import Any, TypeAlias
 
 from underlay._text import one_line
-from underlay.errors import MissingExtraError
-from underlay.report.markdown import markdown_text
+from underlay.errors import FitError, MissingExtraError
+from underlay.report.spoken import markdown_text
 
-__all__ = ["Cell", "Source", "Value", "filled", "make_notebook", "report_library", "with_sections"]
+__all__ = [
+    "Cell",
+    "Source",
+    "Value",
+    "execute",
+    "filled",
+    "html_page",
+    "import_path",
+    "make_notebook",
+    "report_library",
+    "with_sections",
+]
 
 _FENCE = re.compile(r"^```python(?P<info>[^\n]*)\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
+
+
 _ALT = re.compile(r'alt="([^"]*)"')
+
+
 _PART = re.compile(r"^\$\{(\w+)\}$", re.MULTILINE)
+
+
 # Letters: the longest file name has 255.
 _LONGEST = 300
 
@@ -149,3 +176,124 @@ def _filled_words(text: str, values: Mapping[str, Value]) -> Iterator[Cell]:
 
 def _literal(value: Value) -> str:
     return value.text if isinstance(value, Source) else repr(value)
+
+
+# A cell that takes longer than this hangs; the slowest cell of a report takes seconds.
+_LONGEST_CELL = 600
+
+
+def execute(notebook: Any, folder: Path) -> Any:
+    """Run all cells of a notebook in `folder` and return it with its outputs.
+
+    Raises
+    ------
+    MissingExtraError
+        If the extra ``report`` is not installed.
+    FitError
+        If a cell fails; says which error it was.
+    """
+    client = report_library("nbclient")
+    report_library("ipykernel")
+    try:
+        with tempfile.TemporaryDirectory(prefix="underlay-") as own, (Path(own) / "log").open("w") as log:
+            runner = client.NotebookClient(notebook, km=_kernel_manager(own, folder), timeout=_LONGEST_CELL)
+            # What the kernel says of itself is not what a user asked for. It is ours, so the runner ends it.
+            runner.execute(cwd=own, env=_environment(own, folder), stderr=log, cleanup_kc=True)
+    except client.exceptions.CellExecutionError as error:
+        raise FitError(f"the notebook of the report stopped: {error.ename}: {error.evalue}") from error
+    except client.exceptions.DeadKernelError as error:
+        raise FitError(f"the Python that makes the report ended: {error}") from error
+    except client.exceptions.CellTimeoutError as error:
+        raise FitError(
+            f"a cell of the report ran longer than {_LONGEST_CELL} s; run the notebook by hand"
+        ) from error
+    return notebook
+
+
+# Variables that have a Python run something else first, or go on after its program.
+_NOT_HANDED_ON = frozenset({"PYTHONSTARTUP", "PYTHONINSPECT"})
+
+
+def _environment(own: str, folder: Path) -> dict[str, str]:
+    """Environment of the kernel: the caller's, but nothing that lies in a folder of data is imported or run."""
+    theirs = {name: value for name, value in os.environ.items() if name not in _NOT_HANDED_ON}
+    return theirs | {
+        "PYTHONPATH": os.pathsep.join(import_path(folder)),
+        # Python then does not put the folder it is started in on its path; what it starts inherits that.
+        "PYTHONSAFEPATH": "1",
+        "MPLBACKEND": "module://matplotlib_inline.backend_inline",
+        # An empty profile: no start-up files and no settings of the user's own notebooks.
+        "IPYTHONDIR": os.path.join(own, "ipython"),  # noqa: PTH118  a name, not a file
+    }
+
+
+def import_path(folder: Path) -> list[str]:
+    """Search path of this process, so that the kernel imports the same packages, without folders of data.
+
+    Left out are `folder`, the working directory, that of the script that runs, and relative entries: a
+    ``pandas.py`` that lies beside a curve is not pandas. The folder underlay was loaded from comes last.
+    """
+    script = getattr(sys.modules.get("__main__"), "__file__", None)
+    data = {folder.resolve(), Path.cwd().resolve()} | ({Path(script).resolve().parent} if script else set())
+    own = Path(__file__).resolve().parents[2]
+    entries = [Path(entry) for entry in sys.path if entry]
+    found = [entry for entry in entries if entry.is_absolute() and entry.resolve() not in data | {own}]
+    return [os.fspath(entry) for entry in (*found, own)]
+
+
+def _kernel_manager(own: str, folder: Path) -> Any:
+    """Manager of a kernel of this very Python: an installed kernel named python3 may be another one's."""
+    manager = report_library("jupyter_client.manager")
+    spec = report_library("jupyter_client.kernelspec")
+    command = [sys.executable, "-m", "underlay.report.kernel", os.fspath(folder), "-f", "{connection_file}"]
+    # All that the two say to each other stays in a folder of their own.
+    kernel = manager.AsyncKernelManager(connection_file=os.path.join(own, "kernel.json"))  # noqa: PTH118  a name
+    if os.name == "posix":
+        # Sockets in the file system: no port is opened for a report.
+        kernel.transport, kernel.ip = "ipc", os.path.join(own, "kernel")  # noqa: PTH118  a prefix, not a file
+    kernel._kernel_spec = spec.KernelSpec(argv=command, display_name="underlay", language="python")  # noqa: SLF001  no public way to name a command
+    return kernel
+
+
+_TEMPLATES = Path(__file__).parent / "templates"
+
+
+# What words and tables are made of. Anything else in them is shown as text, not acted on.
+_WORDS = ("h1", "h2", "h3", "h4", "p", "br", "hr", "strong", "em", "code", "pre", "sub", "sup")
+
+
+_BLOCKS = ("ul", "ol", "li", "blockquote", "div", "span", "table", "thead", "tbody", "tr", "th", "td")
+
+
+_ATTRIBUTES = {"*": ["id"], "th": ["scope"]}
+
+
+# pandas writes one before each table; the page has its own.
+_TABLE_STYLE = re.compile(r"<style scoped>.*?</style>", re.DOTALL)
+
+
+def html_page(notebook: Any) -> str:
+    """Return the page of an executed notebook.
+
+    Raises
+    ------
+    MissingExtraError
+        If the extra ``report`` is not installed.
+    """
+    exporter = report_library("nbconvert").HTMLExporter(
+        template_name="page",
+        extra_template_basedirs=[str(_TEMPLATES)],
+        exclude_anchor_links=True,
+    )
+    exporter.register_filter("safe_html", _safe_html)
+    style = (_TEMPLATES / "page" / "page.css").read_text(encoding="utf-8")
+    body, _ = exporter.from_notebook_node(notebook, resources={"page_style": style})
+    return str(body)
+
+
+def _safe_html(text: str) -> str:
+    """Return markup with what a report does not need shown as text: names of files and notes are in it."""
+    cleaned = report_library("bleach").clean(
+        _TABLE_STYLE.sub("", text), tags={*_WORDS, *_BLOCKS}, attributes=_ATTRIBUTES
+    )
+    return str(cleaned)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from underlay.inference.sampling.derived import kind_of_quantity
-from underlay.report.interval_words import quantity_with_interval
+from underlay.report.intervals import quantity_with_interval
 from underlay.report.labels import label
 from underlay.report.tables import facts_table, labelled_table
 from underlay.scene.parameters import kind_of

@@ -11,8 +11,7 @@ import pandas as pd
 
 from underlay.mechanics.body import RIGID, Layer
 from underlay.quantities import quantity_of
-from underlay.report.amounts import amounts
-from underlay.report.tables import labelled_table
+from underlay.report.tables import amounts, labelled_table
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:

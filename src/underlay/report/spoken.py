@@ -1,15 +1,27 @@
-"""Messages of the library for people who do not program: TOML keys and flags for Python's arguments.
+"""Messages of the library for people who do not program, and words of unknown origin.
+
+Messages of the library for people who do not program: TOML keys and flags for Python's arguments.
 
 The library speaks to whoever calls it from Python. What a command prints and the browser page shows goes
 through `spoken`, which is the one place where the two languages meet; tests/test_wording.py reads every message
 of the library and holds that no Python argument is left.
+
+Words of unknown origin inside Markdown.
+
+Our own warnings, kept until the result that they belong to is shown.
 """
 
 from __future__ import annotations
 
 import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-__all__ = ["spoken"]
+from underlay._text import one_line
+from underlay.errors import UnderlayWarning
+
+__all__ = ["gathered_warnings", "markdown_text", "spoken"]
 
 _PYTHON_TO_COMMAND_LINE: tuple[tuple[str, str], ...] = (
     # what is said where a scene file says it
@@ -61,6 +73,8 @@ _PYTHON_TO_COMMAND_LINE: tuple[tuple[str, str], ...] = (
         'give it bounds in [fit], { min = ..., max = ... }, or a prior = "normal" with mean and sd',
     ),
 )
+
+
 _RULES = tuple((re.compile(pattern), words) for pattern, words in _PYTHON_TO_COMMAND_LINE)
 
 
@@ -75,3 +89,40 @@ def spoken(message: str) -> str:
     for pattern, words in _RULES:
         message = pattern.sub(words, message)
     return message
+
+
+# Marks of Markdown, of HTML and of addresses that become links by themselves. One underscore between letters,
+# as file names have it, marks nothing. A dollar or a backslash would still begin mathematics in a notebook
+# if it were written as an entity: only code is left alone there.
+_MARKS = re.compile(r"[`*\[\]<>&~!|#@]|(?<![^\W_])_|_(?![^\W_])|(?<=:)/|(?<=www)\.", re.IGNORECASE)
+
+
+_MATHEMATICS = re.compile(r"[$\\]+")
+
+
+def markdown_text(text: object, longest: int | None = None) -> str:
+    """Return `text` as one line of Markdown that shows it as it is: no markup, no link, no formula.
+
+    Parameters
+    ----------
+    text : object
+        Words from a file or a name.
+    longest : int, optional
+        As in `one_line`.
+    """
+    plain = _MARKS.sub(lambda mark: f"&#{ord(mark[0])};", one_line(text, longest))
+    return _MATHEMATICS.sub(lambda mark: f"`{mark[0]}`", plain)
+
+
+@contextmanager
+def gathered_warnings() -> Iterator[list[str]]:
+    """Collect our own warnings while something is worked out, to show them after its result."""
+    texts: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UnderlayWarning)
+        yield texts
+    for entry in caught:
+        if issubclass(entry.category, UnderlayWarning):
+            texts.append(str(entry.message))
+        else:
+            warnings.warn_explicit(entry.message, entry.category, entry.filename, entry.lineno)

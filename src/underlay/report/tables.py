@@ -1,11 +1,19 @@
-"""Tables of results, in units for people."""
+"""Tables of results, in units for people.
+
+Amounts side by side as text: zero has no unit of its own, and takes the one of what stands beside it.
+
+A table of numbers in SI as people read it: each number in the unit of its size.
+
+The table of `accuracy_cost` for people: one line per method, times in units of the formula.
+"""
 
 from __future__ import annotations
 
 import math
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from numbers import Real
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -14,15 +22,21 @@ from underlay._door import sha256_of
 from underlay._text import one_line
 from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.recipe import Step
-from underlay.quantities import numbers_of
-from underlay.report.amounts import amounts
-from underlay.report.interval_words import quantity_with_interval, wide_interval
-from underlay.report.intervals import Estimate, doubts_of_curves, estimates, standing
+from underlay.inference.sampling.derived import DERIVED
+from underlay.quantities import numbers_of, path_of
+from underlay.report.intervals import (
+    Estimate,
+    doubts_of_curves,
+    estimates,
+    quantity_with_interval,
+    standing,
+    wide_interval,
+)
 from underlay.report.labels import label
-from underlay.report.open_ends import rival_name
+from underlay.report.limits import rival_name
 from underlay.report.words import strong_pairs
-from underlay.scene.noise_model import NoiseModel
-from underlay.scene.parameters import kind_of
+from underlay.scene.noise import NoiseModel
+from underlay.scene.parameters import declared, kind_of
 from underlay.units import format_quantity, human_unit, printed
 
 if TYPE_CHECKING:
@@ -31,6 +45,9 @@ if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
+    "accuracy_summary",
+    "amounts",
+    "answer_summary",
     "combinations_table",
     "correlated_pairs",
     "diagnostics_table",
@@ -38,11 +55,84 @@ __all__ = [
     "fit_table",
     "interval_table",
     "labelled_table",
+    "method_label",
     "provenance_table",
     "reservations_table",
     "source_rows",
     "steps_table",
+    "with_units",
 ]
+
+# Below this share of the largest it is what rounding leaves of zero.
+_NOTHING = 1e-9
+
+
+def amounts(values: Sequence[float], kind: str) -> list[str]:
+    """Return SI values in units of their sizes, those that are zero in the unit of the largest.
+
+    Examples
+    --------
+    >>> amounts([0.0, 3e-6], "length"), amounts([-5e-22, 3e-6], "length"), amounts([0.0], "stiffness")
+    (['0 um', '3 um'], ['0 um', '3 um'], ['0'])
+    """
+    largest = max(map(abs, values), default=0.0)
+    unit = human_unit(largest, kind)[0] if largest else ""
+    zero = f"0 {unit}".strip()
+    return [format_quantity(value, kind) if abs(value) > _NOTHING * largest else zero for value in values]
+
+
+# Columns of tables of parameters that hold no value of the parameter.
+_BARE = frozenset({"ess", "rhat", "narrowing", "distance", "curves", "points", "units"})
+
+
+_SUFFIXES = (".stderr", ".low", ".high", ".expected", ".instrument")
+
+
+def with_units(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of SI numbers as text with units, for reading; the numbers stay in the table that was given.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        With a row per parameter, such as ``posterior.summary()``, or a column per parameter, such as what
+        `fit_many` returns. What is no number of a parameter stays as it is, rounded to four digits.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"median": [637052.3, 1.3512e-3], "rhat": [1.0004, 1.0]})
+    >>> table.index = ["layer.E", "layer.thickness"]
+    >>> with_units(table)["median"].to_list(), with_units(table)["rhat"].to_list()
+    (['0.6371 MPa', '1.351 mm'], ['1', '1'])
+    """
+    by_row = all(_kind(str(name)) is not None for name in table.index) and len(table) > 0
+    cells = {
+        column: [
+            _cell(value, _kind(str(name)) if by_row and str(column) not in _BARE else _kind(str(column)))
+            for name, value in zip(table.index, table[column], strict=True)
+        ]
+        for column in table.columns
+    }
+    return pd.DataFrame(cells, index=table.index)
+
+
+def _kind(name: str) -> str | None:
+    """Kind of quantity of a parameter, or of what a column says of one; None for any other name."""
+    for suffix in _SUFFIXES:
+        name = name.removesuffix(suffix)
+    path = path_of(name)
+    known = DERIVED.get(path.rpartition(".")[2]) or declared(path)
+    return known.kind if known.label and ("." in path or path in DERIVED) else None
+
+
+def _cell(value: object, kind: str | None) -> str:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return "" if value is None else str(value)
+    number = float(value)
+    if math.isnan(number):
+        return ""
+    if kind is None or math.isinf(number):
+        return f"{number:.4g}"
+    return printed(format_quantity(number, kind))
 
 
 def fit_table(result: Fit) -> pd.DataFrame:
@@ -294,3 +384,57 @@ def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
 def facts_table(rows: Mapping[str, str]) -> pd.DataFrame:
     """Make a table of one value per row."""
     return labelled_table([{"": name, "value": text} for name, text in rows.items()])
+
+
+def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the result of `accuracy_cost` in the columns people read, closest method first.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``law``, ``error`` (largest relative error of the force), ``cold (us)``, ``cold (x)`` and ``held (x)``
+        (time over that of the explicit formula), ``best`` (nothing is both closer and faster, from cold).
+    """
+    answered = table[table["error"].notna()]
+    return pd.DataFrame(
+        {
+            "law": [method_label(row) for _, row in answered.iterrows()],
+            "error": answered["error"].to_numpy(),
+            "cold (us)": 1e6 * answered["cold_seconds"].to_numpy(),
+            "cold (x)": answered["cold_ratio"].to_numpy(),
+            "held (x)": answered["held_ratio"].to_numpy(),
+            "best": answered["pareto"].to_numpy(),
+        }
+    )
+
+
+def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the result of `answer_cost` in the columns people read, closest modulus first.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``law``; ``E (%)``, the error of the modulus with the thickness known, and ``fit (x)``, its time over that
+        of lmfit's Hertz fit; ``E, free h (%)``, ``h (%)`` and ``fit, free h (x)``, the thickness fitted too.
+    """
+    ordered = table.sort_values("E_error", key=abs, ignore_index=True)
+    return pd.DataFrame(
+        {
+            "law": [method_label(row) for _, row in ordered.iterrows()],
+            "E (%)": 100.0 * ordered["E_error"],
+            "fit (x)": ordered["ratio"],
+            "E, free h (%)": 100.0 * ordered["E_error_joint"],
+            "h (%)": 100.0 * ordered["thickness_error"],
+            "fit, free h (x)": ordered["joint_ratio"],
+        }
+    )
+
+
+def method_label(row: pd.Series[Any]) -> str:
+    """Name of a method with what distinguishes it: ``"explicit 4"``, ``"exact 1e-06 (4 nodes)"``."""
+    method, form, order, rtol, nodes = (row[key] for key in ("method", "form", "order", "rtol", "nodes"))
+    if form:
+        return f"{form} {order:.0f}"
+    if pd.isna(rtol):
+        return str(method)
+    return f"{method} {rtol:.0e}" + (f" ({nodes:.0f} nodes)" if pd.notna(nodes) else "")

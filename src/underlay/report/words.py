@@ -12,13 +12,18 @@ from underlay._text import one_line
 from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.sizes import shape_parameters
-from underlay.report.distinct_scenes import distinct_scenes
-from underlay.report.interval_words import quantity_with_interval, wide_interval
-from underlay.report.intervals import Estimate, doubts_of_curves, estimates, is_averaged, standing
+from underlay.report.intervals import (
+    Estimate,
+    doubts_of_curves,
+    estimates,
+    is_averaged,
+    quantity_with_interval,
+    standing,
+    wide_interval,
+)
 from underlay.report.labels import is_of_the_sample, label, labelled, start
-from underlay.report.markdown import markdown_text
-from underlay.report.model_limits import model_limits
-from underlay.report.open_ends import advice, rivals
+from underlay.report.limits import advice, distinct_scenes, model_limits, rivals
+from underlay.report.spoken import markdown_text
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit, printed
 

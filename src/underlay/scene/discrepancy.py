@@ -15,8 +15,8 @@ from typing import ClassVar
 from underlay._arrays import FloatArray, finite
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.discrepant_law import DiscrepantLaw
-from underlay.mechanics.finite_strain import (
+from underlay.mechanics.discrepancy import (
+    DiscrepantLaw,
     finite_strain_excess,
     friction_in_large_strains,
     require_measured,

@@ -1,23 +1,179 @@
 """Which effects a scene calls for, each as the scene with it and without it.
 
+One effect of a scene: what it is with it and without it; and what the ledger asks of a scene.
+
+Effects that a law leaves out unless the scene says otherwise: friction under the tip, and finite strain.
+
 An effect is measured by leaving it out. What a scene does not declare, and a layer that differs from its base by
 less than the accuracy asked, runs none of its code.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol, TypeAlias
 
-from underlay.mechanics.body import RIGID, Layer
+import numpy as np
+
+from underlay._arrays import ArrayLike, FloatArray
+from underlay.mechanics.body import RIGID, Base, Body, Layer, stacked
+from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.discrepancy import finite_strain_excess, why_unmeasured
+from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
+from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
-from underlay.mechanics.stack import stacked
+from underlay.mechanics.solvers import AnySolver
 from underlay.quantities import replace_values
-from underlay.scene.effect import Effect, Simulated
-from underlay.scene.left_out_effects import left_out_effects
+from underlay.scene.instrument import Instrument
 
-__all__ = ["effects_of", "range_asked"]
+__all__ = ["Effect", "EffectRule", "Simulated", "effects_of", "left_out_effects", "range_asked"]
+
+
+class Simulated(Protocol):
+    """What the ledger asks of a scene: its parts, its law and its force. `Scene` is one."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def indenter(self) -> Indenter:
+        """What is pressed in."""
+
+    @property
+    def layer(self) -> Layer:
+        """What it is pressed into."""
+
+    @property
+    def substrate(self) -> Body | None:
+        """What the layer stands on."""
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """Every layer, from the top down."""
+
+    @property
+    def base(self) -> Base | None:
+        """The half-space that the layers stand on."""
+
+    @property
+    def instrument(self) -> Instrument:
+        """What reads depth and force."""
+
+    @property
+    def history(self) -> History | None:
+        """What the sample remembers."""
+
+    @property
+    def adhesion(self) -> Adhesion | None:
+        """What holds tip and surface together."""
+
+    @property
+    def friction(self) -> str:
+        """What is known of friction under the tip."""
+
+    @property
+    def contact(self) -> Contact:
+        """Indenter and body: what a solver is given."""
+
+    @property
+    def elastic(self) -> Simulated:
+        """The scene without memory."""
+
+    @property
+    def ages(self) -> bool:
+        """Whether the layer relaxes on an elastic base."""
+
+    def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
+        """Law of its contact up to `max_depth` (m)."""
+
+    def force(
+        self, depth: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
+    ) -> FloatArray:
+        """Force reading (N) at depth readings (m)."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect: the scene with it and without it.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    with_it, without : Scene or None
+        The two scenes; None where the scene says too little to build one.
+    simulated : bool
+        Whether the scene as it stands runs the effect's code.
+    note : str
+        What the size is measured against, or why there is none.
+    duration : float, optional
+        Time (s) of the even motion to the deepest point, for an effect that acts in time.
+    excess : callable, optional
+        Relative change of the force at depths (m), (n,), of an effect that no scene simulates; NaN where unknown.
+    note_at : callable, optional
+        The note of an effect that is known to a depth (m) only.
+    """
+
+    name: str
+    with_it: Simulated | None
+    without: Simulated | None
+    simulated: bool
+    note: str
+    duration: float | None = None
+    excess: Callable[[FloatArray], FloatArray] | None = None
+    note_at: Callable[[float], str] | None = None
+
+
+#: How an effect is found: from a scene and the law of its contact.
+EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
+
+
+_FRICTION, _FINITE_STRAIN = "friction", "finite strain"
+
+
+def left_out_effects(level: Simulated) -> list[Effect]:
+    """Friction and finite strain; `level` is the scene without memory and baseline."""
+    return [_friction(level), _finite_strain(level)]
+
+
+def _friction(level: Simulated) -> Effect:
+    """A tip that sticks against one that slides; real friction lies between."""
+    if level.adhesion is not None:
+        note = "how a tip that sticks and adheres behaves is not simulated"
+        return Effect(_FRICTION, None, None, simulated=False, note=note)
+    simulated = level.friction == "stuck"
+    said = {"stuck": "the tip is declared to stick", "none": "declared none", "unknown": "unknown"}
+    return Effect(
+        _FRICTION,
+        replace(level, friction="stuck"),
+        replace(level, friction="none"),
+        simulated=simulated,
+        note=f"a tip that sticks against one that slides; {said[level.friction]}",
+    )
+
+
+def _finite_strain(level: Simulated) -> Effect:
+    """What large strains do to the linear law, by the function that was measured; nothing is simulated."""
+
+    def excess(depth: FloatArray) -> FloatArray:
+        why = why_unmeasured(level.contact, float(depth.max()))
+        if why:
+            return np.full(depth.shape, np.nan)
+        radius = level.contact_law(float(depth.max())).contact_radius(depth)
+        return finite_strain_excess(level.contact, depth, radius)
+
+    def note(deepest: float) -> str:
+        why = why_unmeasured(level.contact, deepest)
+        return (
+            f"beyond what is known here: {why}"
+            if why
+            else "a neo-Hookean layer against small strains, known to a half of itself"
+        )
+
+    return Effect(
+        _FINITE_STRAIN, None, None, simulated=False, note="against small strains", excess=excess, note_at=note
+    )
 
 
 def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:

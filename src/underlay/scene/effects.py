@@ -16,8 +16,7 @@ from underlay.errors import InputError
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
-from underlay.scene.effect import Effect, EffectRule, Simulated
-from underlay.scene.effect_rules import effects_of, range_asked
+from underlay.scene.effect_rules import Effect, EffectRule, Simulated, effects_of, range_asked
 
 __all__ = ["effect_sizes", "effects_in", "effects_table"]
 

@@ -1,23 +1,258 @@
-"""What stands between the contact and the numbers in the file: the numbers of an instrument.
+"""What stands between the contact and the numbers in the file: instrument, lever, and the links in order.
+
+The links between what an instrument reads and what the sample feels, in order.
+
+    depth reading d -> [contact point: d - d0] -> [frame: w + C P(w) = d - d0] -> depth w
+    force P(w)      -> [baseline: + F0] -> [its slope: + s d] -> force reading F
+
+Each link says its step and its derivative once, for one set of numbers or for many: a number is a float, or an
+array (sets, 1) beside readings (n,). A link that a scene does not call for is absent and runs no code. With the
+stiffness S = dP/dw, whatever changes w at fixed d - d0 is divided by 1 + C S, and
+
+    dF/dd0 = -S / (1 + C S),   dF/dC = -P S / (1 + C S),   dF/dF0 = 1,   dF/ds = d.
+
+What stands between the contact and the numbers in the file: the numbers of an instrument.
 
 What each of them does to a reading is said by its link (`chain.py`).
+
+A cantilever whose bending was taken off the depth, with a calibration that may be off.
+
+A detector's volts V are the bending d = s V by the sensitivity s, and the force F = k s V by the spring constant k;
+the depth reading is the scanner's travel less the bending. With the true values k' = kappa k and s' = sigma s,
+
+    force reading = P(w) / (kappa sigma),        w = depth reading - d0 - (sigma - 1) F / k,
+
+F being the force reading itself: the model's, of which noise is no part. The spring constant alone scales the
+force and leaves the depth; the sensitivity acts on both, in the same direction: for a sphere d ln E / d ln s is
+about 1 + 3/2 of bending over depth.
+
+The thermal method finds k from the same sensitivity, k ~ s^-2 (Hutter & Bechhoefer 1993, doi:10.1063/1.1143970):
+kappa is then sigma**-2 times what else is not known of it, and taking the two for independent is cautious.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Self, TypeAlias
 
 import numpy as np
 
-from underlay._arrays import finite
-from underlay.errors import InputError
+from underlay._arrays import FloatArray, finite
+from underlay.errors import InputError, RangeError
+from underlay.mechanics.response import Response
 from underlay.quantities import Part, field_quantities, quantity
-from underlay.scene.chain import Chain
 from underlay.units import KINDS
 
-__all__ = ["Instrument"]
+__all__ = [
+    "FURTHER",
+    "SENSITIVITY_RATIO",
+    "SPRING_CONSTANT",
+    "SPRING_CONSTANT_RATIO",
+    "Baseline",
+    "BaselineSlope",
+    "Chain",
+    "ContactDepth",
+    "ForceLink",
+    "Frame",
+    "Instrument",
+    "Lever",
+]
+
+#: One number, or one for each set, (sets, 1).
+PerSet: TypeAlias = float | FloatArray
+
+
+# Newton from the stiff side on a convex function converges monotonically; 50 is far beyond need.
+_MAX_STEPS = 50
+
+
+@dataclass(frozen=True)
+class ContactDepth:
+    """The reading `depth` (m) at first contact."""
+
+    path: ClassVar[str] = "instrument.contact_depth"
+
+    depth: PerSet
+
+    def travel(self, reading: FloatArray) -> FloatArray:
+        """Travel since contact (m) at depth readings (m)."""
+        return reading - self.depth
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame or cantilever of this `compliance` (m/N), which takes its share of the travel."""
+
+    path: ClassVar[str] = "instrument.compliance"
+
+    compliance: float
+
+    def tip_depth(self, response: Response, travel: FloatArray) -> FloatArray:
+        """Solve w + C P(w) = s for w (m), s the travel since contact (m).
+
+        There is contact from s_0 = w_0 + C P_0 on, w_0 and P_0 those with which it begins or is lost: zero, or the
+        pull-off. P is convex in w for every law without jumps and P_0 its least, so Newton's method from
+        w = s - C P_0 descends monotonically to the root. A law that jumps says itself where it goes.
+        """
+        own = response.tip_depth(travel, self.compliance)
+        if own is not None:
+            return own
+        first, least = response.beginning
+        held_back = self.compliance * least
+        w = np.array(travel, dtype=np.float64)
+        touching = w > first + held_back
+        s = w[touching]
+        # The start must be inside the range of the law; the root is below it whenever a root exists there.
+        x = np.minimum(s - held_back, response.max_depth)
+        small = 4.0 * np.finfo(float).eps * (np.abs(s) + abs(held_back))
+        for _ in range(_MAX_STEPS):
+            excess = x + self.compliance * response.force(x) - s
+            step = excess * self.share(response.stiffness(x))
+            x = np.where(step < x - first, x - step, 0.5 * (x + first))
+            if (np.abs(step) <= small).all():
+                break
+        w[touching] = x
+        return w
+
+    def require_standing(self, stiffness: FloatArray) -> None:
+        """Refuse a compliance so negative that the readings do not say where the tip is.
+
+        Raises
+        ------
+        RangeError
+            If the lever would give way faster than the sample resists.
+        """
+        if not (self.share(stiffness) > 0.0).all():
+            raise RangeError(
+                f"a lever that bends {-self.compliance:.3g} m/N less than was taken off explains no reading here: "
+                "it would give way faster than the sample resists"
+            )
+
+    def share(self, stiffness: FloatArray) -> FloatArray:
+        """The sample's share of a small travel, 1 / (1 + C S), at stiffness S (N/m)."""
+        return np.asarray(1.0 / (1.0 + self.compliance * stiffness))
+
+    def slope(self, force: FloatArray, stiffness: FloatArray) -> FloatArray:
+        """dP/dC at a given travel, - P S / (1 + C S), for force P (N) and stiffness S (N/m)."""
+        return -force * stiffness * self.share(stiffness)
+
+
+class ForceLink(ABC):
+    """A step from the contact's force to the reading, linear in its number."""
+
+    path: ClassVar[str]
+
+    @abstractmethod
+    def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
+        """Force after the step (N) of a force before it (N), at depth readings (m)."""
+
+    @classmethod
+    @abstractmethod
+    def slope(cls, depth: FloatArray) -> FloatArray:
+        """d force / d number at depth readings (m), (n,); the same whatever the number."""
+
+
+@dataclass(frozen=True)
+class Baseline(ForceLink):
+    """A reading of `force` (N) without contact, at zero of the depth axis."""
+
+    path: ClassVar[str] = "instrument.baseline"
+
+    force: PerSet
+
+    def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
+        """F + F0."""
+        del depth
+        return force + self.force
+
+    @classmethod
+    def slope(cls, depth: FloatArray) -> FloatArray:
+        """One."""
+        return np.ones(depth.shape)
+
+
+@dataclass(frozen=True)
+class BaselineSlope(ForceLink):
+    """A baseline that changes by `stiffness` (N/m) along the depth axis."""
+
+    path: ClassVar[str] = "instrument.baseline_slope"
+
+    stiffness: PerSet
+
+    def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
+        """F + s d."""
+        return force + self.stiffness * depth
+
+    @classmethod
+    def slope(cls, depth: FloatArray) -> FloatArray:
+        """The readings."""
+        return depth
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The links a scene calls for.
+
+    Parameters
+    ----------
+    contact : ContactDepth or None
+        First link of the depth.
+    frame : Frame or None
+        Second link of the depth; of one set of numbers only.
+    offsets : tuple of ForceLink
+        Links of the force, in order.
+    """
+
+    contact: ContactDepth | None
+    frame: Frame | None
+    offsets: tuple[ForceLink, ...]
+
+    @classmethod
+    def of(cls, values: Mapping[str, PerSet], free: Collection[str] = ()) -> Self:
+        """Links of the numbers of a scene by path: those that are not zero, and those that are free."""
+
+        def called(path: str) -> bool:
+            value = values[path]
+            return path in free or bool(value.any() if isinstance(value, np.ndarray) else value)
+
+        frame = values[Frame.path]
+        if called(Frame.path) and not isinstance(frame, float):
+            raise InputError("a frame's compliance is solved for one set of numbers at a time")
+        return cls(
+            ContactDepth(values[ContactDepth.path]) if called(ContactDepth.path) else None,
+            Frame(float(frame)) if called(Frame.path) else None,
+            tuple(link(values[link.path]) for link in (Baseline, BaselineSlope) if called(link.path)),
+        )
+
+    def with_compliance(self, compliance: float) -> Chain:
+        """Return the chain with another frame's compliance (m/N), of either sign; none where it is zero."""
+        return replace(self, frame=Frame(compliance) if compliance else None)
+
+    def travel(self, depth: FloatArray) -> FloatArray:
+        """Travel since contact (m) at depth readings (m)."""
+        return depth if self.contact is None else self.contact.travel(depth)
+
+    def tip_depth(self, response: Response, depth: FloatArray) -> FloatArray:
+        """Depth of the tip into the sample (m) at depth readings (m)."""
+        travel = self.travel(depth)
+        return travel if self.frame is None else self.frame.tip_depth(response, travel)
+
+    def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
+        """Force reading (N) of contact forces (N) at depth readings (m)."""
+        for link in self.offsets:
+            force = link.reading(force, depth)
+        return force
+
+    def at_fixed_travel(self, slope: FloatArray, stiffness: FloatArray) -> FloatArray:
+        """Derivative of the force where the travel is given, from that where the tip's depth is: shared."""
+        return slope if self.frame is None else slope * self.frame.share(stiffness)
+
+    def offset_slopes(self, depth: FloatArray) -> dict[str, FloatArray]:
+        """d force / d number, (n,), of every link of the force, by path."""
+        return {link.path: link.slope(depth) for link in self.offsets}
 
 
 @dataclass(frozen=True)
@@ -56,3 +291,90 @@ class Instrument(Part):
     def chain(self) -> Chain:
         """The links of what is not zero here."""
         return Chain.of({f"instrument.{name}": getattr(self, name) for name in field_quantities(self)})
+
+
+#: Paths of the two numbers that a calibration may be off by.
+SPRING_CONSTANT_RATIO = "lever.spring_constant_ratio"
+
+
+SENSITIVITY_RATIO = "lever.sensitivity_ratio"
+
+
+#: Path of the one that made the curve.
+SPRING_CONSTANT = "lever.spring_constant"
+
+
+#: A lever that bends less than was taken off lets the tip deeper: laws reach so much further than the readings.
+FURTHER = 2.0
+
+
+_POSITIVE = (0.0, np.inf)
+
+
+@dataclass(frozen=True)
+class Lever(Part):
+    """A cantilever and how far its true calibration is from the one that made the curve.
+
+    Parameters
+    ----------
+    spring_constant : float
+        The one that made the curve (N/m): of the file, or given in its place.
+    spring_constant_ratio : float
+        True over that.
+    sensitivity_ratio : float
+        True sensitivity of the detector over the one that made the curve.
+
+    Raises
+    ------
+    InputError
+        If one of them is not positive.
+
+    Examples
+    --------
+    A spring constant that is known to 10 % is a parameter of the fit with that prior:
+
+    >>> from underlay import Isotropic, Layer, Lever, LogNormal, Paraboloid, Scene
+    >>> scene = Scene(Paraboloid(5e-6), Layer(Isotropic(1e3, 0.5)), lever=Lever(0.04))
+    >>> free = {"layer.E": None, "lever.spring_constant_ratio": LogNormal(1.0, 0.1)}
+    >>> sorted(path for path in scene.parameters if path.startswith("lever."))
+    ['lever.sensitivity_ratio', 'lever.spring_constant', 'lever.spring_constant_ratio']
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ("lever",)
+
+    spring_constant: float = field(
+        metadata=quantity("stiffness", "spring constant of the lever", symbol="k", bounds=_POSITIVE)
+    )
+    spring_constant_ratio: float = field(
+        default=1.0,
+        metadata=quantity(
+            "dimensionless", "true over stated spring constant", symbol=r"\kappa", bounds=_POSITIVE
+        ),
+    )
+    sensitivity_ratio: float = field(
+        default=1.0,
+        metadata=quantity(
+            "dimensionless", "true over stated sensitivity", symbol=r"\sigma", bounds=_POSITIVE
+        ),
+    )
+
+    def __post_init__(self) -> None:
+        for name, known in field_quantities(self).items():
+            value = finite(getattr(self, name), f"lever {name}", KINDS[known.kind].si)
+            if not value > 0.0:
+                raise InputError(f"lever {name} must be positive; got {value!r}")
+            object.__setattr__(self, name, value)
+
+    @property
+    def gain(self) -> float:
+        """Force reading over true force, 1 / (kappa sigma)."""
+        return 1.0 / (self.spring_constant_ratio * self.sensitivity_ratio)
+
+    @property
+    def compliance(self) -> float:
+        """What bends more than was taken off, over the force reading: (sigma - 1) / k (m/N), of either sign."""
+        return (self.sensitivity_ratio - 1.0) / self.spring_constant
+
+    def bending(self, force: FloatArray) -> FloatArray:
+        """Bending (m) that was taken off at force readings (N)."""
+        return np.asarray(force / self.spring_constant)

@@ -1,4 +1,26 @@
-"""The noise model of the house: white, in proportion to the force, of the depth, correlated in time.
+"""What disturbs a force reading: the seam for noise models, and those of the house.
+
+Noise of a force reading: one model, shared by the generator of curves and by the likelihood.
+
+The reading at point k is F_k + sigma_k z_k, the z_k of unit variance with correlations of their own: the
+covariance is V = D R D, D the standard deviations. A `NoiseModel` says sigma, how z is whitened, half the
+logarithm of det V, and how it is drawn; the log-likelihood of residuals r is
+
+    ``log_normalisation - sum(whiten(r / sigma)^2) / 2``.
+
+To add a noise model: a frozen dataclass that derives from `NoiseModel`, its numbers declared in its fields. Only
+`sigma` must be written where the points are independent. The numbers may be floats, or arrays (sets, 1) beside
+points (sets, n): formulas in numpy's broadcasting serve both.
+
+Noise that hangs together over a time: a stationary Gaussian process with correlation exp(-|t - t'| / tau).
+
+Sampled, it is AR(1) with rho_k = exp(-(t_k - t_{k-1}) / tau), on regular and irregular times alike. Its whitening
+
+    e_0 = z_0,   e_k = (z_k - rho_k z_{k-1}) / sqrt(1 - rho_k^2)
+
+is O(n).
+
+The noise model of the house: white, in proportion to the force, of the depth, correlated in time.
 
 Each part is off unless named. The standard deviations of white noise, of noise in proportion to the force and of an
 uncertain depth add in squares,
@@ -8,24 +30,238 @@ uncertain depth add in squares,
 with P the contact force; the last term is the effective variance of an uncertain depth, first order in the depth
 error (Orear 1982, doi:10.1119/1.12972). The readings are independent, or correlated over a time constant
 (`correlated_noise`).
+
+Noise with errors that all readings of a curve share: known shapes, unknown sizes.
+
+The reading at point k is F_k + sigma_k (z_k + sum_j C_kj u_j), z as `Noise` has it and u_j ~ N(0, 1): the variance
+is D (R + C C') D. An error that is smooth along a curve does not average away with the number of points.
+Whitened is z's own whitening, then each point less what those before it say of u,
+
+    e_k = (y_k - a_k' M_k^-1 b_k) / s_k,   M_k = 1 + sum_{i<k} a_i a_i',   b_k = sum_{i<k} a_i y_i,
+    s_k^2 = 1 + a_k' M_k^-1 a_k,
+
+y and the rows a of the whitened readings and columns: recursive least squares, O(n m^2).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
 
-from underlay._arrays import FloatArray, PerSet, finite
+from underlay._arrays import FloatArray, PerSet, as_finite, finite, read_only
 from underlay.errors import InputError
-from underlay.quantities import field_quantities, quantity
-from underlay.scene.correlated_noise import ar1_coefficients, ar1_sample, ar1_whiten
-from underlay.scene.noise_model import NoiseModel
+from underlay.quantities import Part, field_quantities, no_number, quantity
 from underlay.units import KINDS
 
-__all__ = ["Noise"]
+__all__ = ["LowRankNoise", "Noise", "NoiseModel", "ar1_coefficients", "ar1_sample", "ar1_whiten"]
+
+
+class NoiseModel(Part, ABC):
+    """What disturbs a force reading; its numbers stand under ``noise.``, and any of them may be free."""
+
+    parts: ClassVar[tuple[str, ...]] = ("noise",)
+    chosen_by: ClassVar[str] = "model"
+    #: Name in scene files.
+    model: ClassVar[str] = ""
+
+    @abstractmethod
+    def sigma(
+        self, force: FloatArray, stiffness: FloatArray | None = None, time: FloatArray | None = None
+    ) -> FloatArray:
+        """Standard deviation (N) of the reading.
+
+        Parameters
+        ----------
+        force : FloatArray
+            Contact force (N), (..., n).
+        stiffness : FloatArray, optional
+            dP/dw (N/m), (..., n); given where `needs_stiffness`.
+        time : FloatArray, optional
+            Times (s), (n,), where the curve has them.
+
+        Returns
+        -------
+        FloatArray
+            (..., n), positive. It may be a read-only view.
+        """
+
+    def whiten(self, standardised: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Independent unit-variance residuals (..., n) from residuals over their `sigma`; linear in them."""
+        del time
+        return standardised
+
+    def log_deviations(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Logarithm of the standard deviation (N) of each point given those before it, (..., n)."""
+        del time
+        return np.asarray(np.log(sigma))
+
+    def log_determinant(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Half the logarithm of the determinant of the covariance, (...): the sum of `log_deviations`."""
+        points = sigma.shape[-1]
+        if points > 1 and sigma.strides[-1] == 0 and not self.correlation:
+            # The broadcast view of white noise alone: all points of a set have one sigma, one logarithm serves.
+            return np.asarray(points * np.log(sigma[..., 0]))
+        return np.asarray(self.log_deviations(sigma, time).sum(axis=-1))
+
+    def sample(
+        self, rng: np.random.Generator, sigma: FloatArray, time: FloatArray | None = None
+    ) -> FloatArray:
+        """Draw noise (N) of standard deviation `sigma` (N), same shape (..., n), at `time` (s), (n,)."""
+        del time
+        return sigma * rng.standard_normal(np.shape(sigma))
+
+    def log_normalisation(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Logarithm of the Gaussian's normalisation (...): - log_determinant - n log(2 pi) / 2.
+
+        Raises
+        ------
+        InputError
+            If a standard deviation is zero.
+        """
+        if not (sigma > 0.0).all():
+            raise InputError(
+                "the noise of some points is zero, so their likelihood is infinite: before contact neither "
+                "relative nor depth noise acts; give noise.force too (N)"
+            )
+        return np.asarray(-self.log_determinant(sigma, time) - 0.5 * sigma.shape[-1] * np.log(2.0 * np.pi))
+
+    # --- what those who use it may ask ------------------------------------------------------------------
+
+    @property
+    def follows_force(self) -> bool:
+        """Whether `sigma` depends on the model's force, so that a fit renews it."""
+        return True
+
+    @property
+    def needs_stiffness(self) -> bool:
+        """Whether `sigma` depends on the stiffness."""
+        return False
+
+    @property
+    def correlation(self) -> tuple[PerSet, ...]:
+        """Numbers that `whiten` depends on; empty where the points are independent."""
+        return ()
+
+    @property
+    def size_is_unknown(self) -> bool:
+        """Whether its size is neither given nor a parameter: it is then estimated, or integrated out."""
+        return False
+
+    def of_size(self, size: float) -> Self:
+        """Return the model with its unknown size (N) given; itself where it is known."""
+        del size
+        return self
+
+    def of_force(self) -> NoiseModel | None:
+        """What a generator draws on the force reading; None where nothing acts there."""
+        return self
+
+    @property
+    def depth_deviation(self) -> float:
+        """Standard deviation (m) that a generator adds to the depth reading."""
+        return 0.0
+
+    def check(self, free: Collection[str], points: int, time: FloatArray | None) -> None:
+        """Refuse, by InputError, what no curve of so many points at `time` can have; `free` are its numbers."""
+        del free
+        self.whiten(np.zeros(points), time)
+
+    def of_readings(self, kept: NDArray[np.bool_]) -> Self:
+        """Return the model for some of a curve's readings, (n,); itself where it does not know their number."""
+        del kept
+        return self
+
+    def at(self, numbers: Mapping[str, PerSet]) -> Self:
+        """Return the model with some numbers replaced, each a float or an array (sets, 1).
+
+        Numbers of many sets are not checked: where a set has impossible ones its likelihood says so.
+        """
+        if not numbers:
+            return self
+        changed = copy(self)
+        for name, value in numbers.items():
+            object.__setattr__(changed, name, value)
+        return changed
+
+
+def ar1_whiten(standardised: FloatArray, time: FloatArray | None, correlation_time: PerSet) -> FloatArray:
+    """Turn residuals over their standard deviation into independent ones of unit variance, in O(n).
+
+    Parameters
+    ----------
+    standardised : FloatArray
+        Residual / sigma (dimensionless), (..., n).
+    time : FloatArray or None
+        Times (s), (n,), increasing.
+    correlation_time : float or FloatArray
+        tau (s), positive: a number, or one per set, (sets, 1).
+
+    Returns
+    -------
+    FloatArray
+        (..., n).
+
+    Raises
+    ------
+    InputError
+        If a correlation time is set and `time` is missing or does not increase.
+    """
+    rho, spread = ar1_coefficients(time, correlation_time)
+    white = np.empty(np.broadcast_shapes(standardised.shape, (*rho.shape[:-1], 1)))
+    white[..., 0] = standardised[..., 0]
+    white[..., 1:] = (standardised[..., 1:] - rho * standardised[..., :-1]) / spread
+    return white
+
+
+def ar1_sample(
+    rng: np.random.Generator, shape: tuple[int, ...], time: FloatArray | None, correlation_time: float
+) -> FloatArray:
+    """Draw unit-variance noise (..., n), correlated over `correlation_time` (s) along the last axis.
+
+    Raises
+    ------
+    InputError
+        As `ar1_whiten` does.
+    """
+    white = rng.standard_normal(shape)
+    if not correlation_time:
+        return white
+    rho, spread = ar1_coefficients(time, correlation_time)
+    white[..., 1:] *= spread
+    # z_k - rho_k z_{k-1} = innovation_k is a lower bidiagonal system: one banded solve for every row.
+    bands = np.ones((2, shape[-1]))
+    bands[1, :-1] = -rho
+    bands[1, -1] = 0.0
+    columns = white.reshape(-1, shape[-1]).T
+    return np.asarray(linalg.solve_banded((1, 0), bands, columns).T.reshape(shape))
+
+
+def ar1_coefficients(time: FloatArray | None, correlation_time: PerSet) -> tuple[FloatArray, FloatArray]:
+    """rho_k and sqrt(1 - rho_k^2) of neighbouring points, each (..., n - 1); raises as `ar1_whiten` does."""
+    if time is None:
+        raise InputError(
+            "a correlation time needs the times of the points (s): give the curve a time column or a "
+            "sampling rate, or set noise.correlation_time to 0"
+        )
+    step = np.diff(time)
+    if not (step > 0.0).all():
+        raise InputError(
+            "a correlation time needs increasing times; they do not increase after index "
+            f"{int(np.flatnonzero(~(step > 0.0))[0])}"
+        )
+    tau = np.asarray(correlation_time, dtype=np.float64)
+    if not (tau > 0.0).all():
+        raise InputError(f"a correlation time must be positive (s) in every set; got {float(tau.min())!r}")
+    lag = step / tau
+    # expm1 keeps 1 - rho^2 exact to rounding when the points are much closer than tau.
+    return np.exp(-lag), np.sqrt(-np.expm1(-2.0 * lag))
 
 
 @dataclass(frozen=True)
@@ -216,3 +452,111 @@ class Noise(NoiseModel):
 def _is_off(part: PerSet) -> bool:
     """Whether a part of the noise is zero in every set; a fit asks this of single numbers at every step."""
     return part == 0.0 if isinstance(part, float) else not np.any(part)
+
+
+@dataclass(frozen=True)
+class LowRankNoise(Noise):
+    """`Noise` and errors that the readings of one curve share.
+
+    Parameters
+    ----------
+    force, relative, correlation_time, depth
+        As in `Noise`; numbers that are given, not fitted.
+    columns : FloatArray
+        What each error of size one adds to the readings, over the standard deviation of their noise, (n, m); the
+        sizes are normal with standard deviation one.
+    common : FloatArray
+        The same, (n, q), of errors that have one size in all curves of a problem. `whiten` and `log_deviations` are
+        those of the curve where these sizes are known: what the curves have in common is theirs together.
+
+    Raises
+    ------
+    InputError
+        As `Noise` does, or if the columns are not of shape (n, m) and finite.
+
+    Examples
+    --------
+    An offset of 2 uN that nobody knows better, beside white noise of 1 uN:
+
+    >>> noise = LowRankNoise(force=1e-6, columns=np.full((3, 1), 2.0))
+    >>> round(float(np.exp(noise.log_determinant(noise.sigma(np.zeros(3)))) / 1e-18), 10)
+    3.6055512755
+    """
+
+    model: ClassVar[str] = ""
+
+    columns: FloatArray = field(
+        default_factory=lambda: np.zeros((0, 0)), metadata=no_number(), compare=False, repr=False
+    )
+    common: FloatArray = field(
+        default_factory=lambda: np.zeros((0, 0)), metadata=no_number(), compare=False, repr=False
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("columns", "common"):
+            columns = as_finite(getattr(self, name), name)
+            if columns.ndim != 2:
+                raise InputError(f"{name} are (readings, errors); got shape {columns.shape}")
+            object.__setattr__(self, name, read_only(np.array(columns)))
+        # Without errors of a kind the other says how many readings there are.
+        points = max(len(self.columns), len(self.common))
+        for name in ("columns", "common"):
+            if not getattr(self, name).size:
+                object.__setattr__(self, name, read_only(np.zeros((points, 0))))
+
+    def whiten(self, standardised: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Independent unit-variance residuals (..., n) from `standardised` ones; see the module."""
+        self._require(standardised.shape[-1])
+        rows, gain, spread = self._steps(time)
+        own = super().whiten(standardised, time)
+        so_far = np.zeros((*own.shape, rows.shape[1]))
+        np.cumsum(own[..., :-1, None] * rows[:-1], axis=-2, out=so_far[..., 1:, :])
+        return np.asarray((own - np.einsum("...nm,nm->...n", so_far, gain)) / spread)
+
+    def log_deviations(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Logarithm of the standard deviation (N) of each point given those before it, (..., n)."""
+        return np.asarray(super().log_deviations(sigma, time) + np.log(self._steps(time)[2]))
+
+    def sample(
+        self, rng: np.random.Generator, sigma: FloatArray, time: FloatArray | None = None
+    ) -> FloatArray:
+        """Draw noise and shared errors (N) of standard deviation `sigma` (N) of the noise, same shape (..., n)."""
+        self._require(sigma.shape[-1])
+        columns = np.hstack((self.columns, self.common))
+        sizes = rng.standard_normal((*sigma.shape[:-1], columns.shape[1]))
+        return np.asarray(super().sample(rng, sigma, time) + sigma * (sizes @ columns.T))
+
+    @property
+    def correlation(self) -> tuple[PerSet, ...]:
+        """The correlation time, and the size of every column."""
+        columns = np.hstack((self.columns, self.common))
+        return (*super().correlation, *np.linalg.norm(columns, axis=0).tolist())
+
+    def check(self, free: Collection[str], points: int, time: FloatArray | None) -> None:
+        """Refuse columns for other readings, and numbers of the noise that are not given."""
+        if free:
+            raise InputError(
+                f"noise.{min(free)} cannot be fitted beside shared errors, whose sizes are over the noise: state it"
+            )
+        if self.force is None:
+            raise InputError("noise.force is unknown beside shared errors: give its value (N)")
+        self._require(points)
+        super().check(free, points, time)
+
+    def of_readings(self, kept: NDArray[np.bool_]) -> Self:
+        """Return the model for some of the readings, (n,)."""
+        return replace(self, columns=self.columns[kept], common=self.common[kept])
+
+    def _require(self, points: int) -> None:
+        if not len(self.columns) == len(self.common) == points:
+            of = len(self.columns) if len(self.columns) != points else len(self.common)
+            raise InputError(f"these shared errors are of a curve with {of} readings; got {points}")
+
+    def _steps(self, time: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rows a, gains M^-1 a, (n, m) each, and s (n,)."""
+        rows = super().whiten(self.columns.T, time).T
+        before = np.cumsum(rows[:, :, None] * rows[:, None, :], axis=0)
+        before = np.concatenate((np.zeros_like(before[:1]), before[:-1])) + np.eye(rows.shape[1])
+        gain: FloatArray = np.asarray(np.linalg.solve(before, rows[:, :, None])[..., 0], dtype=np.float64)
+        return rows, gain, np.asarray(np.sqrt(1.0 + np.einsum("nm,nm->n", rows, gain)))

@@ -1,4 +1,8 @@
-"""Parameter paths: one name for every number of a scene.
+"""Parameter paths, one name for every number of a scene, and what people call them.
+
+What people call the quantities of a scene, and which key a mistaken name was meant to be.
+
+Parameter paths: one name for every number of a scene.
 
 ``layer.E``, ``substrate.nu``, ``indenter.radius``, ``layer.relaxation.times[0]``: the first word is a part of the
 scene, the rest leads to a field of it. Fits, scene files, manifests and tables all use these; what is behind each
@@ -8,20 +12,110 @@ of them is declared once (`underlay.quantities`).
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
 from underlay.errors import ParameterError
 from underlay.mechanics.adhesion import Adhesion
+from underlay.mechanics.body import Stack
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.profile import Profile
-from underlay.mechanics.stack import Stack
 from underlay.quantities import Part, declared, kind_of
-from underlay.scene.field_names import fields_meant
 from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise
 
-__all__ = ["DECLARING", "declared", "kind_of", "unknown_parameter"]
+__all__ = ["DECLARING", "declared", "fields_meant", "hint", "kind_of", "unknown_parameter"]
+
+#: Names from papers and instruments, in lower case without spaces or underscores, and the fields they are.
+_SYNONYMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "modulus": ("E",),
+        "youngsmodulus": ("E",),
+        "youngmodulus": ("E",),
+        "young": ("E",),
+        "elasticmodulus": ("E",),
+        "emodulus": ("E",),
+        "poisson": ("nu",),
+        "poissonratio": ("nu",),
+        "poissonsratio": ("nu",),
+        "v": ("nu",),
+        "shearmodulus": ("G_axial",),
+        "h": ("thickness",),
+        "height": ("thickness",),
+        "t": ("thickness",),
+        "r": ("radius",),
+        "tipradius": ("radius",),
+        "diameter": ("radius",),
+        "angle": ("half_angle",),
+        "openingangle": ("half_angle",),
+        "springconstant": ("compliance",),
+        "cantileverstiffness": ("compliance",),
+        "framestiffness": ("compliance",),
+        "framecompliance": ("compliance",),
+        "contactpoint": ("contact_depth",),
+        "zero": ("contact_depth",),
+        "offset": ("baseline",),
+        "forceoffset": ("baseline",),
+        "tilt": ("baseline_slope",),
+        "type": ("shape",),
+        "geometry": ("shape",),
+        "lower": ("min",),
+        "low": ("min",),
+        "upper": ("max",),
+        "high": ("max",),
+        "std": ("sd",),
+        "sigma": ("sd", "force"),
+        "rms": ("force",),
+        "white": ("force",),
+        "tolerance": ("rtol",),
+        "accuracy": ("rtol",),
+        "law": ("method",),
+    }
+)
+
+
+#: How the number changes with the name.
+_CHANGES = {
+    "diameter": "half of it",
+    "openingangle": "half of it, from the axis",
+    "springconstant": "its inverse",
+    "cantileverstiffness": "its inverse",
+    "framestiffness": "its inverse",
+}
+
+
+def fields_meant(name: str, allowed: Iterable[str]) -> tuple[str, ...]:
+    """Fields of `allowed` that `name` may have been meant to be, best first; empty if it resembles none."""
+    fields = tuple(allowed)
+    word = _plain(name)
+    same = tuple(field for field in fields if _plain(field) == word)
+    known = tuple(field for field in _SYNONYMS.get(word, ()) if field in fields)
+    by_word = {_plain(field): field for field in fields}
+    near = difflib.get_close_matches(word, by_word, n=1)
+    return same or known or tuple(by_word[match] for match in near)
+
+
+def hint(name: str, allowed: Iterable[str]) -> str:
+    """Return the clause of an error message that says what `name` should be, or nothing.
+
+    Examples
+    --------
+    >>> hint("thicknes", ["E", "nu", "thickness"])
+    '; did you mean thickness?'
+    >>> hint("spring constant", ["baseline", "compliance"])
+    '; did you mean compliance (its inverse)?'
+    """
+    meant = fields_meant(name, allowed)
+    if not meant:
+        return ""
+    change = _CHANGES.get(_plain(name), "")
+    return f"; did you mean {meant[0]}{f' ({change})' if change else ''}?"
+
+
+def _plain(name: str) -> str:
+    return "".join(letter for letter in name.casefold() if letter.isalnum())
+
 
 #: Parts that declare the numbers of a test. A path is understood where these are loaded, so whoever asks what one
 #: is asks here.

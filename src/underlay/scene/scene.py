@@ -1,4 +1,7 @@
-"""A scene: an indenter pressed into a layer bonded to a substrate, read by an instrument."""
+"""A scene: an indenter pressed into a layer bonded to a substrate, read by an instrument.
+
+The lower faces of a scene's layers: which there are, and how each holds to what is under it.
+"""
 
 from __future__ import annotations
 
@@ -14,24 +17,22 @@ import pandas as pd
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.body import Base, Body, Layer
+from underlay.mechanics.body import Base, Body, Bond, Layer, Stack
 from underlay.mechanics.contact import Adhesion, Contact
-from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.friction import as_friction
+from underlay.mechanics.contact_law import ContactLaw, ScaledLaw
+from underlay.mechanics.discrepancy import as_friction
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.response import History, Remembered, Response, checked_times
-from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.discrepancy import Discrepancy
 from underlay.scene.effects import effects_table
-from underlay.scene.instrument import Instrument
-from underlay.scene.lever import FURTHER, Lever
+from underlay.scene.instrument import FURTHER, Instrument, Lever
 from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 
-__all__ = ["Scene"]
+__all__ = ["Scene", "bond_of", "faces", "has_face", "unknown_faces", "with_bond"]
 
 # Depths (m) of the law that is tried first for a given force, and of the last; and how far one try may leap.
 _FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
@@ -387,3 +388,47 @@ def _check_memory(scene: Scene) -> None:
             "a frame's compliance beside a history or a relaxation is not simulated: take it out of the "
             "depth first (depth - compliance * force) and set instrument.compliance to 0"
         )
+
+
+def faces(scene: Scene) -> list[str]:
+    """Names of the layers that stand on something, downwards: ``"layer"``, ``"substrate.layers[0]"``, ..."""
+    if scene.base is None:
+        return []
+    return ["layer", *(f"substrate.layers[{number}]" for number in range(len(scene.layers) - 1))]
+
+
+def has_face(scene: Scene, face: str = "layer") -> bool:
+    """Whether a layer of that name stands on something."""
+    return face in faces(scene)
+
+
+def unknown_faces(scene: Scene) -> list[str]:
+    """Names of the layers of which nobody knows how they hold to what is under them."""
+    return [face for face in faces(scene) if _layer(scene, face).bond == "unknown"]
+
+
+def bond_of(scene: Scene, face: str) -> Bond:
+    """Bond of a face as it is computed: bonded where nobody knows."""
+    return _layer(scene, face).held.bond
+
+
+def with_bond(scene: Scene, face: str, bond: Bond) -> Scene:
+    """Return the scene with another bond of one face.
+
+    Raises
+    ------
+    InputError
+        If nothing is under that layer.
+    """
+    layers, base = list(scene.layers), scene.base
+    if base is None:
+        raise InputError(f"nothing is under {face!r}")
+    number = faces(scene).index(face)
+    layers[number] = replace(layers[number], bond=bond)
+    if number == 0:
+        return replace(scene, layer=layers[0])
+    return replace(scene, substrate=Stack(layers[1:], base))
+
+
+def _layer(scene: Scene, face: str) -> Layer:
+    return scene.layers[faces(scene).index(face)]

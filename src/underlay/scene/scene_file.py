@@ -1,5 +1,7 @@
 """scene.toml <-> Scene: quantities as strings with units, and what is fitted in the same file.
 
+The [fit] section of a scene file: what is fitted, and what is known of it before.
+
 ::
 
     [indenter]
@@ -38,40 +40,124 @@ needs no change here.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from underlay._documents import parse_toml
-from underlay._door import FileKind, printable, read_text, understood
-from underlay.errors import InputError, UnderlayError
+import numpy as np
+
+from underlay._door import FileKind, parse_toml, printable, read_text, understood
+from underlay.errors import InputError, ParameterError, UnderlayError
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.solver import Solver
-from underlay.scene.field_names import hint
-from underlay.scene.fit_section import FreeParameter, free_parameters
-from underlay.scene.noise import Noise
-from underlay.scene.noise_model import NoiseModel
+from underlay.quantities import field_quantities
+from underlay.scene.noise import Noise, NoiseModel
+from underlay.scene.parameters import fields_meant, hint, kind_of, unknown_parameter
 from underlay.scene.program import SimulatedDepths
 from underlay.scene.scene import Scene
-from underlay.scene.scene_schema import CurveSection, SimulateSection, check
+from underlay.scene.scene_schema import CurveSection, SimulateSection, check, free_parameter_schema
 from underlay.scene.scene_sections import noise_of, scene_of, solver_of, table_of
 
 __all__ = [
     "PLACE",
     "SCENE_FILE",
+    "FreeParameter",
     "SceneFile",
     "SimulatedDepths",
+    "free_parameters",
     "load_scene",
     "read_scene_file",
     "scene_file_from_text",
     "scene_from_text",
 ]
 
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """What a scene file says of one fitted parameter; numbers in SI.
+
+    Parameters
+    ----------
+    path : str
+        E.g. ``"layer.E"``.
+    prior : str or None
+        ``"uniform"``, ``"loguniform"``, ``"normal"``, ``"lognormal"``, ``"halfnormal"``, or None when only
+        bounds are given.
+    low, high : float
+        Bounds; infinite where the file gives none.
+    numbers : mapping
+        What the prior needs besides: mean, sd, median, relative_sd.
+    """
+
+    path: str
+    prior: str | None
+    low: float
+    high: float
+    numbers: Mapping[str, float]
+
+
+def free_parameters(table: Mapping[str, Any], scene: Scene, noise: NoiseModel) -> list[FreeParameter]:
+    """Read the ``[fit]`` section of a scene file: what of the scene and its noise is fitted.
+
+    Raises
+    ------
+    InputError
+        If a path is not one of the scene or its noise, or what is said of it is not allowed.
+    """
+    known = [*scene.parameters, *(f"noise.{name}" for name in field_quantities(type(noise)))]
+    free = []
+    for path, entry in _flatten(table, known):
+        if path not in known:
+            raise unknown_parameter(path, known)
+        numbers = check(free_parameter_schema(kind_of(path)), f"fit] [{path}", entry)
+        low, high = numbers.pop("min", -np.inf), numbers.pop("max", np.inf)
+        if not low < high:
+            raise InputError(f"[fit] {path}: min must be below max")
+        free.append(FreeParameter(path, numbers.pop("prior", None), low, high, numbers))
+    return free
+
+
+def _flatten(table: Mapping[str, Any], known: Sequence[str]) -> list[tuple[str, Mapping[str, Any]]]:
+    """Turn ``layer.E = {...}`` (a nested table) and ``"layer.E" = {...}`` into (path, entry) pairs."""
+    pairs: list[tuple[str, Mapping[str, Any]]] = []
+    for name, entry in table.items():
+        if not isinstance(entry, Mapping):
+            raise InputError(f"[fit] {name}: write {name} = {{ min = ..., max = ... }}")
+        is_part = any(path.startswith(f"{name}.") for path in known) or (
+            bool(entry) and all(isinstance(inner, Mapping) for inner in entry.values())
+        )
+        if "." not in name and not is_part:
+            raise _without_part(name, known)
+        if "." in name:
+            pairs.append((name, entry))
+            continue
+        for field, inner in entry.items():
+            if not isinstance(inner, Mapping):
+                raise InputError(f"[fit] {name}.{field}: write {name}.{field} = {{ min = ..., max = ... }}")
+            pairs.append((f"{name}.{field}", inner))
+    return pairs
+
+
+def _without_part(name: str, known: Sequence[str]) -> ParameterError:
+    """Build the error for a name that does not say of which part of the scene it is."""
+    fields = {path.rpartition(".")[2] for path in known}
+    meant = fields_meant(name, sorted(fields))
+    paths = [path for path in known if meant and path.rpartition(".")[2] == meant[0]]
+    if not paths:
+        return unknown_parameter(name, known)
+    written = " or ".join(f"{path} = {{ min = ..., max = ... }}" for path in paths)
+    return ParameterError(f"[fit] {name}: say of which part of the scene; write {written}")
+
+
 # In place of a length that only the file of a curve says; never computed with.
 _STAND_IN = "1 m"
+
+
 #: What stands in a starter scene where a number is still to be written.
 PLACE = "TODO"
+
+
 #: A scene is a page of text.
 SCENE_FILE = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
 
@@ -195,6 +281,8 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
 
 
 _LONGEST_MESSAGE = 1000
+
+
 _SECTIONS = (
     "title",
     "friction",

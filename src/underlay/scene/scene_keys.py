@@ -14,15 +14,14 @@ from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 import numpy as np
 
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.bonds import BONDS, Spring
-from underlay.mechanics.friction import FRICTIONS
+from underlay.mechanics.body import BONDS, Spring
+from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
 from underlay.quantities import Part
 from underlay.scene.discrepancy import Discrepancy
-from underlay.scene.instrument import Instrument
-from underlay.scene.lever import Lever
+from underlay.scene.instrument import Instrument, Lever
 from underlay.scene.noise import Noise
 from underlay.scene.scene_schema import (
     CurveSection,

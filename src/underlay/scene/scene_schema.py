@@ -15,8 +15,8 @@ from pydantic_core import SchemaValidator, core_schema
 from underlay._arrays import physical_length
 from underlay.errors import InputError
 from underlay.quantities import quantity_of
-from underlay.scene.field_names import hint
 from underlay.scene.fit_range import Mark
+from underlay.scene.parameters import hint
 from underlay.units import parse_quantity
 
 __all__ = [

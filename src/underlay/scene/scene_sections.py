@@ -11,24 +11,20 @@ import numpy as np
 
 from underlay.errors import InputError, UnderlayWarning
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import RIGID, Base, Body, Layer, Material
-from underlay.mechanics.bonds import Bond, Spring, as_bond
-from underlay.mechanics.friction import FRICTIONS
+from underlay.mechanics.body import RIGID, Base, Body, Bond, Layer, Material, Spring, Stack, as_bond
+from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
-from underlay.mechanics.stack import Stack
 from underlay.plugins import faults
 from underlay.quantities import Part
 from underlay.scene.discrepancy import Discrepancy
-from underlay.scene.field_names import hint
-from underlay.scene.instrument import Instrument
-from underlay.scene.lever import Lever
-from underlay.scene.noise import Noise
-from underlay.scene.noise_model import NoiseModel
+from underlay.scene.instrument import Instrument, Lever
+from underlay.scene.noise import Noise, NoiseModel
+from underlay.scene.parameters import hint
 from underlay.scene.scene import Scene
 from underlay.scene.scene_schema import SolverSection, ThicknessSection, check, schema_of
 

@@ -7,9 +7,9 @@ from typing import Any
 from nicegui import events, ui
 
 from underlay.app.folder import LARGEST_FILE
+from underlay.app.labels import pairs_of
 from underlay.app.pages.step import Step, data_address, message_list
 from underlay.app.shown import Reading
-from underlay.app.typed import pairs_of
 from underlay.data.readers import all_formats
 from underlay.errors import InputError, UnderlayError
 

@@ -1,20 +1,279 @@
-"""Step 4: all curves. The map, the gallery with what is decided by hand, groups and the population."""
+"""Step 4: all curves: the map, the gallery, groups and the population.
+
+The gallery of a map: worst curves first, to accept or refuse by hand.
+
+Whose the curves are, and what they say together.
+
+Step 4: all curves. The map, the gallery with what is decided by hand, groups and the population.
+"""
 
 from __future__ import annotations
 
-from nicegui import ui
+from collections import Counter
+from collections.abc import Awaitable, Callable
 
-from underlay.app.pages.gallery import GalleryPart
+from nicegui import events, ui
+
 from underlay.app.pages.outcome import plain_table, plain_words
-from underlay.app.pages.population import PopulationPart
-from underlay.app.pages.step import Step, data_address, message_list
-from underlay.app.pages.working import Working
-from underlay.app.shown import Overview
+from underlay.app.pages.step import Step, Window, Working, data_address, message_list
+from underlay.app.shown import Card, Gallery, Overview, Together
 
-__all__ = ["ManyStep"]
+__all__ = ["GalleryPart", "ManyStep", "PopulationPart"]
+
+
+class GalleryPart:
+    """A page of curves and what is decided of them.
+
+    Parameters
+    ----------
+    window : Window
+        Where it is shown.
+    decided : callable
+        Called after every decision.
+    """
+
+    def __init__(self, window: Window, decided: Callable[[], Awaitable[None]]) -> None:
+        self._window, self._decided = window, decided
+        self._page = 0
+        self._shown = Gallery()
+        # Not among the curves: what is asked here outlives a gallery that is drawn again.
+        self._asked = ui.element("div")
+        self._head = ui.row().classes("actions")
+        self._place = ui.element("div").classes("gallery")
+
+    async def show(self) -> None:
+        """Show the page again, where something of it changed: a button must not vanish under the hand."""
+        gallery: Gallery | None = await self._window.ask(self._window.analysis.quick, "gallery", self._page)
+        if gallery == self._shown:
+            return
+        self._shown = gallery or Gallery()
+        self._head.clear()
+        self._place.clear()
+        if gallery is None or not gallery.pages:
+            return
+        with self._head:
+            ui.label("Curves, worst first").classes("heading")
+            ui.label("grey measured, blue fit, dashed contact point; below, what is left over").classes(
+                "quiet"
+            )
+            ui.space()
+            if gallery.pages > 1:
+                pages = ui.pagination(
+                    1, gallery.pages, value=self._page + 1, on_change=lambda event: self._turn(event.value)
+                )
+                pages.props("max-pages=8").mark("pages")
+        with self._place:
+            for card in gallery.cards:
+                self._card(card)
+
+    def _card(self, card: Card) -> None:
+        with ui.element("article").classes(f"card {card.verdict} {card.decision}").mark(f"card-{card.name}"):
+            ui.label(card.name).classes("card-name")
+            # The picture is made here of numbers alone; names in it are escaped.
+            ui.html(card.picture, sanitize=False).classes("card-picture")
+            for words in (*card.numbers, f"{card.verdict}; {card.misfit}"):
+                ui.label(words).classes("card-words")
+            if card.reason:
+                with ui.label(card.reason).classes("card-words quiet clipped"):
+                    ui.tooltip(card.reason)
+            if card.decision:
+                ui.label(f"decided: {card.decision} {card.why}".rstrip()).classes("card-words decided").mark(
+                    f"decided-{card.name}"
+                )
+            with ui.row().classes("card-buttons"):
+                if card.fitted:
+                    self._button("Accept", card, "accept")
+                ui.button("Refuse ...", on_click=lambda: self._refuse(card)).props("flat dense no-caps").mark(
+                    f"refuse-{card.name}"
+                )
+                if card.decision:
+                    self._button("Undo", card, "")
+
+    def _button(self, words: str, card: Card, word: str) -> None:
+        ui.button(words, on_click=lambda: self._decide(card, word, "")).props("flat dense no-caps").mark(
+            f"{words.lower()}-{card.name}"
+        )
+
+    async def _refuse(self, card: Card) -> None:
+        with self._asked, ui.dialog() as dialog, ui.card():
+            ui.label(f"Why is {card.name} refused?")
+            reason = ui.input("Reason").props("outlined dense autofocus").classes("wide").mark("reason")
+            reason.on("keydown.enter", lambda: dialog.submit(reason.value))
+            with ui.row():
+                ui.button("Refuse", on_click=lambda: dialog.submit(reason.value)).props(
+                    "unelevated no-caps"
+                ).mark("refuse-now")
+                ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
+        said = await dialog
+        dialog.delete()
+        if said is not None:
+            await self._decide(card, "refuse", str(said))
+
+    async def _decide(self, card: Card, word: str, reason: str) -> None:
+        if not self._window.holds:
+            return
+        # What is shown as decided is on the disk by then.
+        answer = await self._window.try_to(self._window.analysis.quick, "decide", [card.name], word, reason)
+        if answer is not None:
+            self._window.complain(str(answer))
+            return
+        await self.show()
+        await self._decided()
+
+    async def _turn(self, page: int) -> None:
+        self._page = int(page) - 1
+        await self.show()
+
+
+_LABELS = ("animal", "group")
+
+
+_NONE = "none"
+
+
+_OLD = "Curves were fitted or decided on since: press Mean and spread again."
+
+
+class PopulationPart:
+    """Labels of curves and the population picture.
+
+    Parameters
+    ----------
+    window : Window
+        Where it is shown.
+    """
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        ui.label("Groups").classes("heading")
+        with ui.expansion("Whose is which curve").props("dense").classes("wide").mark("whose"):
+            self._find = (
+                ui.input("Files whose name holds")
+                .props("outlined dense clearable")
+                .classes("wide")
+                .mark("label-files")
+            )
+            self._found = ui.label().classes("quiet")
+            self._find.on_value_change(self._count)
+            self._known = ui.column().classes("wide")
+            with ui.row().classes("fields"):
+                self._column = (
+                    ui.select(list(_LABELS), value=_LABELS[0], label="are of")
+                    .props("outlined dense")
+                    .classes("prior")
+                )
+                self._label = ui.input("called").props("outlined dense").classes("field").mark("label-name")
+                ui.button("Set", on_click=self._set).props("outline no-caps").mark("label-set")
+            ui.upload(
+                label="Or bring a manifest (CSV: file, animal, group, x, y, thickness, ...)",
+                auto_upload=True,
+                on_upload=self._manifest,
+            ).props("flat bordered accept=.csv").classes("drop small").mark("manifest")
+        with ui.row().classes("fields"):
+            self._by = (
+                ui.select([_NONE], value=_NONE, label="Curves belong together by")
+                .props("outlined dense")
+                .classes("field")
+                .mark("by")
+            )
+            self._group = (
+                ui.select([_NONE], value=_NONE, label="Compare")
+                .props("outlined dense")
+                .classes("field")
+                .mark("group")
+            )
+        ui.button("Mean and spread", on_click=self._together).props("outline no-caps").mark("together")
+        self._place = ui.column().classes("wide")
+
+    async def show(self, told: Overview) -> None:
+        """Offer the labels that the map has, and show what was found before."""
+        before = await self._window.try_to(self._window.analysis.quick, "together")
+        found, is_new = before if isinstance(before, tuple) else (None, True)
+        # Curves of one animal are not independent: with such a label, that is where it begins.
+        asked = _LABELS if found is None else (found.by, found.group)
+        for select, chosen in zip((self._by, self._group), asked, strict=True):
+            value = select.value if select.value != _NONE else chosen
+            select.set_options([_NONE, *told.labels], value=value if value in told.labels else _NONE)
+        self._count()
+        await self._show_labels()
+        self._place.clear()
+        if found is not None:
+            with self._place:
+                if not is_new:
+                    ui.label(_OLD).classes("note").mark("old-population")
+                self._found_together(found)
+
+    async def _show_labels(self) -> None:
+        """Say how many files each label has."""
+        rows = await self._window.try_to(self._window.analysis.quick, "labels")
+        self._known.clear()
+        if not isinstance(rows, dict):
+            return
+        with self._known:
+            for column in dict.fromkeys(name for row in rows.values() for name in row if name in _LABELS):
+                counted = Counter(row.get(column, "") for row in rows.values())
+                told = ", ".join(f"{label} ({count})" for label, count in sorted(counted.items()) if label)
+                if told:
+                    ui.label(f"{column}: {told}").classes("quiet").mark(f"known-{column}")
+
+    def _files(self) -> list[str]:
+        wanted = (self._find.value or "").casefold()
+        return [
+            path.name for path in self._window.analysis.folder.curve_files() if wanted in path.name.casefold()
+        ]
+
+    def _count(self) -> None:
+        self._found.set_text(f"{len(self._files())} files")
+
+    async def _set(self) -> None:
+        if self._window.holds:
+            files, label = self._files(), str(self._label.value or "")
+            answer = await self._window.try_to(
+                self._window.analysis.quick, "set_label", files, self._column.value, label
+            )
+            await self._tell(
+                answer, f"{len(files)} files are of {self._column.value} {label}; fit all curves again"
+            )
+
+    async def _manifest(self, event: events.UploadEventArguments) -> None:
+        if self._window.holds:
+            answer = await self._window.try_to(
+                self._window.analysis.quick, "take_manifest", await event.file.read()
+            )
+            await self._tell(answer, "The manifest is taken; fit all curves again")
+
+    async def _tell(self, refused: object, done: str) -> None:
+        if refused is None:
+            ui.notify(done)
+            await self._show_labels()
+        else:
+            self._window.complain(str(refused))
+
+    async def _together(self) -> None:
+        by, group = (str(select.value).replace(_NONE, "") for select in (self._by, self._group))
+        told = await self._window.try_to(self._window.analysis.quick, "population", by, group)
+        self._place.clear()
+        with self._place:
+            if not isinstance(told, Together):
+                ui.label(str(told)).classes("bad").mark("population-refused")
+                return
+            self._found_together(told)
+
+    def _found_together(self, told: Together) -> None:
+        message_list(told.sentences, "more")
+        plain_table(told.groups)
+        plain_table(told.ratios)
+        content = self._window.analysis.folder.read_result(told.picture) if told.picture else None
+        if content is not None:
+            ui.image(data_address(content)).classes("picture").props(
+                'alt="units of every group and their means"'
+            )
+
 
 _CUT = "This run did not come to its end; what it finished is kept. Press Fit all curves to go on."
-_OLD = "Files, labels or the test were changed since: fit all curves again. What was decided is kept."
+
+
+_MANY_OLD = "Files, labels or the test were changed since: fit all curves again. What was decided is kept."
 
 
 class ManyStep(Step):
@@ -27,7 +286,7 @@ class ManyStep(Step):
         with ui.row().classes("actions"):
             self._working = Working(self.window, "Fit all curves", self._go, mark="fit-all")
             self._count = ui.label().classes("quiet")
-        self._old = ui.label(_OLD).classes("note")
+        self._old = ui.label(_MANY_OLD).classes("note")
         with ui.row().classes("columns"):
             self._overview = ui.column().classes("main")
             with ui.column().classes("side wider"):
@@ -68,7 +327,7 @@ class ManyStep(Step):
         await self._gallery.show()
 
     def _words(self, told: Overview) -> None:
-        self._old.set_text(_OLD if told.is_old else _CUT)
+        self._old.set_text(_MANY_OLD if told.is_old else _CUT)
         self._old.set_visibility((told.is_old or not told.is_whole) and bool(told.sentences))
         self._overview.clear()
         with self._overview:

@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterable
 
 from nicegui import ui
 
-from underlay.app.pages.step import Window, data_address, message_list
-from underlay.app.pages.working import Working
+from underlay.app.pages.step import Window, Working, data_address, message_list
 from underlay.app.shown import Found, Row
-from underlay.app.snapshot import said
+from underlay.app.state import said
 
 __all__ = ["Outcome", "plain_table", "plain_words"]
 

@@ -1,25 +1,229 @@
-"""Step 2: the test. A form made from the scene's declarations, and the drawing to scale beside it."""
+"""Step 2: the test, what is fitted, and the scene as text.
+
+What is fitted: a line for each number of the test, with its bounds and what is known of it before.
+
+The scene as text, for what the form has no field for: all that a scene file can say can be said here.
+
+Step 2: the test. A form made from the scene's declarations, and the drawing to scale beside it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from nicegui import ui
 
-from underlay.app.form import Draft, Field, apart, preset, problem_with
-from underlay.app.form_words import ADVANCED, BASES, PRESETS
-from underlay.app.pages.free import FreeTable
-from underlay.app.pages.scene_text import SceneText
-from underlay.app.pages.step import Step, data_address
-from underlay.scene.scene_keys import SceneKey
-from underlay.units import printed_unit
+from underlay.app.form import ADVANCED, BASES, PRESETS, Draft, Field, apart, preset, problem_with
+from underlay.app.labels import comma_problem
+from underlay.app.pages.step import Step, Window, data_address
+from underlay.app.scene_text import draft_from
+from underlay.errors import UnderlayError
+from underlay.report.labels import label, start
+from underlay.report.tables import amounts
+from underlay.scene.parameters import kind_of
+from underlay.scene.scene_file import scene_file_from_text
+from underlay.scene.scene_keys import SceneKey, scene_keys
+from underlay.units import KINDS, format_quantity, printed, printed_unit
 
-__all__ = ["SceneStep"]
+__all__ = ["FreeTable", "SceneStep", "SceneText"]
+
+_BOUNDS = ("min", "max")
+
+
+_OF_PRIOR = {"normal": ("mean", "sd"), "lognormal": ("median", "relative_sd"), "halfnormal": ("sd",)}
+
+
+# The contact point is held or fitted where the curve is seen.
+_ELSEWHERE = ("instrument.contact_depth",)
+
+
+# Where the bounds of a number lie that is freed without any, as shares of it.
+_WIDE = (1e-3, 1e3)
+
+
+class FreeTable:
+    """The numbers of the test that may be fitted.
+
+    Parameters
+    ----------
+    window : Window
+        Where it is shown.
+    changed : callable
+        Called after every change.
+    """
+
+    def __init__(self, window: Window, changed: Callable[[], Awaitable[None]]) -> None:
+        self._window, self._changed = window, changed
+        ui.label("What is fitted").classes("heading")
+        self._place = ui.column().classes("wide free")
+
+    def show(self) -> None:
+        """List the numbers again."""
+        free = self._window.analysis.draft.free
+        known = self._numbers()
+        usual = [
+            path
+            for path in known
+            if path.endswith((".E", ".thickness", "radius", "nu", "baseline", "baseline_slope", "work"))
+        ]
+        self._place.clear()
+        with self._place:
+            for path in [path for path in known if path in usual or path in free]:
+                self._line(path, known[path])
+            others = [path for path in known if path not in usual and path not in free]
+            if others:
+                with ui.expansion("More numbers").props("dense").classes("wide"):
+                    for path in others:
+                        self._line(path, known[path])
+
+    def _numbers(self) -> dict[str, float]:
+        """Numbers of the scene by path; of one that is not complete, what is fitted already."""
+        try:
+            file = scene_file_from_text(self._window.analysis.draft.text())
+            known = {
+                path: value for path, value in file.draft.parameters.items() if path not in file.left_out
+            }
+        except UnderlayError:
+            known = dict.fromkeys(self._window.analysis.draft.free, 1.0)
+        return {path: value for path, value in known.items() if path not in _ELSEWHERE}
+
+    def _line(self, path: str, value: float) -> None:
+        free = self._window.analysis.draft.free
+        with ui.row().classes("free-line"):
+            ui.checkbox(
+                start(label(path)),
+                value=path in free,
+                on_change=lambda event: self._toggle(path, value, on=bool(event.value)),
+            ).props("dense").classes("free-name").mark(f"free-{path}")
+            if path not in free:
+                ui.label(f"held at {printed(amounts([value], kind_of(path))[0])}").classes("quiet")
+                return
+            entry = free[path]
+            names = ["uniform", "loguniform", *_OF_PRIOR]
+            for name in (*_BOUNDS, *_OF_PRIOR.get(str(entry.get("prior")), ())):
+                self._amount(path, name)
+            ui.select(
+                {"": "bounds only", **{name: name for name in names}},
+                value=entry.get("prior", ""),
+                on_change=lambda event: self._put(path, "prior", str(event.value)),
+            ).props('outlined dense options-dense aria-label="what is known before"').classes("prior")
+
+    def _amount(self, path: str, name: str) -> None:
+        kind = "dimensionless" if name == "relative_sd" else kind_of(path)
+        units = KINDS[kind].units
+        stated = str(self._window.analysis.draft.free[path].get(name, ""))
+        number, unit = apart(stated, units)
+        with ui.row(wrap=False).classes("amount small"):
+            entry = ui.input(name.replace("_", " "), value=number).props(
+                "outlined dense hide-bottom-space inputmode=decimal debounce=500"
+            )
+            entry.classes("number").mark(f"{path}.{name}")
+            picked = None
+            if any(units):
+                picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
+                picked.props(f'outlined dense options-dense aria-label="unit of {name}"').classes("unit")
+
+        async def changed() -> None:
+            said = str(entry.value or "").strip()
+            text = f"{said} {picked.value}" if said and picked is not None else said
+            wrong = comma_problem(said, may_list=False) or problem_with(text, _key_of(kind))
+            entry.error = wrong or None
+            if not wrong:
+                await self._put(path, name, text)
+
+        entry.on_value_change(changed)
+        if picked is not None:
+            picked.on_value_change(changed)
+
+    async def _put(self, path: str, name: str, text: str) -> None:
+        entry = self._window.analysis.draft.free.setdefault(path, {})
+        entry.pop(name, None)
+        if name == "prior":
+            for other in {key for keys in _OF_PRIOR.values() for key in keys}:
+                entry.pop(other, None)
+        if text:
+            bare = name == "relative_sd" or (name != "prior" and kind_of(path) == "dimensionless")
+            entry[name] = float(text) if bare else text
+        if name == "prior":
+            self.show()
+        await self._changed()
+
+    async def _toggle(self, path: str, value: float, *, on: bool) -> None:
+        free = self._window.analysis.draft.free
+        free.pop(path, None)
+        if on:
+            free[path] = _wide_bounds(path, value)
+        self.show()
+        await self._changed()
+
+
+def _wide_bounds(path: str, value: float) -> dict[str, str | float]:
+    """Bounds far from a number that is positive by nature; none for others."""
+    kind = kind_of(path)
+    if path.endswith("nu"):
+        return {"min": 0.0, "max": 0.5}
+    if path.startswith("instrument.") or not value > 0.0:
+        return {}
+    low, high = (value * factor for factor in _WIDE)
+    if kind == "dimensionless":
+        return {"min": low, "max": high}
+    return {"min": format_quantity(low, kind), "max": format_quantity(high, kind)}
+
+
+def _key_of(kind: str) -> SceneKey:
+    """A declaration of a number of this kind."""
+    return next(key for key in scene_keys() if key.section == "fit")._replace(kind=kind)
+
+
+_WORDS = (
+    'What has no field is written here: springs under a layer, bond = { normal = "1 GPa/m" }, and the prior '
+    '"found" of the contact point. The command underlay keys lists every key.'
+)
+
+
+class SceneText:
+    """The text of the scene file, to be changed by hand.
+
+    Parameters
+    ----------
+    window : Window
+        Where it is shown.
+    changed : callable
+        Called when another text was taken.
+    """
+
+    def __init__(self, window: Window, changed: Callable[[], Awaitable[None]]) -> None:
+        self._window, self._changed = window, changed
+        with ui.expansion("The test as text (scene.toml)").props("dense").classes("wide"):
+            ui.label(_WORDS).classes("quiet")
+            self._text = ui.textarea(value=window.analysis.draft.text())
+            self._text.props('outlined autogrow input-class=code-entry aria-label="scene.toml"')
+            self._text.classes("wide").mark("scene-text")
+            ui.button("Use this text", on_click=self._use).props("outline no-caps").mark("use-text")
+
+    async def _use(self) -> None:
+        """Take the text over, or say what is wrong with it and leave the scene as it is."""
+        analysis = self._window.analysis
+        files = [path.name for path in analysis.folder.curve_files()]
+        try:
+            draft = draft_from(str(self._text.value or ""), files)
+        except UnderlayError as error:
+            self._window.complain(str(error))
+            return
+        if self._window.holds:
+            analysis.draft = draft
+            if self._window.keep():
+                await self._changed()
+
 
 _CHOOSES = ("shape", "model")
+
+
 # Keys that every sample says.
 _SAID = ("title", "rtol")
+
+
 # What a scene says of its curve that stays when another sample is begun with.
 _OF_THE_FILE = ("file", "test", "format", "columns", "flip", "calibration")
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from nicegui import ui
 
 from underlay.app.pages.outcome import plain_table
-from underlay.app.pages.step import Step, data_address, message_list
-from underlay.app.pages.working import Working
+from underlay.app.pages.step import Step, Working, data_address, message_list
 from underlay.app.shown import Sampled, Taken
 
 __all__ = ["TakeAwayStep"]
@@ -17,15 +16,23 @@ _OF_FIT = (
     ("Excel", "excel", "xlsx"),
     ("This analysis, to run again (ZIP: scene.toml, Python, curve, results)", "archive", "analysis.zip"),
 )
+
+
 _OLD_FIT = (
     "The test was changed since it was fitted. What is taken away of the fit is of the test as it was then, which "
     "stands here; press Fit again for the test as it is now."
 )
+
+
 _OLD_MAP = (
     "Files, labels or the test were changed since all curves were fitted: the table is of what was fitted, and "
     "says with which test."
 )
+
+
 _OLD = "The test, the contact point or the range was changed since: sample again."
+
+
 _STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
 
 

@@ -10,7 +10,6 @@ from typing import TypeAlias
 
 from underlay._door import printable
 from underlay._version import VERSION
-from underlay.data.calibration import Calibration
 from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
@@ -29,13 +28,11 @@ from underlay.data.readers import (
     park,
     testxpert,
 )
-from underlay.data.readers._added import added_formats, plugged_readers
-from underlay.data.readers._format import Format, Options
-from underlay.data.readers._hdf5 import KeptOpen
-from underlay.data.readers._hdf5_map import Hdf5MapCurve, curves_of_hdf5
+from underlay.data.readers._format import Format, Options, added_formats, plugged_readers, way_out
+from underlay.data.readers._hdf5 import Hdf5MapCurve, KeptOpen, curves_of_hdf5
 from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
+from underlay.data.readers._lever import Calibration
 from underlay.data.readers._source import Source, load, unpack
-from underlay.data.readers._unread import way_out
 from underlay.errors import CurveError, FileFormatError, InputError
 from underlay.plugins import faults
 

@@ -1,21 +1,30 @@
-"""What a format is, and how a reader hands over what it read."""
+"""What a format is, readers that other packages add, and files that are known and not read.
+
+What a format is, and how a reader hands over what it read.
+
+Readers that other packages add, with their failures contained.
+
+Files that are known and not read, of microscopes and of programs that pack, and what to do with them.
+"""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._source import Source
-from underlay.errors import CurveError, FileFormatError, UnderlayWarning
+from underlay.errors import CurveError, FileFormatError, UnderlayError, UnderlayWarning
+from underlay.plugins import READERS, Plugin, plugins
 
-__all__ = ["Format", "Options", "make_curve"]
+__all__ = ["Format", "Options", "added_formats", "make_curve", "plugged_readers", "way_out"]
 
 # Rows left out that are named.
 _LISTED = 5
@@ -136,3 +145,126 @@ def require(condition: object, source: Source, message: str) -> None:
     """Refuse a file whose content is not what the format promises."""
     if not condition:
         raise FileFormatError(f"{source.name}: {message}")
+
+
+def plugged_readers(known: Sequence[Format]) -> tuple[Plugin, ...]:
+    """Load the readers that other packages add, beside those that are `known`; see `underlay.plugins`."""
+    taken = {entry.name for entry in known}
+    judged = []
+    for plugin in plugins(READERS, _fault):
+        name = "" if plugin.fault else plugin.thing.name
+        judged.append(
+            replace(plugin, thing=None, fault=f"another format is called {name!r}")
+            if name in taken
+            else plugin
+        )
+        taken |= {name} - {""}
+    return tuple(judged)
+
+
+def added_formats(known: Sequence[Format]) -> tuple[Format, ...]:
+    """The usable ones: an error in one of them names the package, and costs no other reader its file."""
+    return tuple(_contained(entry) for entry in plugged_readers(known) if not entry.fault)
+
+
+def _fault(name: str, thing: object) -> str:
+    del name
+    return "" if isinstance(thing, Format) else "it is no Format"
+
+
+def _contained(plugin: Plugin) -> Format:
+    own: Format = plugin.thing
+    whose = f"reader {own.name} of {plugin.package}"
+
+    def sniff(source: Source) -> bool:
+        try:
+            return bool(own.sniff(source))
+        except Exception as error:  # noqa: BLE001  code of others: whatever it raises is theirs
+            said = one_line(f"{type(error).__name__}: {error}")
+            warnings.warn(
+                f"{source.name}: the {whose} failed to look at it ({said}) and is passed over",
+                UnderlayWarning,
+                stacklevel=2,
+            )
+            return False
+
+    def read_all(source: Source, options: Options) -> list[Curve]:
+        try:
+            curves: list[Any] = list(own.read_all(source, options))
+        except UnderlayError:
+            raise
+        except Exception as error:
+            said = one_line(f"{type(error).__name__}: {error}")
+            raise FileFormatError(f"{source.name}: the {whose} failed: {said}") from error
+        for curve in curves:
+            if not isinstance(curve, Curve):
+                raise FileFormatError(f"{source.name}: the {whose} gave {curve!r:.60} in place of a curve")
+        return curves
+
+    return replace(own, sniff=sniff, read_all=read_all)
+
+
+# First bytes, what the file is, and what to do. No reader of these is maintained, or none is known to read forces.
+_KNOWN = (
+    (
+        b"\x01\xb0\x93\xff",
+        "an NT-MDT file (.mdt)",
+        "open it in NT-MDT's Nova or Image Analysis and export the curves as text (.txt), which is read",
+    ),
+    (
+        b"GWYP",
+        "a Gwyddion file (.gwy)",
+        "export the curves from Gwyddion as text with names and units in the first row",
+    ),
+    (
+        b"WIT_PR06",
+        "a WITec project (.wip)",
+        "export the curves from WITec's Project as text with names and units in the first row",
+    ),
+)
+
+
+_UNPACK = "unpack it, or pack the curves as a ZIP archive (.zip), which is read"
+
+
+_PACKED = (
+    (b"\x1f\x8b", "compressed by gzip (.gz)"),
+    (b"BZh", "compressed by bzip2 (.bz2)"),
+    (b"\xfd7zXZ\0", "compressed by xz (.xz)"),
+    (b"\x28\xb5\x2f\xfd", "compressed by Zstandard (.zst)"),
+    (b"7z\xbc\xaf\x27\x1c", "an archive of 7-Zip (.7z)"),
+    (b"Rar!\x1a\x07", "an archive of RAR (.rar)"),
+)
+
+
+# A TAR archive has its mark behind the first name.
+_TAR_AT, _TAR = 257, b"ustar"
+
+
+# Asylum's container of whole force maps writes its name behind a check sum and a size.
+_ARDF = b"ARDF"
+
+
+def way_out(source: Source) -> str:
+    """What to say of a file that is known but not read, as the end of a sentence; '' of any other.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> way_out(Source(Path("a.mdt"), bytes([0x01, 0xB0, 0x93, 0xFF, 0]), ""))[:24]
+    'an NT-MDT file (.mdt), w'
+    """
+    for start, what, advice in _KNOWN:
+        if source.data.startswith(start):
+            return f"{what}, which is not read here: {advice}"
+    for start, what in _PACKED:
+        if source.data.startswith(start):
+            return f"{what}, which is not read here: {_UNPACK}"
+    if source.data.startswith(_TAR, _TAR_AT):
+        return f"an archive of tar (.tar), which is not read here: {_UNPACK}"
+    if source.data[8:12] == _ARDF or source.data.startswith(_ARDF):
+        return (
+            "an Asylum Research map (.ardf), which is not read here: export its curves from Asylum's Igor program "
+            "as .ibw, one a file, which are read"
+        )
+    return ""

@@ -1,8 +1,18 @@
-"""HDF5 in memory, or a group of a file on the disk: nothing is taken that leads out of it or claims too much."""
+"""HDF5 in memory or by group of a file on the disk, and files of many curves.
+
+HDF5 in memory, or a group of a file on the disk: nothing is taken that leads out of it or claims too much.
+
+HDF5 files of many curves, curve by curve: a list of what the file holds, and each curve as a source of its own.
+
+Such a file may be larger than memory. Its root is listed once; whoever then reads a curve opens the file, or has it
+open from the curve before, and reads the group of that curve alone, in place, checked as any file is.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import io
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -19,12 +29,28 @@ from underlay.data.export import HDF5_MARK
 from underlay.data.readers._source import MAX_BYTES, Source
 from underlay.errors import FileFormatError, MissingExtraError, UnderlayError
 
-__all__ = ["HDF5_MAGIC", "Checked", "GroupSource", "KeptOpen", "curve_groups", "is_own", "open_checked"]
+__all__ = [
+    "HDF5_MAGIC",
+    "Checked",
+    "GroupSource",
+    "Hdf5MapCurve",
+    "KeptOpen",
+    "curve_groups",
+    "curves_of_hdf5",
+    "is_own",
+    "open_checked",
+]
 
 #: First bytes of an HDF5 file.
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+
+
 _MAX_OBJECTS = 500_000
+
+
 _BUFFER = 65_536
+
+
 # Numbers that files hold, by numpy's name for them on this machine and the library's.
 _NATIVE: Mapping[str, str] = {
     np.dtype("f8").str: "NATIVE_DOUBLE",
@@ -228,3 +254,70 @@ def _content(h5py: Any, source: Source, kept: KeptOpen | None) -> Iterator[Any]:
         h5py.File(stream, "r") as file,
     ):
         yield file
+
+
+@dataclass(frozen=True)
+class Hdf5MapCurve:
+    """One curve of an HDF5 file on the disk.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sha256 : str
+        Of the file.
+    number : int
+        Which curve, counted from 1.
+    group : str
+        Its group.
+    name : str
+        What the curve is called where the whole file is read; empty where its group says it.
+    kept : KeptOpen or None
+        What keeps the file open for the next curve, where they are read one after the other.
+    """
+
+    path: Path
+    sha256: str
+    number: int
+    group: str
+    name: str
+    kept: KeptOpen | None = None
+
+    def source(self) -> GroupSource:
+        """What the readers take for a file of this curve alone."""
+        known = HDF5_MAGIC if self.name else HDF5_MAGIC + HDF5_MARK.encode()
+        return GroupSource(self.path, known, self.sha256, group=self.group, kept=self.kept)
+
+
+def curves_of_hdf5(path: str | os.PathLike[str]) -> list[Hdf5MapCurve]:
+    """List the curves of an HDF5 file without reading them; none where it is no HDF5 file, or h5py is missing.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read, or is no regular file.
+    """
+    file = Path(path)
+    with opened(file) as stream:
+        if stream.read(len(HDF5_MAGIC)) != HDF5_MAGIC:
+            return []
+        stream.seek(0)
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+    try:
+        h5py: Any = import_module("h5py")
+        with opened(file) as stream, h5py.File(stream, "r") as content:
+            own = bytes(content.attrs.get("format", b"")) == HDF5_MARK.encode()
+            groups = [name for name in content if name.isdigit()]
+    except Exception:  # noqa: BLE001  h5py raises OSError, RuntimeError and more; whoever reads the whole file says why
+        return []
+    if own:
+        groups.sort(key=int)
+    resolved = file.resolve()
+    return [
+        Hdf5MapCurve(resolved, sha256, number, group, "" if own else _name(file, number))
+        for number, group in enumerate(groups, start=1)
+    ]
+
+
+def _name(path: Path, number: int) -> str:
+    return path.stem if number == 1 else f"{path.stem}, curve {number}"

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from underlay._door import opened
-from underlay.data.readers._jpk_properties import LONGEST_HEADER
 from underlay.data.readers._source import MAX_BYTES, Source
+from underlay.data.readers.jpk import LONGEST_HEADER
 from underlay.errors import FileFormatError
 
 __all__ = ["JpkMapCurve", "curves_of_jpk_map"]

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from underlay._door import FileKind, PathLike, printable, read_bytes
-from underlay._zip import open_zip as bounded_zip
-from underlay._zip import read_member
+from underlay._door import FileKind, PathLike, printable, read_bytes, read_member
+from underlay._door import open_zip as bounded_zip
 from underlay.errors import FileFormatError
 
 __all__ = ["CURVES", "MAX_BYTES", "MAX_TEXT_BYTES", "Source", "load", "open_zip", "read_member", "unpack"]

@@ -13,10 +13,15 @@ from underlay._arrays import FloatArray
 from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, make_curve
-from underlay.data.readers._results import require_readings
+from underlay.data.readers._not_readings import (
+    begins_again,
+    namesakes,
+    plain,
+    require_readings,
+    rivals,
+    without_statistics,
+)
 from underlay.data.readers._source import Source
-from underlay.data.readers._statistics import without_statistics
-from underlay.data.readers._table_notes import begins_again, namesakes, plain, rivals
 from underlay.data.readers._text import column_factor, is_number, numbers, split_label, uses_comma
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.data.signs import sign_note

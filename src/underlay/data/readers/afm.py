@@ -1,5 +1,11 @@
 """Atomic force microscopes: JPK and .tab by our own readers; NT-MDT, AFM Workshop, HDF5 by afmformats.
 
+Tables (.tab) of afmformats: metadata as JSON behind ``#``, a row of names behind ``#``, and SI numbers.
+
+Read here and not by that package, which opens a path of its own and takes the metadata as they are.
+
+The calibration that a file of AFM Workshop states, which afmformats drops where another is given.
+
 The content is recognised here and handed to afmformats in memory, because that package goes by the
 extension of the file. Both give the height of the scanner, falling towards the sample, and the force. The
 tip is at height + force / spring constant, so depth = -(height + force / spring constant); its zero is
@@ -11,46 +17,152 @@ from __future__ import annotations
 
 import io
 import itertools
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._door import parse_json
 from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import HDF5_MAGIC, Checked, curve_groups, is_own, open_checked
 from underlay.data.readers._lever import Lever, lever_curve
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import decode
-from underlay.data.readers.afm_tab import TAB_MARK, read_tab
-from underlay.data.readers.afm_workshop import workshop_calibration
+from underlay.data.readers._text import decode, lines_of, numbers
 from underlay.data.readers.jpk import JpkCurve, read_jpk
 from underlay.data.segments import HOLD, label_pieces, segments_from_motion
 from underlay.errors import FileFormatError, InputError, MissingExtraError, UnderlayError
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "TAB_MARK", "read_tab", "workshop_calibration"]
+
+#: What opens the metadata.
+TAB_MARK = "# BEGIN METADATA"
+
+
+_END = "# END METADATA"
+
+
+_WANTED = ("force", "height (measured)", "height (piezo)", "time", "segment")
+
+
+_OLD_SEGMENTS = {"False": "0", "True": "1"}
+
+
+_NUMBERS = ("spring constant", "sensitivity", "setpoint", "position x", "position y")
+
+
+def read_tab(source: Source) -> tuple[dict[str, FloatArray], dict[str, Any]]:
+    """Return the columns that are used (SI) and the metadata of a table.
+
+    Raises
+    ------
+    FileFormatError
+        If the metadata do not end, there is no row of names or of numbers, or the height or the force is
+        missing.
+    """
+    lines = lines_of(source)
+    comments = [line.strip() for line in lines if line.startswith("#")]
+    rows = [line.split("\t") for line in lines if not line.startswith("#")]
+    if TAB_MARK not in comments or _END not in comments or not rows:
+        raise FileFormatError(
+            f"{source.name}: no line {TAB_MARK!r} or {_END!r}, or no rows of numbers below them"
+        )
+    names = comments[-1].lstrip("# ").split("\t")
+    wanted = [name for name in _WANTED if name in names]
+    if "force" not in wanted or not any(name.startswith("height") for name in wanted):
+        there = names_there(names)
+        raise FileFormatError(f"{source.name} has no column 'force' or no height; it has {there}")
+    # Of two segments, older versions wrote which one as True or False; no other column of booleans is used.
+    if "segment" in wanted:
+        _number_segments(rows, names.index("segment"))
+    table = numbers(rows, [names.index(name) for name in wanted], source.name)
+    metadata = _metadata(source, comments[comments.index(TAB_MARK) + 1 : comments.index(_END)])
+    return dict(zip(wanted, table.T, strict=True)), metadata
+
+
+def _number_segments(rows: list[list[str]], index: int) -> None:
+    for row in rows:
+        if index < len(row) and row[index] in _OLD_SEGMENTS:
+            row[index] = _OLD_SEGMENTS[row[index]]
+
+
+def _metadata(source: Source, comments: list[str]) -> dict[str, Any]:
+    try:
+        found = parse_json("\n".join(line.lstrip("#") for line in comments))
+    except (ValueError, RecursionError) as error:
+        raise FileFormatError(f"{source.name}: its metadata are damaged JSON: {error!s:.120}") from error
+    entries: Mapping[str, Any] = found if isinstance(found, dict) else {}
+    # A number that other parts rely on is one, or is left out.
+    return {key: value for key, value in entries.items() if key not in _NUMBERS or _is_number(value)}
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+# The maker's names, and what makes SI of their numbers: nN/nm is N/m; mV/nm is the inverse of a sensitivity.
+_KEYS: dict[str, tuple[str, Callable[[float], float]]] = {
+    "spring constant": ("Force Constant, nN/nm", float),
+    "sensitivity": ("Light Lever Gain, mV/nm", lambda gain: 1e-6 / gain),
+}
+
+
+# What the maker's program writes where nothing was calibrated.
+_UNSET = 1.0
+
+
+def workshop_calibration(text: str, names: Collection[str]) -> dict[str, float]:
+    """SI numbers (N/m, m/V) of those `names` that the header of a file states."""
+    found = {}
+    for name in names:
+        key, in_si = _KEYS[name]
+        match = re.search(rf"^{re.escape(key)}:\s*([0-9.eE+-]+)\s*$", text, re.MULTILINE)
+        value = _UNSET if match is None else float(match[1])
+        if value > 0.0 and value != _UNSET:
+            found[name] = in_si(value)
+    return found
+
 
 _WORKSHOP = "Force-Distance Curve"
+
+
 _JPK = b"header.properties"
+
+
 # NT-MDT: no header, three columns with decimal commas.
 _NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
+
+
 # By kind of file: what afmformats calls a calibration, and the kind of quantity we ask for. NT-MDT records
 # the detector as a current.
 _CALIBRATION = {"spring constant": "stiffness", "sensitivity": "sensitivity"}
+
+
 _CURRENT_CALIBRATION = {"spring constant": "stiffness", "sensitivity": "current sensitivity"}
+
+
 _QUANTITIES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
+
+
 # A segment that travels less than this share of the whole rests: creep under a held force is a few per cent.
 _REST = 0.1
+
+
 _NOTHING: Mapping[str, Any] = {}
+
+
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
 
 
 # What `_curve` takes: the better height that there is, and these.
 _HEIGHTS = ("height (measured)", "height (piezo)")
+
+
 _COLUMNS = ("force", "time", "segment")
 
 

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from underlay._documents import parse_json
+from underlay._door import parse_json
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK
 from underlay.data.readers._format import Format, Options

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay._documents import parse_json
-from underlay._door import understood
+from underlay._door import parse_json, understood
 from underlay.data.curve import Curve
 from underlay.data.export import HDF5_MARK
 from underlay.data.readers._format import Format, Options, make_curve

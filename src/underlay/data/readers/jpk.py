@@ -1,4 +1,11 @@
-"""JPK force archives: curves, maps and quantitative imaging, with any number and order of segments.
+"""JPK force archives: curves, maps and quantitative imaging.
+
+Headers of JPK archives: Java properties, bounded before they are unpacked, and what they share.
+
+A hundred kilobytes of archive can claim a header of 200 MB, of which every line would become an entry. Headers of
+up to 60 kB and a thousand entries were seen; they grow with the channels, not with the points.
+
+JPK force archives: curves, maps and quantitative imaging, with any number and order of segments.
 
 A ZIP archive of Java property files and big-endian numbers. The properties of a channel lead from integers
 to volts (encoder), from volts to a distance (sensitivity) and from there to a force (spring constant); newer
@@ -16,24 +23,101 @@ import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.readers._jpk_properties import Shared, properties, shared_properties, with_shared
 from underlay.data.readers._lever import uncalibrated
 from underlay.data.readers._source import Source, open_zip, read_member
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError
 
-__all__ = ["JpkCurve", "read_jpk"]
+__all__ = [
+    "LONGEST_HEADER",
+    "JpkCurve",
+    "Shared",
+    "properties",
+    "read_jpk",
+    "shared_properties",
+    "with_shared",
+]
+
+#: Entries ``lcd-info.3.channel...`` of the shared header, by ``lcd-info.3``.
+Shared: TypeAlias = Mapping[str, Mapping[str, str]]
+
+
+#: Most bytes that a header may claim.
+LONGEST_HEADER = 4_000_000
+
+
+_MOST_ENTRIES = 50_000
+
+
+def properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
+    """Java properties: ``key=value`` in Latin-1, with escaped colons.
+
+    Raises
+    ------
+    FileFormatError
+        If the member is missing, damaged, or claims more than any header takes.
+    """
+    found = {}
+    for line in read_member(archive, name, LONGEST_HEADER).decode("latin-1").splitlines():
+        key, equals, value = line.partition("=")
+        if equals and not line.startswith("#"):
+            found[key.strip()] = value.strip().replace("\\:", ":")
+    return found
+
+
+def shared_properties(archive: zipfile.ZipFile, name: str) -> Shared:
+    """Entries that segments point to, grouped by what these call them."""
+    groups: dict[str, dict[str, str]] = {}
+    for key, value in properties(archive, name).items():
+        parts = key.split(".", 2)
+        if len(parts) == 3:
+            groups.setdefault(f"{parts[0]}.{parts[1]}", {})[parts[2]] = value
+    return groups
+
+
+def with_shared(header: Mapping[str, str], shared: Shared) -> dict[str, str]:
+    """Follow ``channel.X.lcd-info.*=3`` to the entries ``lcd-info.3....`` of the shared properties.
+
+    Raises
+    ------
+    FileFormatError
+        If they add up to more than any header has.
+    """
+    found = dict(header)
+    for key, number in sorted(header.items()):
+        if ".*" in key:
+            kind = ".".join(key.split(".")[-2:-1])
+            head = key.rsplit(".", 2)[0]
+            group = shared.get(f"{kind}.{number}", {})
+            if len(found) + len(group) > _MOST_ENTRIES:
+                raise FileFormatError(f"the header of a segment claims more than {_MOST_ENTRIES} entries")
+            found.update({f"{head}.{name}": value for name, value in group.items()})
+    return found
+
 
 _HEADER = "segment-header.properties"
+
+
 _SHARED = "shared-data/header.properties"
+
+
 _GENERAL = "header.properties"
+
+
 _SLOT = re.compile(r"(.+\.conversion-set)\.conversion\.([^.]+)\.base-calibration-slot")
+
+
 _SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/" + re.escape(_HEADER))
+
+
 _HEIGHTS = ("measuredHeight", "strainGaugeHeight", "capacitiveSensorHeight", "height")
+
+
 _INTEGERS = {
     "signedshort": ">i2",
     "unsignedshort": ">u2",
@@ -41,16 +125,28 @@ _INTEGERS = {
     "unsignedinteger": ">u4",
     "signedlong": ">i8",
 }
+
+
 _FLOATS = "float-data"
+
+
 _STYLES = {"extend": LOADING, "pause": HOLD, "modulation": HOLD, "retract": UNLOADING}
+
+
 # Where a segment says what it is, in files of different ages.
 _STYLE_KEYS = tuple(
     f"force-segment-header.{place}style" for place in ("settings.segment-settings.", "settings.", "")
 )
+
+
 # From the base of the deflection to the force: what each step is multiplied by, and what a caller may give.
 _STEPS = {"distance": "sensitivity", "force": "stiffness"}
+
+
 # More points than a number of so many digits says are in no file.
 _DIGITS = 12
+
+
 # What is worth showing of the general header, by the end of its key.
 _ABOUT = {"instrument": ".description.instrument", "software version": ".description.source-software"}
 

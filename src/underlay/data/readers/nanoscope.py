@@ -29,9 +29,17 @@ from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._lever import Lever, lever_curve, sensor_note
-from underlay.data.readers._nanoscope_header import Header, Section, read_header
-from underlay.data.readers._nanoscope_numbers import SCALE, TRIGGER, channel_numbers, check_trigger
-from underlay.data.readers._nanoscope_tap import Tap, tap_of
+from underlay.data.readers._nanoscope_channels import (
+    SCALE,
+    TRIGGER,
+    Header,
+    Section,
+    Tap,
+    channel_numbers,
+    check_trigger,
+    read_header,
+    tap_of,
+)
 from underlay.data.readers._source import Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError, InputError

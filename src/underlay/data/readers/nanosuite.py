@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
-from underlay.data.readers._sheets import Sheet, is_xls, padded, sheets_of
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import column_factor, numbers
+from underlay.data.readers.excel import Sheet, is_xls, padded, sheets_of
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError
 from underlay.units import format_quantity

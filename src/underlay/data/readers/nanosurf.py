@@ -1,5 +1,7 @@
 """Nanosurf .nid: force curves and maps of the C3000 and easyScan controllers.
 
+The text of a Nanosurf .nid file: sections of ``key=value``.
+
 Text in sections, ``[DataSet-0:0]`` with ``key=value``, up to ``#!``; then every channel in the order of its group,
 lines of 16- or 32-bit integers, little-endian. A number is a share of the channel's range, ``Dim2Min`` and
 ``Dim2Range``, in ``Dim2Unit``. A line is a curve of ``LineDim<i>Points`` points; the rest of it is padding. Both
@@ -13,6 +15,8 @@ read: .nhf of Nanosurf Studio, of which no public force curve was found.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -25,17 +29,101 @@ from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._lever import Lever, lever_curve, sensor_note
-from underlay.data.readers._nid_header import NidHeader
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import MAX_BYTES, Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "NidHeader"]
+
+# "D[2.72436]*[N/m]"
+_PROPERTY = re.compile(r"\w\[([^\]]*)\]\*\[([^\]]*)\]")
+
+
+_COUNT = re.compile(r"\d{1,9}")
+
+
+class NidHeader:
+    """Entries by section and key.
+
+    Parameters
+    ----------
+    source : Source
+        The file, for messages.
+    text : str
+        What stands before the numbers.
+    """
+
+    def __init__(self, source: Source, text: str) -> None:
+        self.source = source
+        self._sections: dict[str, dict[str, str]] = {}
+        entries: dict[str, str] = {}
+        for line in text.splitlines():
+            if line.startswith("[") and line.endswith("]"):
+                entries = self._sections.setdefault(line[1:-1], {})
+            elif "=" in line:
+                key, _, value = line.partition("=")
+                entries.setdefault(key, value.strip())
+
+    def __getitem__(self, section: str) -> Mapping[str, str]:
+        return self._sections.get(section, {})
+
+    def count(self, section: str, key: str, most: int = MAX_BYTES) -> int:
+        """Return a whole number up to `most` that must be there.
+
+        Raises
+        ------
+        FileFormatError
+            If it is not.
+        """
+        text = self[section].get(key, "")
+        if not _COUNT.fullmatch(text) or int(text) > most:
+            raise FileFormatError(
+                f"{self.source.name}: no number up to {most} for {key!r} in [{section!s:.60}]; it says {text!r:.40}"
+            )
+        return int(text)
+
+    def number(self, section: str, key: str) -> float:
+        """Return a finite number that must be there.
+
+        Raises
+        ------
+        FileFormatError
+            If it is not.
+        """
+        value = _finite(self[section].get(key, ""))
+        if value is None:
+            raise FileFormatError(
+                f"{self.source.name}: {self[section].get(key, '')!r:.40} for {key!r} in [{section!s:.60}]"
+            )
+        return value
+
+    def number_if_there(self, section: str, key: str) -> float | None:
+        """Return a finite number, bare or as ``D[2.7]*[N/m]``; None where there is none."""
+        text = self[section].get(key, "")
+        found = _PROPERTY.fullmatch(text)
+        return _finite(found[1] if found else text)
+
+
+def _finite(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
 
 _START = b"[DataSet]"
+
+
 _END = b"#!"
+
+
 _INTEGERS: Mapping[str, np.dtype[Any]] = {"16": np.dtype("<i2"), "32": np.dtype("<i4")}
+
+
 _DEFLECTION = "Deflection"
+
+
 # Groups of a force curve in the order of time: name, label, whether it is stored against time, and where the
 # duration and the number of points of the whole of it are.
 _GROUPS = (
@@ -43,13 +131,25 @@ _GROUPS = (
     ("Spec fwd pause", HOLD, False, "FwPause"),
     ("Spec backward", UNLOADING, True, "BwMod"),
 )
+
+
 # 18 groups of 8 channels and 256 lines were seen.
 _MOST_GROUPS, _MOST_CHANNELS, _MOST_LINES = 1000, 64, 20_000
+
+
 # What is worth showing, by its name in the section of the measurement.
 _ABOUT = {"instrument": "Head type", "software version": "Software ver.", "date": "Date", "time": "Time"}
+
+
 _CANTILEVER = r"DataSet\Calibration\Cantilever"
+
+
 _SCANHEAD = r"DataSet\Calibration\Scanhead"
+
+
 _TIMES = r"DataSet\Parameters\Spectroscopy"
+
+
 # The axis of a modulation is measured where it has a sensor.
 _SENSOR = "sensor"
 

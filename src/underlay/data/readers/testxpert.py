@@ -17,9 +17,9 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
-from underlay.data.readers._sheets import Sheet, is_xls, is_xlsx, padded, sheets_of, xlsx_text
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import column_factor, numbers
+from underlay.data.readers.excel import Sheet, is_xls, is_xlsx, padded, sheets_of, xlsx_text
 from underlay.errors import FileFormatError
 from underlay.units import kind_of
 

@@ -1,25 +1,32 @@
-"""What a person decided of single curves: accepted or refused, and why; a small CSV, and columns of a map's table.
+"""The table of a map read again, and what a person decided of single curves.
+
+What a person decided of single curves: accepted or refused, and why; a small CSV, and columns of a map's table.
 
 A curve refused by hand keeps its numbers in the table, but its ``status`` is no longer that of a fitted curve, so
 that it counts nowhere; ``reason`` says that it was refused and why. One that is accepted counts although it is
 doubtful.
+
+The table of a map, read again from its file.
 """
 
 from __future__ import annotations
 
+import io
 import os
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from underlay._csv import numbered_rows
-from underlay._csv_text import csv_text
-from underlay._door import FileKind, printable, read_text, understood
+from underlay._csv import csv_text, numbered_rows, unguarded
+from underlay._door import FileKind, PathLike, printable, read_bytes, read_start, read_text, understood
 from underlay._text import names_there, one_line, unguarded_cell
 from underlay.errors import InputError
-from underlay.inference.batch.results_table import FITTED
+from underlay.inference.batch.results_table import FITTED, LIKELIHOOD, SHARED, read_parquet
 
 __all__ = [
     "ACCEPT",
@@ -28,18 +35,31 @@ __all__ = [
     "REFUSED_BY_HAND",
     "Decision",
     "Decisions",
+    "is_map",
     "read_decisions",
+    "read_map",
+    "shared_error_of",
     "without_refused",
 ]
 
 #: Name of the table that a review writes.
 DECISIONS = "decisions.csv"
+
+
 #: What the column ``decision`` says; an empty cell decides nothing.
 ACCEPT, REFUSE = "accept", "refuse"
+
+
 #: ``status`` of a curve that a person refused.
 REFUSED_BY_HAND = "refused by hand"
+
+
 _KIND = FileKind("a table of decisions (CSV)", 64_000_000, "it needs the columns curve, decision and reason")
+
+
 _MOST_COLUMNS, _LONGEST = 100, 1000
+
+
 _CURVE, _DECISION, _REASON = "curve", "decision", "reason"
 
 
@@ -197,3 +217,86 @@ def without_refused(table: pd.DataFrame) -> pd.DataFrame:
     ]
     kept.loc[refused, numbers] = np.nan
     return kept
+
+
+_ERROR = ".stderr"
+
+
+_TEXTS = ("name", "status", "verdict", "reason")
+
+
+_NUMBERS = ("x", "y", "reduced_chi_square", "rms", "seconds")
+
+
+# A million curves with thirty numbers each.
+_MAP_TABLE_KIND = FileKind("the table of a map", 1_000_000_000, "make it again with underlay map --resume")
+
+
+_MAP_TABLE_MOST_COLUMNS, _MOST_CELLS = 1000, 50_000_000
+
+
+# Numbers come back to the bit: from pandas 3.1 on by themselves, and to ask for it is deprecated there.
+_TO_THE_BIT: Mapping[str, Any] = (
+    {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
+)
+
+
+_HEADER = "name,path,x,y,status,verdict,reason"
+
+
+def is_map(path: PathLike) -> bool:
+    """Whether a file is the table of a map: Parquet, or a CSV with its header."""
+    if Path(path).suffix.lower() == ".parquet":
+        return True
+    return read_start(path, len(_HEADER)) == _HEADER.encode()
+
+
+def shared_error_of(table: pd.DataFrame) -> float | None:
+    """Relative error of the modulus that the curves of a map share (median); None where the table has none."""
+    if SHARED not in table.columns:
+        return None
+    shares = table.loc[table["status"] == FITTED, SHARED].astype(float).dropna()
+    return float(shares.median()) if len(shares) else None
+
+
+def read_map(path: PathLike) -> pd.DataFrame:
+    """Read the table of a map, CSV or Parquet.
+
+    Raises
+    ------
+    FileAccessError
+        If it cannot be read.
+    FileFormatError
+        If it is not such a table.
+    MissingExtraError
+        If it is Parquet and pyarrow is not installed.
+    """
+    content = io.BytesIO(read_bytes(path, _MAP_TABLE_KIND))
+    with understood(path, _MAP_TABLE_KIND):
+        if Path(path).suffix.lower() == ".parquet":
+            table = read_parquet(content, _MOST_CELLS)
+        else:
+            text = content.getvalue().decode("utf-8-sig")
+            deque(numbered_rows(text, _MAP_TABLE_MOST_COLUMNS), maxlen=0)
+            table = unguarded(
+                pd.read_csv(
+                    io.StringIO(text),
+                    index_col=False,
+                    dtype=dict.fromkeys(_TEXTS, "str"),
+                    **_TO_THE_BIT,
+                )
+            )
+        missing = [name for name in _TEXTS if name not in table.columns]
+        if missing:
+            raise ValueError(f"it has no column {missing[0]!r}")
+        if not table["verdict"].notna().any():
+            raise ValueError("it has no row with a verdict")
+        names = [str(name) for name in table.columns]
+        fitted = [name.removesuffix(_ERROR) for name in names if name.endswith(_ERROR)]
+        absent = [name for name in fitted if name not in names]
+        if absent:
+            raise ValueError(f"it has no column {absent[0]!r} for its error")
+        # A path has a dot, a label has none.
+        paths = [name for name in names if "." in name and not name.endswith(f".{LIKELIHOOD}")]
+        numbers = {*paths, *fitted, *_NUMBERS} & set(names)
+        return table.astype(dict.fromkeys(sorted(numbers), "float64"))

@@ -18,21 +18,25 @@ import pandas as pd
 
 from underlay._files import require_writable_folder
 from underlay.errors import InputError
-from underlay.inference.adhesive_numbers import ADHESIVE
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
 from underlay.inference.batch.dask import through_dask
 from underlay.inference.batch.decisions import DECISIONS
 from underlay.inference.batch.journal import Journal, PassingRows
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.batch.model import BatchModel, batch_model, scene_file_of
-from underlay.inference.batch.options import MapOptions
+from underlay.inference.batch.model import (
+    BatchModel,
+    MapOptions,
+    MapProgress,
+    Told,
+    batch_model,
+    scene_file_of,
+)
 from underlay.inference.batch.processes import through_processes
-from underlay.inference.batch.progress import MapProgress, Told
 from underlay.inference.batch.results_table import SHARED, Layout, require_format, to_frame, write_table
-from underlay.inference.batch.shared_error import states_doubt
-from underlay.inference.batch.work import CurveFitter, Rows, file_hash
+from underlay.inference.batch.work import CurveFitter, Rows, file_hash, states_doubt
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.problem import Given
+from underlay.inference.sampling.derived import ADHESIVE
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
 

@@ -1,4 +1,8 @@
-"""Curves through processes of this machine, each with one thread for linear algebra and a pipe of its own.
+"""Curves through processes of this machine.
+
+What a new process takes over of this one: no script, one thread for linear algebra, no import from here.
+
+Curves through processes of this machine, each with one thread for linear algebra and a pipe of its own.
 
 A worker is a fresh Python on every platform: a fork would copy the locks of threads that it does not copy.
 It does not run the caller's script again, so scripts need no ``if __name__ == "__main__"`` guard.
@@ -14,29 +18,77 @@ from __future__ import annotations
 
 import math
 import multiprocessing
+import os
 import pickle
 import signal
+import sys
+import threading
 import time
 from collections import Counter
-from collections.abc import Generator, Sequence
-from contextlib import suppress
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
+from types import ModuleType
 
 from underlay.errors import FitError, InputError
 from underlay.inference.batch.curves import CurvePlace
-from underlay.inference.batch.fresh_process import start_of_a_process
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
 from underlay.inference.batch.work import DIED, CurveFitter, Rows, given_up
 
-__all__ = ["through_processes"]
+__all__ = ["start_of_a_process", "through_processes"]
+
+#: One thread each: the matrices here are small, and threads of several processes would fight for the cores.
+#: It also makes the last bit of every sum the same, whatever the machine and its load.
+_ONE_THREAD = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+)
+
+
+# A new Python would look for every module in the folder it is started in first, where the data may be.
+_ENVIRONMENT = dict.fromkeys((*_ONE_THREAD, "PYTHONSAFEPATH"), "1")
+
+
+@contextmanager
+def start_of_a_process() -> Iterator[None]:
+    """Start a process inside: it does not run the caller's script again, and Ctrl-C does not reach it."""
+    script = sys.modules["__main__"]
+    before = {name: os.environ.get(name) for name in _ENVIRONMENT}
+    here = threading.current_thread() is threading.main_thread()
+    interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN) if here else None
+    # multiprocessing would have the new process run the script that this module stands for.
+    sys.modules["__main__"] = ModuleType("__main__")
+    os.environ.update(_ENVIRONMENT)
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+        if here:
+            signal.signal(signal.SIGINT, interrupt)
+
 
 # A process that dies on the same curve this often, alone with it, dies because of it.
 _MOST_DEATHS = 2
+
+
 # Processes in a row that were ended from outside while they started; beyond this something ends them all.
 _MOST_LOST_STARTS = 5
+
+
 # Longest time that a process may take to start (s): a busy machine, and a disk far away.
 _LONGEST_START = 300.0
+
+
 # Rows are sent at least this often (s), so that little is lost with a process.
 _EVERY = 0.2
 

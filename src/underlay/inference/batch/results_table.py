@@ -13,7 +13,7 @@ from typing import IO, Any, BinaryIO
 
 import pandas as pd
 
-from underlay._csv_text import csv_text
+from underlay._csv import csv_text
 from underlay._files import replacing, write_atomic
 from underlay._text import guarded_cell, one_line, unguarded_cell
 from underlay.errors import InputError, MissingExtraError

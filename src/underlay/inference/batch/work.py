@@ -1,4 +1,17 @@
-"""What a worker does with one curve of a map: read it, judge it, fit it, and say it in one row.
+"""What a worker does with one curve of a map.
+
+What a single fit states, for a row of a map that asks for it.
+
+What a calibration that is not quite known does to the modulus of every curve of a map alike.
+
+A spring constant or a sensitivity is off by the same factor on all curves: the mean over a map is as wrong as each
+of them, and no scatter shows it. Of one of them, known as its prior says, the part of ln E is
+
+    |ln E(one standard deviation above) - ln E(as stated)|,
+
+both fitted to the same readings, so that the noise is no part of it; two are independent, and add in squares.
+
+What a worker does with one curve of a map: read it, judge it, fit it, and say it in one row.
 
 A row is a function of the model and the curve alone. Which worker made it, and what it made before, leaves
 no trace in it but the seconds it took.
@@ -12,20 +25,21 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import hypot, log
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr
 
 from underlay._arrays import FloatArray
 from underlay._door import sha256_of
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
 from underlay.data.readers import KeptOpen
+from underlay.data.readers._lever import Calibration
 from underlay.errors import CurveError, FitError, UnderlayError, UnderlayWarning
-from underlay.inference.adhesive_numbers import adhesive_numbers
 from underlay.inference.batch.curves import CurvePlace, read_place
-from underlay.inference.batch.model import BatchModel
-from underlay.inference.batch.options import Sampling
+from underlay.inference.batch.model import BatchModel, Sampling
 from underlay.inference.batch.results_table import (
     DIFFERENCE,
     FAILED,
@@ -35,30 +49,117 @@ from underlay.inference.batch.results_table import (
     SHARED,
     Layout,
 )
-from underlay.inference.batch.separable import SeparableModel
-from underlay.inference.batch.separable_warnings import separable_warnings
-from underlay.inference.batch.shared_error import shared_error
-from underlay.inference.file_facts import EVERYTHING, settle
+from underlay.inference.batch.separable import SeparableModel, separable_warnings
+from underlay.inference.file_facts import EVERYTHING, UNCERTAINTIES, known_lever, settle
 from underlay.inference.from_files import require_elastic, within_range
-from underlay.inference.least_squares.instrument_modulus import STATED, instrument_modulus
-from underlay.inference.least_squares.provenance import curve_hash
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.provenance import STATED, curve_hash, instrument_modulus
 from underlay.inference.plausibility import in_doubt, require_sizes, require_travel
 from underlay.inference.problem import Problem
+from underlay.inference.sampling.derived import adhesive_numbers
 from underlay.scene.scene import Scene
 
-__all__ = ["DIED", "CurveFitter", "Rows", "file_hash", "given_up", "work"]
+__all__ = [
+    "DIED",
+    "CurveFitter",
+    "Rows",
+    "file_hash",
+    "given_up",
+    "shared_error",
+    "stated_interval_ends",
+    "stated_reasons",
+    "states_doubt",
+    "work",
+]
+
+
+def stated_interval_ends(fit: Fit) -> Mapping[str, float]:
+    """Ends (SI) of the 95 % interval of every parameter, by column; an end that is open is left out."""
+    ends: dict[str, float] = {}
+    for name in fit.names:
+        known = fit.interval(name)
+        ends |= {f"{name}.low": known.low, f"{name}.high": known.high}
+    return {column: end for column, end in ends.items() if math.isfinite(end)}
+
+
+def stated_reasons(fit: Fit) -> tuple[str, ...]:
+    """Reasons of the verdict; behind its word where that is neither good nor doubtful."""
+    verdict = fit.verdict
+    before = "" if verdict.word in (GOOD, DOUBTFUL) else f"{verdict.word}: "
+    return tuple(before + reason for reason in verdict.reasons)
+
+
+_MODULUS = "layer.E"
+
+
+_ABOVE = np.array(ndtr(1.0))
+
+
+def states_doubt(model: BatchModel, places: Sequence[CurvePlace]) -> bool:
+    """Whether a map fits the modulus and its scene file, or a curve, says how well the calibration is known."""
+    if _MODULUS not in model.free:
+        return False
+    stated = None if model.file is None else model.file.curve.get("calibration")
+    held = (place.curve.metadata for place in places if place.curve is not None)
+    return bool(Calibration.of(stated).uncertainties) or any(
+        key in told for told in held for key in UNCERTAINTIES
+    )
+
+
+def shared_error(model: BatchModel, scene: Scene, curve: Curve) -> float | None:
+    """Relative standard error of the modulus that all curves of this calibration have in common.
+
+    Parameters
+    ----------
+    model : BatchModel
+        What the map fits.
+    scene : Scene
+        Of this curve, its fitted numbers in it.
+    curve : Curve
+        With what is known of its calibration in its metadata.
+
+    Returns
+    -------
+    float or None
+        None where the curve does not say how well its calibration is known, or the scene remembers, of which no
+        calibration is fitted.
+    """
+    known = known_lever(scene, curve)
+    priors = {path: prior for path, prior in known.priors.items() if path not in model.free}
+    if not priors:
+        return None
+    scene = replace(scene, lever=known.lever)
+    as_stated = _log_modulus(model, scene, curve)
+    moved = [
+        _log_modulus(model, scene.with_values({path: float(prior.quantile(_ABOVE))}), curve) - as_stated
+        for path, prior in priors.items()
+    ]
+    return hypot(*moved)
+
+
+def _log_modulus(model: BatchModel, scene: Scene, curve: Curve) -> float:
+    # Most maps say nothing of their calibration, and never load this.
+    from underlay.inference.least_squares.fitting import quick_fit  # noqa: PLC0415
+
+    return log(quick_fit(model.problem(scene, curve)).values[_MODULUS])
+
 
 #: Rows (index, CSV text) that came together.
 Rows = list[tuple[int, str]]
+
+
 #: Why a curve is given up on which worker processes died.
 DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"
+
 
 # A contact that explains the force no better than this many squared standard deviations beyond a flat line
 # is none: three free numbers reach 30 by chance in one curve of a million.
 _NO_CONTACT = 30.0
-# A row keeps the whole likelihood where its relative error is above this, or a parameter is this near its bound.
-_MODULUS = "layer.E"
+
+
 _MODULUS_LIKELIHOOD = f"{_MODULUS}.{LIKELIHOOD}"
+
+
 _WIDE, _ON_BOUND = 0.2, 1e-6
 
 
@@ -279,8 +380,6 @@ class CurveFitter:
             {},
         )
         if self._model.intervals:
-            from underlay.inference.batch.headline_cells import stated_interval_ends, stated_reasons  # noqa: PLC0415
-
             notes = (*stated_reasons(found), *outcome.notes)
             return replace(outcome, notes=notes, more=stated_interval_ends(found))
         return (

@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from underlay._documents import parse_json
-from underlay._door import FileKind, PathLike, printable, read_start, read_text, understood
+from underlay._door import FileKind, PathLike, parse_json, printable, read_start, read_text, understood
 from underlay.errors import FileFormatError
-from underlay.inference.batch.map_table import read_map
+from underlay.inference.batch.decisions import read_map
 from underlay.inference.citation.used import of_fit, of_sampling, used_by
 from underlay.inference.citation.works import Work, work
 from underlay.inference.sampling.posterior import Posterior

@@ -1,19 +1,23 @@
-"""The works that an analysis may stand on, each declared once; DOIs only where a source confirms them.
+"""The works that an analysis may stand on, each declared once, and as BibTeX.
+
+The works that an analysis may stand on, each declared once; DOIs only where a source confirms them.
 
 Published corrections are not repeated here: their records name their sources (`mechanics/published`).
+
+Works as BibTeX entries.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from underlay._version import VERSION
 from underlay.errors import InputError
 from underlay.mechanics.published import published_corrections
 
-__all__ = ["Work", "work"]
+__all__ = ["Work", "bibtex", "work"]
 
 
 @dataclass(frozen=True)
@@ -210,6 +214,8 @@ _WORKS = (
     Work("igor2", ("the igor2 developers",), None, "igor2", "a program", program=True),
     Work("afmformats", ("Müller, P.", "others"), None, "afmformats", "a program", program=True),
 )
+
+
 _BY_KEY: Mapping[str, Work] = {entry.key: entry for entry in _WORKS}
 
 
@@ -244,3 +250,55 @@ def _of_source(key: str, source: str, doi: str) -> Work:
         raise InputError(f"the source of {key} does not begin with authors and year: {source}")
     authors = tuple(name.strip() for name in re.split(r",|&", found["authors"]) if name.strip())
     return Work(key, authors, int(found["year"]), "", found["where"], doi)
+
+
+# What TeX takes for a command.
+_SPECIAL = re.compile(r"([&%$#_{}])")
+
+
+#: Journal, volume, pages: "Biophysical Journal 82, 2798-2810".
+_JOURNAL = re.compile(r"(?P<journal>\D+?) (?P<volume>\d+)(?:, (?P<pages>[\d-]+))?")
+
+
+def bibtex(works: Iterable[Work]) -> str:
+    """Return one entry a work; what is not known of it is left out.
+
+    Examples
+    --------
+    >>> from underlay.inference.citation.works import work
+    >>> print(bibtex([work("garcia2018")]))
+    @article{garcia2018,
+      author = {Garcia and Garcia},
+      year = {2018},
+      journal = {Biophysical Journal},
+      volume = {114},
+      pages = {2923--2932},
+      doi = {10.1016/j.bpj.2018.05.012},
+    }
+    <BLANKLINE>
+    """
+    return "\n".join(_entry(work) for work in works)
+
+
+def _entry(work: Work) -> str:
+    fields = {
+        "author": " and ".join(work.authors),
+        "title": f"{{{_plain(work.title)}}}" if work.title else "",
+    }
+    fields["year"] = str(work.year or "")
+    where = _JOURNAL.fullmatch(work.where)
+    if work.program:
+        fields["note"] = _plain(work.where)
+    elif where is None:
+        fields["journal"] = _plain(work.where)
+    else:
+        fields["journal"] = _plain(where["journal"])
+        fields["volume"] = where["volume"]
+        fields["pages"] = (where["pages"] or "").replace("-", "--")
+    fields["doi"] = work.doi
+    lines = [f"  {name} = {{{value}}}," for name, value in fields.items() if value]
+    return "\n".join([f"@{'software' if work.program else 'article'}{{{work.key},", *lines, "}", ""])
+
+
+def _plain(text: str) -> str:
+    return _SPECIAL.sub(r"\\\1", text)

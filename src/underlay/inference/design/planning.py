@@ -1,4 +1,8 @@
-"""Which test would tell: the expected standard error of one parameter over tip radius and depth.
+"""Which test would tell: the expected standard error over tip radius and depth.
+
+What every test of a grid of tips and depths would tell of a specimen.
+
+Which test would tell: the expected standard error of one parameter over tip radius and depth.
 
 Every cell of the grid is a test that was not done: its Fisher information about the specimen (layer and
 substrate), the instrument's own unknowns of that test removed. Information adds, so what a second radius
@@ -7,7 +11,7 @@ would bring to a first test is one sum per cell.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,25 +23,109 @@ from underlay._given import require_count, require_given
 from underlay._threads import one_thread
 from underlay.data.curve import MIN_POINTS
 from underlay.errors import InputError, ParameterError
-from underlay.inference.design.grid import Grid, readings
-from underlay.inference.design.information import SPECIMEN, deviation_of, expected_problem
+from underlay.inference.design.identifiability import SPECIMEN, about_specimen, deviation_of, expected_problem
 from underlay.inference.least_squares import fit
 from underlay.inference.problem import Given, by_path
 from underlay.inference.profiles import profile
-from underlay.inference.profiling.interval import Interval
+from underlay.inference.profiling.profile_result import Interval
 from underlay.mechanics.solvers import AnySolver
-from underlay.scene.noise_model import NoiseModel
+from underlay.scene.noise import NoiseModel
 from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
-__all__ = ["Plan", "plan"]
+__all__ = ["Grid", "Plan", "plan", "readings"]
+
+# Share of the readings before contact: a test that starts in contact cannot tell its contact point.
+_APPROACH = 0.25
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Information of every test of a grid, in scaled coordinates.
+
+    Parameters
+    ----------
+    information : FloatArray
+        About the specimen, priors not counted, (r, d, s, s).
+    prior : FloatArray
+        Of the priors, (s, s).
+    slopes : FloatArray
+        d parameter / d scaled coordinate (SI), (s,).
+    peak_force : FloatArray
+        Force at the deepest point (N), (r, d); NaN where the test cannot be done.
+    refusals : mapping of (int, int) to str
+        Why it cannot.
+    """
+
+    information: FloatArray
+    prior: FloatArray
+    slopes: FloatArray
+    peak_force: FloatArray
+    refusals: Mapping[tuple[int, int], str]
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        free: Mapping[str, Given],
+        noise: NoiseModel,
+        radii: FloatArray,
+        depths: FloatArray,
+        specimen: Sequence[str],
+        points: int,
+        solver: AnySolver,
+    ) -> Grid:
+        """Tell what tests with tips (m), (r,), to depths (m), (d,), would say.
+
+        Raises
+        ------
+        ParameterError
+            As `Problem`.
+        InputError
+            If none of the tests can be done.
+        """
+        shape, size = (len(radii), len(depths)), len(specimen)
+        information, peak_force = np.zeros((*shape, size, size)), np.full(shape, np.nan)
+        prior, slopes = np.zeros((size, size)), np.zeros(size)
+        refusals: dict[tuple[int, int], str] = {}
+        for (i, j), _ in np.ndenumerate(peak_force):
+            tipped = scene.with_values({"indenter.radius": float(radii[i])})
+            try:
+                problem = expected_problem(
+                    tipped, readings(scene, float(depths[j]), points), free, noise, solver=solver
+                )
+                start = problem.start
+                information[i, j], prior = about_specimen(problem, start, problem.noises(start), specimen)
+            except ParameterError:
+                raise
+            except InputError as error:
+                refusals[i, j] = str(error)
+                continue
+            peak_force[i, j] = float(problem.curves[0].force.max())
+            slopes = problem.slopes(start)[[problem.names.index(name) for name in specimen]]
+        if len(refusals) == peak_force.size:
+            raise InputError(f"no test of this grid can be done: {next(iter(refusals.values()))}")
+        return cls(information, prior, slopes, peak_force, refusals)
+
+
+def readings(scene: Scene, depth: float, points: int) -> FloatArray:
+    """Depth readings (m), (points,), of a test to a depth (m) that begins before contact."""
+    before = -_APPROACH / (1.0 - _APPROACH) * depth
+    return np.asarray(np.linspace(before, depth, points) + scene.instrument.contact_depth)
+
 
 _POINTS = 200
+
+
 # An error within this factor of the best is as good: the mildest such test is recommended.
 _AS_GOOD = 1.1
+
+
 # Above this relative standard error the forecast, which is linear, is none.
 _NO_FORECAST = 0.1
+
+
 # A first test this far beyond the grid is another test than any of it.
 _BEYOND = 2.0
 

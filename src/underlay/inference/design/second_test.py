@@ -13,10 +13,10 @@ from underlay._arrays import FloatArray, finite, read_only
 from underlay._given import require_given, require_share
 from underlay._threads import one_thread
 from underlay.errors import InputError, ParameterError
-from underlay.inference.design.grid import Grid
-from underlay.inference.design.information import SPECIMEN, about_specimen, deviation_of
+from underlay.inference.design.identifiability import SPECIMEN, about_specimen, deviation_of
+from underlay.inference.design.planning import Grid
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.profiling.constrained import constrained_fit
+from underlay.inference.profiling.walked import constrained_fit
 from underlay.quantities import path_of
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity

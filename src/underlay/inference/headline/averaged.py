@@ -9,8 +9,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.headline.plain import ends_of
-from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import StatedInterval
+from underlay.inference.least_squares.fit_result import Fit, StatedInterval
 from underlay.inference.misfit.averaging import Averaged, average
 from underlay.inference.misfit.valley import FARTHEST
 

@@ -16,8 +16,7 @@ from scipy import special
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import Follows, StatedInterval
+from underlay.inference.least_squares.fit_result import Fit, Follows, StatedInterval
 from underlay.inference.misfit.averaging import Averaged
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.sampling.derived import derived_quantities

@@ -14,7 +14,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import UnderlayError
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.problem import Problem
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from underlay.errors import FitError, InputError
-from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import StatedBonds, StatedInterval
+from underlay.inference.least_squares.fit_result import Fit, StatedBonds, StatedInterval
 from underlay.inference.problem import Problem
-from underlay.scene.faces import has_face, unknown_faces, with_bond
+from underlay.scene.scene import has_face, unknown_faces, with_bond
 
 __all__ = ["OtherBond", "Refit", "bracket", "other_bonds", "stated_bonds"]
 

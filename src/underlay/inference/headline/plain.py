@@ -9,8 +9,7 @@ import numpy as np
 from scipy import special
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import StatedInterval
+from underlay.inference.least_squares.fit_result import Fit, StatedInterval
 from underlay.inference.profiling.profile_result import interval_threshold
 from underlay.inference.profiling.walk import Walk
 from underlay.inference.profiling.walked import walked

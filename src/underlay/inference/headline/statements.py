@@ -17,9 +17,9 @@ from underlay.inference.headline.other_bonds import OtherBond, Refit, bracket, o
 from underlay.inference.headline.plain import correlated_interval, is_about
 from underlay.inference.headline.verdict import verdict
 from underlay.inference.headline.widened import Widened, widened, wider_interval
-from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import (
+from underlay.inference.least_squares.fit_result import (
     AllowedFor,
+    Fit,
     Follows,
     StatedBonds,
     StatedInterval,

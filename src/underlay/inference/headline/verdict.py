@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import StatedInterval, Verdict
+from underlay.inference.least_squares.fit_result import Fit, StatedInterval, Verdict
 from underlay.inference.misfit.averaging import Averaged
 from underlay.inference.misfit.sizes import shape_parameters
 from underlay.units import format_quantity

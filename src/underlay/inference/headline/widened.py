@@ -14,8 +14,7 @@ import numpy as np
 from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_interval
 from underlay.inference.headline.derived import derived_interval
-from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import AllowedFor, StatedInterval
+from underlay.inference.least_squares.fit_result import AllowedFor, Fit, StatedInterval
 from underlay.inference.misfit.averaging import Averaged, average
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.known_error import KnownError

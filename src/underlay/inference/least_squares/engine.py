@@ -1,4 +1,8 @@
-"""The engine: a projected Levenberg-Marquardt search that serves every least-squares fit of the program.
+"""The engine: a projected Levenberg-Marquardt search that serves every least-squares fit.
+
+Damped steps of Levenberg and Marquardt, of several searches at once, that keep between their ends.
+
+The engine: a projected Levenberg-Marquardt search that serves every least-squares fit of the program.
 
 The steps are those of Levenberg and Marquardt (Marquardt 1963, doi:10.1137/0111030) in the parameters that are
 not at a bound and not solved for; an `Objective` solves for the linear ones. One step up the side of a valley is
@@ -15,12 +19,99 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.damped_steps import LONGEST, damped_steps
 from underlay.inference.least_squares.objective import HAIR, Objective
-from underlay.inference.least_squares.places import Places
-from underlay.inference.least_squares.projection import Point
+from underlay.inference.least_squares.projection import Places, Point, acting
 
-__all__ = ["FINE", "Ahead", "GiveUp", "Minimum", "Search", "descend", "minimise"]
+__all__ = ["FINE", "LONGEST", "Ahead", "GiveUp", "Minimum", "Search", "damped_steps", "descend", "minimise"]
+
+#: A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
+LONGEST = 3.0
+
+
+def damped_steps(
+    places: Places, damping: FloatArray, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Steps (s, k) no further than `low` and `high` (s, k), what each should gain (s,), and its length (s,).
+
+    That is the largest change of an entry.
+    """
+    gradient, normal = places.gradient, places.normal
+    norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
+    which = active & acting(norms)
+    outward = which & ((low >= 0.0) | (high <= 0.0))
+    if outward.any():
+        outward &= _outward(gradient, low, high)
+        which &= ~outward
+    step = _solved(gradient, normal, which, norms, damping)
+    if outward.any():
+        # What pulls out of its end here may pull back in from where the others go.
+        back = outward & ~_outward(gradient + (normal @ step[:, :, None])[:, :, 0], low, high)
+        if back.any():
+            which |= back
+            step = _solved(gradient, normal, which, norms, damping)
+    beyond = which & ((step < low) | (step > high))
+    held = np.zeros(0)
+    if beyond.any():
+        step, held = _kept_inside(places, step, beyond, which, norms, damping, low, high)
+    length = np.abs(step).max(axis=1, initial=0.0)
+    if (length > LONGEST).any():
+        step *= (LONGEST / np.maximum(length, LONGEST))[:, None]
+        length = np.minimum(length, LONGEST)
+    if not held.any():
+        return step, -np.einsum("sk,sk->s", step, gradient), length
+    gain = -np.einsum("sk,sk->s", step, 2.0 * gradient + (normal @ step[:, :, None])[:, :, 0])
+    return step, gain, length
+
+
+def _outward(gradient: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
+    """Which entries stand at an end and are pulled out of it, or not at all, by J'r (s, k)."""
+    return ((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0))
+
+
+def _kept_inside(
+    places: Places,
+    step: FloatArray,
+    beyond: NDArray[np.bool_],
+    which: NDArray[np.bool_],
+    norms: FloatArray,
+    damping: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Steps (s, k) between `low` and `high`, and those of the entries that are held there, zero for the others."""
+    at, held, free = np.zeros_like(step), np.zeros_like(step), which
+    while beyond.any():
+        # What would leave its ends first stays there, and the others go to where they are best beside it. From
+        # there the sum falls on: held all at once they may pull each other uphill.
+        end = np.where(step > 0.0, high, low)
+        share = np.divide(end - at, step - at, out=np.full_like(step, np.inf), where=beyond)
+        first, over = share.argmin(axis=1), np.asarray(beyond.any(axis=1))
+        at += np.where(over, share.min(axis=1), 0.0)[:, None] * (step - at)
+        meets = over[:, None] & (np.arange(step.shape[1]) == first[:, None])
+        held, free = np.where(meets, end, held), free & ~meets
+        moved = places.gradient + (places.normal @ held[:, :, None])[:, :, 0]
+        again = held + _solved(moved, places.normal, free, norms, damping)
+        step = np.where(over[:, None], again, step)
+        beyond = free & ((step < low) | (step > high))
+    return step, held
+
+
+def _solved(
+    gradient: FloatArray, normal: FloatArray, which: NDArray[np.bool_], norms: FloatArray, damping: FloatArray
+) -> FloatArray:
+    """Damped steps (s, k) of the entries `which` (s, k), from J'r (s, k) and J'J (s, k, k); the others rest."""
+    scale, diagonal, downhill = norms, 1.0 + damping[:, None], gradient
+    rest = not which.all()
+    if rest:
+        # An entry that rests has a row of its own, and no gradient.
+        scale, diagonal = np.where(which, norms, 1.0), np.where(which, diagonal, 1.0)
+        downhill = np.where(which, gradient, 0.0)
+    scaled = normal / (scale[:, :, None] * scale[:, None, :])
+    if rest:
+        scaled = np.where(which[:, :, None] & which[:, None, :], scaled, 0.0)
+    count = scaled.shape[1]
+    scaled.reshape(-1, count * count)[:, :: count + 1] = diagonal
+    return -np.linalg.solve(scaled, (downhill / scale)[:, :, None])[:, :, 0] / scale
 
 
 class Ahead(NamedTuple):
@@ -51,18 +142,31 @@ class Ahead(NamedTuple):
 #: Asked before each step: whether to leave.
 GiveUp: TypeAlias = Callable[[Ahead], bool]
 
+
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
+
+
 # Below this the damping of two columns that are one to rounding would be rounding itself.
 _LEAST_DAMPING = 1e-13
+
+
 # How much harder a step back from up the side of a valley is damped than the one that led there: it then leads back
 # to the bottom there, and not as far along again. Else each small step along a bent valley would cost three models:
 # the next one is too long, and so is one from there.
 _BACK = 100.0
+
+
 _VENTURE = 100.0  # how much higher than its beginning a step up the side may end
+
+
 # A last step is not asked for its model. One so long that the model may rise again on the way is no last step.
 _SURE = 0.05
+
+
 # Steps shorter than this in every coordinate move nothing that a curve could tell.
 _SHORTEST = 1e-10
+
+
 # A last step that should gain less than this share of the sum of squares, a thousandth of a standard error with
 # 1000 points, is not made: the model is known where the search stands.
 _STILL = 1e-9

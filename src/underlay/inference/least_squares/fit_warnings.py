@@ -11,9 +11,8 @@ from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, over_whitened
 from underlay.inference.least_squares.fit_result import Alternative, FitStatistics, FitWarning
 from underlay.inference.problem import Problem
-from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.depth_doubt import DeeperThanLayer
-from underlay.scene.noise_model import NoiseModel
+from underlay.mechanics.contact_law import ContactLaw, DeeperThanLayer
+from underlay.scene.noise import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 

@@ -1,5 +1,12 @@
 """The way through a least-squares fit: compile, scan, descend, settle, judge.
 
+The ways of searches that follow one another: one that comes onto the way of an earlier one need not go on.
+
+Starts that end at the edge of what a start may explore often lie in one long valley. Below each of them the search
+would go the same way down it, model for model.
+
+How far a contact law's own error could move the parameters fitted with it.
+
 A problem is compiled into weighted residuals, of its points and of blocks of them. A scan of what is not linear
 finds starts from the data alone; the engine descends from each on the blocks and keeps the minima that may be
 the optimum; it settles each on all points, renewing the noise where that is learnt from the fit; and the best
@@ -21,33 +28,116 @@ from underlay._arrays import FloatArray
 from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import FitError, InputError
-from underlay.inference.least_squares.blocks import blocked_objective, power_law_objective
 from underlay.inference.least_squares.candidates import EXPLAINED, candidates
-from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.engine import Ahead
+from underlay.inference.least_squares.fit_result import Fit, Statements
 from underlay.inference.least_squares.judge import judge
-from underlay.inference.least_squares.last_word import METHODS, Minimiser
-from underlay.inference.least_squares.law_bias import law_bias
-from underlay.inference.least_squares.losses import LOSSES
+from underlay.inference.least_squares.lmfit_bridge import METHODS, Minimiser
+from underlay.inference.least_squares.models import LOSSES
 from underlay.inference.least_squares.scan import LIKELY, Start, scan
+from underlay.inference.least_squares.scan_curve import blocked_objective, power_law_objective
 from underlay.inference.least_squares.settle import Optimum, confirmed, settle
-from underlay.inference.least_squares.stated import Statements
-from underlay.inference.least_squares.ways import Ways
 from underlay.inference.problem import Problem
 from underlay.mechanics.solvers import Exact
-from underlay.scene.noise_model import NoiseModel
+from underlay.scene.noise import NoiseModel
 
-__all__ = ["determined", "fit", "quick_fit"]
+__all__ = ["Ways", "determined", "fit", "law_bias", "quick_fit", "shift_of_the_law"]
+
+# A place this near to a way, in every scaled coordinate, is on it: nearer, two minima are one.
+_ON_IT = 0.05
+
+
+# Steps shorter than this are those at a minimum, which lead every way; one along a way makes an angle with it whose
+# cosine is at least this.
+_LONG, _ALONG = 0.3, 0.9
+
+
+class Ways:
+    """Scaled vectors (k,) at which searches stood, one list for each; to be asked by the next before each step."""
+
+    def __init__(self) -> None:
+        self._earlier: list[tuple[FloatArray, float]] = []
+        self._own: list[FloatArray] = []
+        self._lowest = np.inf
+
+    def begin(self) -> None:
+        """Another search begins."""
+        if len(self._own) > 1:
+            self._earlier.append((np.array(self._own), self._lowest))
+        self._own, self._lowest = [], np.inf
+
+    def __call__(self, ahead: Ahead) -> bool:
+        """Whether a search stands on the way of an earlier one that went lower, about to go along it."""
+        step = ahead.there - ahead.here
+        self._own.append(ahead.here)
+        self._lowest = ahead.square
+        return any(
+            lowest <= ahead.square and _leads_along(way, ahead.here, step) for way, lowest in self._earlier
+        )
+
+
+def _leads_along(way: FloatArray, here: FloatArray, step: FloatArray) -> bool:
+    """Whether a step (k,) from a place (k,) on a way (n, k) goes the way's own direction."""
+    first, along = way[:-1], np.diff(way, axis=0)
+    lengths = np.sqrt(np.square(along).sum(axis=1))
+    long = lengths > _LONG
+    if not long.any():
+        return False
+    first, along, lengths = first[long], along[long] / lengths[long, None], lengths[long]
+    gone = ((here - first) * along).sum(axis=1)
+    beside = here - first - np.clip(gone, 0.0, lengths)[:, None] * along
+    on_it = (np.abs(beside) <= _ON_IT).all(axis=1)
+    return bool((on_it & (along @ step >= _ALONG * np.sqrt(step @ step))).any())
+
+
+def law_bias(fit: Fit) -> float:
+    """Largest shift over standard error, over the parameters, if the force is off by the law's error."""
+    shifts = shift_of_the_law(fit.problem, fit.vector, fit.scaled_covariance, fit.sigmas)
+    deviation = np.sqrt(np.diag(fit.scaled_covariance))
+    fixed = deviation > 0.0
+    relative = np.abs(shifts[fixed]) * fit.statistics.law_error / deviation[fixed]
+    return float(relative.max(initial=0.0))
+
+
+def shift_of_the_law(
+    problem: Problem, vector: FloatArray, covariance: FloatArray, sigmas: tuple[FloatArray, ...]
+) -> FloatArray:
+    """Shift (k,) of the scaled parameters per unit of relative error of the force at every depth.
+
+    First order: C J' V^-1 P, with P the contact force. A modulus that scales the force takes all of it.
+    Correlation of the noise is left out: a shift of the mean hardly depends on it.
+    """
+    physical = problem.physical(vector)
+    slopes = problem.space.slopes(physical)
+    total = np.zeros(len(vector))
+    for member, sigma in zip(problem.members, sigmas, strict=True):
+        reading, columns = member.jacobian(physical)
+        total += (columns * slopes / sigma[:, None]).T @ (reading.contact / sigma)
+    return np.asarray(covariance @ total)
+
 
 _MAX_REFINEMENTS = 4
+
+
 _LAW_SHARE = 1.0 / 3.0  # of a standard error that the law's own error may move a parameter by
+
+
 _TIGHTEST, _LOOSEST = 1e-12, 1e-2
+
+
 # With one start there is nothing to choose from, and a step costs 1.2 times one on blocks with 1000 points, twice
 # with 3000.
 _FEW_POINTS = 2000
+
+
 # Along a valley without an end blocks are less work.
 _QUICKLY = 5
+
+
 # A start from which a search goes further than this in a scaled coordinate was no good one.
 _FAR = 6.0
+
+
 # Of the choice of readings beside a jump; the second mostly confirms the first.
 _MAX_PASSES = 4
 

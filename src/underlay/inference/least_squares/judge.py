@@ -1,4 +1,9 @@
-"""Judge an optimum: covariance, what has no error bar and why, second optima, statistics, warnings."""
+"""Judge an optimum: covariance, what has no error bar and why, second optima, statistics.
+
+What a fit of a relaxing layer cannot know from the record it has.
+
+Judge an optimum: covariance, what has no error bar and why, second optima, statistics, warnings.
+"""
 
 from __future__ import annotations
 
@@ -9,39 +14,84 @@ from math import log
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.inference.least_squares.adhesion_warnings import about_adhesion
+from underlay.inference.least_squares.adhesive import about_adhesion
 from underlay.inference.least_squares.diagnostics import correlated
-from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics
+from underlay.inference.least_squares.fit_result import (
+    Alternative,
+    Fit,
+    FitStatistics,
+    FitWarning,
+    Statements,
+)
 from underlay.inference.least_squares.fit_warnings import (
     against_priors,
     over_correlated,
     too_deep,
     warnings_of,
 )
-from underlay.inference.least_squares.losses import robust_inflation
-from underlay.inference.least_squares.noise_estimate import noise_covariance
+from underlay.inference.least_squares.models import robust_inflation
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.least_squares.relaxation_warnings import about_relaxation
-from underlay.inference.least_squares.settle import Optimum
-from underlay.inference.least_squares.stated import Statements
+from underlay.inference.least_squares.settle import Optimum, noise_covariance
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
-__all__ = ["judge"]
+__all__ = ["about_relaxation", "judge", "times_told_by"]
+
+
+def times_told_by(problem: Problem) -> list[tuple[float, float]]:
+    """Shortest and longest relaxation time (s) that the record of every relaxing curve tells."""
+    clocks = [
+        member.curve.time
+        for member in problem.members
+        if member.scene.layer.relaxation is not None and member.curve.time is not None
+    ]
+    if not clocks:
+        return []
+    # Not loaded for a sample that does not relax.
+    from underlay.mechanics.viscoelastic.history import times_told  # noqa: PLC0415  see above
+
+    return [times_told(clock) for clock in clocks]
+
+
+def about_relaxation(problem: Problem, vector: FloatArray) -> list[FitWarning]:
+    """Warnings of relaxation times that ended outside of what the records tell; none without relaxation."""
+    told = times_told_by(problem)
+    if not told:
+        return []
+    low, high = min(low for low, _ in told), max(high for _, high in told)
+    return [
+        FitWarning(
+            "relaxation-time",
+            f"{name} ended at {format_quantity(value, 'time')}, and the record tells times from "
+            f"{format_quantity(low, 'time')}, its sampling, to {format_quantity(high, 'time')}, its length: fix it "
+            "there, or leave this term out",
+        )
+        for name, value in problem.values(vector).items()
+        if ".relaxation.times[" in name and not low <= value <= high
+    ]
+
 
 # Closer than this to a bound (scaled coordinates) counts as on it; lmfit's bounded search approaches a bound
 # quadratically and stops about 1e-6 away.
 _ON_BOUND = 1e-4
+
+
 # A direction whose singular value is below this times the largest is lost in the rounding and in the
 # finite differences of the Jacobian.
 _SINGULAR = 1e-9
+
+
 # Two minima within this share of a standard error are one; a rise of chi-square beyond 3.4^2 is rejected
 # at 99.9 %.
 _SAME, _REJECTED = 0.3, 11.6
+
+
 # Two places with no higher hill of chi-square than this between them lie on one plateau or in one valley.
 _HILL = 0.01
+
+
 _ENGINE = "projected Levenberg-Marquardt"
 
 

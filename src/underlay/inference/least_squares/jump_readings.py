@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.fit_result import Fit, FitStatistics, FitWarning
-from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.scene.chain import Chain
+from underlay.scene.instrument import Chain
 from underlay.units import format_quantity
 
 __all__ = ["about_left_out", "determined", "for_all_readings"]

@@ -1,4 +1,18 @@
-"""Weighted residuals of a problem with their analytic Jacobian: what the engine and lmfit ask.
+"""Weighted residuals of a problem with their analytic Jacobian.
+
+Steps of a base's modulus in a number that the force is nearly straight in.
+
+Of the ratio k of base to layer, the force goes nearly with a power of k where the base is soft, and with its
+compliance 1/k where it is stiff: with u = -ln(1 + 1/k) at both ends. A step that is straight in ln k leads far too
+far down from a stiff base, and up towards a rigid one it never arrives.
+
+Steps of a layer's Poisson's ratio up towards one half, in a number that the force is nearly straight in.
+
+A bonded layer that is thin beside the contact answers with its modulus of compression without side strain, which
+grows with 1/(1 - 2 nu) until the layer gives way sideways instead. Where a curve tells Poisson's ratio at all it
+does so by that; a step that is straight in nu leads too far up.
+
+Weighted residuals of a problem with their analytic Jacobian: what the engine and lmfit ask.
 
 The noise is frozen: it is that of a current model, and a fit renews it from outside until nothing changes.
 (Weights that follow the parameters without the normalisation of the likelihood would pull the model towards
@@ -7,33 +21,192 @@ large noise.)
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.base_steps import BaseSteps
 from underlay.inference.least_squares.fractions import Fractions
-from underlay.inference.least_squares.frozen_noise import FrozenNoise
-from underlay.inference.least_squares.models import Models
-from underlay.inference.least_squares.places import Places, Rows, projected
-from underlay.inference.least_squares.poisson_steps import PoissonSteps
-from underlay.inference.least_squares.projection import LinearDirections, Point
+from underlay.inference.least_squares.models import FrozenNoise, Models
+from underlay.inference.least_squares.projection import LinearDirections, Places, Point, Rows, projected
+from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.scene.noise_model import NoiseModel
+from underlay.scene.noise import NoiseModel
 
-__all__ = ["HAIR", "Objective"]
+__all__ = ["HAIR", "BaseSteps", "Bent", "Objective", "PoissonSteps", "Risen", "bent"]
+
+_BASE, _LAYER = "substrate.E", "layer.E"
+
+
+@dataclass(frozen=True)
+class BaseSteps:
+    """The free moduli of bases, m of them, and those of the layers on them.
+
+    A step is measured so that it begins as one of the scaled entry, ln E2, does.
+
+    Parameters
+    ----------
+    bases : ndarray of int (m,)
+        Their entries in a scaled vector.
+    layers : ndarray of int (m,)
+        Those of the layers' moduli; any where they are known.
+    free : FloatArray
+        One where that modulus is free, zero where it is known, (m,).
+    at_start : FloatArray
+        ln k of the scene's own numbers, (m,).
+    """
+
+    bases: NDArray[np.intp]
+    layers: NDArray[np.intp]
+    free: FloatArray
+    at_start: FloatArray
+
+    @classmethod
+    def of(cls, members: Sequence[Member], coordinates: Sequence[Coordinate]) -> Self | None:
+        """Of the curves of a problem; None where no base's modulus is free."""
+        found: dict[int, tuple[int, float, float]] = {}
+        for member in members:
+            base, layer = (member.entries.get(path) for path in (_BASE, _LAYER))
+            if base is None or _LAYER not in member.base:
+                continue
+            known = member.base[_LAYER] if layer is None else coordinates[layer].reference
+            at_start = float(np.log(coordinates[base].reference / known))
+            found.setdefault(base, (layer or 0, float(layer is not None), at_start))
+        if not found:
+            return None
+        layers, free, start = zip(*found.values(), strict=True)
+        return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(start))
+
+    def at(self, vectors: FloatArray) -> Bent:
+        """How steps from scaled vectors (s, k) go."""
+        log_ratio = vectors[:, self.bases] - self.free * vectors[:, self.layers] + self.at_start
+        inverse = np.exp(-log_ratio)
+        return Bent(self.bases, log_ratio, -np.log1p(inverse), inverse / (1.0 + inverse))
+
+
+class Bent(NamedTuple):
+    """Steps of the entries `bases` (m,) from ln k: u there, and du/d(ln k) = 1 / (1 + k), each (s, m).
+
+    Up from a soft base they are straight in the logarithm: u would lead beyond what is as good as rigid.
+    """
+
+    bases: NDArray[np.intp]
+    log_ratio: FloatArray
+    u: FloatArray
+    slope: FloatArray
+
+    def straight(self, changes: FloatArray) -> FloatArray:
+        """Steps (s, k) that lead to `changes` (s, k), which may be infinite, of scaled vectors; overwrites them."""
+        change = changes[:, self.bases]
+        steps = (bent(self.log_ratio + change) - self.u) / self.slope
+        changes[:, self.bases] = np.where(self._up_from_soft(change), change, steps)
+        return changes
+
+    def taken(self, steps: FloatArray, longest: float) -> FloatArray:
+        """Changes (s, k) of scaled vectors that steps (s, k) lead to, of a base's at most `longest`."""
+        step = steps[:, self.bases]
+        # Beyond a rigid base there is nothing.
+        there = np.minimum(self.u + self.slope * step, bent(self.log_ratio + longest))
+        change = np.where(self._up_from_soft(step), step, -np.log(np.expm1(-there)) - self.log_ratio)
+        result = steps.copy()
+        result[:, self.bases] = np.where(step == 0.0, 0.0, np.clip(change, -longest, longest))
+        return result
+
+    def _up_from_soft(self, change: FloatArray) -> NDArray[np.bool_]:
+        return (self.log_ratio < 0.0) & (change > 0.0)
+
+
+def bent(log_ratio: FloatArray) -> FloatArray:
+    """Number u = -ln(1 + 1/k) of ln k that the force is nearly straight in."""
+    return np.asarray(-np.logaddexp(0.0, -log_ratio))
+
+
+_NU = "layer.nu"
+
+
+# What is left of 1 - 2 nu where a layer gives way sideways. Between nu = 0.4 and 0.5 the logarithm of the exact
+# force is straight in ln(room) with 0.2 of contacts a third as wide as the layer is thick, 0.17 at 0.8, 0.1 at 1.5.
+_SIDEWAYS = 0.13
+
+
+@dataclass(frozen=True)
+class PoissonSteps:
+    """The free Poisson's ratios of isotropic layers, m of them.
+
+    A step is measured so that it begins as one of the scaled entry does.
+
+    Parameters
+    ----------
+    entries : ndarray of int (m,)
+        Where they are in a scaled vector.
+    reference, scale : FloatArray
+        Of their coordinates, (m,).
+    """
+
+    entries: NDArray[np.intp]
+    reference: FloatArray
+    scale: FloatArray
+
+    @classmethod
+    def of(cls, members: Sequence[Member], coordinates: Sequence[Coordinate]) -> Self | None:
+        """Of the curves of a problem; None where there is none.
+
+        The in-plane ratio of a transversely isotropic layer goes up to one, and tells something else.
+        """
+        others = {
+            m.entries[_NU] for m in members if _NU in m.entries and not m.scene.layer.material.isotropic
+        }
+        found = {i: c for i, c in enumerate(coordinates) if c.path == _NU and i not in others}
+        if not found:
+            return None
+        reference, scale = np.array([[c.reference, c.scale or 1.0] for c in found.values()]).T
+        return cls(np.array(list(found)), reference, scale)
+
+    def at(self, vectors: FloatArray) -> Risen:
+        """How steps from scaled vectors (s, k) go."""
+        room = 1.0 - 2.0 * (self.reference + self.scale * vectors[:, self.entries]) + _SIDEWAYS
+        return Risen(self.entries, room / (2.0 * self.scale))
+
+
+class Risen(NamedTuple):
+    """Steps of the `entries` (m,) from where so much `room` (s, m) is left, in their scaled coordinates.
+
+    Up they are straight in ln(room).
+    """
+
+    entries: NDArray[np.intp]
+    room: FloatArray
+
+    def straight(self, changes: FloatArray) -> FloatArray:
+        """Steps (s, k) that lead to `changes` (s, k) of scaled vectors; overwrites them."""
+        change = changes[:, self.entries]
+        changes[:, self.entries] = np.where(change > 0.0, -self.room * np.log1p(-change / self.room), change)
+        return changes
+
+    def taken(self, steps: FloatArray, longest: float) -> FloatArray:
+        """Changes (s, k) of scaled vectors that steps (s, k) lead to; none is longer than its step."""
+        del longest
+        step = steps[:, self.entries]
+        result = steps.copy()
+        result[:, self.entries] = np.where(step > 0.0, -self.room * np.expm1(-step / self.room), step)
+        return result
+
 
 # Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
 _FAR = 40.0
+
+
 #: Models are smooth in scaled coordinates: over a step no longer than this derivatives change by as much of
 #: themselves.
 HAIR = 1e-3
+
+
 # The models follow by slopes where that leaves them wrong by less than so many standard errors of the fit.
 _UNTOLD = 1e-3
 

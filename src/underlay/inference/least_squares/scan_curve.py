@@ -1,28 +1,298 @@
-"""One curve at the points of a grid: every contact at once, linear parameters solved for."""
+"""One curve in blocks, and at the points of a grid: every contact at once, linear parameters solved for.
+
+Curves with neighbouring points taken together: what a start is found with, and searched from.
+
+A step on blocks costs a fraction of what it costs on all points, and their averages lose little of what the
+points tell.
+
+The contact laws of the rows of a grid, asked all at once.
+
+One curve at the points of a grid: every contact at once, linear parameters solved for.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby, pairwise
 from types import EllipsisType
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.blocks import Blocks
-from underlay.inference.least_squares.law_rows import LawRows, Rows
+from underlay.data.curve import Curve
+from underlay.errors import InputError, RangeError
+from underlay.inference.least_squares.models import FrozenNoise
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.coordinates import Coordinate
-from underlay.inference.model.forward import Forward
+from underlay.inference.model.forward import Forward, TipOverPowerLaw
+from underlay.inference.model.jacobian_batch import goes_together
+from underlay.inference.model.laws import LawStore
+from underlay.inference.problem import Problem
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.scene.noise import Noise
 
-__all__ = ["BASE_MODULUS", "CONTACT", "MODULUS", "THICKNESS", "GridFit", "ScanCurve"]
+__all__ = [
+    "BASE_MODULUS",
+    "CONTACT",
+    "MODULUS",
+    "THICKNESS",
+    "Blocks",
+    "GridFit",
+    "LawRows",
+    "Rows",
+    "ScanCurve",
+    "blocked_forward",
+    "blocked_objective",
+    "power_law_objective",
+]
+
+_RTOL = 1e-3
+
+
+_BLOCKS = 32
+
+
+# Blocks from the middle of a parabola to its ends.
+_AWAY = 3
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """A curve with neighbouring points taken together: depth (m), force (N), each (m,).
+
+    And of averages how the depths of a block scatter, their variance (m^2), (m,).
+    """
+
+    depth: FloatArray
+    force: FloatArray
+    variance: FloatArray | None = None
+
+    @property
+    def span(self) -> float:
+        """From the first depth to the last (m): they are in order."""
+        return float(self.depth[-1] - self.depth[0])
+
+    @classmethod
+    def of(cls, curve: Curve, count: int, *, averages: bool = False) -> Blocks:
+        """Take neighbouring depths together in `count` blocks: medians, so that no outlier decides, or averages."""
+        order = np.argsort(curve.depth, kind="stable")
+        count = min(count, len(order))
+        size, longer = divmod(len(order), count)
+        end = longer * (size + 1)
+
+        def in_blocks(values: FloatArray, middle: Callable[[FloatArray], FloatArray]) -> FloatArray:
+            """The first blocks have the points left over."""
+            first, others = values[:end].reshape(longer, size + 1), values[end:].reshape(-1, size)
+            return np.concatenate((middle(first), middle(others)))
+
+        depth, force = curve.depth[order], curve.force[order]
+        if not averages:
+            return cls(in_blocks(depth, _middles), in_blocks(force, _medians))
+        mean = in_blocks(depth, _means)
+        return cls(mean, in_blocks(force, _means), in_blocks(depth * depth, _means) - mean * mean)
+
+    def straightened(self) -> Blocks:
+        """The same without what curvature adds to an average: f(mean w) = mean f - f'' var(w)/2.
+
+        f'' is that of the parabola through a block and two some blocks away: through its neighbours it would
+        bring a tenth of a block's scatter along.
+        """
+        w, f, away = self.depth, self.force, _AWAY
+        if self.variance is None or len(w) <= 2 * away or not (np.diff(w) > 0.0).all():
+            return self
+        slope = (f[away:] - f[:-away]) / (w[away:] - w[:-away])
+        half_curvature = (slope[away:] - slope[:-away]) / (w[2 * away :] - w[: -2 * away])
+        return replace(self, force=f - self.variance * np.pad(half_curvature, away, mode="edge"))
+
+
+def blocked_objective(
+    problem: Problem, *, robust: bool, forwards: Sequence[Forward] | None = None
+) -> Objective:
+    """Take the curves in blocks: averages, whose optimum is nearly that of all points, or robust medians.
+
+    The noise is the scatter of the points about a smooth curve; `forwards` may stand for the curves' models.
+    """
+    members, noises, sigmas = [], [], []
+    own = forwards or [member.forward for member in problem.members]
+    for member, forward in zip(problem.members, own, strict=True):
+        blocks = Blocks.of(member.curve, _BLOCKS, averages=not robust)
+        if not robust:
+            blocks = blocks.straightened()
+        coarse = blocked_forward(forward, blocks, _RTOL)
+        members.append(replace(member, curve=Curve(blocks.depth, blocks.force), forward=coarse))
+        sigma = member.scatter * (len(blocks.force) / len(member.force)) ** 0.5
+        noises.append(Noise(force=sigma))
+        sigmas.append(np.full(len(blocks.force), sigma))
+    return Objective(problem, FrozenNoise(tuple(noises), tuple(sigmas)), members=tuple(members))
+
+
+def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
+    """The same by the laws of paraboloids; None where a curve has no use for them, or a tip's size is free."""
+    forwards = [
+        forward
+        for member in problem.members
+        if (forward := member.by_power_law) is not None
+        and not any(path.startswith("indenter.") for path in member.entries)
+        and goes_together(forward, member.base, tuple(member.entries))
+    ]
+    if len(forwards) < len(problem.members):
+        return None
+    return blocked_objective(problem, robust=robust, forwards=forwards)
+
+
+def blocked_forward(
+    forward: Forward, blocks: Blocks, rtol: float, tried: Sequence[str] | None = None
+) -> Forward:
+    """A curve's model at the depths of its blocks, with coarse laws of its own.
+
+    For a grid of values of what is `tried` they are laws far apart, in which nothing else varies.
+    """
+    laws = forward.laws if tried is None else forward.laws.varying(tried)
+    laws = replace(
+        laws,
+        solver=laws.solver.with_tolerance(rtol),
+        store=LawStore(),
+        rough=True,
+        scattered=tried is not None,
+    )
+    return forward.moved(blocks.depth, blocks.force, laws)
+
+
+def _means(rows: FloatArray) -> FloatArray:
+    return np.asarray(rows.sum(axis=1) / rows.shape[1])
+
+
+def _medians(rows: FloatArray) -> FloatArray:
+    # numpy.median takes five times as long on so few numbers.
+    return _middles(np.sort(rows, axis=1))
+
+
+def _middles(ordered: FloatArray) -> FloatArray:
+    """Medians of rows in order."""
+    middle = ordered.shape[1] // 2
+    return ordered[:, middle] if ordered.shape[1] % 2 else 0.5 * (ordered[:, middle - 1] + ordered[:, middle])
+
+
+#: Every number of a scene by path: one for all rows of a grid, or one each, (r,).
+Rows: TypeAlias = Mapping[str, float | FloatArray]
+
+
+@dataclass(frozen=True)
+class LawRows:
+    """Laws of some rows: neighbours of equal ratios share one.
+
+    Parameters
+    ----------
+    b, c : FloatArray
+        Factors of P(w) = c P_ref(b w), each (r, 1, 1).
+    possible : ndarray of bool (r,)
+        Which rows have a law.
+    shared : list of (slice, law)
+        The rows that one law serves, in order.
+    over : TipOverPowerLaw, optional
+        The tip, where the laws are those of its power law.
+    together : callable, optional
+        Forces (N), (laws, n), at depths (m), (laws, n) or (1, n) for all, of laws that serve the same factors each,
+        in place of `shared`.
+    places : int
+        Rows that each of these laws serves.
+    """
+
+    b: FloatArray
+    c: FloatArray
+    possible: NDArray[np.bool_]
+    shared: list[tuple[slice, ContactLaw]]
+    over: TipOverPowerLaw | None = None
+    together: Callable[[FloatArray], FloatArray] | None = None
+    places: int = 0
+
+    @classmethod
+    def of(cls, forward: Forward, rows: Rows, deepest: float) -> Self:
+        """Find or build the laws for tip depths up to `deepest` (m)."""
+        similarity = forward.similarity
+        count = max(value.size if isinstance(value, np.ndarray) else 1 for value in rows.values())
+        # `factors` and `reduced` divide and multiply: arrays go through them as numbers do.
+        numbers: Any = rows
+        b, c = (np.broadcast_to(factor, count) for factor in similarity.factors(numbers))
+        depths = b * max(deepest, 0.0)
+        ratios = similarity.reduced(numbers)
+        keys = zip(*(np.broadcast_to(ratio, count).tolist() for ratio in ratios), strict=True)
+        possible = np.ones(count, dtype=bool)
+        rows_of = [(key, list(group)) for key, group in groupby(keys)] if ratios else [((), [()] * count)]
+        shared: list[tuple[slice, ContactLaw]] = []
+        scales = b[:, None, None], c[:, None, None]
+        places = len(rows_of[0][1])
+        if {len(group) for _, group in rows_of} == {places} and (b.reshape(-1, places) == b[:places]).all():
+            together = forward.laws.side_by_side([key for key, _ in rows_of], float(depths.max()))
+            if together is not None:
+                return cls(*scales, possible, shared, forward.over, together, places)
+        end = 0
+        forward.laws.laws_of([key for key, _ in rows_of], _deepest(depths, rows_of))
+        for key, group in rows_of:
+            part = slice(end, end := end + len(group))
+            law, possible[part] = _reaching(forward, key, depths[part])
+            if law is not None:
+                shared.append((part, law))
+        return cls(*scales, possible, shared, forward.over)
+
+    def force(self, depth: FloatArray) -> FloatArray:
+        """P (N), (r, c, n), at tip depths (m) of that shape or (1, c, n); zero where there is no law."""
+        if self.over is None:
+            return self._asked(depth) * self.c
+        asked, ratio = self.over.seen(depth)
+        return self._asked(asked) * (ratio * self.c)
+
+    def _asked(self, depth: FloatArray) -> FloatArray:
+        if self.together is not None:
+            alike = len(depth) == 1  # then the rows of every law ask for the same depths
+            w = (self.b[: self.places] if alike else self.b) * depth
+            laws = 1 if alike else len(self.b) // self.places
+            return self.together(w.reshape(laws, -1)).reshape(len(self.b), *w.shape[1:])
+        w = self.b * depth
+        if not self.possible.all():
+            w *= self.possible[:, None, None]
+        result = np.zeros_like(w)
+        for part, law in self.shared:
+            result[part] = law.force(w[part])
+        return result
+
+
+def _reaching(
+    forward: Forward, ratios: tuple[float, ...], depths: FloatArray
+) -> tuple[ContactLaw | None, NDArray[np.bool_]]:
+    """Law that reaches as many of `depths` (m), (r,), as can be, and which those are."""
+    within = np.ones(len(depths), dtype=bool)
+    try:
+        return forward.laws.law(ratios, float(depths.max())), within
+    except RangeError as error:
+        within = depths <= (error.max_depth or -1.0)
+    except InputError:
+        within[:] = False
+    if not within.any():
+        return None, within
+    return forward.laws.law(ratios, float(depths[within].max())), within
+
+
+def _deepest(depths: FloatArray, groups: Sequence[tuple[tuple[float, ...], Sequence[object]]]) -> list[float]:
+    """Largest of the depths (r,) of every group of neighbours."""
+    ends = np.cumsum([0] + [len(group) for _, group in groups])
+    return [float(depths[start:stop].max()) for start, stop in pairwise(ends.tolist())]
+
 
 MODULUS, BASE_MODULUS, THICKNESS = "layer.E", "substrate.E", "layer.thickness"
+
+
 CONTACT = "instrument.contact_depth"
+
+
 # Of the steps between contacts: about the lowest point of a parabola through these, how far off it may be.
 _NEAR, _BESIDE = 0.3, np.array([-1.0, 0.0, 1.0])
+
+
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 

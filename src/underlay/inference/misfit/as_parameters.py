@@ -7,7 +7,7 @@ from dataclasses import replace
 from underlay._given import require_given
 from underlay.errors import InputError
 from underlay.inference.misfit.left_out import BOTH, FINITE_STRAIN, FRICTION, left_out
-from underlay.inference.priors.densities import Normal
+from underlay.inference.priors import Normal
 from underlay.inference.problem import Problem
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
 

@@ -27,7 +27,7 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
-from underlay.scene.chain import Chain, ContactDepth, Frame
+from underlay.scene.instrument import Chain, ContactDepth, Frame
 
 __all__ = ["Blocked", "BlockedCurve", "clock_of"]
 

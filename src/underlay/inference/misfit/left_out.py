@@ -16,7 +16,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.misfit.known_error import KnownError, Pressed
-from underlay.mechanics.finite_strain import (
+from underlay.mechanics.discrepancy import (
     finite_strain_excess,
     friction_in_large_strains,
     require_measured,

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from underlay._arrays import FloatArray
-from underlay.scene.correlated_noise import ar1_coefficients
+from underlay.scene.noise import ar1_coefficients
 
 __all__ = ["Whitener"]
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.priors.densities import Flat, LogUniform, Uniform
-from underlay.inference.priors.prior import Given, Prior
+from underlay.inference.priors import Flat, Given, LogUniform, Prior, Uniform
 from underlay.quantities import Quantity
 
 __all__ = ["Coordinate", "ScaledSpace", "Spans", "make_coordinate"]

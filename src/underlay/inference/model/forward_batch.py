@@ -1,5 +1,9 @@
 """The forward model for many parameter sets at once, as a sampler asks for it.
 
+Many parameter sets of a tip that adheres, off the tables of its adhesion.
+
+Many parameter sets of a lever that bends beyond what was taken off: where its tip is, by Newton's method.
+
 Seven ways, the first that applies:
 
 1. something adheres, and of the ratios only that of the work of adhesion may vary: the sets are read off the
@@ -23,17 +27,108 @@ A set's answer does not depend on the company it is asked in: a chain can be rep
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from underlay.inference.model.adhesion_batch import sticking
-from underlay.inference.model.batch_readings import Readings, is_shaped_by_lengths, set_by_set
+from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.lever_batch import bending
-from underlay.inference.model.parameter_sets import ParameterSets, Values
-from underlay.inference.model.ratio_batch import by_ratios, has_exact_batches
-from underlay.scene.chain import Frame
+from underlay.inference.model.groups import ParameterSets, Readings, Values, is_shaped_by_lengths, set_by_set
+from underlay.inference.model.ratio_batch import by_ratios, goes_together, has_exact_batches
+from underlay.mechanics.contact import AdhesionTable
+from underlay.scene.instrument import Frame
 
-__all__ = ["batched_readings", "has_batches"]
+__all__ = ["batched_pull_offs", "batched_readings", "bending", "has_batches", "sticking"]
+
+
+def sticking(forward: Forward, values: Values, sets: int) -> Readings:
+    """All sets off the tables of their adhesion; those that these do not reach, or that have none, one by one."""
+    # A table solves for the tip's depth itself: the chain is asked for travel and offsets alone.
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    table, work, ratio = _adhesion_table(asked)
+    if table is None:
+        return set_by_set(forward, values, range(sets), Readings.empty(sets, forward.depth.shape[-1]))
+    b, c = asked.factors
+    compliance = np.broadcast_to(b * c * values[Frame.path], (sets,))
+    found = table.readings(work, b[:, None] * asked.tip, compliance, ratio)
+    contact, stiffness = c[:, None] * found.force, (b * c)[:, None] * found.stiffness
+    readings = Readings(contact, stiffness, asked.instrument_force(contact), found.possible)
+    return set_by_set(forward, values, np.flatnonzero(~found.possible).tolist(), readings)
+
+
+def _adhesion_table(asked: ParameterSets) -> tuple[AdhesionTable | None, FloatArray, FloatArray | None]:
+    """Table of the sets' adhesion, if they have one, their works, and their ratio of moduli where it varies."""
+    similarity = asked.forward.similarity
+    ratios = dict(zip(similarity.ratio_paths, asked.ratios, strict=True))
+    work = np.broadcast_to(ratios.pop(similarity.energies[0]), (asked.sets,))
+    varying = [path for path, ratio in ratios.items() if isinstance(ratio, np.ndarray)]
+    if len(varying) > 1 or not set(varying) <= set(similarity.moduli):
+        return None, work, None
+    fixed = {path: float(ratio) for path, ratio in ratios.items() if path not in varying}
+    table = asked.forward.laws.adhesion_table(fixed, varying[0] if varying else None)
+    return table, work, np.asarray(ratios[varying[0]]) if varying else None
+
+
+def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[FloatArray, FloatArray] | None:
+    """Pull-off force (N) and depth (m) of many parameter sets, each (sets,); None without a table for them all."""
+    if not forward.similarity.energies or is_shaped_by_lengths(forward):
+        return None
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    table, work, ratio = _adhesion_table(asked)
+    if table is None:
+        return None
+    b, c = asked.factors
+    force, depth = table.pull_offs(work, ratio)
+    return (c * force, depth / b) if np.isfinite(force + depth).all() else None
+
+
+# A tip is where it is to this share of the depths.
+_SETTLED, _MOST_STEPS = 1e-9, 50
+
+
+def bending(forward: Forward, values: Values, empty: Readings) -> Readings:
+    """All sets of a lever that bends beyond what was taken off; what goes set by set otherwise does so here."""
+    sets = len(empty.possible)
+    if forward.left_out is not None or is_shaped_by_lengths(forward):
+        return set_by_set(forward, values, range(sets), empty)
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    beyond = np.broadcast_to(forward.lever_compliances(values), sets)
+    offset = asked.instrument_force(np.zeros(asked.tip.shape))
+    unbent = replace(forward, depth=forward.depth - beyond[:, None] * offset, bending=None, is_unbent=True)
+    gives = {**values, Frame.path: values[Frame.path] + beyond}
+    if forward.similarity.energies:
+        found = sticking(unbent, gives, sets)
+    elif goes_together(asked):
+        found = _given_way(unbent, gives, empty)
+    else:
+        found = set_by_set(unbent, gives, range(sets), empty)
+    return found._replace(force=asked.instrument_force(found.contact))
+
+
+def _given_way(forward: Forward, values: Values, empty: Readings) -> Readings:
+    """All sets of a frame or lever of a compliance (m/N), (sets,), of either sign, by Newton's method (`Frame`)."""
+    sets = len(empty.possible)
+    compliance = np.broadcast_to(values[Frame.path], sets)[:, None]
+    stiff = {**values, Frame.path: 0.0}
+    told = np.array(np.broadcast_to(forward.depth, empty.contact.shape))
+    depth, is_open = told.copy(), np.ones(sets, dtype=bool)
+    small = _SETTLED * np.ptp(told, axis=1)
+    for _ in range(_MOST_STEPS):
+        found = by_ratios(
+            ParameterSets(replace(forward, depth=depth), stiff, sets),
+            Readings.empty(*empty.contact.shape),
+            stiffness=True,
+        )
+        share = 1.0 + compliance * found.stiffness
+        stands = found.possible & (share > 0.0).all(axis=1)
+        step = np.zeros_like(depth)
+        step[stands] = ((depth - told + compliance * found.contact) / share)[stands]
+        is_open &= stands & (np.abs(step).max(axis=1) > small)
+        if not is_open.any():
+            break
+        # A set that has settled stays: its answer does not depend on the company.
+        depth -= np.where(is_open[:, None], step, 0.0)
+    return found._replace(possible=stands & ~is_open)
 
 
 def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: bool = True) -> Readings:

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
+from underlay.inference.model.groups import ParameterSets, Values
 from underlay.inference.model.law_slopes import slope_by_factors
-from underlay.inference.model.parameter_sets import ParameterSets, Values
+from underlay.inference.model.laws import OneRatio
 from underlay.inference.model.ratio_batch import by_one_law
-from underlay.inference.model.tables import OneRatio
-from underlay.mechanics.exact.family_batch import family_batch
+from underlay.mechanics.body import isotropic_constants
+from underlay.mechanics.exact.family_law import family_batch
 from underlay.mechanics.exact.tip_law import TipLaw, tips_side_by_side
 from underlay.mechanics.indenters import PowerLawShape
-from underlay.mechanics.plane_constants import isotropic_constants
-from underlay.scene.chain import ContactDepth, Frame
+from underlay.scene.instrument import ContactDepth, Frame
 
 __all__ = ["Jacobians", "batched_jacobians", "goes_together"]
 

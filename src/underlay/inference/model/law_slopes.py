@@ -1,26 +1,67 @@
 """Derivatives of a contact law's force in the numbers of a scene, at fixed depth of the tip.
 
+Difference quotients of laws, taken where they exist.
+
 A number moves the two factors of a `Similarity`, and through its ratios the law of the reference. Where no law
 tells its derivative in a ratio itself, that is a difference of two laws.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.errors import InputError
 from underlay.inference.model.laws import LawSource
 from underlay.inference.model.similarity import Similarity
-from underlay.inference.model.stencils import ROUGH_STENCILS, STENCILS, first_possible
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.tip_law import in_size
 from underlay.scene.parameters import kind_of
 
-__all__ = ["LawSlopes", "force_scale", "slope_by_factors"]
+__all__ = [
+    "ROUGH_STENCILS",
+    "STENCILS",
+    "LawSlopes",
+    "Stencil",
+    "first_possible",
+    "force_scale",
+    "slope_by_factors",
+]
+
+#: (steps, weights) of a difference quotient.
+Stencil: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+ROUGH_STENCILS: tuple[Stencil, ...] = (((0.0, 1.0), (-1.0, 1.0)), ((0.0, -1.0), (1.0, -1.0)))
+
+
+# Central, backward and forward differences of second order.
+STENCILS: tuple[Stencil, ...] = (
+    ((-1.0, 1.0), (-0.5, 0.5)),
+    ((0.0, -1.0, -2.0), (1.5, -2.0, 0.5)),
+    ((0.0, 1.0, 2.0), (-1.5, 2.0, -0.5)),
+)
+
+
+def first_possible(force: Callable[[float], FloatArray], stencils: Sequence[Stencil]) -> FloatArray:
+    """Difference quotient per step, by the first stencil that stays inside what is physically possible.
+
+    At nu = 0.5 and at the incompressible limit of an anisotropic material only one side exists.
+    """
+    problem: InputError | None = None
+    for steps, weights in stencils:
+        try:
+            forces = [force(step) for step in steps]
+        except InputError as error:
+            problem = error
+            continue
+        return np.asarray(sum(weight * value for weight, value in zip(weights, forces, strict=True)))
+    raise InputError(f"the law has no neighbours to differentiate with: {problem}") from problem
+
 
 # Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.

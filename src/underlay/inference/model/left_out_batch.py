@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.parameter_sets import ParameterSets, Values
-from underlay.scene.chain import Frame
+from underlay.inference.model.groups import ParameterSets, Values
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
+from underlay.scene.instrument import Frame
 
 __all__ = ["left_out_readings"]
 

@@ -6,14 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay.errors import InputError, RangeError
-from underlay.inference.model.batch_readings import Readings, set_by_set
-from underlay.inference.model.exact_groups import exact_groups
-from underlay.inference.model.parameter_sets import ParameterSets
-from underlay.inference.model.stack_groups import has_stack_batches, stack_groups, stacked
-from underlay.inference.model.tables import OneRatio
-from underlay.mechanics.exact.family_batch import family_batch
+from underlay.inference.model.groups import (
+    ParameterSets,
+    Readings,
+    exact_groups,
+    has_stack_batches,
+    set_by_set,
+    stack_groups,
+    stacked,
+)
+from underlay.inference.model.laws import OneRatio
+from underlay.mechanics.body import PlaneConstants, isotropic_constants
+from underlay.mechanics.exact.family_law import family_batch
 from underlay.mechanics.indenters import PowerLawShape
-from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 
 __all__ = ["by_one_law", "by_ratios", "goes_together", "has_exact_batches"]
 

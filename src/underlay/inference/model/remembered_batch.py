@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.parameter_sets import Values
-from underlay.mechanics.viscoelastic.history import Viscoelastic
-from underlay.mechanics.viscoelastic.sets import forces_of_sets
-from underlay.scene.chain import Chain, ContactDepth, Frame
-from underlay.scene.lever import SENSITIVITY_RATIO
+from underlay.inference.model.groups import Values
+from underlay.mechanics.viscoelastic.history import Viscoelastic, forces_of_sets
+from underlay.scene.instrument import SENSITIVITY_RATIO, Chain, ContactDepth, Frame
 
 __all__ = ["remembered_readings"]
 

@@ -27,7 +27,7 @@ import numpy as np
 
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.solver import Scaling
-from underlay.scene.lever import SENSITIVITY_RATIO, SPRING_CONSTANT_RATIO
+from underlay.scene.instrument import SENSITIVITY_RATIO, SPRING_CONSTANT_RATIO
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 

@@ -21,7 +21,7 @@ from underlay.inference.model.laws import LawStore
 from underlay.mechanics.body import Layer
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
-from underlay.scene.chain import Chain
+from underlay.scene.instrument import Chain
 from underlay.scene.scene import Scene
 
 __all__ = ["Body", "Explained", "halfspace_of", "require_without_adhesion"]

@@ -1,4 +1,17 @@
-"""The modulus depth by depth, E(w): the layer modulus that explains what a curve shows at each depth by itself.
+"""The modulus depth by depth: the layer modulus that explains what a curve shows at each depth.
+
+What a curve says of its force at some depths: means over bins, anchored on the fitted model.
+
+In every bin a straight line is laid through the residuals of the fit, and what it says at the middle of the bin is
+added to the model there. Where the model is right the line is zero, however bent the model is in the bin.
+
+What one curve of a fit says of the modulus in each of its bins, with intervals.
+
+A quantity depends on the parameters of the fit, and where noise and misfit are averaged over also on what the
+baseline creeps by: that goes with the baseline and its slope, and what is left of the force without all three is
+far better known than any of them.
+
+The modulus depth by depth, E(w): the layer modulus that explains what a curve shows at each depth by itself.
 
 Two readings of a curve, each with the half-space and with the layer and what it stands on:
 
@@ -11,22 +24,354 @@ can be said beforehand. Contact point, baseline and all other numbers are those 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy import special
 
 from underlay._arrays import FloatArray
 from underlay._given import require_given
+from underlay.data.segments import LOADING
 from underlay.errors import CurveError, InputError
 from underlay.inference.headline.averaged import averaged_fit
+from underlay.inference.headline.derived import band
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit as least_squares_fit
-from underlay.inference.pointwise.binned import KINDS, BinnedCurve, ModulusCurve
+from underlay.inference.misfit.averaging import Averaged
+from underlay.inference.misfit.blocked import clock_of
+from underlay.inference.model.members import Member
+from underlay.inference.pointwise.explained import Body, Explained, halfspace_of, require_without_adhesion
 from underlay.inference.problem import Problem
+from underlay.scene.instrument import ContactDepth
 
-__all__ = ["ModulusCurve", "PointwiseModulus", "pointwise_modulus"]
+__all__ = [
+    "KINDS",
+    "BinnedCurve",
+    "Bins",
+    "ModulusCurve",
+    "Noise",
+    "PointwiseModulus",
+    "Residuals",
+    "bins_of",
+    "noise_in",
+    "pointwise_modulus",
+    "residuals_in",
+]
+
+# Points below which a bin says nothing of its own scatter.
+_FEWEST = 8
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Points of one curve, put together by depth.
+
+    Parameters
+    ----------
+    centre : FloatArray
+        Depth readings in the middle of each bin (m), (n,).
+    points : tuple of arrays of int
+        Which points of the curve lie in each.
+    """
+
+    centre: FloatArray
+    points: tuple[NDArray[np.intp], ...]
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Force residual (N) and its slope along the depth (N/m) in the middle of each bin, (n,), with their errors."""
+
+    force: FloatArray
+    slope: FloatArray
+    force_error: FloatArray
+    slope_error: FloatArray
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of every point (N), and how far errors of means exceed those of independent points."""
+
+    sigma: FloatArray
+    inflation: float
+
+
+def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
+    """Put the points beyond `contact` (a depth reading, m) into at most `most` bins of equal width.
+
+    Of a curve that goes in and comes back only the way in is taken.
+
+    Raises
+    ------
+    CurveError
+        If fewer than two bins could be filled.
+    """
+    measured = fit.curves[curve]
+    inside = measured.depth > contact
+    labels = measured.segments()
+    if (labels == LOADING).any():
+        inside &= labels == LOADING
+    taken = np.flatnonzero(inside)
+    count = min(most, len(taken) // _FEWEST)
+    if count < 2:
+        raise CurveError(
+            f"a modulus depth by depth needs {2 * _FEWEST} points beyond contact; there are {len(taken)}"
+        )
+    depth = measured.depth[taken]
+    edges = np.linspace(contact, depth.max(), count + 1)
+    which = np.minimum(np.searchsorted(edges, depth, side="right") - 1, count - 1)
+    filled = [k for k in range(count) if np.count_nonzero(which == k) >= _FEWEST // 2]
+    if len(filled) < 2:
+        raise CurveError("a modulus depth by depth needs points at several depths beyond contact")
+    return Bins(
+        np.array([float(depth[which == k].mean()) for k in filled]),
+        tuple(taken[which == k] for k in filled),
+    )
+
+
+def residuals_in(fit: Fit, curve: int, bins: Bins, noise: Noise) -> Residuals:
+    """Lay a straight line through the residuals of every bin, weighted by the noise.
+
+    The error of a slope falls with the width of a bin to the power 3/2: slopes are those of the bin and its
+    neighbours.
+    """
+    force, force_error = _lines(fit, curve, bins.points, bins.centre, noise)[0]
+    wide = tuple(np.concatenate(bins.points[max(k - 1, 0) : k + 2]) for k in range(len(bins.points)))
+    slope, slope_error = _lines(fit, curve, wide, bins.centre, noise)[1]
+    return Residuals(force, slope, force_error, slope_error)
+
+
+def _lines(
+    fit: Fit, curve: int, groups: Sequence[NDArray[np.intp]], centre: FloatArray, noise: Noise
+) -> FloatArray:
+    """Height at `centre` and slope of a line through the residuals of each group, and their errors: (2, 2, n)."""
+    depth = fit.curves[curve].depth
+    found = np.zeros((2, 2, len(groups)))
+    for k, points in enumerate(groups):
+        residual, sigma = fit.residuals[curve][points], noise.sigma[points]
+        design = _design(depth[points] - centre[k])
+        covariance = np.linalg.inv((design / sigma[:, None] ** 2).T @ design)
+        found[:, 0, k] = covariance @ design.T @ (residual / sigma**2)
+        found[:, 1, k] = noise.inflation * np.sqrt(np.diag(covariance))
+    return found
+
+
+def _design(offset: FloatArray) -> FloatArray:
+    return np.stack((np.ones_like(offset), offset), axis=1)
+
+
+def noise_in(fit: Fit, curve: int, bins: Bins) -> Noise:
+    """Noise of the points about a straight line in every bin: stated by the fit's noise, else from the scatter.
+
+    A misfit that changes slowly is no noise here: the modulus is to show it. Errors of means grow by
+    sqrt((1 + r) / (1 - r)) where neighbours hang together by r (AR(1)).
+    """
+    depth, sigma = fit.curves[curve].depth, fit.sigmas[curve]
+    square = product = freedom = 0.0
+    for k, points in enumerate(bins.points):
+        z = fit.residuals[curve][points] / sigma[points]
+        design = _design(depth[points] - bins.centre[k])
+        left = z - design @ np.linalg.lstsq(design, z, rcond=None)[0]
+        square += float(left @ left)
+        product += float(left[1:] @ left[:-1])
+        freedom += len(points) - 2
+    variance = square / max(freedom, 1.0)
+    together = min(max(product / max(square, np.finfo(float).tiny), 0.0), 0.99)
+    size = 1.0 if fit.problem.noise_is_stated and not fit.statistics.noise_estimated else np.sqrt(variance)
+    return Noise(sigma * size, float(np.sqrt((1.0 + together) / (1.0 - together))))
+
+
+#: Names of the four moduli, in the order of the table.
+KINDS = ("apparent", "incremental", "apparent_halfspace", "incremental_halfspace")
+
+
+@dataclass(frozen=True, eq=False)
+class ModulusCurve:
+    """One modulus at every depth.
+
+    Parameters
+    ----------
+    modulus, low, high : FloatArray
+        The modulus and its interval (Pa), (n,); NaN where no modulus explains the curve there: the noise of a slope
+        may turn it downwards.
+    expected : FloatArray
+        What it would be if the fitted model were right (Pa), (n,).
+    """
+
+    modulus: FloatArray
+    low: FloatArray
+    high: FloatArray
+    expected: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class BinnedCurve:
+    """What one curve of a fit says in each bin, and the two bodies with which it is read.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    averaged : Averaged or None
+        What it was averaged over.
+    curve : int
+        Number of the curve.
+    optimum : FloatArray
+        Parameters (k,), SI, about which the moduli and their intervals are.
+    bins : Bins
+        Its points by depth.
+    residuals : Residuals
+        Those of the fit in each bin.
+    layer, bare : Body
+        The scene, and the layer as a half-space.
+    bare_numbers : mapping of str to float
+        Every number of the latter.
+    measured : tuple of FloatArray
+        Force (N) and slope (N/m) that each bin shows, (n,).
+    creep : tuple of FloatArray
+        Force (N) and slope (N/m) there of a baseline that creeps by the largest force, (n,).
+    """
+
+    fit: Fit
+    averaged: Averaged | None
+    curve: int
+    optimum: FloatArray
+    bins: Bins
+    residuals: Residuals
+    layer: Body
+    bare: Body
+    bare_numbers: Mapping[str, float]
+    measured: tuple[FloatArray, FloatArray]
+    creep: tuple[FloatArray, FloatArray]
+
+    @classmethod
+    def of(cls, fit: Fit, averaged: Averaged | None, curve: int, points: int) -> BinnedCurve:
+        """Put the readings of a curve into at most `points` bins, and prepare what they are read with."""
+        member, scene = fit.problem.members[curve], fit.scenes[curve]
+        require_without_adhesion(scene)
+        optimum = fit.problem.physical(fit.vector if averaged is None else averaged.vector)
+        bins = bins_of(fit, curve, member.values_at(optimum)[ContactDepth.path], points)
+        free, bare = tuple(member.entries), halfspace_of(scene)
+        made = cls(
+            fit=fit,
+            averaged=averaged,
+            curve=curve,
+            optimum=optimum,
+            bins=bins,
+            residuals=residuals_in(fit, curve, bins, noise_in(fit, curve, bins)),
+            layer=Body.of(scene, bins.centre, free, fit.solver),
+            bare=Body.of(bare, bins.centre, free, fit.solver),
+            bare_numbers=bare.parameters,
+            measured=(bins.centre, bins.centre),
+            creep=_creep_in(fit, averaged, curve, bins),
+        )
+        force, slope = made.model(fit.problem.physical(fit.vector))
+        return replace(made, measured=(force + made.residuals.force, slope + made.residuals.slope))
+
+    @property
+    def member(self) -> Member:
+        """The curve that is read."""
+        return self.fit.problem.members[self.curve]
+
+    def values(self, physical: FloatArray) -> dict[str, float]:
+        """Every number of the scene (SI) at a physical vector (k,)."""
+        return self.member.values_at(physical)
+
+    def model(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Force reading (N) and slope (N/m) of the model in the middle of each bin, (n,), at a vector (k,)."""
+        if self.member.scene.memory is None:
+            return self.layer.reading(self.values(physical))
+        # Between the points of a sample that remembers nobody knows the time: a parabola through each bin.
+        force, depth = self.member.model(physical), self.member.curve.depth
+        parabolas = [
+            np.polynomial.Polynomial.fit(depth[own] - centre, force[own], 2).convert(domain=[-1.0, 1.0])
+            for own, centre in zip(self.bins.points, self.bins.centre, strict=True)
+        ]
+        return (
+            np.array([parabola(0.0) for parabola in parabolas]),
+            np.array([parabola.deriv()(0.0) for parabola in parabolas]),
+        )
+
+    def explained(
+        self, physical: FloatArray, creep: float = 0.0
+    ) -> tuple[Explained, Explained, Explained, Explained]:
+        """Moduli at a vector (k,): of the measured curve by layer and half-space, then of the model's by both.
+
+        What its baseline creeps by, a share of the largest force, is taken off the measured curve.
+        """
+        values = self.values(physical)
+        force, slope = (own - creep * moved for own, moved in zip(self.measured, self.creep, strict=True))
+        bare = {p: values[p] if p in self.member.entries else v for p, v in self.bare_numbers.items()}
+        model = self.model(physical)
+        return (
+            self.layer.explain(values, force, slope),
+            self.bare.explain(bare, force, slope),
+            self.layer.explain(values, *model),
+            self.bare.explain(bare, *model),
+        )
+
+    def curves(self, level: float) -> dict[str, ModulusCurve]:
+        """The four moduli with their intervals, by name."""
+        n, z = len(self.bins.centre), float(special.ndtri(0.5 * (1.0 + level)))
+
+        def of(draws: FloatArray) -> FloatArray:
+            return np.array([_row(self.explained(draw[:-1], draw[-1])) for draw in draws])
+
+        ends = band(self.fit, self.averaged, of, level, creeping=self.curve)
+        low, middle, high = (end.reshape(8, n) for end in ends)
+        layer = self.explained(self.optimum)[0]
+        error = self._relative_errors(self.optimum)
+        powers = (layer.apparent_power, layer.incremental_power, np.ones(n), np.ones(n))
+        found = {}
+        for row, (name, power) in enumerate(zip(KINDS, powers, strict=True)):
+            own = z * power * error[row % 2]
+            widened = _widened(low[row], middle[row], high[row], own)
+            positive = np.where(middle[row] > 0.0, middle[row], np.nan)
+            found[name] = ModulusCurve(positive, *widened, expected=middle[4 + row])
+        return found
+
+    def _relative_errors(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Standard errors of contact force and stiffness in each bin from the noise of its own points, relative."""
+        values = self.values(physical)
+        contact = self.layer.contact(values, *self.measured)
+        along = self.measured[1] - values["instrument.baseline_slope"]
+        # dP/dw = s / (1 - C s): its derivative in s is its square over s squared.
+        force = self.residuals.force_error / np.abs(contact.force)
+        return force, self.residuals.slope_error * np.abs(contact.stiffness / along**2)
+
+
+def _creep_in(fit: Fit, averaged: Averaged | None, curve: int, bins: Bins) -> tuple[FloatArray, FloatArray]:
+    """Force (N) and slope (N/m) in the middle of each bin, (n,), of a baseline that creeps by the largest force."""
+    if averaged is None:
+        return np.zeros_like(bins.centre), np.zeros_like(bins.centre)
+    measured = fit.curves[curve]
+    added = averaged.creep_at(curve, clock_of(measured))
+    lines = [
+        np.polynomial.Polynomial.fit(measured.depth[own] - centre, added[own], 1).convert(domain=[-1.0, 1.0])
+        for own, centre in zip(bins.points, bins.centre, strict=True)
+    ]
+    return np.array([line(0.0) for line in lines]), np.array([line.deriv()(0.0) for line in lines])
+
+
+def _row(found: tuple[Explained, ...]) -> FloatArray:
+    return np.concatenate([part for entry in found for part in (entry.apparent, entry.incremental)])
+
+
+def _widened(
+    low: FloatArray, middle: FloatArray, high: FloatArray, own: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Ends of intervals, (n,), with a half width `own` of ln(modulus) added in quadrature; NaN for no modulus."""
+    known = np.isfinite(middle) & (middle > 0.0)
+    closed = known & np.isfinite(high) & (low > 0.0)
+    ends = np.where(known, -np.inf, np.nan), np.where(known, np.inf, np.nan)
+    for end, limit, sign in zip(ends, (low, high), (-1.0, 1.0), strict=True):
+        half = np.hypot(np.log(limit[closed] / middle[closed]), own[closed])
+        end[closed] = middle[closed] * np.exp(sign * half)
+    return ends
+
 
 # Half of an interval over the expected modulus: what is known to less than that is not shown.
 _KNOWN = 1.0

@@ -1,4 +1,8 @@
-"""The model of one group: ln of the parameter is a mean, plus a step per animal, per site, per curve.
+"""The model of one group: a mean, a step per animal, per site, per curve.
+
+How the curves of a group nest: sites of animals, curves of sites.
+
+The model of one group: ln of the parameter is a mean, plus a step per animal, per site, per curve.
 
 Every step is normal with the spread of its level; the mean is free. Spreads are summed over a grid, the steps
 and the mean analytically or cell by cell (`messages`), so there is no chain and no chance in it.
@@ -8,38 +12,90 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.population.density import Density
 from underlay.inference.population.likelihood import CurveLikelihood
-from underlay.inference.population.messages import Grid, IntArray, Messages, carried, multiplied_tables
-from underlay.inference.population.nesting import Units
-from underlay.inference.population.spreads import (
+from underlay.inference.population.messages import (
     BETWEEN,
     WITHIN,
+    Grid,
+    IntArray,
+    Messages,
     SpreadGrid,
     SpreadPrior,
     Windows,
+    carried,
+    multiplied_tables,
     spread_windows,
     weighted_grid,
 )
+from underlay.inference.population.result import Density
 
-__all__ = ["GroupModel"]
+__all__ = ["GroupModel", "Units"]
+
+
+@dataclass(frozen=True)
+class Units:
+    """How the curves of a group nest: per level, outermost first, which unit each unit below belongs to.
+
+    Parameters
+    ----------
+    names : tuple of tuple of str
+        Names of the units of each level, outermost first.
+    parents : tuple of ndarray of int
+        For each level, whose unit each unit of the level below it is; those of the innermost level hold curves.
+    """
+
+    names: tuple[tuple[tuple[str, ...], ...], ...]
+    parents: tuple[IntArray, ...]
+
+    @classmethod
+    def of(cls, labels: Sequence[tuple[str, ...]]) -> tuple[Units, IntArray]:
+        """Units of curves with these labels, and the order in which their units come one after the other."""
+        order = np.array(sorted(range(len(labels)), key=lambda i: labels[i]), dtype=int)
+        below: list[tuple[str, ...]] = [labels[i] for i in order]
+        names, parents = [], []
+        for depth in range(len(labels[0]), 0, -1):
+            heads = [label[:depth] for label in below]
+            distinct = list(dict.fromkeys(heads))
+            place = {head: number for number, head in enumerate(distinct)}
+            parents.append(np.array([place[head] for head in heads], dtype=int))
+            names.append(tuple(distinct))
+            below = distinct
+        return cls(tuple(names[::-1]), tuple(parents[::-1])), order
+
+    def freedoms(self, curves: int) -> list[int]:
+        """Of each level below the outermost, curves last: how many members are beyond the first of their unit."""
+        counts = [*(len(names) for names in self.names), curves]
+        return [below - above for above, below in pairwise(counts)]
+
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
+
+
 # A tenth of the curves may come from a step five times as wide, where outliers are allowed for.
 _OUTLIERS, _WIDER = 0.1, 5.0
+
+
 # Cells are at most this wide in ln, at least this, and else half of the narrowest message: that adds two per cent
 # to its variance.
 _WIDEST, _NARROWEST = 0.05, 0.01
+
+
 # While it is looked for where the spreads are, this much wider, and as if curves scattered at least so.
 _LARGER, _LEAST = 2.5, 0.05
+
+
 # The fine part of a grid goes this far beyond the middles of the curves, the coarse one far beyond that.
 _FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.25
+
+
 # Places of a mean, how many of its standard deviations they reach, and what is left out below the largest.
 _PLACES, _FAR, _NEGLIGIBLE = 801, 9.0, 30.0
 

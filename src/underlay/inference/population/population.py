@@ -20,9 +20,17 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay._given import columns_given, require_share
 from underlay.errors import InputError
-from underlay.inference.population.density import Density
 from underlay.inference.population.levels import GroupModel
-from underlay.inference.population.result import Comparison, Group, Population, Spread
+from underlay.inference.population.result import (
+    Comparison,
+    Density,
+    Group,
+    PlainMean,
+    Population,
+    Spread,
+    Triple,
+    Variance,
+)
 from underlay.inference.population.selection import (
     Labelled,
     LabelledCurve,
@@ -30,7 +38,6 @@ from underlay.inference.population.selection import (
     select_results,
     select_rows,
 )
-from underlay.inference.population.student import PlainMean, Triple, Variance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -137,7 +144,7 @@ def _selected(
     """Curves, those left out, and the error that a map says they share."""
     import pandas as pd  # noqa: PLC0415  where a table is read
 
-    from underlay.inference.batch.map_table import read_map, shared_error_of  # noqa: PLC0415  brings pandas
+    from underlay.inference.batch.decisions import read_map, shared_error_of  # noqa: PLC0415  brings pandas
 
     if isinstance(results, str | os.PathLike):
         results = read_map(results)

@@ -1,4 +1,27 @@
-"""Calibrate the two ends of a walked profile.
+"""Thresholds of a profile from curves drawn anew.
+
+The same measurement made again in a world where a fitted vector is the truth.
+
+Every curve gets new noise on the model's force, as the likelihood has it (a depth error through the
+stiffness), and every prior that is a measurement is measured again: drawn about the vector's value with the
+prior's own uncertainty, as the curve is.
+
+Thresholds of a profile from curves drawn anew, where chi-square is not the law of the likelihood ratio.
+
+With two optima, a bound nearby or a parameter the curve hardly shows, the rise t at the truth is not
+distributed as chi-square. Its distribution is then found by simulation (parametric bootstrap; Beran 1987,
+doi:10.1093/biomet/74.3.457; Davison and Hinkley 1997, doi:10.1017/CBO9780511802843, equation 4.11): curves
+are drawn from the best fit that has the hypothesised value, fitted as the data were, and t of that value is
+taken in each. With N curves the value is inside where its t in the data is at most the k-th smallest of
+those, k = ceil((N + 1) level).
+
+The centre is the constrained fit, not the free one: the error of the level is then of higher order in the
+number of points (DiCiccio, Martin and Stern 2001, doi:10.2307/3316051). In 160 curves with two optima both
+centres covered alike within chance (`tests/studies/coverage.py`).
+
+An interval would need this at every value. Its ends are where it matters: see `calibrated_profile.py`.
+
+Calibrate the two ends of a walked profile.
 
 Curves are drawn at the end that chi-square gives, then at the end that follows from them, and so on until
 the end stays; then at the bottom of a basin beyond it that chi-square rejects and its own curves may not.
@@ -10,13 +33,184 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from underlay.inference.profiling.calibration import Calibration, Draws
-from underlay.inference.profiling.drawing import draw_delta_chi_squares
-from underlay.inference.profiling.profile_result import LikelihoodProfile
+import numpy as np
 
-__all__ = ["calibrated"]
+from underlay._arrays import FloatArray, read_only
+from underlay.data.curve import Curve
+from underlay.errors import FitError, InputError
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import quick_fit
+from underlay.inference.least_squares.models import freeze
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.priors import LogNormal, Normal, Prior, Truncated
+from underlay.inference.problem import Problem
+from underlay.inference.profiling.profile_result import Calibration, Draws, LikelihoodProfile, require_chance
+from underlay.inference.profiling.walked import constrained_fit, delta_chi_square_at, missed
+from underlay.scene.noise import NoiseModel
+
+__all__ = ["calibrated", "draw_delta_chi_squares", "p_value_at", "redrawn"]
+
+
+def redrawn(
+    problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], rng: np.random.Generator
+) -> Problem:
+    """Return the problem with curves and prior measurements drawn at a scaled vector (k,).
+
+    Parameters
+    ----------
+    problem : Problem
+        What was measured.
+    vector : FloatArray
+        Truth of the new curves, (k,).
+    noises : sequence of Noise
+        Noise of every curve, its size known.
+    rng : numpy Generator
+        Where chance comes from.
+    """
+    physical = problem.physical(vector)
+    tests = []
+    for member, noise in zip(problem.members, noises, strict=True):
+        reading = member.reading(physical)
+        drawn = noise.sample(rng, member.sigma(reading, noise), member.curve.time)
+        tests.append(
+            (
+                member.scene,
+                Curve(member.curve.depth, reading.force + drawn, member.curve.time, member.curve.segment),
+            )
+        )
+    free = {
+        coordinate.name: _measured_again(coordinate.prior, float(value), rng)
+        for coordinate, value in zip(problem.coordinates, physical, strict=True)
+    }
+    return Problem.joint(
+        tests,
+        free,
+        problem.shared,
+        problem.noise,
+        solver=problem.solver,
+    )
+
+
+def _measured_again(prior: Prior, value: float, rng: np.random.Generator) -> Prior:
+    """Draw the prior's measurement where `value` is true; what is no measurement stays."""
+    if isinstance(prior, Normal):
+        return replace(prior, mean=value + prior.sd * rng.standard_normal())
+    if isinstance(prior, LogNormal):
+        return replace(prior, median=value * np.exp(prior.sigma * rng.standard_normal()))
+    if isinstance(prior, Truncated):
+        return replace(prior, prior=_measured_again(prior.prior, value, rng))
+    return prior
+
+
+# Curves that cannot be fitted are left out; more than this share of them, and what is left is a selection.
+_MOST_FAILURES = 0.1
+
+
+def draw_delta_chi_squares(
+    fit: Fit, name: str, value: float, draws: int, seed: int, *, beyond: tuple[float, int] | None = None
+) -> Draws:
+    """T of a value (SI) in curves drawn from the best fit that has it.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit of the data.
+    name, value
+        The hypothesis.
+    draws : int
+        How many curves.
+    seed : int
+        Curve number b is drawn from the seed (seed, b), whatever the hypothesis: neighbouring values
+        share their chance.
+    beyond : (float, int), optional
+        Only count rises of at least this size, and stop after so many: where a smaller one is certain
+        without it, the held fit is not made, and its rise is an upper bound.
+
+    Raises
+    ------
+    InputError
+        As `delta_chi_square_at`, or if a number is not allowed.
+    FitError
+        If more than a tenth of the curves cannot be fitted.
+    """
+    require_chance(draws, seed)
+    least, most = (0.0, draws) if beyond is None else beyond
+    _, centre = constrained_fit(fit, name, value)
+    rises: list[float] = []
+    failures, reached = 0, 0
+    for number in range(draws):
+        again = redrawn(fit.problem, centre, fit.noises, np.random.default_rng([seed, number]))
+        try:
+            rise = _delta_chi_square_of_truth(
+                again, name, value, again.vector(fit.problem.values(centre)), least
+            )
+        except (FitError, InputError):
+            failures += 1
+            continue
+        rises.append(rise)
+        reached += rise >= least
+        if reached >= most:
+            break
+    if failures > _MOST_FAILURES * (failures + len(rises)):
+        raise FitError(
+            f"{failures} of {failures + len(rises)} curves drawn at {name} = {value!r} could not be fitted: "
+            "the fit is too close to where no law exists to be calibrated"
+        )
+    return Draws(value, read_only(np.sort(rises)), failures)
+
+
+def _delta_chi_square_of_truth(
+    problem: Problem, name: str, value: float, truth: FloatArray, least: float
+) -> float:
+    """T of the value a problem was drawn at; an upper bound of it where that is below `least`."""
+    fit = quick_fit(problem)
+    objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
+    at_truth, at_fit = objective.square(truth), objective.square(fit.vector)
+    below = missed(fit, truth)
+    # All parameters at the truth explain the curve at most as well as the best fit with one of them there.
+    bound = at_truth - at_fit - below
+    return bound if bound < least else constrained_fit(fit, name, value, truth)[0] - below
+
+
+def p_value_at(
+    fit: Fit, name: str, value: float, draws: int = 99, seed: int = 0, *, enough: int | None = None
+) -> float:
+    """How well the data go with one value (SI): the share of curves drawn there that fit it as badly.
+
+    (1 + number of rises at least as large) / (draws + 1); a calibrated interval of level 1 - p holds the
+    values with more than p.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit of the data.
+    name : str
+        The parameter.
+    value : float
+        The hypothesis.
+    draws, seed : int
+        How many curves, and where their chance comes from.
+    enough : int, optional
+        Stop after this many rises at least as large, and return their share of the curves drawn so far
+        (Besag and Clifford 1991, doi:10.1093/biomet/78.2.301): whether the share of all would be above
+        `enough` / (`draws` + 1) is then already known.
+
+    Raises
+    ------
+    InputError, FitError
+        As `draw_delta_chi_squares`.
+    """
+    here = delta_chi_square_at(fit, name, value)
+    drawn = draw_delta_chi_squares(fit, name, value, draws, seed, beyond=(here, enough or draws))
+    worse = int(np.sum(drawn.delta_chi_squares >= here))
+    if enough is not None and worse >= enough:
+        return worse / len(drawn.delta_chi_squares)
+    return (1 + worse) / (1 + len(drawn.delta_chi_squares))
+
 
 _MOST_CENTRES = 5  # of one end; one or two are usual
+
+
 # Of the half-width of the interval: closer to a centre than this, the threshold there serves. It changes by a
 # few tenths of its size over a half-width, its own chance with a hundred curves is a tenth.
 _CLOSE = 0.1

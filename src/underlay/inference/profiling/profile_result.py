@@ -1,9 +1,17 @@
-"""A walked profile likelihood, and where it crosses the threshold of an interval."""
+"""A walked profile likelihood, its thresholds, and where it crosses them.
+
+Confidence interval of one parameter, with ends that may not be there, and in words.
+
+Thresholds of a profile that come from drawn curves; `drawing.py` draws them.
+
+A walked profile likelihood, and where it crosses the threshold of an interval.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -12,14 +20,164 @@ from scipy import interpolate, optimize, special
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.profiling.calibration import Calibration
-from underlay.inference.profiling.interval import Interval
 from underlay.inference.profiling.walk import HIGHEST
+from underlay.scene.parameters import kind_of
+from underlay.units import format_ends
 
-__all__ = ["LikelihoodProfile", "interval_threshold"]
+__all__ = [
+    "Calibration",
+    "Draws",
+    "Interval",
+    "LikelihoodProfile",
+    "interval_threshold",
+    "require_chance",
+    "require_draws",
+]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Confidence interval of one parameter (SI); infinite where the data set no end.
+
+    Parameters
+    ----------
+    name : str
+        The parameter.
+    level : float
+        Confidence, e.g. 0.95.
+    low, high : float
+        Ends (SI): -inf or inf where the data set none. Where a bound given by the caller or the reach of the
+        law ends it, that value.
+    low_reason, high_reason : str
+        ``"data"``, ``"bound"`` (the caller's), ``"law"`` (no contact law beyond), or ``"none"``.
+    calibrated : bool
+        Whether its thresholds come from curves drawn at its ends.
+    """
+
+    name: str
+    level: float
+    low: float
+    high: float
+    low_reason: str
+    high_reason: str
+    calibrated: bool = False
+
+    def __str__(self) -> str:
+        kind = kind_of(self.name)
+        low, high = format_ends(self.low, self.high, kind)
+        at = f"({100.0 * self.level:g} %{', calibrated' if self.calibrated else ''})"
+        has_low, has_high = self.low_reason == "data", self.high_reason == "data"
+        if has_low and has_high:
+            return f"{self.name} between {low} and {high} {at}"
+        if has_low:
+            limit = self._limit(self.high_reason, high)
+            return f"{self.name} > {low} {at}; no upper bound from these data{limit}"
+        if has_high:
+            limit = self._limit(self.low_reason, low)
+            return f"{self.name} < {high} {at}; no lower bound from these data{limit}"
+        return f"{self.name} is not bounded by these data {at}"
+
+    @staticmethod
+    def _limit(reason: str, value: str) -> str:
+        words = {"bound": f", only its own limit {value}", "law": f", as far as the law reaches ({value})"}
+        return words.get(reason, "")
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Rises t of a value in curves drawn where it is the truth.
+
+    Parameters
+    ----------
+    value : float
+        The value (SI).
+    delta_chi_squares : FloatArray
+        t in every curve, (N,), increasing.
+    failures : int
+        Curves that could not be fitted.
+    """
+
+    value: float
+    delta_chi_squares: FloatArray
+    failures: int = 0
+
+    def threshold(self, level: float) -> float:
+        """The rise t that ends an interval of this confidence.
+
+        Raises
+        ------
+        InputError
+            If there are too few curves for the level.
+        """
+        return float(self.delta_chi_squares[_rank(len(self.delta_chi_squares), level) - 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Thresholds from drawn curves, one set per end.
+
+    Parameters
+    ----------
+    level : float
+        Confidence whose ends the curves were drawn at.
+    draws, seed : int
+        Curves per centre, and where their chance came from.
+    below, above : tuple of Draws
+        Centres at the lower and at the upper end; none where the data set no end.
+    """
+
+    level: float
+    draws: int
+    seed: int
+    below: tuple[Draws, ...] = ()
+    above: tuple[Draws, ...] = ()
+
+    def side(self, *, upper: bool) -> tuple[Draws, ...]:
+        """Centres of one end."""
+        return self.above if upper else self.below
+
+    def with_side(self, centres: tuple[Draws, ...], *, upper: bool) -> Calibration:
+        """Return the same with other centres at one end."""
+        return replace(self, above=centres) if upper else replace(self, below=centres)
+
+
+def _rank(curves: int, level: float) -> int:
+    """Which of the rises, counted from the smallest, is the threshold; raises as `Draws.threshold`."""
+    if not 0.0 < level < 1.0:
+        raise InputError(f"level must be between 0 and 1; got {level!r}")
+    # Rounded first: 20 times 0.95 is 19, not a rounding error above it.
+    rank = math.ceil(round((curves + 1) * level, 9))
+    if rank > curves:
+        needed = math.ceil(round(level / (1.0 - level), 9))
+        raise InputError(
+            f"a level of {level:g} needs at least {needed} curves; there are {curves}: "
+            f"use profile(..., calibrate={needed}) or more"
+        )
+    return rank
+
+
+def require_draws(draws: int, level: float, seed: int) -> None:
+    """Refuse a number of curves that cannot tell the level.
+
+    Raises
+    ------
+    InputError
+        If the number is too small or negative, or the seed is negative.
+    """
+    require_chance(draws, seed)
+    _rank(draws, level)
+
+
+def require_chance(draws: int, seed: int) -> None:
+    """Refuse, by InputError, a number of curves or a seed that is none."""
+    for name, value, least in (("the number of curves to draw", draws, 1), ("the seed", seed, 0)):
+        if value != int(value) or value < least:
+            raise InputError(f"{name} must be a whole number, {least} or more; got {value!r}")
+
 
 #: Largest z inside an interval, by scaled value of the parameter, any shape.
 Limit: TypeAlias = Callable[[FloatArray], FloatArray]
+
 
 # t that a walk falls by between two steps: rounding of two refits is a thousand times less.
 _FALL = 1e-3

@@ -13,7 +13,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.engine import Ahead, Minimum, Search, minimise
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import Point
 from underlay.inference.least_squares.scan import LIKELY, scan

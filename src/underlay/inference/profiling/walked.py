@@ -1,15 +1,24 @@
-"""A profile walked to both sides of every optimum that a fit knows."""
+"""A profile walked to both sides of every optimum, and the best fit with one parameter held.
+
+A profile walked to both sides of every optimum that a fit knows.
+
+The best fit with one parameter held, from every optimum that the fit knows and from a scan.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
+from underlay.errors import InputError
+from underlay.inference.least_squares.engine import minimise
 from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.models import freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.profiling.profile_result import LikelihoodProfile
 from underlay.inference.profiling.walk import Walk
 
-__all__ = ["walked"]
+__all__ = ["constrained_fit", "delta_chi_square_at", "index_of", "missed", "walked"]
 
 # A fit found to be this much worse (in t) than a point of its own profile was not the optimum.
 _BETTER = 1e-3
@@ -47,3 +56,78 @@ def _joined(
         ends=(below.reason, above.reason),
         branches=branches,
     )
+
+
+def index_of(fit: Fit, name: str) -> int:
+    """Entry of a free parameter that is not the noise's.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, or is the noise's.
+    """
+    if name not in fit.names:
+        raise InputError(f"{name!r} is not free here; free are {', '.join(fit.names)}")
+    if name.startswith("noise."):
+        raise InputError(
+            f"{name!r}: the noise is frozen where a value is held or drawn curves are fitted; "
+            "profile(fit, name) without calibration walks its likelihood"
+        )
+    return fit.names.index(name)
+
+
+def delta_chi_square_at(fit: Fit, name: str, value: float) -> float:
+    """T of one value (SI): how much the sum of squares rises when the parameter is held there.
+
+    It rises from that of the fit, or of a better one that is found with the parameter let go again. The
+    value is inside the interval of a level where this is at most `LikelihoodProfile.threshold`; two refits
+    instead of a walk.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, the value is outside its bounds, or no law exists there.
+    """
+    rise, vector = constrained_fit(fit, name, value)
+    return rise - missed(fit, vector)
+
+
+def missed(fit: Fit, vector: FloatArray) -> float:
+    """How far (t, zero or below) a fit begun at a scaled vector (k,) gets below the one handed in.
+
+    Of two optima a fit may have found the higher one only.
+    """
+    objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
+    found = minimise(objective, vector)
+    if found is None:
+        return 0.0
+    return min(objective.square(found.vector) - objective.square(fit.vector), 0.0)
+
+
+def constrained_fit(
+    fit: Fit, name: str, value: float, near: FloatArray | None = None
+) -> tuple[float, FloatArray]:
+    """T above the fit and the scaled vector (k,) of the best one that has a value (SI).
+
+    Raises as `delta_chi_square_at`.
+    `near` is a vector (k,) to begin at instead of the optima: the truth of a drawn curve.
+    """
+    index = index_of(fit, name)
+    coordinate = fit.problem.coordinates[index]
+    if not coordinate.low <= value <= coordinate.high:
+        raise InputError(
+            f"{name} = {value!r} is outside its bounds [{coordinate.low!r}, {coordinate.high!r}]"
+        )
+    q = coordinate.scaled(value)
+    walk = Walk.start(fit, index, fit.vector)
+    begin = [near] if near is not None else [fit.vector, *(other.vector for other in fit.alternatives)]
+    best = None
+    for place in begin:
+        found = Walk.start(fit, index, place).follow(q)
+        if found is not None and (best is None or walk.delta_chi_square(found) < walk.delta_chi_square(best)):
+            best = found
+    if walk.in_doubt(best):
+        best = walk.look_elsewhere(q, best)
+    if best is None:
+        raise InputError(f"no contact law at {name} = {value!r}")
+    return walk.delta_chi_square(best), best.vector

@@ -1,4 +1,8 @@
-"""A chain on disk that survives being killed at any moment: an HDF5 file filled in place.
+"""A chain on disk that survives being killed at any moment.
+
+The frozen mixture in a chain file: where it stands, and whether what stands there is one.
+
+A chain on disk that survives being killed at any moment: an HDF5 file filled in place.
 
 The file is laid out once, at its full size (sparse until used), with contiguous datasets. From then on every
 step is a plain overwrite of reserved bytes: nothing of the file's own bookkeeping changes, so a process that
@@ -24,25 +28,79 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay._documents import parse_json
-from underlay._door import FileKind, require_regular, understood
+from underlay._door import FileKind, parse_json, require_regular, understood
 from underlay.errors import FileAccessError, InputError, MissingExtraError
-from underlay.inference.sampling.stored_mixture import fill_mixture, mixture_size, stored_mixture
+from underlay.inference.ridge.mixture import MOST_COMPONENTS
+
+__all__ = ["ChainFile", "Progress", "RandomState", "fill_mixture", "mixture_size", "stored_mixture"]
+
+# How many numbers there are comes first.
+_FIRST = 1
+
+
+# What `Proposal.numbers` has before the components.
+_HEAD = 3
+
+
+def mixture_size(parameters: int) -> int:
+    """Numbers that are reserved: how many there are, and room for the most."""
+    return _FIRST + _HEAD + MOST_COMPONENTS * _row(parameters)
+
+
+def fill_mixture(file: Any, numbers: FloatArray) -> None:
+    """Write what `Proposal.numbers` gave, then how many they are."""
+    file["proposal"][_FIRST : _FIRST + numbers.size] = numbers
+    file["proposal"][0] = numbers.size
+
+
+def stored_mixture(file: Any, parameters: int) -> FloatArray | None:
+    """The numbers of a file's mixture; None where there is none.
+
+    Raises
+    ------
+    ValueError
+        If they are not those of a mixture.
+    """
+    count = float(file["proposal"][0])
+    components = (count - _HEAD) / _row(parameters)
+    if count == 0.0:
+        return None
+    if not (components.is_integer() and 0.0 < components <= MOST_COMPONENTS):
+        raise ValueError(f"it counts {count} numbers of a mixture")
+    numbers = np.asarray(file["proposal"][_FIRST : _FIRST + int(count)], dtype=np.float64)
+    rows = numbers[_HEAD:].reshape(-1, _row(parameters))
+    diagonals = rows[:, 1 + parameters :: parameters + 1]
+    whole = np.isfinite(numbers).all() and (rows[:, 0] > 0.0).all() and (diagonals > 0.0).all()
+    if not (whole and numbers[0] == parameters):
+        raise ValueError("it holds no mixture")
+    return numbers
+
+
+def _row(parameters: int) -> int:
+    """Numbers of a component: weight, place, factor."""
+    return 1 + parameters + parameters**2
+
 
 try:
     import h5py
 except ImportError:  # an optional extra; opening a file says so
     h5py = None
 
-__all__ = ["ChainFile", "Progress", "RandomState"]
 
 #: numpy's legacy generator state, as emcee keeps it: name, 624 words, position, has_gauss, cached gauss.
 RandomState: TypeAlias = tuple[str, Any, int, int, float]
 
+
 _FORMAT, _OLDER = "underlay chain 2", "underlay chain 1"
+
+
 # What a sampler could hold in memory to go on; on the disk a chain is sparse until it is used.
 _KIND = FileKind("a chain file", 8_000_000_000, "begin a new one under another name")
+
+
 _WORDS = 624
+
+
 _STATE_SIZE = _WORDS + 5
 
 

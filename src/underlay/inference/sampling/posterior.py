@@ -1,10 +1,17 @@
-"""What a sampler hands back: the posterior as draws, with everything needed to judge and to use them."""
+"""What a sampler hands back: the posterior as draws, with everything needed to judge it.
+
+arviz, the one place it is imported: for the export of a posterior and for comparisons.
+
+What a sampler hands back: the posterior as draws, with everything needed to judge and to use them.
+"""
 
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
@@ -12,27 +19,60 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 from underlay._door import FileKind, printable, understood
-from underlay.errors import FileFormatError, InputError
+from underlay.errors import FileFormatError, InputError, MissingExtraError
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.inference.problem_record import problem_from_record, problem_record
 from underlay.inference.ridge.importance import LogEvidence
-from underlay.inference.sampling.archive import LARGEST, read_archive, write_archive
-from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.convergence import (
     effective_size,
     highest_density_interval,
     median_error,
     rank_normalised_rhat,
 )
-from underlay.inference.sampling.diagnostics import SamplingDiagnostics
-from underlay.inference.sampling.informed import INFORMED_COLUMNS, Information, compare_with_prior
-from underlay.inference.sampling.posterior_file import parts_of
-from underlay.inference.sampling.predictive import Predictive
+from underlay.inference.sampling.diagnostics import (
+    INFORMED_COLUMNS,
+    Information,
+    Predictive,
+    SamplingDiagnostics,
+    compare_with_prior,
+)
+from underlay.inference.sampling.posterior_file import LARGEST, parts_of, read_archive, write_archive
 
-__all__ = ["Posterior"]
+__all__ = ["Posterior", "arviz_library"]
+
+
+def arviz_library() -> ModuleType:
+    """Import arviz.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        return _imported()
+    except FileNotFoundError:
+        # arviz notes in the user's cache on which day it last warned. Where two processes import it at the same
+        # moment, the one that comes second finds its draft of that note gone; by then the note is in its place.
+        return _imported()
+
+
+def _imported() -> ModuleType:
+    try:
+        with warnings.catch_warnings():
+            # arviz announces its next major version at import, which is not the caller's concern.
+            warnings.simplefilter("ignore", FutureWarning)
+            import arviz  # noqa: PLC0415  # an optional extra
+    except ImportError as error:
+        raise MissingExtraError("this needs arviz: install underlay[uq]") from error
+    module: ModuleType = arviz
+    return module
+
 
 _FORMAT = "underlay posterior 1"
+
+
 _KIND = FileKind("a saved posterior", LARGEST, "save it again where it was made")
 
 

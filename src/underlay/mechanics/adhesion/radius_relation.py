@@ -32,9 +32,8 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_coefficients,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import series_terms
+from underlay.mechanics.exact.nodes import TABLES, series_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
-from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 
 __all__ = [

@@ -16,8 +16,8 @@ from typing import TypeAlias
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.mechanics.body import Real
 from underlay.mechanics.indenters import abel_factor
-from underlay.mechanics.plane_constants import Real
 
 __all__ = [
     "Series",

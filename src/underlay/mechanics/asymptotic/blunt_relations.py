@@ -15,8 +15,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.body import Real
 from underlay.mechanics.indenters import abel_factor
-from underlay.mechanics.plane_constants import Real
 
 __all__ = [
     "BluntLayer",

@@ -1,4 +1,6 @@
-"""The asymptotic relations as curves (w, P, a)(s) of one parameter s, for every shape and form.
+"""The asymptotic relations as curves of one parameter, for power-law and for any convex tips.
+
+The asymptotic relations as curves (w, P, a)(s) of one parameter s, for every shape and form.
 
 A form of the fourth-order model is a curve in depth w, force P and contact radius a:
 
@@ -11,20 +13,43 @@ form            parameter s (m)                              equations          
 ==============  ===========================================  ===================================  ==========
 
 Orders: a curve of order n keeps the terms up to eps^n.
+
+The asymptotic curve of a power-law indenter: three polynomials in eps, whichever the form.
+
+Formulas: (5.2), (5.3), (5.7), (5.9), (8.4), (8.5), from the coefficients in `blunt`.
+
+The asymptotic curve of any convex axisymmetric indenter, from H and its two moments.
+
+Parametric form: (4.14), (4.15); the errata behind them: (4.5) has + P_2 a_1/h^2, and (4.12) follows by
+substituting (4.10).
+
+The compliance form for any shape. dP/dw = 4 theta a kappa_inf holds exactly, 1/kappa_inf is 1 - b eps -
+c eps^3 + O(eps^5), and (4.13) gives a(P); integrating dw = dP (1 - b eps - c eps^3)/(4 theta a) with the
+half-space radius s as parameter, N(s) = s H(s) - int_0^s H, b = 2 a_0/pi and c = 8 a_1/(3 pi):
+
+    P = 4 theta N,
+    w = H - (b/h) N - (c/h^3) [s^3 H - (s^2/2) int_0^s H - (3/2) int_0^s H r^2 dr],
+    a = s + (c/h^3) s^2 N / H'.
+
+It is England's expansion (6.10), (6.11) for a sphere and (8.4), (8.5) for a power law. The a_0 term is exact
+in it (a shift of the surface proportional to the force), which is why it stays good on soft substrates.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy import optimize
 
 from underlay._arrays import FloatArray
-from underlay.mechanics._roots import invert_increasing
-from underlay.mechanics.indenters import FlatPunch, Indenter
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
+from underlay.mechanics.inverse import invert_increasing
 
-__all__ = ["ContactSeries", "PunchSeries"]
+__all__ = ["ContactSeries", "PowerLawSeries", "PunchSeries", "ShapeSeries", "power_law_series"]
 
 
 class ContactSeries(ABC):
@@ -115,3 +140,280 @@ class PunchSeries(ContactSeries):
     def radius(self, s: FloatArray) -> FloatArray:
         """The punch's radius."""
         return np.full_like(s, self.shape.radius)
+
+
+@dataclass(frozen=True)
+class PowerLawSeries(ContactSeries):
+    """w = A F_2 s^lambda W(s/h), P = theta A F_1 s^(lambda+1) Q(s/h), a = s R(s/h): (5.2), (5.3), (5.7) ...
+
+    Parameters
+    ----------
+    shape : PowerLawShape
+        Phi = A r^lambda.
+    theta : float
+        The layer's elastic constant (Pa).
+    thickness : float
+        h (m); inf for a half-space.
+    depth_terms, force_terms, radius_terms : tuple of float
+        Coefficients of 1, eps, eps^2, ... in W, Q and R.
+    """
+
+    shape: PowerLawShape
+    theta: float
+    thickness: float
+    depth_terms: tuple[float, ...]
+    force_terms: tuple[float, ...]
+    radius_terms: tuple[float, ...]
+
+    @property
+    def is_explicit(self) -> bool:
+        """W = 1: s is the half-space radius at the depth."""
+        return len(self.depth_terms) == 1
+
+    @cached_property
+    def end(self) -> float:
+        """First turning point of w or P: positive roots of lambda W + eps W' and (lambda+1) Q + eps Q'."""
+        lam = self.shape.exponent
+        return self.thickness * min(
+            _first_turn(lam, self.depth_terms), _first_turn(lam + 1.0, self.force_terms)
+        )
+
+    @cached_property
+    def radius_end(self) -> float:
+        """First turning point of s R(s/h)."""
+        return self.thickness * _first_turn(1.0, self.radius_terms)
+
+    def start(self, depth: FloatArray) -> FloatArray:
+        """The half-space radius, varpi h of (5.8)."""
+        return self.shape.halfspace_radius(depth)
+
+    def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(5.3), (8.4), or w = H(s)."""
+        lam, eps = self.shape.exponent, s / self.thickness
+        depth = self.shape.abel(s)
+        series, slope = _polynomial(self.depth_terms, eps)
+        return depth * series, depth / s * (lam * series + eps * slope)
+
+    def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(5.2), (5.9), or the half-space force."""
+        lam, eps = self.shape.exponent, s / self.thickness
+        force = 4.0 * self.theta * lam / (lam + 1.0) * self.shape.abel(s)
+        series, slope = _polynomial(self.force_terms, eps)
+        return force * s * series, force * ((lam + 1.0) * series + eps * slope)
+
+    def load(self, depth: FloatArray, s: FloatArray) -> FloatArray:
+        """P = 4 theta lambda/(lambda+1) w s Q/W: no second power of s."""
+        lam = self.shape.exponent
+        load = _horner(self.force_terms, s / self.thickness)
+        if len(self.depth_terms) > 1:
+            load /= _horner(self.depth_terms, s / self.thickness)
+        load *= s
+        load *= depth
+        load *= 4.0 * self.theta * lam / (lam + 1.0)
+        return load
+
+    def radius(self, s: FloatArray) -> FloatArray:
+        """(5.7), (8.5), or s."""
+        return s * _horner(self.radius_terms, s / self.thickness)
+
+
+def power_law_series(
+    shape: PowerLawShape,
+    theta: float,
+    thickness: float,
+    moments: tuple[float, float],
+    *,
+    order: int,
+    form: str,
+) -> PowerLawSeries:
+    """Build the curve of a power-law shape in the given form and order from (a_0, a_1)."""
+    lam, none = shape.exponent, (0.0, 0.0, 0.0, 0.0)
+    c = float(blunt.kernel_terms(*moments)[1])
+    if form == "explicit":
+        depth: blunt.Series = none
+        force = blunt.force_coefficients(lam, *moments)
+        radius = blunt.radius_coefficients(lam, *moments)
+    elif form == "parametric":
+        depth = blunt.parametric_depth_coefficients(lam, *moments)
+        force, radius = (0.0, 0.0, -c, 0.0), none
+    else:
+        depth = blunt.compliance_depth_coefficients(lam, *moments)
+        force, radius = none, (0.0, 0.0, c / (lam + 1.0), 0.0)
+    return PowerLawSeries(
+        shape, theta, thickness, _terms(depth, order), _terms(force, order), _terms(radius, order)
+    )
+
+
+def _terms(series: blunt.Series, order: int) -> tuple[float, ...]:
+    """Return 1 and the coefficients kept, without the zeros at the end."""
+    terms = [1.0, *(float(term) for term in series[:order])]
+    while terms[-1] == 0.0:
+        terms.pop()
+    return tuple(terms)
+
+
+def _horner(terms: tuple[float, ...], x: FloatArray) -> FloatArray:
+    """Polynomial with coefficients of 1, x, x^2, ..."""
+    value = np.full_like(x, terms[-1])
+    for term in reversed(terms[:-1]):
+        value *= x
+        value += term
+    return value
+
+
+def _polynomial(terms: tuple[float, ...], x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Value and derivative by Horner's rule."""
+    value = np.full_like(x, terms[-1])
+    slope = np.zeros_like(x)
+    for term in reversed(terms[:-1]):
+        slope = slope * x + value
+        value = value * x + term
+    return value, slope
+
+
+def _first_turn(power: float, terms: tuple[float, ...]) -> float:
+    """Smallest positive eps at which eps^power (t_0 + t_1 eps + ...) stops increasing; inf if none."""
+    rates = [(power + n) * term for n, term in enumerate(terms)]
+    if min(rates) >= 0.0:
+        return np.inf
+    roots = np.roots(rates[::-1])
+    real = roots.real[(np.abs(roots.imag) <= 1e-12 * np.abs(roots)) & (roots.real > 0.0)]
+    return float(real.min()) if real.size else np.inf
+
+
+@dataclass(frozen=True)
+class ShapeSeries(ContactSeries):
+    """The parametric or compliance curve of any shape; b and c are zero where the order drops them.
+
+    Parameters
+    ----------
+    shape : Indenter
+        Its shape.
+    theta, thickness : float
+        Elastic constant (Pa) and thickness h (m) of the layer.
+    b, c, cross : float
+        2 a_0/pi, 8 a_1/(3 pi), and their product where the fourth order keeps it, else 0.
+    by_force : bool
+        Compliance form if true, parametric if false.
+    """
+
+    shape: Indenter
+    theta: float
+    thickness: float
+    b: float
+    c: float
+    cross: float
+    by_force: bool
+
+    @property
+    def is_explicit(self) -> bool:
+        """No layer effect kept: s is the half-space radius."""
+        return self.b == 0.0 and self.c == 0.0
+
+    @cached_property
+    def end(self) -> float:
+        """First zero of dw/ds or dP/ds, by repeated division of the step in which the first one lies."""
+        last = self.shape.max_radius
+        if self.is_explicit:
+            return last
+        # w and P turn, if at all, where a correction of order b eps or c eps^3 reaches one.
+        reach = min(last, self.thickness * 8.0 * max(1.0, 1.0 / max(abs(self.b), abs(self.c))))
+        grid = reach * np.geomspace(1e-4, 1.0, _STEPS + 1)
+        low = 0.0
+        for _ in range(_DIVISIONS):
+            falling = self._least_rate(grid) <= 0.0
+            if not falling.any():
+                return last
+            first = int(np.argmax(falling))
+            low = float(grid[first - 1]) if first else low
+            grid = np.linspace(low, float(grid[first]), _STEPS + 1)[1:]
+        return low
+
+    @cached_property
+    def radius_end(self) -> float:
+        """Where the expanded contact radius of the compliance form stops increasing, or passes the shape's end."""
+        last, widest = self.end, self.shape.max_radius
+        if not self.by_force or self.c == 0.0:
+            return last
+        if self.c > 0.0:
+            if not np.isfinite(widest) or self.radius(np.array([last]))[0] <= widest:
+                return last
+            inside = widest * np.finfo(float).eps
+            return float(
+                optimize.brentq(lambda s: float(self.radius(np.array([s]))[0]) - widest, inside, last)
+            )
+        grid = min(last, 8.0 * self.thickness) * np.geomspace(1e-4, 1.0, _STEPS)
+        radius = self.radius(grid)
+        if (np.diff(radius) > 0.0).all():
+            return last
+        top = int(np.argmax(np.diff(radius) <= 0.0))
+        found = optimize.minimize_scalar(
+            lambda s: -float(self.radius(np.array([s]))[0]),
+            bounds=(grid[max(top - 1, 0)], grid[min(top + 2, _STEPS - 1)]),
+            method="bounded",
+            options={"xatol": 1e-10 * self.thickness},
+        )
+        return float(found.x)
+
+    def start(self, depth: FloatArray) -> FloatArray:
+        """The half-space radius; over a soft base the depth may pass the half-space's last one."""
+        last = self.shape.abel(np.array(self.shape.max_radius))
+        return self.shape.halfspace_radius(np.minimum(depth, last))
+
+    def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(4.15), or the compliance form of the module's docstring."""
+        h, b, c = self.thickness, self.b, self.c
+        H, slope = self.shape.abel(s), self.shape.abel_slope(s)
+        first, second = self.shape.abel_moments(s)
+        N = s * H - first
+        if self.by_force:
+            third = s**3 * H - 0.5 * s**2 * first - 1.5 * second
+            third_slope = s**3 * slope + s * N
+            return (
+                H - b / h * N - c / h**3 * third,
+                slope - b / h * s * slope - c / h**3 * third_slope,
+            )
+        third = 0.5 * s**3 * H - 1.5 * second + 1.5 * s**2 * N
+        third_slope = 2.0 * s**3 * slope + 3.0 * s * N
+        return (
+            H - b / h * N - c / h**3 * third + self.cross / h**4 * s**3 * N,
+            slope
+            - b / h * s * slope
+            - c / h**3 * third_slope
+            + self.cross / h**4 * (3.0 * s**2 * N + s**4 * slope),
+        )
+
+    def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(4.14), or the half-space force (3.2)."""
+        H, slope = self.shape.abel(s), self.shape.abel_slope(s)
+        N = s * H - self.shape.abel_moments(s)[0]
+        if self.by_force:
+            return 4.0 * self.theta * N, 4.0 * self.theta * s * slope
+        factor = 1.0 - self.c * (s / self.thickness) ** 3
+        return (
+            4.0 * self.theta * factor * N,
+            4.0 * self.theta * (factor * s * slope - 3.0 * self.c * s**2 / self.thickness**3 * N),
+        )
+
+    def radius(self, s: FloatArray) -> FloatArray:
+        """The parameter itself, or a = s + (c/h^3) s^2 N/H'."""
+        if not self.by_force or self.c == 0.0:
+            return s
+        N = s * self.shape.abel(s) - self.shape.abel_moments(s)[0]
+        return s + self.c / self.thickness**3 * s**2 * N / self.shape.abel_slope(s)
+
+    def _least_rate(self, s: FloatArray) -> FloatArray:
+        """The smaller of dw/ds and dP/ds, each over its half-space value."""
+        slope = self.shape.abel_slope(s)
+        depth_rate = self.depth(s)[1] / slope
+        if self.by_force:
+            return depth_rate
+        return np.minimum(depth_rate, self.force(s)[1] / (4.0 * self.theta * s * slope))
+
+
+# Neighbours of the first grid are 11 % apart, closer than two turning points can be; six divisions of a step
+# leave 2e-13 of s.
+_STEPS = 88
+
+
+_DIVISIONS = 7

@@ -1,39 +1,296 @@
 """The exact contact problem for many parameter sets at once, as samplers and maps need it.
 
+Master curves of many parameter sets, evaluated together.
+
 All sets share the contact radii, the nodes and the cosines cos(eps x u): only the weights 1 - L(u) change
 with the materials, so one matrix product builds every kernel and one batched solve serves every set.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import RangeError
-from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES, solve_curve
-from underlay.mechanics.exact.contact_problem import ContactProblem, contact_factors
-from underlay.mechanics.exact.curve_batch import CurveBatch, curves_through
-from underlay.mechanics.exact.gauss import EvenRule, even_rule
+from underlay.mechanics.body import PlaneConstants
+from underlay.mechanics.exact.contact_problem import (
+    SHARE_OF_NODES,
+    ContactProblem,
+    contact_factors,
+    solve_curve,
+)
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
     Stretch,
     chebyshev_angles,
+    growth_beyond,
+    in_powers,
+    polynomial,
+    reach,
+    truncation_error,
 )
-from underlay.mechanics.exact.nodes import curve_terms
+from underlay.mechanics.exact.nodes import EvenRule, curve_terms, even_rule
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel, LayerKernel
-from underlay.mechanics.plane_constants import PlaneConstants
 
-__all__ = ["ExactBatch", "thickness_derivative"]
+__all__ = ["CurveBatch", "ExactBatch", "curves_through", "thickness_derivative"]
+
+# Depths times sets evaluated at a time: fewer cost more in calls, more leave the processor's second cache.
+_CHUNK = 16384
+
+
+@dataclass(frozen=True)
+class CurveBatch:
+    """Master curves of many parameter sets, one polynomial each.
+
+    Parameters
+    ----------
+    measure : PowerLawShape
+        Shape that measures depth.
+    top : float or ndarray (sets,)
+        Largest varpi.
+    lengths, softness : ndarray (sets, 1)
+        Of the stretched variable of each curve; see `Stretch`.
+    coefficients : ndarray (sets, 3, rows, 4)
+        As in `MasterCurve`.
+    error_estimate : ndarray (sets,)
+        Relative error of each; above the `rtol` of the batch where a set's materials lie too far from those
+        it was compiled for: solve such a set alone.
+    slopes : ndarray (sets, numbers, rows, 4), optional
+        Of d ln P/ds at fixed depth, s each of the numbers in which neighbouring curves differ.
+    """
+
+    measure: PowerLawShape
+    top: float | FloatArray
+    lengths: FloatArray
+    softness: FloatArray
+    coefficients: FloatArray
+    error_estimate: FloatArray
+    slopes: FloatArray | None = None
+
+    def part(self, rows: slice | list[int]) -> Self:
+        """Some of the sets."""
+        return type(self)(
+            self.measure,
+            self.top[rows] if isinstance(self.top, np.ndarray) else self.top,
+            self.lengths[rows],
+            self.softness[rows],
+            self.coefficients[rows],
+            self.error_estimate[rows],
+            None if self.slopes is None else self.slopes[rows],
+        )
+
+    def logarithms(self, varpi: FloatArray) -> FloatArray:
+        """Logarithms of the three factors of all sets at the same `varpi` (n,), shape (sets, 3, n)."""
+        z = self._z(np.repeat(varpi[None], len(self.lengths), axis=0), slice(None))
+        return polynomial(self.coefficients, z[:, None, :])
+
+    def force(
+        self,
+        depth: ArrayLike,
+        theta: FloatArray,
+        thickness: FloatArray,
+        abel_coefficient: FloatArray | None = None,
+    ) -> FloatArray:
+        """Forces (N), shape (sets, n); zero where the depth is not positive.
+
+        Parameters
+        ----------
+        depth : array_like (n,) or (sets, n)
+            Indentation depths (m).
+        theta, thickness : ndarray (sets,)
+            Elastic constant (Pa) and thickness (m) of the layers.
+        abel_coefficient : ndarray (sets,), optional
+            A F_2(lambda) of the shapes, where they differ from the compiled one.
+
+        Raises
+        ------
+        RangeError
+            If a depth is beyond what was compiled for.
+        """
+        exponent = self.measure.exponent
+        scale = 4.0 * theta * exponent / (exponent + 1.0)
+        return self._evaluate(depth, thickness, abel_coefficient, (Factor.FORCE,), scale, with_depth=True)
+
+    def of_one_layer(self, depth: FloatArray, theta: float, thickness: float) -> FloatArray:
+        """Forces (N), (sets, n), as `force`, where the bodies under one tip and layer alone differ.
+
+        `depth` (m) is (sets, n), or (1, n): curves of one stretched variable then share it, which costs most of it.
+        """
+        touching, radius, _ = self._half_space(depth, np.full(1, thickness), None)
+        varpi = radius / thickness
+        if len(varpi) < len(self.lengths):
+            varpi = np.repeat(varpi, len(self.lengths), axis=0)
+        value = polynomial(self.coefficients[:, Factor.FORCE], self._z(varpi, slice(None)))
+        np.exp(value, out=value)
+        exponent = self.measure.exponent
+        value *= radius * touching * (4.0 * theta * exponent / (exponent + 1.0))
+        return value
+
+    def stiffness(
+        self,
+        depth: ArrayLike,
+        theta: FloatArray,
+        thickness: FloatArray,
+        abel_coefficient: FloatArray | None = None,
+    ) -> FloatArray:
+        """dP/dw (N/m), shape (sets, n); arguments and errors as for `force`."""
+        factors = (Factor.RADIUS, Factor.STIFFNESS)
+        return self._evaluate(depth, thickness, abel_coefficient, factors, 4.0 * theta, with_depth=False)
+
+    def _evaluate(
+        self,
+        depth: ArrayLike,
+        thickness: FloatArray,
+        abel_coefficient: FloatArray | None,
+        factors: Sequence[Factor],
+        scale: FloatArray,
+        *,
+        with_depth: bool,
+    ) -> FloatArray:
+        """Half-space radius times the factors times `scale`, and times the depth where asked."""
+        touching, radius, per_set = self._half_space(depth, thickness, abel_coefficient)
+        to_varpi = per_set / thickness
+        sets, size = thickness.size, radius.shape[-1]
+        result = np.empty((sets, size))
+        # The sum of the factors' logarithms is one polynomial; the scale is the largest part of its first
+        # coefficient.
+        table = self.coefficients[:, list(factors)].sum(axis=1)
+        table[:, 0, 0] += np.log(scale * per_set)
+        step = max(1, _CHUNK // max(size, 1))
+        for start in range(0, sets, step):
+            part = slice(start, min(start + step, sets))
+            rows = part if radius.shape[0] > 1 else slice(0, 1)
+            value = polynomial(table[part], self._z(radius[rows] * to_varpi[part, None], part))
+            np.exp(value, out=value)
+            value *= radius[rows]
+            if with_depth:
+                value *= touching[rows]
+            result[part] = value
+        return result
+
+    def with_slopes(
+        self,
+        depth: ArrayLike,
+        theta: FloatArray,
+        thickness: FloatArray,
+        abel_coefficient: FloatArray | None = None,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Forces (N) and dP/dw (N/m), (sets, n), and dP/ds (N), (sets, numbers, n), of the numbers of `slopes`.
+
+        Arguments and errors as for `force`. For a few sets of few depths: what they cost is calls, and here one
+        polynomial serves all.
+        """
+        touching, radius, per_set = self._half_space(depth, thickness, abel_coefficient)
+        z = self._z(radius * (per_set / thickness)[:, None], slice(None))
+        own = self.coefficients
+        table = np.empty((len(own), 2, *own.shape[2:]))
+        table[:, 0] = own[:, Factor.FORCE]
+        np.add(own[:, Factor.RADIUS], own[:, Factor.STIFFNESS], out=table[:, 1])
+        if self.slopes is not None:
+            table = np.concatenate((table, self.slopes), axis=1)
+        values = polynomial(table, z[:, None, :])
+        np.exp(values[:, :2], out=values[:, :2])
+        stiffness = values[:, 1] * ((4.0 * theta * per_set)[:, None] * radius)
+        exponent = self.measure.exponent
+        force = values[:, 0] * ((4.0 * theta * per_set * exponent / (exponent + 1.0))[:, None] * radius)
+        force *= touching
+        return force, stiffness, force[:, None] * values[:, 2:]
+
+    def _half_space(
+        self, depth: ArrayLike, thickness: FloatArray, abel_coefficient: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Depths (m) in contact, their radii (m), each (sets or 1, n), and factors on the radii, (sets,)."""
+        touching = np.atleast_2d(np.maximum(as_finite(depth, "depth"), 0.0))
+        exponent = self.measure.exponent
+        if abel_coefficient is None:
+            radius, per_set = self.measure.halfspace_radius(touching), np.ones_like(thickness)
+        else:
+            radius, per_set = touching ** (1.0 / exponent), abel_coefficient ** (-1.0 / exponent)
+        self._check(radius, per_set / thickness)
+        return touching, radius, per_set
+
+    def _z(self, varpi: FloatArray, part: slice) -> FloatArray:
+        """Stretched variable in [-1, 1] of the sets `part` at their `varpi`, which is overwritten."""
+        z = np.arcsinh(varpi)
+        if self.softness[part].any():
+            varpi *= self.softness[part]
+            z += np.log1p(varpi, out=varpi)
+        z *= 2.0 / self.lengths[part]
+        z -= 1.0
+        return z
+
+    def _check(self, radius: FloatArray, to_varpi: FloatArray) -> None:
+        deepest = radius.max(axis=-1) * to_varpi
+        beyond = deepest > np.asarray(self.top) * (1.0 + 1e-12)
+        if beyond.any():
+            worst = int(np.argmax(beyond))
+            top = float(np.broadcast_to(self.top, beyond.shape)[worst])
+            raise RangeError(
+                f"varpi = {deepest[worst]:.6g} is beyond {top:.6g}, which the batch was compiled for: compile "
+                "it with a larger max_depth or a smaller thickness"
+            )
+
+
+def curves_through(
+    measure: PowerLawShape,
+    varpi: FloatArray,
+    logarithms: FloatArray,
+    top: float | FloatArray,
+    softness: float = 0.0,
+) -> CurveBatch:
+    """Return the polynomials through given points, as `MasterCurve.through` does for one curve.
+
+    Parameters
+    ----------
+    measure : PowerLawShape
+        Shape that measures depth.
+    varpi : ndarray (sets, n)
+        Increasing in every row, and close to Chebyshev points of the stretched variable.
+    logarithms : ndarray (sets, n, 3 + numbers)
+        Of the factors, and columns of derivatives after them: see `CurveBatch.slopes`.
+    top : float or ndarray (sets,)
+        Largest varpi that is asked for.
+    softness : float
+        Of the stretched variable.
+
+    Returns
+    -------
+    CurveBatch
+        Its error estimates are what the polynomials leave out, up to `top`.
+    """
+    count = varpi.shape[1]
+    t = np.arcsinh(varpi) + np.log1p(softness * varpi)
+    lengths = t[:, -1:] * reach(count)
+    angles = np.arccos(2.0 / lengths * t - 1.0)
+    basis = np.cos(angles[..., None] * np.arange(count))
+    coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
+    share = (np.arcsinh(top) + np.log1p(softness * np.asarray(top))) / lengths[:, 0]
+    factors = len(Factor)
+    errors = growth_beyond(share, count) * truncation_error(coefficients[..., :factors])
+    tables = in_powers(coefficients)
+    return CurveBatch(
+        measure,
+        top,
+        lengths,
+        np.full_like(lengths, softness),
+        tables[:, :factors],
+        errors,
+        tables[:, factors:],
+    )
+
 
 # Products of cosines that a batch may ask for, at some 0.1 s a set, and up to which they are kept, 16 MB, for every
 # set to share: more take longer to make and to read again than a set takes that forms its own sums.
 _MOST_PRODUCTS, _KEPT_PRODUCTS = 50_000_000, 2_000_000
+
+
 _MARGIN = 1.06
 
 

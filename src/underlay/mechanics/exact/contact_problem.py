@@ -1,35 +1,78 @@
-"""A shape over a thickness, on a body: what is asked of it, and its solution at given contact radii."""
+"""A shape over a thickness on a body, its solution at contact radii, and its master curve.
+
+A shape over a thickness, on a body: what is asked of it, and its solution at given contact radii.
+
+From a contact problem to its master curve: places the radii and checks the errors.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from math import ceil, log
 from typing import Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.errors import InputError
+from underlay.errors import InputError, RangeError
+from underlay.mechanics.body import Real
 from underlay.mechanics.contact import Beside
-from underlay.mechanics.exact.gauss import EvenRule, even_legendre, even_rule, legendre_rule
-from underlay.mechanics.exact.master_curve import Factor
-from underlay.mechanics.exact.nodes import Resolution
+from underlay.mechanics.exact.master_curve import (
+    MOST_TERMS,
+    Factor,
+    MasterCurve,
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+)
+from underlay.mechanics.exact.nodes import (
+    TABLES,
+    EvenRule,
+    Resolution,
+    curve_terms,
+    even_legendre,
+    even_rule,
+    legendre_rule,
+    series_terms,
+)
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
-from underlay.mechanics.exact.tables import TABLES
+from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
+from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import Indenter, PowerLaw, PowerLawShape, Sphere, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales
-from underlay.mechanics.plane_constants import Real
 
-__all__ = ["LARGEST_EPS", "UNEVEN", "ContactProblem", "contact_factors", "depth_measure"]
+__all__ = [
+    "LARGEST_EPS",
+    "SHARE_OF_CURVE",
+    "SHARE_OF_NODES",
+    "SOFT",
+    "UNEVEN",
+    "ContactProblem",
+    "RadiusGuess",
+    "SolvedCurve",
+    "contact_factors",
+    "depth_measure",
+    "known_curve",
+    "solve_curve",
+    "too_wide",
+]
 
 #: Largest contact radius over thickness that is solved for.
 LARGEST_EPS = 20.0
 
+
 # Towards a sphere's equator the coefficients fall unevenly, and a pole is near: up to 8 times the
 # estimate was measured, over layers of R/3 to 10 R on bases of 0.03 of the layer's modulus to rigid.
 UNEVEN = 8.0
+
+
 # Gauss nodes of int H p dx for a shape that is not a power law: the sphere's H is analytic, a measured tip's
 # has corners in its derivatives.
 _SMOOTH_NODES, _MEASURED_NODES = 40, 240
+
+
 # Cosines beyond which contacts are solved for octave by octave of their radii, at most so many: a film on a base
 # 1e6 times softer takes 79 x 440 for each of a hundred radii at a/h = 20, and 10 x 60 at a/h = 2.
 _MUCH, _MOST_OCTAVES = 500_000, 5.0
@@ -231,3 +274,256 @@ def _shape_rule(nodes: int, rule: EvenRule) -> tuple[FloatArray, FloatArray]:
     weights = 15.0 * weights * (s * (1.0 - s)) ** 2
     project = even_legendre(fine, rule.nodes.size) @ rule.projection
     return read_only(fine), read_only(weights[:, None] * project)
+
+
+# The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
+# tightest, three tenths claimed.
+SHARE_OF_NODES = 0.3
+
+
+SHARE_OF_CURVE = 0.6
+
+
+# What a stored curve may leave out: six tenths led one search of 500 past the optimum.
+_SHARE_OF_TAIL = 0.1
+
+
+# Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
+_SHORT = 0.99
+
+
+# Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
+SOFT = 0.3
+
+
+# There a coarse solution comes first.
+_COARSE = 1e-2
+
+
+_MOST_SERIES_TERMS = 400
+
+
+# So many more terms of a series, as a share of those it has, at least.
+_FEW_MORE = 0.1
+
+
+# Beyond this growth of errors, at a fold, the radius is not asked for more digits; below this the solution is
+# rounding.
+_LARGEST_GAIN = 30.0
+
+
+_FINEST = 1e-12
+
+
+@dataclass(frozen=True)
+class SolvedCurve:
+    """A master curve and how it was found.
+
+    Parameters
+    ----------
+    curve : MasterCurve
+        The relation.
+    resolution : Resolution
+        Nodes of the solution behind it.
+    radii : int
+        Contact radii solved for.
+    eps : float
+        The largest of them, over the thickness.
+    error_estimate : float
+        Relative error of the three factors.
+    """
+
+    curve: MasterCurve
+    resolution: Resolution
+    radii: int
+    eps: float
+    error_estimate: float
+
+
+def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
+    """Solve for varpi in [0, `top`] at relative error `rtol`.
+
+    Raises
+    ------
+    RangeError
+        If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
+    """
+    guess = RadiusGuess.of(problem.scales, problem.measure.exponent)
+    last = _widened(problem, top, float(guess.radius(np.array([top]))[0]), rtol)
+    place, last, gain = _placement(problem, guess, top, last)
+    found = None if place is None else _direct(problem, place, top, last, rtol, gain)
+    return found if found is not None else _by_branches(problem, top, last, rtol, gain)
+
+
+def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
+    """Read the curve where it is stored, with as few terms as do, or solve for it; raises as `solve_curve`."""
+    series = stored_curves([problem.kernel], problem.measure.exponent, top, rtol)
+    if series is None or problem.indenter is not problem.measure:
+        return solve_curve(problem, top, rtol)
+    terms = series.coefficients[0]
+    tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
+    # What a curve's own estimate is read from is four terms.
+    kept = max(4, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
+    left_out = float(tails[kept]) if kept < len(terms) else 0.0
+    curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]])
+    eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
+    return SolvedCurve(curve, series.resolution, series.radii, eps, STORED_ERROR + left_out)
+
+
+def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:
+    """Expand in the radius first, then invert: works for any varpi(chi), folds included."""
+    fine = max(rtol / gain, _FINEST)
+    series, resolution = _series(problem, last, fine)
+    while last < problem.end and (reached := float(series.varpi(np.array([last]))[0])) < top:
+        last = _widened(problem, top, 1.02 * last * top / reached, rtol)
+        series, resolution = _series(problem, last, fine)
+    uneven = problem.unevenness
+    curve = series.inverted(top, 0.25 * rtol / uneven)
+    error = gain * (SHARE_OF_NODES * fine + uneven * series.error_estimate) + uneven * curve.error_estimate
+    eps = float(problem.eps(np.array([last]))[0])
+    return SolvedCurve(curve, resolution, series.coefficients.shape[0], eps, error)
+
+
+@dataclass(frozen=True)
+class RadiusGuess:
+    """Contact radius against varpi, a little too large: chi = varpi (1 + gain rate varpi/(1 + rate varpi)).
+
+    The gain is that of a thin incompressible layer on a rigid base, a = (F_2 (lambda+2)/2)^(1/lambda) a_half,
+    and two thirds of it for a compressible one; the rate is fitted. A layer on a rigid base is met within
+    5 %; an elastic substrate stays below.
+    """
+
+    gain: float
+    rate: float
+
+    @classmethod
+    def of(cls, scales: Scales, exponent: float) -> Self:
+        """Guess for one body and one shape exponent."""
+        gain = float((0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent)) - 1.0
+        gain *= (0.66 + 0.34 * scales.firmness) * max(0.0, 1.0 - 1.0 / scales.stiffest)
+        return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
+
+    def radius(self, varpi: FloatArray) -> FloatArray:
+        """Chi at `varpi`."""
+        share = self.rate * varpi
+        return varpi * (1.0 + self.gain * share / (1.0 + share))
+
+
+def _placement(
+    problem: ContactProblem, guess: RadiusGuess, top: float, last: float
+) -> tuple[Callable[[FloatArray], FloatArray] | None, float, float]:
+    """Where to put the radii for given varpi, the largest, and how errors of depth grow in the radius.
+
+    The guess will do unless something under the surface is much softer than the layer: then a coarse solution
+    tells. Where varpi(chi) folds, or stops short, there is no placing beforehand (None). The growth is the
+    largest slope d ln chi/d ln varpi: one, but near a fold.
+    """
+    if problem.scales.softest > SOFT:
+        return guess.radius, last, 1.0
+    branches = _series(replace(problem, beside=()), last, _COARSE)[0].branches()
+    gain = min(max(_steepest(branch) for branch in branches), _LARGEST_GAIN)
+    if len(branches) > 1 or branches[0].varpi[-1] < top:
+        return None, last, gain
+    last = 1.02 * float(np.interp(top, branches[0].varpi, branches[0].chi))
+    return partial(_interpolated, branches[0]), min(last, problem.end), gain
+
+
+def _interpolated(branch: Branch, varpi: FloatArray) -> FloatArray:
+    return np.interp(varpi, branch.varpi, branch.chi)
+
+
+def _steepest(branch: Branch) -> float:
+    slope = np.diff(np.log(branch.chi[1:])) / np.diff(np.log(branch.varpi[1:]))
+    return max(1.0, float(slope.max(initial=1.0)))
+
+
+def _direct(
+    problem: ContactProblem,
+    place: Callable[[FloatArray], FloatArray],
+    top: float,
+    last: float,
+    rtol: float,
+    gain: float,
+) -> SolvedCurve | None:
+    """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
+    softness = problem.scales.softness
+    fine = max(rtol / gain, _FINEST)
+    widen = last / float(place(np.array([top]))[0])
+    terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol / problem.unevenness)
+    resolution = problem.resolution(last, fine)
+    while terms <= MOST_TERMS:
+        targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
+        varpi, logarithms = problem.solve(place(targets) * widen, resolution, fine)
+        if varpi[-1] < _SHORT * targets[-1] and last < problem.end:
+            wider = _widened(problem, top, 1.05 * last * float(targets[-1] / varpi[-1]), rtol)
+            widen, last = widen * wider / last, wider
+            resolution = problem.resolution(last, fine)
+            continue
+        curve = MasterCurve.through(varpi, logarithms, top, softness)
+        truncated = curve.error_estimate * problem.unevenness
+        if truncated <= SHARE_OF_CURVE * rtol:
+            error = gain * SHARE_OF_NODES * fine + truncated
+            return SolvedCurve(curve, resolution, terms, float(problem.eps(np.array([last]))[0]), error)
+        terms += 4
+    return None
+
+
+def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
+    """Solve at Chebyshev points up to `last` and expand in chi, with as many terms as it takes."""
+    stretch = Stretch.to(last, problem.scales.softness)
+    # What is asked for to place the radii of another solution needs no proof.
+    resolution = problem.resolution(last, rtol) if rtol < _COARSE else problem.guess(last, rtol)
+    terms = series_terms(problem.scales, last, rtol / problem.unevenness)
+    while True:
+        angles = chebyshev_angles(terms)
+        chi = stretch.v(np.cos(angles))
+        varpi, logarithms = problem.solve(chi, resolution, rtol)
+        values = np.column_stack((logarithms, np.log(varpi / chi)))
+        # What is left of the radius is ln(eps/chi): smooth, and zero for a power law. Slopes towards other bodies
+        # are those at fixed depth, which a change of the radius leaves as they are.
+        values[:, Factor.RADIUS] += values[:, -1]
+        series = RadiusSeries(stretch, chebyshev_coefficients(values, angles))
+        missed = problem.unevenness * series.error_estimate / (SHARE_OF_NODES * rtol)
+        if missed <= 1.0 or 2 * terms > _MOST_SERIES_TERMS:
+            return series, resolution
+        # The terms fall at a steady rate: as many more as the digits that are missing.
+        share = log(missed) / -log(min(series.error_estimate, 0.1))
+        terms += ceil(terms * min(max(share, _FEW_MORE), 0.5))
+
+
+def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> float:
+    """Take `wider` as the largest chi; at the end of the shape only if that reaches varpi = `top`.
+
+    Without the check the curve would be extrapolated: over a thin layer a sphere's contact reaches its
+    equator long before the guess does.
+    """
+    if wider >= problem.end:
+        _check_reach(problem, top, rtol)
+        return problem.end
+    return wider
+
+
+def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
+    """Raise if varpi = `top` asks for a contact radius beyond the end."""
+    end = problem.end
+    last = float(problem.solve(np.array([end]), problem.resolution(end, rtol))[0][0])
+    if last >= top:
+        return
+    asked, deepest = problem.measure.abel(np.array([top, last]) * problem.thickness).tolist()
+    if problem.indenter.max_radius >= LARGEST_EPS * problem.thickness:
+        raise too_wide(asked, deepest)
+    why = "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
+    raise RangeError(_beyond(asked, deepest, why), max_depth=deepest)
+
+
+def too_wide(asked: float, deepest: float) -> RangeError:
+    """Why there is no law at a depth `asked` (m), where the widest contact is that at the depth `deepest` (m)."""
+    why = (
+        f"there the contact radius is {LARGEST_EPS:g} thicknesses; use less depth or, for contacts wider still, "
+        "the half-space law of the substrate"
+    )
+    return RangeError(_beyond(asked, deepest, why), max_depth=deepest)
+
+
+def _beyond(asked: float, deepest: float, why: str) -> str:
+    return f"depth {asked:.6g} m is beyond the largest that works here, {deepest:.6g} m: {why}"

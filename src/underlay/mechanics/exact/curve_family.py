@@ -1,4 +1,12 @@
-"""Master curves of one power-law tip on bodies that differ in one ratio, tabulated once and read off at once.
+"""Master curves of one power-law tip on bodies that differ in one ratio, tabulated once.
+
+Master curves of one power-law tip on several bodies that are much alike: of one table, solved together.
+
+Beside a solution of few nodes the calls and the cosines cost most. Bodies of one span of a table take the same
+contact radii and nodes, those of the most demanding of them: one batch then serves them all. Where little accuracy
+is asked for, curves that were stored do.
+
+Master curves of one power-law tip on bodies that differ in one ratio, tabulated once and read off at once.
 
 With Poisson's ratios fixed, the master curve of a layer on a base depends on one number more than varpi: the
 ratio k of the base's modulus to the layer's. So does that of a stack of which one modulus or thickness is not
@@ -14,15 +22,27 @@ and modulus, and tables are kept for the whole process.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, exp, floor, inf, log, log10
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.exact.curves_of_bodies import Logarithms, solve_curves
+from underlay.mechanics.body import isotropic_constants
+from underlay.mechanics.exact.batch import curves_through
+from underlay.mechanics.exact.contact_problem import (
+    LARGEST_EPS,
+    SHARE_OF_CURVE,
+    SHARE_OF_NODES,
+    SOFT,
+    ContactProblem,
+    RadiusGuess,
+    contact_factors,
+    solve_curve,
+)
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -34,18 +54,21 @@ from underlay.mechanics.exact.master_curve import (
     monomials,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import Resolution
-from underlay.mechanics.exact.tables import TABLES
-from underlay.mechanics.kernel import Family, LayerKernel
-from underlay.mechanics.plane_constants import isotropic_constants
+from underlay.mechanics.exact.nodes import TABLES, Resolution, wanted_terms
+from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
+from underlay.mechanics.indenters import PowerLaw
+from underlay.mechanics.kernel import Family, Kernel, LayerKernel
 
 __all__ = [
     "STIFF_END",
     "Cell",
     "CurveFamily",
     "IsotropicPair",
+    "Logarithms",
     "RatioSpan",
     "RigidBase",
+    "SolvedCurves",
     "curve_family",
     "end_number",
     "family_holding",
@@ -56,22 +79,146 @@ __all__ = [
     "ratio_number",
     "ratio_numbers",
     "ratio_span",
+    "solve_curves",
 ]
+
+#: Logarithms of the factors of all curves at varpi (n,), shape (curves, 3, n).
+Logarithms: TypeAlias = Callable[[FloatArray], FloatArray]
+
+
+class SolvedCurves(NamedTuple):
+    """Curves of several bodies, and how they were found: what `SolvedCurve` says, of the worst of them."""
+
+    logarithms: Logarithms
+    resolution: Resolution
+    radii: int
+    eps: float
+    error_estimate: float
+
+
+def solve_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
+    """Curves of a tip w = A F_2 a^lambda of any size on bodies under a layer of unit thickness, up to `top`.
+
+    Parameters
+    ----------
+    bodies : sequence of Kernel
+        With the layer.
+    exponent : float
+        Of the tip's power law.
+    top : float
+        Largest varpi.
+    rtol : float
+        Relative error of each.
+
+    Returns
+    -------
+    SolvedCurves or None
+        None where one of them folds.
+
+    Raises
+    ------
+    RangeError
+        If a contact radius would pass 20 thicknesses.
+    """
+    for way in (_stored, _together):
+        found = way(bodies, exponent, top, rtol)
+        if found is not None:
+            return found
+    return _one_by_one(bodies, exponent, top, rtol)
+
+
+def _stored(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
+    """Read the curves off those of the file; None where it does not hold all of them."""
+    series = stored_curves(bodies, exponent, top, rtol)
+    if series is None:
+        return None
+    widest = series.logarithms(np.array([top]))[:, Factor.RADIUS].max()
+    eps = float(np.exp(widest)) * top
+    return SolvedCurves(series.logarithms, series.resolution, series.radii, eps, STORED_ERROR)
+
+
+def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
+    """Solve at radii that `RadiusGuess` places; None where that will not do, or takes too many."""
+    scales = [body.scales for body in bodies]
+    if not all(one.charted and one.softest > SOFT for one in scales):
+        return None
+    tip = PowerLaw(exponent, 1.0)
+    points = np.array([top])
+    # The widest contact of them: beside it the others' points reach further than they are asked for.
+    guess = max(
+        (RadiusGuess.of(one, exponent) for one in scales), key=lambda one: float(one.radius(points)[0])
+    )
+    softness = max(one.softness for one in scales)
+    # No whole blocks: the curves are expanded again. What an error is estimated from is four terms.
+    terms = max(4, ceil(max(wanted_terms(one, top, exponent, rtol) for one in scales)))
+    while terms <= MOST_TERMS:
+        eps = guess.radius(Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms))))
+        last = float(guess.radius(points)[0])
+        if last >= LARGEST_EPS:
+            return None
+        resolution = max(
+            (Resolution.choose(one, last, rtol) for one in scales),
+            key=lambda one: (one.radial, one.wavenumbers),
+        )
+        punch = PunchSolution.solve_all(bodies, eps, resolution)
+        varpi, logarithms = contact_factors(punch, tip, tip, 1.0)
+        batch = curves_through(tip, varpi, logarithms, top, softness)
+        truncated = float(batch.error_estimate.max())
+        if truncated <= SHARE_OF_CURVE * rtol:
+            error = SHARE_OF_NODES * rtol + truncated
+            return SolvedCurves(batch.logarithms, resolution, terms * len(bodies), last, error)
+        terms += 2
+    return None
+
+
+def _one_by_one(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
+    tip = PowerLaw(exponent, 1.0)
+    solved = [solve_curve(ContactProblem.of(tip, 1.0, body), top, rtol) for body in bodies]
+    if any(one.curve.jumps for one in solved):
+        return None
+    curves = [one.curve for one in solved]
+    worst = max(solved, key=lambda one: one.error_estimate)
+    return SolvedCurves(
+        lambda varpi: np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves]),
+        worst.resolution,
+        sum(one.radii for one in solved),
+        max(one.eps for one in solved),
+        worst.error_estimate,
+    )
+
 
 # Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
 _RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
+
+
 _RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
+
+
 #: Number of the span of all bases from that of `_STIFF` on to a rigid one. What they add is analytic in 1/k there:
 #: five terms do where ln k takes seven in each of a dozen spans (twelve under an incompressible layer at a/h = 20).
 STIFF_END, _STIFF = 10_000, 5
+
+
 _SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
+
+
 # Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,
 # and the terms in varpi that are dropped.
 _SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
+
+
 _SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
+
+
 _NARROWEST = 0.3  # of a piece in z: eight pieces at most
+
+
 _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
+
+
 _MOST_RATIOS = 24
+
+
 # From this rtol on a table of so many ranges takes little longer than that of one.
 _LOOSE, _WIDE = 1e-3, 4
 

@@ -16,8 +16,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_curve import solve_curve
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, solve_curve
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution

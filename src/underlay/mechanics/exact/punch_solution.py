@@ -31,8 +31,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
-from underlay.mechanics.exact.gauss import EvenRule, even_rule
-from underlay.mechanics.exact.nodes import Resolution
+from underlay.mechanics.exact.nodes import EvenRule, Resolution, even_rule
 from underlay.mechanics.kernel import Kernel
 
 __all__ = ["PunchSolution", "cosines", "proved_resolution"]

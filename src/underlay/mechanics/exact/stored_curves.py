@@ -22,11 +22,10 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import LawError
+from underlay.mechanics.body import PlaneConstants, isotropic_constants
 from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
-from underlay.mechanics.exact.nodes import Resolution
-from underlay.mechanics.exact.tables import TABLES
+from underlay.mechanics.exact.nodes import TABLES, Resolution
 from underlay.mechanics.kernel import Kernel, LayerKernel
-from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 
 __all__ = ["EXPONENT", "FILE", "STORED_ERROR", "TOP", "StoredCurves", "StoredSeries", "grid", "stored_curves"]
 

@@ -12,9 +12,8 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.contact_curve import too_wide
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, depth_measure
-from underlay.mechanics.exact.curve_batch import CurveBatch
+from underlay.mechanics.exact.batch import CurveBatch
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, depth_measure, too_wide
 from underlay.mechanics.exact.curve_family import end_number, range_number
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Stretch

@@ -4,10 +4,8 @@
 are the wavenumbers at which a kernel bends, `quadrature` its integrals.
 """
 
-from underlay.mechanics.kernel.kernel import Compliance, Family, Kernel
+from underlay.mechanics.kernel.kernel import Compliance, Family, Kernel, Scales, u_rule
 from underlay.mechanics.kernel.one_layer import one_minus_L
-from underlay.mechanics.kernel.quadrature import u_rule
-from underlay.mechanics.kernel.scales import Scales
 from underlay.mechanics.kernel.stack import StackKernel
 from underlay.mechanics.kernel.substrate import LayerKernel, SubstrateKernel, coefficients
 

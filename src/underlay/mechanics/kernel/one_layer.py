@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, read_only
-from underlay.mechanics.plane_constants import PlaneConstants, Real, magnitude
+from underlay.mechanics.body import PlaneConstants, Real, magnitude
 
 __all__ = ["EQUAL_ROOTS", "compliance", "one_minus_L", "passage"]
 

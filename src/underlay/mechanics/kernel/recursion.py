@@ -34,9 +34,9 @@ from math import factorial, inf
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.mechanics.body import PlaneConstants, Real
 from underlay.mechanics.kernel.kernel import Compliance
 from underlay.mechanics.kernel.one_layer import EQUAL_ROOTS, passage
-from underlay.mechanics.plane_constants import PlaneConstants, Real
 
 __all__ = ["Recursion", "Sheet", "scaled"]
 

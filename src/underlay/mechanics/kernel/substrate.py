@@ -8,13 +8,10 @@ from math import sqrt
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.mechanics.body import Base, Material
-from underlay.mechanics.kernel.kernel import Compliance, Kernel
+from underlay.mechanics.body import Base, Material, PlaneConstants
+from underlay.mechanics.kernel.kernel import Compliance, Kernel, Scales, u_rule
 from underlay.mechanics.kernel.one_layer import compliance, one_minus_L
-from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
-from underlay.mechanics.kernel.scales import Scales
-from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["LayerKernel", "SubstrateKernel", "coefficients", "material_contrast"]
 

@@ -4,10 +4,13 @@ One correction, one file: formula, assumptions, range, source, measured error. T
 `PublishedCorrection`, and its line in `registry`.
 """
 
-from underlay.mechanics.published.correction import PublishedCorrection
-from underlay.mechanics.published.law import PublishedLaw, published_law
-from underlay.mechanics.published.limits import OutOfRange
-from underlay.mechanics.published.registry import published_corrections, published_names
+from underlay.mechanics.published.correction import OutOfRange, PublishedCorrection
+from underlay.mechanics.published.law import (
+    PublishedLaw,
+    published_corrections,
+    published_law,
+    published_names,
+)
 
 __all__ = [
     "OutOfRange",

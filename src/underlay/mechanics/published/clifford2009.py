@@ -15,12 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.published.correction import ELASTIC, MEASURED_RANGE, PublishedCorrection
-from underlay.mechanics.published.factor import Factor
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.limits import Limit
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import MATERIALS, MODULUS_RATIO
+from underlay.mechanics.published.correction import (
+    ELASTIC,
+    MATERIALS,
+    MEASURED_RANGE,
+    MODULUS_RATIO,
+    Factor,
+    LayerContact,
+    Limit,
+    MeasuredError,
+    PublishedCorrection,
+)
 
 __all__ = ["SPHERE"]
 

@@ -1,27 +1,405 @@
-"""The record of a published correction: what it holds for, where it comes from, and how far off it is."""
+"""What a published correction states: its range, source, factor, and measured error.
+
+What a published formula sees of a test: the tip's one length, the layer's thickness, two materials.
+
+The quantities of a test that a published correction sets ranges for, or was measured at.
+
+Ranges of a published correction, and the record of a test that leaves one.
+
+Factors that multiply the half-space force, as functions of the size of the contact.
+
+How far a published formula is from the exact contact problem: tables measured once, and read here.
+
+Each table stands beside its formula. Its numbers are the largest |P/P_exact - 1|, in per cent, met between
+zero and the value of the contact size at the head of the column, rounded up to two digits. They were
+measured with a Nystrom solution of the Fredholm equation of the contact; the tests measure them again.
+
+The record of a published correction: what it holds for, where it comes from, and how far off it is.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import product
+from typing import Self
 
-from underlay.mechanics.published.factor import Factor
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.limits import Limit
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import LAYER_NU, VARIABLES
+import numpy as np
+from numpy.polynomial import polynomial
+
+from underlay._arrays import FloatArray, read_only
+from underlay.errors import InputError
+from underlay.mechanics.body import Material
+from underlay.mechanics.halfspace import HalfspaceLaw
+from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, Sphere
 
 __all__ = [
+    "BASE_NU",
+    "DEPTH_OVER_RADIUS",
+    "DEPTH_RATIO",
     "ELASTIC",
     "FRICTIONLESS",
+    "KINDS",
+    "LAYER_NU",
+    "MATERIALS",
     "MEASURED_RANGE",
+    "MODULUS_RATIO",
+    "RADIUS_RATIO",
     "RIGID_BONDED",
+    "VARIABLES",
+    "ConstantFactor",
+    "Factor",
+    "LayerContact",
+    "Limit",
+    "MeasuredError",
+    "OutOfRange",
+    "PolynomialFactor",
     "PublishedCorrection",
+    "Quantity",
+    "kind_of",
+    "tip_of",
 ]
 
+#: The three kinds of indenter the literature corrects for, and the library's indenters of each kind.
+KINDS = {
+    "sphere": (Paraboloid, Sphere),
+    "cone": (Cone,),
+    "flat punch": (FlatPunch,),
+}
+
+
+def kind_of(indenter: Indenter) -> str | None:
+    """Name `indenter` as the literature does, None where it has no correction for such a shape."""
+    for kind, shapes in KINDS.items():
+        if isinstance(indenter, shapes):
+            return kind
+    return None
+
+
+def tip_of(indenter: Indenter) -> Paraboloid | Cone | FlatPunch:
+    """Give the tip that a correction was made for: a true sphere becomes the paraboloid of its radius.
+
+    Raises
+    ------
+    InputError
+        If the literature has no correction for the shape.
+    """
+    if isinstance(indenter, Sphere):
+        return Paraboloid(indenter.radius)
+    if isinstance(indenter, Paraboloid | Cone | FlatPunch):
+        return indenter
+    raise InputError(f'no published correction is for {indenter!r}; the solver "exact" takes every shape')
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerContact:
+    """One indenter on one layer and base, in the terms of the published corrections.
+
+    Parameters
+    ----------
+    indenter : Paraboloid, Cone or FlatPunch
+        Depth is measured from first contact and a cone's half-angle from its axis, in radians. The
+        literature's sphere is Hertz's paraboloid.
+    thickness : float
+        Layer thickness h (m), finite.
+    layer : Material
+        Material of the layer.
+    base : Material or None
+        What the layer lies on; None is rigid.
+    """
+
+    indenter: Paraboloid | Cone | FlatPunch
+    thickness: float
+    layer: Material
+    base: Material | None
+
+    @property
+    def halfspace(self) -> HalfspaceLaw:
+        """The force without the base: Hertz's, Sneddon's or Boussinesq's law, E/(1 - nu^2) of the layer."""
+        return HalfspaceLaw(
+            method="halfspace",
+            reason="the layer alone, as if endlessly thick",
+            max_depth=np.inf,
+            error_estimate=np.inf,
+            indenter=self.indenter,
+            theta=self.layer.theta,
+        )
+
+    @property
+    def exponent(self) -> float:
+        """The power q of u ~ d^q: 1/2 for a sphere, 1 for a cone, 0 for a flat punch."""
+        if isinstance(self.indenter, Paraboloid):
+            return 0.5
+        return 1.0 if isinstance(self.indenter, Cone) else 0.0
+
+    def variable(self, depth: FloatArray) -> FloatArray:
+        """Measure the contact against the layer as the literature does; shape of `depth` (m).
+
+        X = sqrt(R d)/h for a sphere, y = d tan(half-angle)/h for a cone, eps = a/h for a flat punch.
+        """
+        if isinstance(self.indenter, Paraboloid):
+            return np.asarray(np.sqrt(self.indenter.radius * depth) / self.thickness)
+        if isinstance(self.indenter, Cone):
+            return np.asarray(depth * np.tan(self.indenter.half_angle) / self.thickness)
+        return np.full_like(depth, self.indenter.radius / self.thickness)
+
+    def size_at(self, depth: float) -> float:
+        """Give `variable` at one depth (m)."""
+        return float(self.variable(np.array([depth]))[0])
+
+    @property
+    def radius_ratio(self) -> float:
+        """R/h or a/h; a cone has none."""
+        if isinstance(self.indenter, Cone):
+            raise TypeError("a cone has no radius")
+        return self.indenter.radius / self.thickness
+
+    @property
+    def elastic_base(self) -> Material:
+        """The base, known to be elastic."""
+        if self.base is None:
+            raise TypeError("the base is rigid")
+        return self.base
+
+    @property
+    def modulus_ratio(self) -> float:
+        """Young's modulus of the base over that of the layer, inf for a rigid base."""
+        return np.inf if self.base is None else self.base.E / self.layer.E
+
+    @property
+    def reduced_modulus_ratio(self) -> float:
+        """E/(1 - nu^2) of the base over that of the layer, inf for a rigid base."""
+        return np.inf if self.base is None else self.base.theta / self.layer.theta
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A dimensionless number of a test, with its name.
+
+    Parameters
+    ----------
+    name : str
+        What it is, as a reader says it.
+    of : callable
+        Its value from a `LayerContact` and the largest depth (m).
+    """
+
+    name: str
+    of: Callable[[LayerContact, float], float] = field(repr=False)
+
+
+def _contact_size(contact: LayerContact, depth: float) -> float:
+    return contact.size_at(depth)
+
+
+def _layer_nu(contact: LayerContact, _depth: float) -> float:
+    return contact.layer.nu
+
+
+def _base_nu(contact: LayerContact, _depth: float) -> float:
+    return contact.elastic_base.nu
+
+
+def _modulus_ratio(contact: LayerContact, _depth: float) -> float:
+    return contact.modulus_ratio
+
+
+def _radius_ratio(contact: LayerContact, _depth: float) -> float:
+    return contact.radius_ratio
+
+
+def _depth_ratio(contact: LayerContact, depth: float) -> float:
+    return depth / contact.thickness
+
+
+def _depth_over_radius(contact: LayerContact, depth: float) -> float:
+    return depth / (contact.radius_ratio * contact.thickness)
+
+
+#: The contact size that a factor depends on, by kind of indenter.
+VARIABLES = {
+    "sphere": Quantity("X = sqrt(R d)/h", _contact_size),
+    "cone": Quantity("y = d tan(half-angle)/h", _contact_size),
+    "flat punch": Quantity("eps = a/h", _contact_size),
+}
+
+
+LAYER_NU = Quantity("nu of the layer", _layer_nu)
+
+
+BASE_NU = Quantity("nu of the base", _base_nu)
+
+
+MODULUS_RATIO = Quantity("E of the base over E of the layer", _modulus_ratio)
+
+
+RADIUS_RATIO = Quantity("R/h", _radius_ratio)
+
+
+DEPTH_RATIO = Quantity("d/h", _depth_ratio)
+
+
+DEPTH_OVER_RADIUS = Quantity("d/R", _depth_over_radius)
+
+
+#: What the error of a correction for an elastic base is measured at.
+MATERIALS = (MODULUS_RATIO, LAYER_NU, BASE_NU)
+
+
+@dataclass(frozen=True)
+class OutOfRange:
+    """A quantity outside the range for which a correction was published or measured.
+
+    Parameters
+    ----------
+    variable : str
+        The quantity, e.g. ``"X = sqrt(R d)/h"`` or ``"nu of the layer"``.
+    value : float
+        Its value in this test, at the largest depth.
+    low, high : float
+        The range.
+    """
+
+    variable: str
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.variable} is {self.value:.4g}, outside {self.low:.4g} to {self.high:.4g}"
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A range that a quantity of the test has to keep."""
+
+    quantity: Quantity
+    low: float
+    high: float
+
+    def broken_by(self, contact: LayerContact, max_depth: float) -> OutOfRange | None:
+        """Say how this test leaves the range, None if it keeps it."""
+        value = self.quantity.of(contact, max_depth)
+        if self.low <= value <= self.high:
+            return None
+        return OutOfRange(self.quantity.name, value, self.low, self.high)
+
+
+class Factor(ABC):
+    """P / P_halfspace at equal depth, as a function of the dimensionless contact size u."""
+
+    @abstractmethod
+    def value(self, u: FloatArray) -> FloatArray:
+        """Give the factor (dimensionless), shape of `u`."""
+
+    @abstractmethod
+    def slope(self, u: FloatArray) -> FloatArray:
+        """Give its derivative with respect to u, shape of `u`."""
+
+
+@dataclass(frozen=True)
+class PolynomialFactor(Factor):
+    """c_0 + c_1 u + c_2 u^2 + ..."""
+
+    coefficients: tuple[float, ...]
+
+    def value(self, u: FloatArray) -> FloatArray:
+        """Evaluate the polynomial at `u`."""
+        return np.asarray(polynomial.polyval(u, self.coefficients))
+
+    def slope(self, u: FloatArray) -> FloatArray:
+        """Evaluate its derivative at `u`."""
+        return np.asarray(polynomial.polyval(u, polynomial.polyder(self.coefficients)))
+
+
+@dataclass(frozen=True)
+class ConstantFactor(Factor):
+    """One number: a flat punch's a/h, hence its factor, is the same at every depth."""
+
+    number: float
+
+    def value(self, u: FloatArray) -> FloatArray:
+        """Repeat the number at every `u`."""
+        return np.full_like(u, self.number)
+
+    def slope(self, u: FloatArray) -> FloatArray:
+        """Give zero."""
+        return np.zeros_like(u)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredError:
+    """Largest relative error of the force up to a contact size, for given materials.
+
+    Parameters
+    ----------
+    parameters : tuple of Quantity
+        What the rows are measured at.
+    nodes : tuple of ndarray
+        Measured values of each parameter, increasing.
+    variable : ndarray, shape (columns,)
+        Contact sizes u, increasing.
+    worst : ndarray, shape (len(nodes[0]), ..., columns)
+        Largest relative error between u = 0 and the column's u; inf where the formula makes no claim.
+    """
+
+    parameters: tuple[Quantity, ...]
+    nodes: tuple[FloatArray, ...]
+    variable: FloatArray
+    worst: FloatArray
+
+    @classmethod
+    def from_table(cls, parameters: tuple[Quantity, ...], table: str) -> Self:
+        """Read a table: a head line of contact sizes, then lines of parameters and errors in per cent."""
+        head, *lines = table.strip().splitlines()
+        rows = np.array([[float(word) for word in line.split()] for line in lines])
+        count = len(parameters)
+        nodes = tuple(read_only(np.unique(rows[:, axis])) for axis in range(count))
+        variable = np.array([float(word) for word in head.split()])
+        worst = np.full((*(node.size for node in nodes), variable.size), np.nan)
+        for row in rows:
+            index = tuple(int(np.searchsorted(nodes[axis], row[axis])) for axis in range(count))
+            worst[index] = 0.01 * row[count:]
+        return cls(parameters, nodes, read_only(variable), read_only(worst))
+
+    def up_to(self, contact: LayerContact, max_depth: float) -> float:
+        """Estimated relative error of the force up to `max_depth` (m), inf outside what was measured.
+
+        Between measured materials the worse of the neighbours holds; between measured contact sizes the
+        error is interpolated, from zero at zero.
+        """
+        variable = contact.size_at(max_depth)
+        if variable > self.variable[-1]:
+            return np.inf
+        around = []
+        for quantity, nodes in zip(self.parameters, self.nodes, strict=True):
+            value = quantity.of(contact, max_depth)
+            if not nodes[0] <= value <= nodes[-1]:
+                return np.inf
+            below = int(np.searchsorted(nodes, value, side="right")) - 1
+            around.append((below,) if nodes[below] == value else (below, below + 1))
+        # A column that holds inf may only be reached by its own interval: 0 * inf would be NaN.
+        column = int(np.searchsorted(self.variable, variable))
+        left = self.variable[column - 1] if column > 0 else 0.0
+        share = (variable - left) / (self.variable[column] - left)
+        estimates = []
+        for index in product(*around):
+            row = self.worst[index]
+            start = float(row[column - 1]) if column > 0 else 0.0
+            end = float(row[column])
+            estimates.append(end if share == 1.0 or not np.isfinite(end) else start + share * (end - start))
+        return max(estimates)
+
+
 RIGID_BONDED = "rigid, layer bonded"
+
+
 FRICTIONLESS = "rigid, layer free to slip"
+
+
 ELASTIC = "elastic, layer bonded"
+
 
 MEASURED_RANGE = "measured: within 5 % of the exact contact law there"
 

@@ -17,14 +17,14 @@ import numpy as np
 
 from underlay.mechanics.published.correction import (
     FRICTIONLESS,
+    LAYER_NU,
     MEASURED_RANGE,
     RIGID_BONDED,
+    LayerContact,
+    MeasuredError,
+    PolynomialFactor,
     PublishedCorrection,
 )
-from underlay.mechanics.published.factor import PolynomialFactor
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import LAYER_NU
 
 __all__ = ["BONDED", "UNBONDED"]
 

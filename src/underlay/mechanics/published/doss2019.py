@@ -13,12 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
-from underlay.mechanics.published.factor import Factor
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.limits import Limit
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import BASE_NU, MATERIALS
+from underlay.mechanics.published.correction import (
+    BASE_NU,
+    ELASTIC,
+    MATERIALS,
+    Factor,
+    LayerContact,
+    Limit,
+    MeasuredError,
+    PublishedCorrection,
+)
 
 __all__ = ["SPHERE"]
 

@@ -14,12 +14,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
-from underlay.mechanics.published.factor import ConstantFactor
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.limits import Limit
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import MATERIALS, MODULUS_RATIO
+from underlay.mechanics.published.correction import (
+    ELASTIC,
+    MATERIALS,
+    MODULUS_RATIO,
+    ConstantFactor,
+    LayerContact,
+    Limit,
+    MeasuredError,
+    PublishedCorrection,
+)
 
 __all__ = ["PUNCH", "Weights", "gao_weights"]
 

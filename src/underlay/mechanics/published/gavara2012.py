@@ -10,11 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from underlay.mechanics.published.correction import MEASURED_RANGE, RIGID_BONDED, PublishedCorrection
-from underlay.mechanics.published.factor import PolynomialFactor
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import LAYER_NU
+from underlay.mechanics.published.correction import (
+    LAYER_NU,
+    MEASURED_RANGE,
+    RIGID_BONDED,
+    LayerContact,
+    MeasuredError,
+    PolynomialFactor,
+    PublishedCorrection,
+)
 
 __all__ = ["CONE"]
 

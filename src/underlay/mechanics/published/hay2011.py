@@ -12,13 +12,17 @@ from __future__ import annotations
 import numpy as np
 
 from underlay.mechanics.body import Material
-from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
-from underlay.mechanics.published.factor import ConstantFactor
+from underlay.mechanics.published.correction import (
+    ELASTIC,
+    MATERIALS,
+    MODULUS_RATIO,
+    ConstantFactor,
+    LayerContact,
+    Limit,
+    MeasuredError,
+    PublishedCorrection,
+)
 from underlay.mechanics.published.gao1992 import gao_weights
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.limits import Limit
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import MATERIALS, MODULUS_RATIO
 
 __all__ = ["PUNCH"]
 

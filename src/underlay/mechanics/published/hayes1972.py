@@ -13,11 +13,14 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from underlay.errors import InputError
-from underlay.mechanics.published.correction import RIGID_BONDED, PublishedCorrection
-from underlay.mechanics.published.factor import ConstantFactor
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import LAYER_NU
+from underlay.mechanics.published.correction import (
+    LAYER_NU,
+    RIGID_BONDED,
+    ConstantFactor,
+    LayerContact,
+    MeasuredError,
+    PublishedCorrection,
+)
 
 __all__ = ["PUNCH"]
 

@@ -16,11 +16,14 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.published.correction import RIGID_BONDED, PublishedCorrection
-from underlay.mechanics.published.factor import Factor
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import LAYER_NU
+from underlay.mechanics.published.correction import (
+    LAYER_NU,
+    RIGID_BONDED,
+    Factor,
+    LayerContact,
+    MeasuredError,
+    PublishedCorrection,
+)
 
 __all__ = ["SPHERE"]
 

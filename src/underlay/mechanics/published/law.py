@@ -1,9 +1,15 @@
-"""The contact law of a published correction: the half-space force times its factor."""
+"""The published corrections by name, and the contact law of one.
+
+The corrections there are, and the one that fits a name and a test.
+
+The contact law of a published correction: the half-space force times its factor.
+"""
 
 from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 import numpy as np
 
@@ -12,18 +18,103 @@ from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
-from underlay.mechanics.indenters import Sphere
-from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
-from underlay.mechanics.published.factor import Factor
-from underlay.mechanics.published.layer_contact import LayerContact, tip_of
-from underlay.mechanics.published.limits import Limit, OutOfRange
-from underlay.mechanics.published.quantities import DEPTH_OVER_RADIUS
-from underlay.mechanics.published.registry import fitting_correction
+from underlay.mechanics.indenters import Indenter, Sphere
+from underlay.mechanics.published import (
+    clifford2009,
+    dimitriadis2002,
+    doss2019,
+    gao1992,
+    garcia2018,
+    gavara2012,
+    hay2011,
+    hayes1972,
+    hermanowicz2021,
+    long2011,
+    managuli2018,
+)
+from underlay.mechanics.published.correction import (
+    DEPTH_OVER_RADIUS,
+    ELASTIC,
+    KINDS,
+    Factor,
+    LayerContact,
+    Limit,
+    OutOfRange,
+    PublishedCorrection,
+    kind_of,
+    tip_of,
+)
 
-__all__ = ["PublishedLaw", "published_law"]
+__all__ = ["PublishedLaw", "fitting_correction", "published_corrections", "published_law", "published_names"]
+
+_CORRECTIONS = (
+    dimitriadis2002.BONDED,
+    dimitriadis2002.UNBONDED,
+    garcia2018.SPHERE,
+    garcia2018.CONE,
+    garcia2018.PUNCH,
+    gavara2012.CONE,
+    managuli2018.CONE,
+    long2011.SPHERE,
+    hermanowicz2021.SPHERE,
+    hayes1972.PUNCH,
+    clifford2009.SPHERE,
+    doss2019.SPHERE,
+    gao1992.PUNCH,
+    hay2011.PUNCH,
+)
+
+
+_NAMES = tuple(dict.fromkeys(correction.name for correction in _CORRECTIONS))
+
+
+def published_corrections() -> tuple[PublishedCorrection, ...]:
+    """Every published correction the library knows, with its source, range and assumptions.
+
+    Examples
+    --------
+    >>> [c.indenter for c in published_corrections() if c.name == "garcia2018"]
+    ['sphere', 'cone', 'flat punch']
+    """
+    return _CORRECTIONS
+
+
+def published_names() -> tuple[str, ...]:
+    """List the names of the corrections, each once."""
+    return _NAMES
+
+
+def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> PublishedCorrection:
+    """Find the correction called `name` for this kind of indenter, or check one that was handed in.
+
+    Raises
+    ------
+    InputError
+        If there is no such name, or it holds for other indenters.
+    """
+    known = (name,) if isinstance(name, PublishedCorrection) else _CORRECTIONS
+    name = name.name if isinstance(name, PublishedCorrection) else name
+    named = {c.indenter: c for c in known if c.name == name}
+    if not named:
+        near = get_close_matches(name, published_names(), n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        raise InputError(
+            f"no published correction is called {name!r}.{hint} Known: {', '.join(published_names())}"
+        )
+    kind = kind_of(indenter)
+    if kind not in named:
+        shapes = " or ".join(shape.__name__ for needed in named for shape in KINDS[needed])
+        raise InputError(
+            f"{name} needs a {' or a '.join(named)} ({shapes}); got {indenter!r}. "
+            'the solver "exact" takes every shape'
+        )
+    return named[kind]
+
 
 # Where a formula is watched for a force that stops growing. The factors are smooth in the contact size.
 _WATCHED_DEPTHS = 200
+
+
 # The paraboloid that stands for a true sphere has a contact as wide as the sphere at d = R, and wider below.
 _WITHIN_RADIUS = Limit(DEPTH_OVER_RADIUS, 0.0, 1.0)
 

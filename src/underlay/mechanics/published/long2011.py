@@ -15,12 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.published.correction import RIGID_BONDED, PublishedCorrection
-from underlay.mechanics.published.factor import Factor
-from underlay.mechanics.published.layer_contact import LayerContact
-from underlay.mechanics.published.limits import Limit
-from underlay.mechanics.published.measured_error import MeasuredError
-from underlay.mechanics.published.quantities import DEPTH_OVER_RADIUS, DEPTH_RATIO, LAYER_NU, RADIUS_RATIO
+from underlay.mechanics.published.correction import (
+    DEPTH_OVER_RADIUS,
+    DEPTH_RATIO,
+    LAYER_NU,
+    RADIUS_RATIO,
+    RIGID_BONDED,
+    Factor,
+    LayerContact,
+    Limit,
+    MeasuredError,
+    PublishedCorrection,
+)
 
 __all__ = ["SPHERE"]
 

@@ -18,8 +18,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_curve import RadiusGuess
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, RadiusGuess
 from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
@@ -34,8 +33,7 @@ from underlay.mechanics.exact.nodes import Resolution, curve_terms
 from underlay.mechanics.exact.punch_solution import proved_resolution
 from underlay.mechanics.exact.radius_series import RadiusSeries
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
-from underlay.mechanics.stuck.growth import Growth, chebyshev_radii
-from underlay.mechanics.stuck.stuck_punch import StuckPunch
+from underlay.mechanics.stuck.stuck_punch import Growth, StuckPunch, chebyshev_radii
 
 __all__ = ["stuck_law"]
 

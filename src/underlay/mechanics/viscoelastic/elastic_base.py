@@ -28,7 +28,7 @@ from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.relaxation import Modes, Relaxation
 from underlay.mechanics.response import Response, checked_times
-from underlay.mechanics.viscoelastic.creep import Creep
+from underlay.mechanics.viscoelastic.bed import Creep
 
 __all__ = [
     "QUASI_ELASTIC_ERROR",

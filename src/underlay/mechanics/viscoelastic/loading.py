@@ -1,4 +1,16 @@
-"""The force while the contact does not shrink: P(t) = int e(t - s) dP_el(w(s)) (Lee and Radok 1960)."""
+"""The force while the contact grows, and after its maximum.
+
+The force while the contact does not shrink: P(t) = int e(t - s) dP_el(w(s)) (Lee and Radok 1960).
+
+The force after a maximum, by the equal radius on the way in (Ting 1966).
+
+With t1(t) the last earlier time at which the contact had the radius it has at t,
+
+    int_{t1}^t e(t - s) w'(s) ds = 0,    P(t) = int_0^{t1} e(t - s) dP_el(w(s)),
+
+and the contact is lost where the first integral is not positive from the first contact on. t1 depends on the
+motion alone (`equal_radius`): it is the same for every tip and every layer.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +23,10 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.response import Elastic
-from underlay.mechanics.viscoelastic.memory import Memory
+from underlay.mechanics.viscoelastic.equal_radius import EqualRadius, at
+from underlay.mechanics.viscoelastic.memory import Memory, curved, even
 
-__all__ = ["Loading", "ModeSlopes", "WayIn"]
+__all__ = ["Loading", "ModeSlopes", "Unloading", "WayIn"]
 
 
 class ModeSlopes(NamedTuple):
@@ -140,3 +153,135 @@ class Loading:
     @cached_property
     def _way_in(self) -> WayIn:
         return WayIn(np.maximum(self.depth, 0.0))
+
+
+@dataclass(frozen=True)
+class Unloading:
+    """The map from an elastic force to that of one motion that grows, rests, and shrinks from then on.
+
+    Of many sets of parameters with motions that turn at the same point, the arrays have the sets before the points.
+
+    Parameters
+    ----------
+    path : FloatArray
+        Depths (m) of all points, negative before contact, (..., n).
+    turn : int
+        Number of the last point of the way in.
+    memory : Memory
+        Clock of all points.
+    found : EqualRadius
+        Of the points after that.
+    """
+
+    path: FloatArray
+    turn: int
+    memory: Memory
+    found: EqualRadius
+
+    def __call__(self, elastic: Elastic) -> FloatArray:
+        """Force (N), of the shape of the depths."""
+        memory, found = self.memory, self.found
+        values, bend, load = self._loads(elastic)
+        z = memory.integrals(values, bend)
+        force = np.zeros(self.path.shape)
+        force[..., : self.turn + 1] = memory.modes.constant * values + memory.weighted(z)
+        z1 = self._at_equal_radius(z, values, bend, load)
+        z1 *= self._left
+        out = memory.modes.constant * load + memory.weighted(z1)
+        force[..., self._out] = out if found.held.all() else np.where(found.held, out, 0.0)
+        return force
+
+    def mode_slopes(self, elastic: Elastic, stiffness: Elastic) -> ModeSlopes:
+        """d force / d number of the modes, from the elastic force (N) and stiffness k (N/m).
+
+        t1 moves with e(t) so that its condition holds. Both force and condition change with t1 by e(t - t1), so
+        dP = int_0^{t1} de(t - s) dP_el + k(w(t1)) int_{t1}^t de(t - s) dw.
+        """
+        modes, found, count = self.memory.modes, self.found, self.path.shape[-1]
+        n, tau, way_in = found.step, self.memory.tau, slice(self.turn + 1)
+        values, bend, load = self._loads(elastic)
+        z = self.memory.integrals(values, bend)
+        in_time = self.memory.integral_slopes(z, values, bend)
+        bent = self._past - self._even
+        in_time1 = self._past * (in_time[:, n] + self._part / tau * z[:, n]) - bent / tau * (load - values[n])
+        in_time1 -= (bent - 2.0 * self._curved) / tau * self._bend_within(bend)
+        z1 = self._at_equal_radius(z, values, bend, load)
+        y, y1, y_time, y_time1 = self._travelled
+        left, out, k = self._left, self._out, stiffness(found.depth)
+        gone = (self.memory.time[out] - found.time) / tau**2
+        constant, weights, times = np.zeros(count), np.zeros((len(tau), count)), np.zeros((len(tau), count))
+        constant[way_in], weights[:, way_in], times[:, way_in] = values, z, in_time
+        constant[out] = np.where(found.held, load + k * (self.path[out] - found.depth), 0.0)
+        weights[:, out] = np.where(found.held, left * z1 + k * (y[:, out] - left * y1), 0.0)
+        later = left * (in_time1 + gone * z1) + k * (y_time[:, out] - left * (y_time1 + gone * y1))
+        times[:, out] = np.where(found.held, later, 0.0)
+        return ModeSlopes(constant, weights, modes.weights[:, None] * times)
+
+    def _loads(self, elastic: Elastic) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Elastic forces on the way in, their bend in each step, and those at t1: asked in one call."""
+        way_in = self._way_in
+        answers = elastic(np.concatenate((way_in.asked, self.found.depth), axis=-1))
+        count = way_in.asked.shape[-1]
+        return *way_in.read(answers[..., :count]), answers[..., count:]
+
+    def _at_equal_radius(
+        self, z: FloatArray, values: FloatArray, bend: FloatArray, load: FloatArray
+    ) -> FloatArray:
+        """z_k at t1, (K, ..., m)."""
+        z1 = at(z, self.found.step)
+        z1 *= self._past
+        z1 += self._even * (load - at(values, self.found.step))
+        z1 += self._curved * self._bend_within(bend)
+        return z1
+
+    def _bend_within(self, bend: FloatArray) -> FloatArray:
+        """Bend of the elastic force over the part of its step up to t1."""
+        return np.asarray(at(bend, self.found.step) * self.found.share**2)
+
+    @cached_property
+    def _way_in(self) -> WayIn:
+        return WayIn(np.maximum(self.path[..., : self.turn + 1], 0.0))
+
+    @cached_property
+    def _travelled(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """y_k at every point and at t1, (K, n) and (K, m), and their derivatives in tau_k."""
+        found, tau = self.found, self.memory.tau
+        n = found.step
+        path = np.array(self.path)
+        path[: self.turn + 1] = np.maximum(path[: self.turn + 1], 0.0)
+        y = self.memory.integrals(path)
+        in_time = self.memory.integral_slopes(y, path)
+        rise = found.depth - path[n]
+        y1 = self._past * y[:, n] + self._even * rise
+        in_time1 = self._past * (in_time[:, n] + self._part / tau * y[:, n])
+        return y, y1, in_time, in_time1 - (self._past - self._even) / tau * rise
+
+    @property
+    def _out(self) -> slice:
+        """The points of the way out up to the last in contact."""
+        return slice(self.turn + 1, self.turn + 1 + self.found.depth.shape[-1])
+
+    @cached_property
+    def _part(self) -> FloatArray:
+        """Time from the beginning of its step to t1, over every relaxation time, (K, ..., m)."""
+        return np.asarray(self.found.elapsed / self.memory.tau)
+
+    @cached_property
+    def _past(self) -> FloatArray:
+        """exp(-part), (K, ..., m)."""
+        return np.exp(-self._part)
+
+    @cached_property
+    def _even(self) -> FloatArray:
+        """g1 of `_part`, (K, ..., m)."""
+        return even(self._part)
+
+    @cached_property
+    def _curved(self) -> FloatArray:
+        """g2 of `_part`, (K, ..., m)."""
+        return curved(self._part, self._even)
+
+    @cached_property
+    def _left(self) -> FloatArray:
+        """exp(-(t - t1) / tau), (K, ..., m)."""
+        return np.exp((self.found.time - self.memory.time[self._out]) / self.memory.tau)

@@ -11,7 +11,7 @@ from underlay.errors import InputError
 from underlay.report.plots.style import ACCENT, DATA, FIT, GREY, PURPLE, REFERENCE, axes, style, unit_for
 
 if TYPE_CHECKING:
-    from underlay.inference.least_squares import Fit
+    from underlay.inference.least_squares.fit_result import Fit
     from underlay.mechanics.contact_law import ContactLaw
     from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene

@@ -1,25 +1,101 @@
-"""A quantity by position: what a map of many curves shows."""
+"""A map at a glance.
+
+How a quantity is distributed over the curves of a map.
+
+A quantity by position: what a map of many curves shows.
+
+A map at a glance: modulus, its standard error, thickness and verdict by position, and a histogram.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from scipy import spatial
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.report.labels import label
-from underlay.report.plots.style import GREY, SEQUENTIAL, axes, style, unit_for, unit_of
+from underlay.report.plots.style import (
+    ACCENT,
+    FIT,
+    GREY,
+    INK,
+    PAGE,
+    REFERENCE,
+    SEQUENTIAL,
+    YELLOW,
+    axes,
+    in_words,
+    style,
+    unit_for,
+    unit_of,
+)
 from underlay.scene.parameters import kind_of
 
-__all__ = ["map"]
+__all__ = ["histogram", "map", "survey", "verdicts"]
+
+_SHOWN = (0.005, 0.995)
+
+
+def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None = None) -> Axes:
+    """Draw the distribution of one column of a map, with its median.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        One row per curve, such as the result of `fit_many` (SI).
+    column : str, default "layer.E"
+        What to draw.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    InputError
+        If there is no such column, or no value in it.
+    """
+    if column not in table.columns:
+        there = ", ".join(str(name) for name in table.columns)
+        raise InputError(f"the table has no column {column!r}; it has {there}")
+    values = table[column].to_numpy(dtype=float)
+    known = values[np.isfinite(values)]
+    if not known.size:
+        raise InputError(f"no curve of the map has a value of {column!r}")
+    kind = kind_of(column.removesuffix(".stderr"))
+    unit, factor = unit_of(float(np.median(np.abs(known))), kind)
+    with style():
+        ax = axes(ax, height=2.3)
+        # A handful of wild values must not squeeze the others into one bar; they are counted at the ends.
+        ends = np.quantile(known, _SHOWN)
+        inside = np.minimum(np.maximum(known, ends[0]), ends[1])
+        bins = max(8, min(60, int(np.sqrt(known.size))))
+        ax.hist(inside / factor, bins=bins, color=FIT, alpha=0.85)
+        middle = float(np.median(known))
+        ax.axvline(middle / factor, color=INK, lw=1.0, ls="--")
+        ax.set_title(f"{known.size} curves, median {in_words(middle, kind)}")
+        ax.set_xlabel(f"{label(column)} ({unit})" if unit else label(column))
+        ax.set_ylabel("curves")
+        ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+    return ax
+
 
 # Drawn over their own edges, neighbours leave no white lines between them.
 _NO_GAPS: Any = {"edgecolors": "face", "lw": 0.2}
+
+
 _ALONE = 1e-6  # m; a single site has no neighbour to measure its square by
 
 
@@ -92,3 +168,74 @@ def _squares(across: FloatArray, up: FloatArray) -> FloatArray:
     half = 0.5 * float(np.median(apart)) if apart.size else _ALONE
     corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     return np.asarray(sites[:, None, :] + corners)
+
+
+_VERDICTS = (("good", ACCENT, "o"), ("doubtful", YELLOW, "^"), ("refused", REFERENCE, "x"))
+
+
+def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
+    """Draw what a map found.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Result of `fit_many`.
+    column : str, default "layer.E"
+        The parameter to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+        Of the first panel; without positions there is only the histogram.
+
+    Raises
+    ------
+    InputError
+        If no curve has a value.
+    """
+    placed = np.isfinite(table[["x", "y"]].to_numpy(dtype=float)).all(axis=1)
+    with style():
+        if not placed.any():
+            return histogram(table, column)
+        here = table[placed]
+        maps = [name for name in (column, f"{column}.stderr", "layer.thickness") if _has_values(here, name)]
+        maps = list(dict.fromkeys(maps))
+        panels = len(maps) + 2
+        rows = -(-panels // 2)
+        # The maps' colour bars stand outside their axes.
+        layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08)
+        figure, grid = plt.subplots(rows, 2, figsize=(PAGE, 2.7 * rows), layout=layout)
+        axes = list(grid.ravel())
+        for name, ax in zip(maps, axes, strict=False):
+            map(here, name, ax=ax)
+        verdicts(here, ax=axes[len(maps)])
+        histogram(table, column, ax=axes[len(maps) + 1])
+        for ax in axes[panels:]:
+            figure.delaxes(ax)
+    first: Axes = axes[0]
+    return first
+
+
+def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None = None) -> Axes:
+    """Draw the verdict on every curve by position, by colour and by shape."""
+    across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
+    length, scale = unit_of(float(max(np.ptp(across), np.ptp(up))), "length")
+    with style():
+        if ax is None:
+            ax = plt.subplots(figsize=(0.5 * PAGE, 2.7), layout="constrained")[1]
+        size = max(0.5, min(6.0, 110.0 / np.sqrt(len(table))))
+        handles = []
+        for name, colour, marker in _VERDICTS:
+            these = (table["verdict"] == name).to_numpy()
+            ax.plot(across[these] / scale, up[these] / scale, marker, ms=size, color=colour, ls="none")
+            words = f"{name} ({np.count_nonzero(these)})"
+            handles.append(Line2D([], [], marker=marker, color=colour, ls="none", ms=4.0, label=words))
+        ax.set_aspect("equal")
+        ax.set_xlabel(f"x ({length})")
+        ax.set_ylabel(f"y ({length})")
+        ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return ax
+
+
+def _has_values(table: pd.DataFrame, name: str) -> bool:
+    return name in table.columns and bool(np.isfinite(table[name].to_numpy(dtype=float)).any())

@@ -1,4 +1,9 @@
-"""The picture of the modulus depth by depth: with the layer in the model and without, and what is expected."""
+"""The modulus depth by depth, of a fit and of a film.
+
+The picture of the modulus depth by depth: with the layer in the model and without, and what is expected.
+
+The picture of a film: its modulus depth by depth, with the base in the model and without.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +14,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
-from underlay.report.plots.style import FIT, PAGE, REFERENCE, style, unit_for
+from underlay.report.plots.style import FIT, PAGE, REFERENCE, axes, style, unit_for
 
 if TYPE_CHECKING:
+    from underlay.inference.films import StiffnessFit
     from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus
 
-__all__ = ["pointwise_modulus"]
+__all__ = ["film", "pointwise_modulus"]
 
 # Over the largest modulus of a panel; what noise throws further out is cut off.
 _HEADROOM, _USUAL = 1.25, 0.9
@@ -108,3 +114,55 @@ def _draw(
     )
     panel.plot(depth, curve.modulus / pascal, ".-", ms=3.0, lw=0.9, color=color, label=name)
     panel.plot(depth, curve.expected / pascal, "--", lw=1.0, color=color)
+
+
+# Standard deviations to the ends of 95 %.
+_WIDTH = 1.96
+
+
+def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
+    """Draw what the contact stiffness says of a film at each depth.
+
+    Parameters
+    ----------
+    found : StiffnessFit
+        What `fit_stiffness` returned.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    table = found.table
+    depth, bare = table["depth"].to_numpy(), table["half-space modulus"].to_numpy()
+    length, metre = unit_for(depth, "length")
+    name, pascal = unit_for(bare, "pressure")
+    with style():
+        panel = axes(ax)
+        panel.plot(
+            depth / metre, bare / pascal, ".-", ms=3.0, lw=0.9, color=REFERENCE, label="half-space formula"
+        )
+        if "layer modulus" in table:
+            layer = table["layer modulus"].to_numpy()
+            noise = table["layer modulus noise"].to_numpy() / layer
+            if np.isfinite(noise).all():
+                low, high = (layer * np.exp(sign * _WIDTH * noise) / pascal for sign in (-1.0, 1.0))
+                panel.fill_between(
+                    depth / metre, low, high, color=FIT, alpha=0.2, lw=0.0, label="noise, 95 %"
+                )
+            panel.plot(
+                depth / metre,
+                layer / pascal,
+                ".-",
+                ms=3.0,
+                lw=0.9,
+                color=FIT,
+                label="film, base in the model",
+            )
+            panel.axhline(found.values["layer.E"] / pascal, ls="--", lw=1.0, color=FIT, label="fit")
+        panel.set_ylim(0.0)
+        panel.set_xlabel(f"depth ({length})")
+        panel.set_ylabel(f"modulus ({name})")
+        panel.legend(loc="best")
+    return panel

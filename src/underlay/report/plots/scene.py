@@ -1,4 +1,9 @@
-"""The test drawn to scale: indenter, layer, substrate and contact at one depth."""
+"""The test drawn to scale, and how large each of its effects is.
+
+The test drawn to scale: indenter, layer, substrate and contact at one depth.
+
+The picture of a scene's effects: how large each one is at every depth, beside the accuracy asked.
+"""
 
 from __future__ import annotations
 
@@ -7,23 +12,47 @@ from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.body import Base
-from underlay.mechanics.solvers import AnySolver
+from underlay.mechanics.indenters import FlatPunch
+from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.quantities import numbers_of
-from underlay.report.plots.style import COLUMN, INK, LAYER, METAL, SUBSTRATE, axes, in_words, style, unit_of
+from underlay.report.plots.style import (
+    COLUMN,
+    GREY,
+    INK,
+    LAYER,
+    METAL,
+    SUBSTRATE,
+    axes,
+    in_words,
+    style,
+    unit_for,
+    unit_of,
+)
+from underlay.scene.effects import effect_sizes
 from underlay.scene.scene import Scene
 
-__all__ = ["scene"]
+__all__ = ["effects", "scene"]
 
 # The picture is at least this many contact radii wide on either side, and a thickness deeper than so many
 # contact radii is cut off at the bottom, and said so.
 _WIDTH, _DEEPEST = 2.6, 5.0
+
+
 _POINTS = 400
+
+
 # A layer thinner than this share of the picture has no room for words.
 _THIN = 0.2
+
+
 # Deeper layers in turn, so that neighbours differ.
 _SHADES = ("#d9e5c3", "#efd9b8")
+
+
 # What is said of a lower face.
 _BONDS = {"bonded": "", "slip": ",\nfree to slip", "unknown": ",\nbond unknown"}
+
+
 # Inches: room for names beside the picture, the picture without it, and the least between two lines of names.
 _BESIDE, _PICTURE, _LINE = 2.3, (2.8, 2.0), 0.17
 
@@ -216,3 +245,90 @@ def _material(material: Base | None) -> str:
 
 def _mirrored(r: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([-r[:0:-1], r]), np.concatenate([values[:0:-1], values])
+
+
+_EFFECTS_POINTS = 120
+
+
+# Three decades of depth show where an effect sets in.
+_SHALLOWEST = 1e-3
+
+
+def effects(
+    scene: Scene,
+    max_depth: float | None = None,
+    solver: AnySolver = "auto",
+    *,
+    title: str = "",
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the size of each effect of a scene against depth.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test.
+    max_depth : float, optional
+        Deepest point (m) since contact; by default where the contact radius on a half-space is the layer's
+        thickness, or half the tip's radius where that comes first.
+    solver : Solver or str, default "auto"
+        Which contact law; see `contact_law`. Its tolerance, where it has one, is drawn as a line: what lies
+        below it need not be simulated.
+    title : str, optional
+        Written above the names of the effects, e.g. which curves the scene is of.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    wanted = as_solver(solver)
+    deepest = _usual_depth(scene) if max_depth is None else max_depth
+    sizes = effect_sizes(scene, deepest * np.geomspace(_SHALLOWEST, 1.0, _EFFECTS_POINTS), wanted)
+    depth = sizes.pop("depth").to_numpy()
+    length, unit = unit_for(depth, "length")
+    with style():
+        drawn = axes(ax, height=3.2)
+        for name, size in sizes.items():
+            if not size.any():  # nothing has no place on a logarithmic axis
+                continue
+            drawn.loglog(
+                depth / unit, 100.0 * np.abs(size.to_numpy()), label=_label(str(name), size.iloc[-1])
+            )
+        if wanted.tolerance:
+            drawn.axhline(100.0 * wanted.tolerance, color=GREY, ls=":", lw=1.0)
+            drawn.annotate(
+                f"rtol = {wanted.tolerance:g}",
+                # On the right, where effects are large.
+                (0.99, 100.0 * wanted.tolerance),
+                xycoords=("axes fraction", "data"),
+                ha="right",
+                va="bottom",
+                fontsize=7.0,
+            )
+        drawn.set_xlabel(f"depth since contact ({length})")
+        drawn.set_ylabel("change of the force (%)")
+        if len(sizes.columns):
+            drawn.legend(
+                loc="lower left",
+                bbox_to_anchor=(0.0, 1.0),
+                borderaxespad=0.2,
+                title=title or None,
+                alignment="left",
+            )
+    return drawn
+
+
+def _label(name: str, size: float) -> str:
+    return f"{name} ({100.0 * size:+.3g} %)"
+
+
+def _usual_depth(scene: Scene) -> float:
+    tip = scene.indenter
+    if isinstance(tip, FlatPunch):
+        return 0.1 * tip.radius
+    reach = min(scene.layer.thickness, 0.5 * tip.max_radius)
+    if not np.isfinite(reach):
+        reach = float(getattr(tip, "radius", 1e-6))
+    return float(tip.abel(np.array(reach)))

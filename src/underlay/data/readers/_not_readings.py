@@ -1,0 +1,317 @@
+"""What a table holds that is no reading: results, statistics, notes.
+
+Rows of statistics that a spreadsheet leaves below the readings: a mean is no reading.
+
+Tables of results, one row for each test, which look like the curve of one test: ASMEC, Fischer, typed ones.
+
+A row holds the force and the depth at the peak of a test, its modulus and its hardness. Read as a curve, 220
+tests of a public file (TriDiMap, ``ASMEC_example_20x11.xlsx``) were 220 points. What tells them: a name in every
+row, words for what only a whole test has (its work, its creep, its final depth), or a modulus beside depths and
+forces that leap from row to row. A curve that carries its modulus point by point, as of a continuous stiffness,
+does none of it.
+
+What a table holds beside the columns that are read of it, and that it holds several tests, as notes.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay._text import names_there
+from underlay.data.readers._source import Source
+from underlay.data.readers._text import is_number, split_label
+from underlay.errors import FileFormatError
+from underlay.units import kind_of
+
+__all__ = ["begins_again", "namesakes", "plain", "require_readings", "rivals", "without_statistics"]
+
+# In small letters, without what ends an abbreviation or goes before the number. Single letters are not here: they
+# may be anybody's remark on the last reading.
+_WORDS = frozenset(
+    (
+        *("mean", "average", "avg", "median", "max", "maximum", "min", "minimum", "sum", "total", "count"),
+        *("sd", "s.d", "std", "stdev", "st.dev", "std.dev", "std dev", "standard deviation", "variance"),
+        *("sem", "s.e.m", "se", "standard error", "std error", "std.error", "cv", "cov", "range"),
+        *("mittelwert", "mittel", "standardabweichung", "stabw", "summe", "anzahl", "moyenne", "somme"),
+        *("écart type", "écart-type", "ecart type", "ecart-type", "media", "promedio", "mediana", "suma"),
+        *("desviación estándar", "desviacion estandar", "deviazione standard", "somma"),
+    )
+)
+
+
+# No word for a statistic is longer: who looks for brackets in a cell without end looks for long.
+_LONGEST = 60
+
+
+def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence[str]], tuple[str, ...]]:
+    """Rows of cells without those of statistics at the foot, and a note that names what was left out, if any.
+
+    A row of statistics holds a word for one in any of its cells, used or not; blank rows may stand between.
+    """
+    end = len(rows)
+    found: list[str] = []
+    for number in range(len(rows), 0, -1):
+        cells = [cell.strip().strip('"') for cell in rows[number - 1]]
+        word = next((cell for cell in cells if _is_statistic(cell)), None)
+        if word is None and any(cells):
+            break
+        if word is not None:
+            found.insert(0, word)
+        if found:
+            end = number - 1
+    if not found:
+        return rows, ()
+    return rows[:end], (f"not read: rows of statistics at the foot of the table, {names_there(found)}",)
+
+
+def _is_statistic(cell: str) -> bool:
+    """Whether a cell is a word for one, or several of them such as "Mean ± SD"; what stands in brackets aside."""
+    if len(cell) > _LONGEST:
+        return False
+    bare = re.sub(r"[(\[].*?[)\]]", "", cell.lower())
+    return all(_plain(part) in _WORDS for part in re.split(r"±|\+/?-|[/&]", bare))
+
+
+def _plain(words: str) -> str:
+    return words.rstrip(" .:=%()").strip()
+
+
+# What a whole test has once, in small letters: work, creep, recovery, values at the peak and after it.
+_OF_A_TEST = frozenset(
+    (
+        *("wtot", "welast", "wplast", "we", "wp", "nit", "ηit", "cit", "rit", "t rec", "average of"),
+        *("hmax", "fmax", "pmax", "hf", "hp", "hr", "max. force", "max. depth", "max force", "max depth"),
+        *("maximum force", "maximum depth", "max load", "maximum load", "peak load"),
+    )
+)
+
+
+_ENOUGH = 2
+
+
+# A reading may be named by its time, in words (8:00:16 AM, 26 Nov 2026), and have its unit beside each number.
+_CLOCK = re.compile(
+    r"(?:[\d\s:.,/+-]|[ap]\.?m\.?|[tz]|jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec|mon|tue|wed|thu|fri|sat|sun)*",
+    re.IGNORECASE,
+)
+
+
+_WITH_UNIT = re.compile(r"[+-]?[\d.,]+(?:e[+-]?\d+)?\s*[^\d\s_]{1,6}", re.IGNORECASE)
+
+
+_RESULTS_LONGEST = 200
+
+
+_FEWEST, _LOOKED_AT = 3, 200
+
+
+# A motion that passes over its range as often as a third of its rows allows leaps; one of many cycles has a dozen
+# readings a way.
+_LEAPS, _SHORTEST = 6.0, 8
+
+
+# Forces that differ by less are those of one load of many tests.
+_SAME = 0.02
+
+
+# What a column that counts tests is called; one that counts readings is "point" or "no.".
+_NUMBERED = frozenset(
+    (
+        *(
+            "test",
+            "test no",
+            "test number",
+            "test id",
+            "indent",
+            "indent no",
+            "indent number",
+            "indentation no",
+        ),
+        *(
+            "measurement",
+            "measurement no",
+            "specimen",
+            "specimen no",
+            "versuch",
+            "probe",
+            "messung",
+            "eindruck",
+        ),
+        *("essai", "mesure", "ensayo", "prova"),
+    )
+)
+
+
+def require_readings(
+    source: Source,
+    labels: Sequence[str],
+    units: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    depth: FloatArray,
+    force: FloatArray,
+) -> None:
+    """Refuse a table of results.
+
+    Parameters
+    ----------
+    labels, units : sequence of str
+        Of all columns.
+    rows : sequence of sequences of str
+        All cells.
+    depth, force : ndarray (n,)
+        As read of them, in any unit.
+
+    Raises
+    ------
+    FileFormatError
+        If its rows are tests and not readings.
+    """
+    why = (
+        _names_of_tests(labels, rows)
+        or _words_of_tests(labels)
+        or _tests_beside_moduli(labels, units, rows, depth, force)
+    )
+    if why:
+        raise FileFormatError(
+            f"{source.name} is a table of results, a row for each test, not the readings of one: {why}. Export the "
+            "readings of each test, its depth, force and time; if the rows are readings after all, give columns "
+            "with both names, such as columns={'depth': 'h (um)', 'force': 'F (mN)'}"
+        )
+
+
+def _names_of_tests(labels: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    some = rows[:_LOOKED_AT]
+    if len(some) < _FEWEST:
+        return ""
+    first = some[0]
+    for index, label in enumerate(labels):
+        # Nearly all columns end here.
+        if index >= len(first) or not _is_name(first[index]):
+            continue
+        names = [row[index].strip().strip('"') for row in some if index < len(row)]
+        if len(set(names)) == len(some) and all(map(_is_name, names)):
+            return f"the column {label.strip()!r:.80} names each row, as {names[0]!r:.40}"
+    return ""
+
+
+def _is_name(cell: str) -> bool:
+    text = cell.strip().strip('"')
+    if not text or len(text) > _RESULTS_LONGEST or is_number(text):
+        return False
+    return _CLOCK.fullmatch(text) is None and _WITH_UNIT.fullmatch(text) is None
+
+
+def _words_of_tests(labels: Sequence[str]) -> str:
+    found = [label for label in labels if split_label(label)[0].strip().lower() in _OF_A_TEST]
+    return f"it has {names_there(found)}" if len(found) >= _ENOUGH else ""
+
+
+def _tests_beside_moduli(
+    labels: Sequence[str],
+    units: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    depth: FloatArray,
+    force: FloatArray,
+) -> str:
+    moduli = [
+        label for label, unit in zip(labels, units, strict=True) if unit and kind_of(unit) == "pressure"
+    ]
+    if not moduli:
+        return ""
+    there = f"it has {names_there(moduli)}, and"
+    for index, label in enumerate(labels):
+        if split_label(label)[0].strip(" .#").lower() in _NUMBERED:
+            numbers = [row[index].strip() for row in rows[:_LOOKED_AT] if index < len(row)]
+            if len(numbers) >= _FEWEST and len(set(numbers)) == len(numbers):
+                return f"{there} the column {label.strip()!r:.80} numbers its rows"
+    if not _leaping(depth):
+        return ""
+    if _leaping(force):
+        return f"{there} its depths and forces leap from row to row"
+    if np.ptp(force) <= _SAME * np.abs(np.median(force)):
+        return f"{there} its depths leap from row to row while its forces are all the same"
+    return ""
+
+
+def _leaping(values: FloatArray) -> bool:
+    values = values[np.isfinite(values)]
+    if len(values) < _SHORTEST:
+        return False
+    return float(np.abs(np.diff(values)).sum()) > float(np.ptp(values)) * len(values) / _LEAPS
+
+
+# A depth that goes on does not leap by this share of its range between two readings.
+_LEAP = 0.3
+
+
+def plain(name: str) -> str:
+    """Name in small letters without accents, however these are coded."""
+    if name.isascii():
+        return name.strip().lower()
+    letters = unicodedata.normalize("NFKD", name.strip().lower())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter)).replace("’", "'")
+
+
+def namesakes(
+    labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str] | None
+) -> tuple[str, ...]:
+    """Notes of columns that share the name of the one that is read, the first: another unit, or another test."""
+    names = [plain(split_label(label)[0]) for label in labels]
+    notes = []
+    for role, index in columns.items():
+        label = labels[index].strip()
+        others = [labels[i].strip() for i, name in enumerate(names) if name == names[index] and i != index]
+        chosen = plain((mapping or {}).get(role, "").strip().removeprefix("-")) == plain(label)
+        if others and (label in others or not chosen):
+            told = ", ".join(map(repr, others))
+            notes.append(
+                f"the {role} is read from the first column of its name, {label!r}; not read: {told}. Choose by "
+                "the whole name in columns, or split a file that holds several tests side by side"
+            )
+    return tuple(notes)
+
+
+def rivals(
+    labels: Sequence[str],
+    columns: Mapping[str, int],
+    mapping: Mapping[str, str] | None,
+    known: Mapping[str, Sequence[str]],
+) -> tuple[str, ...]:
+    """Notes of columns of another name that would be read as well, were the one that is read not there."""
+    names = [plain(split_label(label)[0]) for label in labels]
+    notes = []
+    for role, index in columns.items():
+        if role in (mapping or {}) or not known.get(role):
+            continue
+        others = [
+            labels[i].strip() for i, name in enumerate(names) if name in known[role] and name != names[index]
+        ]
+        if others:
+            notes.append(
+                f"the {role} is read from {labels[index].strip()!r:.80}; not read: {names_there(others)}, which "
+                "may be one too. Say which in columns"
+            )
+    return tuple(notes)
+
+
+def begins_again(depth: FloatArray, time: FloatArray | None) -> tuple[str, ...]:
+    """Note that time and depth both begin again: tests one below the other. With every segment time alone does."""
+    if time is None:
+        return ()
+    there = depth[np.isfinite(depth)]
+    back = np.flatnonzero(time[1:] < time[:-1]) + 1
+    if not there.size or not back.size:
+        return ()
+    rows = back[np.abs(depth[back] - depth[back - 1]) > _LEAP * np.ptp(there)]
+    if not rows.size:
+        return ()
+    note = (
+        f"time and depth begin again in row {rows[0] + 1} of the table: the file looks like {rows.size + 1} tests "
+        "one below the other, read as one; split it into one file a test"
+    )
+    return (note,)

@@ -1,0 +1,493 @@
+"""The open benchmark of layered indentation: curves with their truth, and what an estimate of them is worth.
+
+The cases of the benchmark: a curve, the scene that a user is told, and the truth that he is not.
+
+Ways from a curve of the benchmark to a modulus: the whole model, one contact law, another program.
+
+A contact law against the exact contact problem in twenty digits, and against finite elements.
+
+What an estimate of the modulus scores on the curves of the benchmark.
+"""
+
+from __future__ import annotations
+
+import csv
+import shlex
+import subprocess
+import warnings
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import FloatArray
+from underlay._door import FileKind, read_text
+from underlay._text import one_line
+from underlay.data.samples import sample
+from underlay.errors import FitError, InputError, UnderlayError, UnderlayWarning
+from underlay.inference.from_files import load_problem
+from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.fitting import quick_fit
+from underlay.inference.problem import Problem
+from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.contact import Contact
+from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.scene.scene_file import load_scene
+
+__all__ = [
+    "Case",
+    "Estimate",
+    "Estimator",
+    "Program",
+    "Score",
+    "Scores",
+    "against_finite_elements",
+    "against_references",
+    "benchmark",
+    "benchmark_cases",
+    "one_law",
+    "rows_of",
+    "whole_model",
+]
+
+_TABLE = FileKind("a table of the benchmark", 1_000_000, "install underlay again")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One curve of the benchmark.
+
+    Parameters
+    ----------
+    kind : str
+        What a simple formula leaves out: ``"elastic"`` (nothing), ``"stuck"``, ``"finite_strain"``, ...
+    noise : str
+        The world it was made in: ``"white"``, ``"proportional"``, ``"correlated"``, ``"depth"``, ``"drifting"``.
+    curve, scene : Path
+        Readings in SI, and what is known of the test.
+    modulus : float
+        The truth (Pa): Young's modulus of the layer, at once where it relaxes.
+    """
+
+    kind: str
+    noise: str
+    curve: Path
+    scene: Path
+    modulus: float
+
+
+def benchmark_cases(kinds: Collection[str] = ()) -> tuple[Case, ...]:
+    """Return the curves of some kinds of sample; of all where none is named.
+
+    Raises
+    ------
+    InputError
+        If there is no such kind.
+    FileAccessError
+        If the installation lacks the benchmark.
+    """
+    rows = rows_of("truth.csv")
+    known = list(dict.fromkeys(row["kind"] for row in rows))
+    for kind in kinds:
+        if kind not in known:
+            raise InputError(f"the benchmark has no kind {kind!r}; it has {', '.join(known)}")
+    return tuple(
+        Case(
+            row["kind"],
+            row["noise"],
+            sample(f"benchmark/{row['curve']}"),
+            sample(f"benchmark/{row['kind']}.toml"),
+            float(row["E (Pa)"]),
+        )
+        for row in rows
+        if row["kind"] in (kinds or known)
+    )
+
+
+def rows_of(name: str) -> list[dict[str, str]]:
+    """Rows of a table of the benchmark, without the comments above its header."""
+    lines = read_text(sample(f"benchmark/{name}"), _TABLE).splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+_MODULUS = "layer.E"
+
+
+_FREE = (_MODULUS, "instrument.contact_depth", "instrument.baseline")
+
+
+_ANSWER = FileKind("the answer of a program", 100_000, "let it write one number, the modulus in Pa")
+
+
+_SHOWN = 200  # characters of what a failed program said
+
+
+class Estimate(NamedTuple):
+    """A modulus (Pa) and the ends of its 95 % interval; NaN where none is given."""
+
+    modulus: float
+    low: float = np.nan
+    high: float = np.nan
+
+
+#: What is scored: takes a case and gives an estimate, or a modulus (Pa).
+Estimator: TypeAlias = Callable[[Case], Estimate | float]
+
+
+def whole_model(case: Case) -> Estimate:
+    """Fit the scene as it is told, with all that it says of the sample: what `underlay fit` prints."""
+    fitted = fit(load_problem(case.curve, case.scene))
+    told = fitted.interval(_MODULUS, model_error=True)
+    return Estimate(told.value, told.low, told.high)
+
+
+def one_law(solver: Solver) -> Estimator:
+    """Return what a user of one elastic contact law does: friction, time and adhesion are not in his model.
+
+    Of a test with a hold he fits the way in.
+    """
+
+    def estimate(case: Case) -> Estimate:
+        told = load_problem(case.curve, case.scene)
+        scene, curve = told.base_scenes[0], told.curves[0]
+        relaxes = scene.memory is not None
+        plain = replace(scene.elastic, adhesion=None, friction="none", finite_strain=None)
+        problem = Problem(
+            plain,
+            curve.loading() if relaxes else curve,
+            {path: told.free[path] for path in _FREE},
+            solver=solver,
+        )
+        return Estimate(quick_fit(problem).values[_MODULUS])
+
+    return estimate
+
+
+@dataclass(frozen=True)
+class Program:
+    """Another program, run on every curve.
+
+    Parameters
+    ----------
+    command : str
+        Its command line. ``{curve}`` stands for the CSV (SI, names in the first row that is no comment),
+        ``{scene}`` for the scene file, ``{answer}`` for the file that it writes the modulus (Pa) to, and any
+        number of the scene by its path, e.g. ``{indenter.radius}``, for its value in SI. Without ``{answer}`` the
+        modulus is the last word that it prints.
+    timeout : float
+        Seconds after which it is stopped.
+    """
+
+    command: str
+    timeout: float = 600.0
+
+    def __call__(self, case: Case) -> Estimate:
+        """Run it, without a shell, in an empty folder.
+
+        Raises
+        ------
+        FitError
+            If it cannot be run, fails, or answers with anything but a number.
+        """
+        with TemporaryDirectory() as folder:
+            answer = Path(folder) / "answer.txt"
+            printed = self._run(self._words(case, answer), folder)
+            text = read_text(answer, _ANSWER) if "{answer}" in self.command else printed
+        words = text.split()
+        try:
+            return Estimate(float(words[-1]))
+        except (IndexError, ValueError):
+            said = one_line(text, _SHOWN) or "nothing"
+            raise FitError(f"the program wrote {said} where a modulus in Pa was expected") from None
+
+    def _words(self, case: Case, answer: Path) -> list[str]:
+        known = {"curve": str(case.curve), "scene": str(case.scene), "answer": str(answer)}
+        known |= {path: repr(value) for path, value in load_scene(case.scene).parameters.items()}
+        words = shlex.split(self.command)
+        for path, value in known.items():
+            words = [word.replace(f"{{{path}}}", value) for word in words]
+        left = [word for word in words if "{" in word and "}" in word]
+        if left:
+            raise InputError(f"{left[0]}: the scene has no such number; there are {', '.join(known)}")
+        return words
+
+    def _run(self, words: list[str], folder: str) -> str:
+        try:
+            done = subprocess.run(  # noqa: S603  the user's own command, without a shell
+                words, cwd=folder, capture_output=True, text=True, timeout=self.timeout, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise FitError(f"the program was stopped after {self.timeout:g} s") from None
+        except OSError as error:
+            raise FitError(f"{words[0]} cannot be run: {error.strerror or error}") from error
+        if done.returncode:
+            last = (done.stderr.strip() or done.stdout.strip() or "without a word").splitlines()[-1]
+            raise FitError(f"the program failed with exit code {done.returncode}: {one_line(last, _SHOWN)}")
+        return done.stdout
+
+
+_KINDS = {"E", "nu"}
+
+
+#: Depth over thickness at which finite elements are compared.
+_DEPTHS = (0.1, 0.2, 0.3)
+
+
+def against_references(solver: AnySolver = "auto") -> pd.DataFrame:
+    """Compare the force of a law with the references of the exact contact problem.
+
+    Returns
+    -------
+    DataFrame
+        One row a shape and contact radius over thickness: pairs of materials that the law took, median and largest
+        size of its relative error.
+    """
+    law, rows = as_solver(solver), rows_of("contact_references.csv")
+    found: dict[tuple[str, str], list[float]] = {}
+    for row in rows:
+        found.setdefault((row["shape"], row["a/h"]), []).append(_reference_error(row, law))
+    table = []
+    for (shape, width), errors in found.items():
+        sizes = np.abs([error for error in errors if not np.isnan(error)])
+        table.append(
+            {
+                "shape": shape,
+                "a/h": float(width),
+                "pairs": f"{sizes.size} of {len(errors)}",
+                "median error": float(np.median(sizes)) if sizes.size else np.nan,
+                "largest error": float(sizes.max()) if sizes.size else np.nan,
+            }
+        )
+    return pd.DataFrame(table)
+
+
+def _reference_error(row: Mapping[str, str], solver: Solver) -> float:
+    """Error of the force over that of one reference; NaN where the law is not for this contact."""
+    radius = float(row["a/h"])
+    tip, halfspace_depth = _tip(row["shape"], radius)
+    # A punch goes as deep as one likes.
+    depth = float(row["w/H(a)"] or 1.0) * halfspace_depth
+    layer, base = _material(row["layer"]), _material(row["base"])
+    contact = Contact.of(tip, Layer(layer, 1.0), base)
+    force = float(row["P/(4 theta a H(a))"]) * 4.0 * contact.theta * radius * halfspace_depth
+    return float(_force(solver, contact, np.array([depth]))[0]) / force - 1.0
+
+
+def _force(solver: Solver, contact: Contact, depth: FloatArray) -> FloatArray:
+    """Force of the solver's law at increasing depths, (n,); NaN where it is not for this contact.
+
+    That a law is used outside its range is what is measured here, and not said again.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnderlayWarning)
+            return np.asarray(solver.law(contact, float(depth[-1])).force(depth))
+    except UnderlayError:
+        return np.full_like(depth, np.nan)
+
+
+def _tip(shape: str, radius: float) -> tuple[Indenter, float]:
+    """A tip of a shape, over the layer's thickness, and H(a) at a contact radius."""
+    small = 1e-3  # depths far below the thickness, so that nothing but a/h matters
+    if shape == "flat punch":
+        return FlatPunch(radius), small
+    exponent = float(shape.removeprefix("r^"))
+    coefficient = small / radius**exponent
+    tips = {1.0: Cone(np.arctan(1.0 / coefficient)), 2.0: Paraboloid(0.5 / coefficient)}
+    tip = tips.get(exponent, PowerLaw(exponent, coefficient))
+    return tip, float(tip.abel(np.array(radius)))
+
+
+def _material(cell: str) -> Any:
+    if cell == "rigid":
+        return RIGID
+    constants = {name: float(value) for name, value in (word.split("=") for word in cell.split())}
+    return Isotropic(**constants) if set(constants) == _KINDS else TransverselyIsotropic(**constants)
+
+
+def against_finite_elements(solver: AnySolver = "auto") -> pd.DataFrame:
+    """Compare the force of a law with finite elements of a sphere on a layer as thick as its radius.
+
+    Linear elements show what a law lacks of the contact problem; neo-Hookean ones what linear elasticity lacks.
+
+    Returns
+    -------
+    DataFrame
+        One row a Poisson's ratio, material and friction under the tip: relative error of the law at three depths.
+    """
+    law, rows = as_solver(solver), rows_of("finite_elements.csv")
+    curves: dict[tuple[str, str, str], list[tuple[float, float]]] = {}
+    for row in rows:
+        key = (row["nu"], row["material"], row["friction"])
+        curves.setdefault(key, []).append((float(row["w/h"]), float(row["P/(E h^2)"])))
+    table = []
+    for (nu, material, friction), points in curves.items():
+        depth, force = np.array(points).T
+        contact = Contact.of(Sphere(1.0), Layer(Isotropic(1.0, float(nu)), 1.0), RIGID)
+        told = _force(law, contact, depth)
+        # Where the elements found no equilibrium a curve ends early.
+        found = dict(zip(depth.tolist(), (told / force - 1.0).tolist(), strict=True))
+        errors = {f"w/h = {w:g}": found.get(w, np.nan) for w in _DEPTHS}
+        table.append({"nu": float(nu), "material": material, "friction": friction, **errors})
+    return pd.DataFrame(table)
+
+
+@dataclass(frozen=True)
+class Score:
+    """One estimate beside its truth.
+
+    Parameters
+    ----------
+    case : Case
+        The curve.
+    estimate : Estimate or None
+        None where there is none.
+    reason : str
+        Why there is none.
+    """
+
+    case: Case
+    estimate: Estimate | None
+    reason: str = ""
+
+    @property
+    def error(self) -> float:
+        """Error of the modulus over the truth; NaN without an estimate."""
+        return np.nan if self.estimate is None else self.estimate.modulus / self.case.modulus - 1.0
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the interval holds the truth; None where none was given."""
+        if self.estimate is None or not self.estimate.low < self.estimate.high:
+            return None
+        return self.estimate.low <= self.case.modulus <= self.estimate.high
+
+
+@dataclass(frozen=True)
+class Scores:
+    """What one way to a modulus scores.
+
+    Parameters
+    ----------
+    label : str
+        What was scored.
+    scores : tuple of Score
+        One for each curve.
+    """
+
+    label: str
+    scores: tuple[Score, ...]
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a curve: truth, estimate and its interval (Pa), error (%), and why there is none."""
+        return pd.DataFrame(
+            [
+                {
+                    "kind": score.case.kind,
+                    "noise": score.case.noise,
+                    "truth (Pa)": score.case.modulus,
+                    "estimate (Pa)": np.nan if score.estimate is None else score.estimate.modulus,
+                    "low (Pa)": np.nan if score.estimate is None else score.estimate.low,
+                    "high (Pa)": np.nan if score.estimate is None else score.estimate.high,
+                    "error (%)": 100.0 * score.error,
+                    "reason": score.reason,
+                }
+                for score in self.scores
+            ]
+        )
+
+    def summary(self) -> pd.DataFrame:
+        """One row a kind of sample: median and largest size of the error (%), intervals that hold the truth."""
+        rows = []
+        for kind in dict.fromkeys(score.case.kind for score in self.scores):
+            own = [score for score in self.scores if score.case.kind == kind]
+            sizes = [100.0 * abs(score.error) for score in own if score.estimate is not None]
+            held = [score.holds for score in own if score.holds is not None]
+            rows.append(
+                {
+                    "kind": kind,
+                    "answered": f"{len(sizes)} of {len(own)}",
+                    "median error (%)": float(np.median(sizes)) if sizes else np.nan,
+                    "largest error (%)": max(sizes, default=np.nan),
+                    "intervals hold the truth": f"{sum(held)} of {len(held)}" if held else "",
+                }
+            )
+        return pd.DataFrame(rows)
+
+
+def benchmark(
+    solver: AnySolver | None = None,
+    *,
+    estimate: Estimator | None = None,
+    kinds: Collection[str] = (),
+    progress: Callable[[Case], None] | None = None,
+) -> Scores:
+    """Score a way from a curve to a modulus on the open benchmark of layered indentation.
+
+    Accuracy is measured here; `underlay bench` measures speed.
+
+    Parameters
+    ----------
+    solver : Solver or str, optional
+        One elastic contact law, as most programs fit it. Without it, and without `estimate`, the whole model is
+        scored: what ``underlay fit`` makes of the scene as it is told.
+    estimate : callable, optional
+        Takes a `Case` (with the paths ``curve`` and ``scene``) and gives a modulus (Pa), or an `Estimate` with an
+        interval. An error that it raises is the score of that curve.
+    kinds : collection of str
+        Which kinds of sample; all by default.
+    progress : callable, optional
+        Called with each case before it is estimated.
+
+    Returns
+    -------
+    Scores
+        With ``to_frame()`` and ``summary()``.
+
+    Raises
+    ------
+    InputError
+        If both a solver and an estimate are given, or a name is not known.
+
+    Examples
+    --------
+    >>> found = benchmark(estimate=lambda case: 2e3, kinds=["elastic"])
+    >>> found.summary()["answered"].tolist()
+    ['5 of 5']
+    """
+    if solver is not None and estimate is not None:
+        raise InputError("give a solver or an estimate, not both")
+    if estimate is None:
+        chosen = None if solver is None else as_solver(solver)
+        way, label = (whole_model, "whole model") if chosen is None else (one_law(chosen), chosen.label)
+    else:
+        way, label = estimate, getattr(estimate, "__name__", type(estimate).__name__)
+    scores = []
+    for case in benchmark_cases(kinds):
+        if progress is not None:
+            progress(case)
+        scores.append(_scored(case, way))
+    return Scores(label, tuple(scores))
+
+
+def _scored(case: Case, way: Estimator) -> Score:
+    try:
+        with warnings.catch_warnings():
+            # Thirty curves that were made to be difficult: what is said of each is not the score.
+            warnings.simplefilter("ignore", UnderlayWarning)
+            found = way(case)
+        estimate = found if isinstance(found, Estimate) else Estimate(float(found))
+    except UnderlayError as error:
+        return Score(case, None, one_line(error))
+    except Exception as error:  # noqa: BLE001  another's code: that it failed is its score
+        return Score(case, None, one_line(f"{type(error).__name__}: {error}"))
+    if not np.isfinite(estimate.modulus):
+        return Score(case, None, f"the estimate is {estimate.modulus}")
+    return Score(case, estimate)

@@ -1,0 +1,206 @@
+"""Starts and warnings of a fit with adhesion.
+
+Starts of a fit with adhesion, from three marks of the curve: its deepest dip, where it carries no load, its top.
+
+For each modulus of a coarse grid the work of adhesion is the one whose contact pulls as hard as the dip is deep,
+and the contact point the one that puts the unloaded contact where the curve crosses its baseline. The layer's
+modulus does not scale the force here, so `start.py`'s elimination of it does not apply.
+
+What a fit with adhesion cannot know from the curve it has.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.least_squares.fit_result import FitWarning
+from underlay.inference.model.laws import quiet_law
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.solvers import HalfSpace
+from underlay.scene.instrument import Baseline, Chain, ContactDepth
+from underlay.scene.scene import Scene
+from underlay.units import format_quantity
+
+__all__ = ["about_adhesion", "adhesive_starts"]
+
+_RTOL = 1e-2
+
+
+_MODULUS, _WORK = "layer.E", "adhesion.work"
+
+
+# About the modulus of a contact without adhesion.
+_MODULI = np.geomspace(0.05, 20.0, 13)
+
+
+# Tried where the curve shows no dip.
+_WORKS = (0.01, 0.1, 1.0, 10.0)
+
+
+# Pull-off goes with the work to a power near one: two corrections leave a few per cent.
+_CORRECTIONS = 3
+
+
+_POINTS = 200
+
+
+# Share of the points that lie before contact, at the least.
+_BASELINE_SHARE = 0.05
+
+
+class _Marks(NamedTuple):
+    """Baseline (N), pull of the dip (N, positive), reading (m) at no load, top force (N), depth range (m)."""
+
+    baseline: float
+    pull: float
+    crossing: float
+    top: float
+    span: float
+
+
+def adhesive_starts(problem: Problem, count: int) -> list[FloatArray]:
+    """Scaled vectors (k,), best first, at most `count`; empty if none has a law."""
+    marks = [_marks(member) for member in problem.members]
+    first = problem.members[0]
+    moduli = [first.base[_MODULUS]]
+    if _MODULUS in first.entries:
+        moduli = (_elastic_modulus(first, marks[0]) * _MODULI).tolist()
+    ranked: list[tuple[float, FloatArray]] = []
+    for modulus in moduli:
+        for work in _works(first, marks, modulus):
+            vector = _vector(problem, marks, modulus, work)
+            if vector is not None and np.isfinite(misfit := _misfit(problem, vector)):
+                ranked.append((misfit, vector))
+    ranked.sort(key=lambda entry: entry[0])
+    return [vector for _, vector in ranked[:count]]
+
+
+def _marks(member: Member) -> _Marks:
+    order = np.argsort(member.forward.depth, kind="stable")
+    depth, force = member.forward.depth[order], member.force[order]
+    baseline = member.base[Baseline.path]
+    if Baseline.path in member.entries:
+        baseline = float(np.median(force[: max(3, int(_BASELINE_SHARE * len(force)))]))
+    level = force - baseline
+    below = np.flatnonzero(level <= 0.0)
+    crossing = float(depth[below[-1]]) if below.size else float(depth[0])
+    return _Marks(baseline, max(-float(level.min()), 0.0), crossing, float(level.max()), float(np.ptp(depth)))
+
+
+def _elastic_modulus(member: Member, marks: _Marks) -> float:
+    """Modulus (Pa) of a half-space without adhesion that carries the top force at the range of depth."""
+    bare = Scene(member.scene.indenter, member.scene.layer, member.scene.substrate)
+    law = quiet_law(bare, HalfSpace(), marks.span)
+    force = float(law.force(min(marks.span, law.max_depth)))
+    return member.base[_MODULUS] * max(marks.top, marks.pull) / force
+
+
+def _works(member: Member, marks: list[_Marks], modulus: float) -> list[float]:
+    """Works of adhesion (J/m^2) to try with a modulus."""
+    known = member.base[_WORK]
+    if _WORK not in member.entries:
+        return [known]
+    pull = max(mark.pull for mark in marks)
+    if not pull > 0.0:
+        return [known * factor for factor in _WORKS]
+    work = known
+    for _ in range(_CORRECTIONS):
+        law = _law(member, {_MODULUS: modulus, _WORK: work}, 0.0)
+        if law is None:
+            return [known]
+        least = -float(_forces(law)[1].min())
+        if not least > 0.0:
+            return [known]
+        work *= pull / least
+    return [work]
+
+
+def _vector(problem: Problem, marks: list[_Marks], modulus: float, work: float) -> FloatArray | None:
+    """Scaled vector with each curve's contact point where its law carries no load."""
+    found = np.zeros(len(problem.coordinates))
+    for member, mark in zip(problem.members, marks, strict=True):
+        values = {_MODULUS: modulus, _WORK: work, Baseline.path: mark.baseline}
+        if ContactDepth.path in member.entries:
+            law = _law(member, values, mark.span)
+            if law is None:
+                return None
+            depths, forces = _forces(law)
+            pulling = np.flatnonzero(forces <= 0.0)
+            unloaded = float(depths[pulling[-1]]) if pulling.size else 0.0
+            values[ContactDepth.path] = mark.crossing - unloaded
+        for path, entry in member.entries.items():
+            if path in values:
+                coordinate = problem.coordinates[entry]
+                found[entry] = coordinate.scaled(min(max(values[path], coordinate.low), coordinate.high))
+    return found
+
+
+def _law(member: Member, values: dict[str, float], deepest: float) -> ContactLaw | None:
+    own = {path: value for path, value in values.items() if path in member.base}
+    try:
+        return quiet_law(
+            member.scene.with_values(own), member.forward.laws.solver.with_tolerance(_RTOL), deepest
+        )
+    except InputError:
+        return None
+
+
+def _forces(law: ContactLaw) -> tuple[FloatArray, FloatArray]:
+    """Depths (m) over the law's domain and the forces (N) there."""
+    start, end = law.domain
+    depths = np.linspace(start, max(end, -start), _POINTS)[1:]
+    depths = depths[depths <= law.max_depth]
+    return (depths, law.force(depths)) if depths.size else (np.zeros(1), np.zeros(1))
+
+
+def _misfit(problem: Problem, vector: FloatArray) -> float:
+    """Sum of squared residuals over each curve's range of force; inf where there is no law."""
+    physical, total = problem.physical(vector), 0.0
+    for member in problem.members:
+        values = member.values_at(physical)
+        try:
+            model = member.forward.force(values)
+        except InputError:
+            return np.inf
+        total += float(((model - member.force) ** 2).sum()) / float(np.ptp(member.force)) ** 2
+    return total
+
+
+def about_adhesion(problem: Problem, vector: FloatArray) -> list[FitWarning]:
+    """Warnings of curves that show no pull-off, or nothing but what comes after it; none without adhesion."""
+    sticking = [(n, m) for n, m in enumerate(problem.members, start=1) if m.scene.adhesion is not None]
+    physical = problem.physical(vector)
+    warnings = []
+    for number, member in sticking:
+        text = _about(member, physical)
+        if text:
+            which = f"curve {number}: " if len(problem.members) > 1 else ""
+            warnings.append(FitWarning("pull-off", which + text))
+    return warnings
+
+
+def _about(member: Member, physical: FloatArray) -> str:
+    values = member.values_at(physical)
+    chain = Chain.of(values)
+    law = member.forward.law(values, max(float(chain.travel(member.forward.depth_at(values)).max()), 0.0))
+    tip = chain.tip_depth(law, member.forward.depth_at(values))
+    first = law.domain[0]
+    if not (tip > first).any():
+        return (
+            f"every point lies beyond the pull-off of the fitted contact, {format_quantity(first, 'length')}: "
+            "modulus and work of adhesion do not act on the curve"
+        )
+    if first < 0.0 and float(tip.min()) > first:
+        return (
+            f"the curve ends at {format_quantity(float(tip.min()), 'length')}, before the pull-off at "
+            f"{format_quantity(first, 'length')} that the fit expects: the work of adhesion is known from the "
+            "shape of the loaded curve alone, together with the contact point; it is only known that the contact "
+            "bears the smallest force measured"
+        )
+    return ""

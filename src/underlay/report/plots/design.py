@@ -1,0 +1,238 @@
+"""Pictures of what a test can tell, and of which test would tell.
+
+A correlation matrix as numbers and colours; shared by the pictures that show one.
+
+Correlations of the parameters of a fit.
+
+What a test can tell: how the errors hang together, and which products of parameters it fixes.
+
+Which test would tell: the expected error over tip radius and depth.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from underlay.report.labels import label, symbol
+from underlay.report.plots.style import (
+    ACCENT,
+    DIVERGING,
+    GREY,
+    INK,
+    REFERENCE,
+    SEQUENTIAL,
+    YELLOW,
+    axes,
+    style,
+    unit_for,
+)
+
+if TYPE_CHECKING:
+    from underlay.inference.design.identifiability import Identifiability
+    from underlay.inference.design.planning import Plan
+    from underlay.inference.least_squares.fit_result import Fit
+
+__all__ = ["correlations", "draw_matrix", "identifiability", "plan"]
+
+# Above this the colour is dark and the number on it white.
+_DARK = 0.6
+
+
+# A name of more words than this, one below the other, runs into its neighbours: a column then has the letter.
+_MOST_WORDS = 3
+
+
+# Letters on a line of a name beside its row.
+_WIDE = 30
+
+
+def draw_matrix(ax: Axes, frame: pd.DataFrame) -> None:
+    """Draw the lower triangle of a correlation matrix; NaN (nothing fixes it) is left grey."""
+    matrix, names = frame.to_numpy(dtype=float), [label(str(name)) for name in frame.columns]
+    count = len(names)
+    shown = np.where(np.tri(count, dtype=bool), matrix, np.nan)
+    ax.imshow(shown, cmap=DIVERGING, vmin=-1.0, vmax=1.0)
+    for i in range(count):
+        for j in range(i + 1):
+            if np.isnan(matrix[i, j]):
+                ax.text(j, i, "?", ha="center", va="center", color=GREY)
+                continue
+            colour = "white" if abs(matrix[i, j]) > _DARK else INK
+            ax.text(j, i, f"{matrix[i, j]:.2f}", ha="center", va="center", color=colour)
+    columns = [name.replace(" ", "\n") for name in names]
+    for at, name in enumerate(names):
+        if len(name.split()) > _MOST_WORDS:
+            columns[at] = f"${symbol(str(frame.columns[at]))}$"
+            names[at] = textwrap.fill(f"{name}, {columns[at]}", _WIDE)
+    ax.set_yticks(range(count), names)
+    ax.set_xticks(range(count), columns)
+    ax.tick_params(length=0.0)
+    ax.spines[:].set_visible(False)
+
+
+def correlations(result: Fit, *, ax: Axes | None = None) -> Axes:
+    """Draw the correlation matrix of the parameters that have error bars.
+
+    Parameters
+    ----------
+    result : Fit
+        What `fit` returned.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    frame = result.correlations
+    with style():
+        ax = axes(ax, height=0.9 + 0.42 * max(len(frame), 2))
+        if len(frame):
+            draw_matrix(ax, frame)
+        else:
+            ax.text(0.5, 0.5, "no parameter has an error bar", ha="center", va="center")
+            ax.set_axis_off()
+    return ax
+
+
+_COLOURS = {"fixed": ACCENT, "weakly fixed": YELLOW, "not fixed": REFERENCE}
+
+
+# The axis of the bars: from a hundredth of a per cent to a factor of e, where nothing is fixed any more.
+_LEAST, _MOST = 1e-4, 1.0
+
+
+_SMALL_POWER = 0.05
+
+
+def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
+    """Draw the correlations of the expected errors, and below them how well each combination is fixed.
+
+    Parameters
+    ----------
+    told : Identifiability
+        What `underlay.identifiability` returned.
+    ax : matplotlib Axes, optional
+        Where to draw; its lower part becomes the bars.
+
+    Returns
+    -------
+    matplotlib Axes
+        The upper axes.
+    """
+    combinations = told.combinations
+    rows = max(len(told.names), 2)
+    with style():
+        ax = axes(ax, height=1.5 + 0.42 * rows + 0.36 * len(combinations))
+        figure, spec = ax.get_figure(root=False), ax.get_subplotspec()
+        draw_matrix(ax, told.correlations)
+        ax.set_title("correlation of the errors")
+        if not combinations or figure is None or spec is None:
+            return ax
+        parts = spec.subgridspec(2, 1, height_ratios=(0.42 * rows + 0.6, 0.36 * len(combinations) + 0.3))
+        ax.set_subplotspec(parts[0])
+        bars = figure.add_subplot(parts[1])
+        for place, combination in enumerate(combinations):
+            size = min(max(combination.relative_sd, 1.3 * _LEAST), _MOST)
+            bars.barh(place, size, left=0.0, height=0.55, color=_COLOURS[combination.verdict])
+            words = (
+                f"to {100.0 * combination.relative_sd:.2g} %"
+                if combination.relative_sd < _MOST
+                else "not fixed"
+            )
+            inside = size > np.sqrt(_LEAST * _MOST)
+            bars.text(
+                size * (0.85 if inside else 1.2),
+                place,
+                words,
+                va="center",
+                ha="right" if inside else "left",
+                color=INK,
+            )
+        bars.set_xscale("log")
+        bars.set_xlim(_LEAST, _MOST)
+        bars.set_yticks(range(len(combinations)), [_formula(entry.powers) for entry in combinations])
+        bars.invert_yaxis()
+        bars.set_xlabel("relative error of the product")
+    return ax
+
+
+def _formula(powers: object) -> str:
+    items = sorted(dict(powers).items(), key=lambda item: -abs(item[1]))  # type: ignore[call-overload]  # a mapping
+    parts = []
+    for name, power in items:
+        if abs(power) < _SMALL_POWER:
+            continue
+        letter = symbol(name)
+        parts.append(letter if abs(power - 1.0) < 5e-3 else f"{{{letter}}}^{{{power:.2g}}}")
+    return f"${' '.join(parts)}$"
+
+
+# Relative errors beyond these are as good, or as useless, as these.
+_BEST, _WORST = 1e-3, 1.0
+
+
+def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
+    """Draw the expected relative error of a parameter for every test of a grid.
+
+    Parameters
+    ----------
+    tests : Plan
+        What `underlay.plan` returned.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+        Tests that cannot be done are left grey; the star is the recommended one.
+    """
+    radius_unit, radius = unit_for(tests.radii, "length")
+    depth_unit, depth = unit_for(tests.depths, "length")
+    relative = np.where(np.isinf(tests.stderr), _WORST, tests.stderr / abs(tests.value)).T
+    with style():
+        ax = axes(ax, height=2.8)
+        ax.set_facecolor(GREY)
+        ends = (np.nanmin(relative), np.nanmax(relative))
+        norm = LogNorm(max(ends[0], _BEST), min(max(ends[1], 2.0 * max(ends[0], _BEST)), _WORST))
+        mesh = ax.pcolormesh(
+            tests.radii / radius,
+            tests.depths / depth,
+            relative,
+            cmap=SEQUENTIAL,
+            norm=norm,
+            shading="nearest",
+        )
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axis.set_minor_locator(NullLocator())
+        if np.isfinite(tests.stderr).any():
+            best = tests.best
+            ax.plot(
+                best[0] / radius,
+                best[1] / depth,
+                "*",
+                ms=12,
+                mfc="white",
+                mec=INK,
+                mew=0.8,
+                label="recommended",
+            )
+            ax.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
+        figure = ax.get_figure(root=False)
+        if figure is not None:
+            bar = figure.colorbar(mesh, ax=ax)
+            bar.set_label(f"relative error of the {label(tests.parameter)}")
+        ax.set_xlabel(f"tip radius ({radius_unit})")
+        ax.set_ylabel(f"depth ({depth_unit})")
+    return ax

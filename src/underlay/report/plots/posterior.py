@@ -1,0 +1,337 @@
+"""Pictures of a posterior and of a profile likelihood.
+
+A posterior parameter by parameter and pair by pair.
+
+The posterior predictive band over the data.
+
+A profile likelihood: how the fit worsens as one parameter is moved.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from scipy import ndimage
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.sampling.derived import kind_of_quantity
+from underlay.report.labels import label
+from underlay.report.plots.style import (
+    ACCENT,
+    DATA,
+    FIT,
+    GREY,
+    REFERENCE,
+    SKY,
+    YELLOW,
+    axes,
+    style,
+    unit_for,
+    unit_of,
+    with_strip,
+)
+from underlay.scene.parameters import kind_of
+
+if TYPE_CHECKING:
+    from underlay.inference.profiles import LikelihoodProfile
+    from underlay.inference.sampling.posterior import Posterior
+
+__all__ = ["corner", "predictive", "profile"]
+
+_BINS = 32
+
+
+# A cell is as wide as so many letters; a longer label would run into its neighbour.
+_LETTERS = 15
+
+
+_MASSES = (0.95, 0.68)
+
+
+# Standard deviation, in bins, of the smoothing that makes contours of a finite number of draws.
+_SMOOTHING = 1.0
+
+
+# Ratio of the ends of a positive quantity above which its axis is in decades.
+_DECADES = 20.0
+
+
+_MARGIN = 0.003  # share of the draws left out of the picture on either side
+
+
+def corner(posterior: Posterior, *, names: Sequence[str] | None = None, ax: Axes | None = None) -> Axes:
+    """Draw the marginal distributions of a posterior and the 68 % and 95 % regions of every pair.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        What `sample` returned.
+    names : sequence of str, optional
+        Parameters or derived quantities with as many draws; all parameters by default.
+    ax : matplotlib Axes, optional
+        A place in a grid of axes; it is divided and itself left empty.
+
+    Returns
+    -------
+    matplotlib Axes
+        The divided axes. Priors are orange, true values (of made data) dashed; a quantity that spans more than a
+        factor of 20 has an axis in decades, where its bins are too.
+
+    Raises
+    ------
+    InputError
+        If `ax` was placed by hand and cannot be divided, or there is nothing of a name.
+    """
+    chosen = list(posterior.names if names is None else names)
+    columns = [_Column(posterior, name) for name in chosen]
+    count = len(columns)
+    with style():
+        side = max(2.4, 1.15 * count + 0.6)
+        ax = axes(ax, width=side, height=side)
+        figure, spec = ax.get_figure(root=False), ax.get_subplotspec()
+        if figure is None or spec is None:
+            raise InputError("corner divides its axes: pass one made by plt.subplots, or none")
+        ax.set_axis_off()
+        grid = spec.subgridspec(count, count, hspace=0.06, wspace=0.06)
+        for i in range(count):
+            for j in range(i + 1):
+                cell = figure.add_subplot(grid[i, j])
+                if i == j:
+                    columns[i].draw(cell)
+                else:
+                    _pair(cell, columns[j], columns[i])
+                _ticks(cell, columns[j], columns[i], i=i, j=j, last=count - 1)
+    return ax
+
+
+class _Column:
+    """Draws of one quantity in the unit people use."""
+
+    def __init__(self, posterior: Posterior, name: str) -> None:
+        values = posterior.of(name).ravel()
+        unit, self.factor = unit_of(float(np.median(values)), kind_of_quantity(name))
+        words = textwrap.fill(label(name), _LETTERS)
+        self.label = f"{words}\n({unit})" if unit else words
+        self.draws = values / self.factor
+        self.prior: FloatArray | None = None
+        if name in posterior.names:
+            self.prior = posterior.prior_quantiles[:, posterior.names.index(name)] / self.factor
+        true = posterior.truth.get(name)
+        self.truth = None if true is None else true / self.factor
+        low, high = np.quantile(self.draws, (_MARGIN, 1.0 - _MARGIN))
+        # A quantity known to its order of magnitude at best is one spike on an even axis.
+        self.scale = "log" if low > 0.0 and high / low > _DECADES else "linear"
+        if self.scale == "log":
+            room = (high / low) ** 0.05
+            self.window = (float(low / room), float(high * room))
+            self.edges = np.geomspace(*self.window, _BINS + 1)
+        else:
+            room = 0.05 * (high - low)
+            self.window = (float(low - room), float(high + room))
+            self.edges = np.linspace(*self.window, _BINS + 1)
+
+    def draw(self, cell: Axes) -> None:
+        """Histogram, prior, median and truth."""
+        shares = np.histogram(self.draws, self.edges)[0] / len(self.draws)
+        cell.stairs(shares, self.edges, fill=True, color=FIT, alpha=0.8)
+        if self.prior is not None:
+            # Each quantile stands for an equal share of the prior, most of which may lie outside the picture.
+            below = np.interp(self.edges, self.prior, (np.arange(len(self.prior)) + 0.5) / len(self.prior))
+            cell.stairs(np.diff(below), self.edges, color=YELLOW, lw=1.2, baseline=None)
+        cell.axvline(float(np.median(self.draws)), color="white", lw=0.8)
+        if self.truth is not None:
+            cell.axvline(self.truth, color=REFERENCE, ls="--", lw=1.0)
+        cell.set_ylim(0.0, 1.1 * float(np.max(shares)))
+
+
+def _pair(cell: Axes, across: _Column, up: _Column) -> None:
+    counts, x, y = np.histogram2d(across.draws, up.draws, bins=(across.edges, up.edges))
+    smooth = ndimage.gaussian_filter(counts.T, _SMOOTHING)
+    ordered = np.sort(smooth, axis=None)[::-1]
+    mass = np.cumsum(ordered) / ordered.sum()
+    levels = [float(ordered[np.searchsorted(mass, share)]) for share in _MASSES]
+    middle = (0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1]))
+    if levels[0] < levels[1] < ordered[0]:
+        cell.contourf(*middle, smooth, levels=[*levels, float(ordered[0])], colors=["#a6cde4", FIT])
+    else:
+        cell.plot(across.draws, up.draws, ",", color=FIT)
+    for value, line in ((across.truth, cell.axvline), (up.truth, cell.axhline)):
+        if value is not None:
+            line(value, color=REFERENCE, ls="--", lw=0.9)
+
+
+def _ticks(cell: Axes, across: _Column, up: _Column, *, i: int, j: int, last: int) -> None:
+    _scaled(cell.xaxis, cell.set_xscale, across)
+    cell.set_xlim(across.window)
+    if i == j:
+        cell.set_yticks([])
+        cell.spines["left"].set_visible(False)
+    else:
+        _scaled(cell.yaxis, cell.set_yscale, up)
+        cell.set_ylim(up.window)
+        cell.grid(color=GREY, lw=0.3, alpha=0.5)
+    if i == last:
+        cell.set_xlabel(across.label)
+        cell.tick_params(axis="x", rotation=45)
+    else:
+        cell.tick_params(labelbottom=False)
+    if j == 0 and i > 0:
+        cell.set_ylabel(up.label)
+    else:
+        cell.tick_params(labelleft=False)
+
+
+def _scaled(axis: Axis, set_scale: Callable[[str], None], column: _Column) -> None:
+    """A few plain numbers along an axis, even or in decades."""
+    if column.scale == "linear":
+        axis.set_major_locator(MaxNLocator(3, prune="both"))
+        return
+    set_scale("log")
+    axis.set_major_locator(LogLocator(numticks=4))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
+
+
+def predictive(posterior: Posterior, *, curve: int = 0, ax: Axes | None = None) -> Axes:
+    """Draw the data, the median of the model and the 95 % bands; below, everything less the median.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        What `sample` returned.
+    curve : int, default 0
+        Which curve of a joint problem.
+    ax : matplotlib Axes, optional
+        Where to draw; its lower part becomes the strip.
+
+    Returns
+    -------
+    matplotlib Axes
+        The upper axes.
+    """
+    band = posterior.predictive[curve]
+    order = np.argsort(band.depth, kind="stable")
+    depth, force = band.depth[order], band.force[order]
+    model, reading = band.model[:, order], band.reading[:, order]
+    middle = len(model) // 2
+    length, mm = unit_for(depth, "length")
+    load, mN = unit_for(force, "force")
+    small, uN = unit_for(force - model[middle], "force")
+    with style():
+        upper, lower = with_strip(axes(ax, height=3.4), share=0.4)
+        for target, unit, base in ((upper, mN, np.zeros_like(force)), (lower, uN, model[middle])):
+            target.fill_between(
+                depth / mm, (reading[0] - base) / unit, (reading[-1] - base) / unit,
+                color=SKY, alpha=0.35, lw=0.0, label="95 % of new readings",
+            )  # fmt: skip
+            target.plot(depth / mm, (force - base) / unit, ".", ms=1.8, color=DATA, label="measured")
+            target.fill_between(
+                depth / mm, (model[0] - base) / unit, (model[-1] - base) / unit,
+                color=FIT, lw=0.8, label="95 % of the model",
+            )  # fmt: skip
+        upper.tick_params(labelbottom=False)
+        upper.set_ylabel(f"force ({load})")
+        upper.legend(loc="upper left")
+        if len(posterior.predictive) > 1:
+            upper.set_title(f"curve {curve + 1}")
+        lower.set_xlabel(f"depth ({length})")
+        lower.set_ylabel(f"less the median ({small})")
+    return upper
+
+
+_LEVELS = ((0.68, ":"), (0.95, "--"))
+
+
+def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
+    """Draw a profile likelihood with its 68 % and 95 % intervals.
+
+    Where the fit has other optima, so has the profile: each is drawn as far as it stands in the picture, and
+    what 95 % do not reject may be shaded in several parts.
+
+    Parameters
+    ----------
+    walk : LikelihoodProfile
+        What `underlay.profile` returned.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    value, error = walk.fit.values[walk.name], walk.fit.stderr[walk.name]
+    unit, factor = unit_of(value, kind_of(walk.name))
+    top = 1.25 * max(walk.threshold(0.95), float(walk.delta_chi_square.min()))
+    parts = [walk, *(branch for branch in walk.branches if branch.delta_chi_square.min() < top)]
+    with style():
+        ax = axes(ax, height=2.3)
+        ax.plot(walk.values / factor, walk.delta_chi_square, "o-", ms=2.5, color=FIT, label="profile")
+        for number, branch in enumerate(parts[1:]):
+            ax.plot(branch.values / factor, branch.delta_chi_square, "s--", ms=2.5, lw=1.0, color=ACCENT,
+                    label="" if number else "about another optimum")  # fmt: skip
+        if np.isfinite(error) and error > 0.0:
+            # By its own width: it may be a hundredth of the profile's, or stand beside it.
+            z = np.sqrt(top) * np.linspace(-1.0, 1.0, 201)
+            ax.plot((value + z * error) / factor, z * z, "-", lw=0.9, color=REFERENCE, label="standard error")
+        ax.set_ylim(0.0, top)
+        ends = np.array([value, *(end for part in parts for end in _reach(part, top))]) / factor
+        room = 0.05 * np.ptp(ends)
+        ax.set_xlim(ends.min() - room, ends.max() + room)
+        _shade(ax, walk, factor)
+        for level, line in _LEVELS:
+            _draw_threshold(ax, walk, level, line, factor)
+        ax.set_xlabel(f"{label(walk.name)} ({unit})" if unit else label(walk.name))
+        ax.set_ylabel("(deviate of the level)²" if walk.averaged else "rise of chi-square")
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+    return ax
+
+
+def _shade(ax: Axes, walk: LikelihoodProfile, factor: float) -> None:
+    """Shade every part of the 95 % interval; where the data set no end, up to the bound or out of the picture."""
+    parts, whole, edges = walk.parts(0.95), walk.interval(0.95), ax.get_xlim()
+    ends = np.array(parts)
+    ends[0, 0], ends[-1, 1] = min(ends[0, 0], whole.low), max(ends[-1, 1], whole.high)
+    for low, high in np.clip(ends / factor, *edges):
+        ax.axvspan(low, high, color=SKY, alpha=0.25, lw=0.0)
+
+
+def _draw_threshold(ax: Axes, walk: LikelihoodProfile, level: float, line: str, factor: float) -> None:
+    """Draw the rise that ends the interval; from drawn curves it is another one at each end, and in between."""
+    low, high = ax.get_xlim()
+    x = np.linspace(low, high, 201)
+    q = np.array([_profile_scaled(walk, value * factor) for value in x])
+    middle = float(walk.fit.vector[walk.index])
+    below, above = (np.square(walk.limit(level, upper=upper)(q)) for upper in (False, True))
+    rise = np.where(q < middle, below, above)
+    ax.plot(x, rise, ls=line, lw=0.8, color=DATA)
+    ax.text(1.005, rise[-1], f"{100 * level:.0f} %", transform=ax.get_yaxis_transform(),
+            ha="left", va="center", size=7.0, color=DATA)  # fmt: skip
+
+
+def _profile_scaled(walk: LikelihoodProfile, value: float) -> float:
+    """Scaled value of the parameter; that of the lowest walked where the picture goes below what can be."""
+    coordinate = walk.fit.problem.coordinates[walk.index]
+    return coordinate.scaled(max(value, float(walk.values[0])) if coordinate.scale is None else value)
+
+
+def _reach(part: LikelihoodProfile, top: float) -> tuple[float, float]:
+    """Where the line of a profile leaves the picture (SI), or ends."""
+    inside = np.flatnonzero(part.delta_chi_square < top)
+    return (
+        _leaving(part.values[: inside[0] + 1][::-1], part.delta_chi_square[: inside[0] + 1][::-1], top),
+        _leaving(part.values[inside[-1] :], part.delta_chi_square[inside[-1] :], top),
+    )
+
+
+def _leaving(values: FloatArray, rise: FloatArray, top: float) -> float:
+    """Value at which the line through the first two points, walking outwards, meets `top`."""
+    if len(values) == 1:
+        return float(values[0])
+    return float(np.interp(top, rise[:2], values[:2]))
