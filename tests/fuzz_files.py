@@ -36,9 +36,9 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
 # After the path is set: the script runs from a bare checkout too.
+import underlay as ul  # noqa: E402
 from support import file_kinds  # noqa: E402
 from support.mutations import mutate  # noqa: E402
-from underlay.errors import UnderlayError  # noqa: E402
 
 SECONDS = 5.0
 MEGABYTES = 500
@@ -77,7 +77,7 @@ def run_chunk(first, count, folder):
     contents = [seed.content for seed in originals]
     for original in originals:  # warm-up: modules and tables load before anything is watched
         path = put(folder, original, original.content)
-        with contextlib.suppress(UnderlayError):
+        with contextlib.suppress(ul.UnderlayError):
             original.read(path)
     watch = Watch()
     tally = Tally(watch)
@@ -116,7 +116,7 @@ class Tally:
         try:
             original.read(path)
             outcome = "read"
-        except UnderlayError as error:
+        except ul.UnderlayError as error:
             outcome = type(error).__name__
             if len(str(error)) > 2000:
                 faults.append(f"a message of {len(str(error))} characters")

@@ -12,31 +12,21 @@ import pytest
 from matplotlib.text import Text
 from typer.testing import CliRunner
 
+import underlay as ul
 from underlay.cli.app import app
-from underlay.data.curve import Curve
-from underlay.errors import FileAccessError, FileFormatError, InputError, RangeError
-from underlay.inference.answer_cost import answer_cost, effects_on_answers, posterior_cost
-from underlay.inference.least_squares import fit
-from underlay.inference.problem import Problem
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Paraboloid, Sphere
-from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.solvers import Asymptotic, Exact
 from underlay.report import bench, bench_users, plots
 from underlay.report.plots.style import PAGE
 from underlay.report.tables import accuracy_summary
-from underlay.scene.accuracy_cost import accuracy_cost, explicit_formula
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
+from underlay.scene.accuracy_cost import explicit_formula
 
-GEL = Scene(Paraboloid(5e-6), Layer(Isotropic(2e3, 0.5), 6e-6), RIGID)
+GEL = ul.Scene(ul.Paraboloid(5e-6), ul.Layer(ul.Isotropic(2e3, 0.5), 6e-6), ul.RIGID)
 DEEPEST = 1e-6
 ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture(scope="module")
 def table():
-    return accuracy_cost(GEL, DEEPEST, rounds=2)
+    return ul.accuracy_cost(GEL, DEEPEST, rounds=2)
 
 
 def row(table, **wanted):
@@ -94,8 +84,8 @@ def test_nothing_beats_the_front_and_the_front_beats_the_rest(table, times):
 
 
 def test_a_form_that_ends_before_the_deepest_point_says_where():
-    soft = replace(GEL, substrate=Isotropic(1e2, 0.5))
-    table = accuracy_cost(soft, 3e-5, rounds=1)
+    soft = replace(GEL, substrate=ul.Isotropic(1e2, 0.5))
+    table = ul.accuracy_cost(soft, 3e-5, rounds=1)
     ended = row(table, method="asymptotic", form="parametric", order=4)
     assert np.isnan(ended.error)
     assert np.isnan(ended.cold_ratio)
@@ -105,24 +95,26 @@ def test_a_form_that_ends_before_the_deepest_point_says_where():
 
 
 def test_a_correction_outside_its_range_is_kept_with_a_note():
-    ball_on_compressible_gel = replace(GEL, indenter=Sphere(5e-6), layer=Layer(Isotropic(2e3, 0.2), 6e-6))
-    table = accuracy_cost(ball_on_compressible_gel, 2e-6, rounds=1)
+    ball_on_compressible_gel = replace(
+        GEL, indenter=ul.Sphere(5e-6), layer=ul.Layer(ul.Isotropic(2e3, 0.2), 6e-6)
+    )
+    table = ul.accuracy_cost(ball_on_compressible_gel, 2e-6, rounds=1)
     assert "nu of the layer is 0.2, outside" in row(table, method="long2011").note
 
 
 def test_the_unit_is_the_explicit_law():
     depth = np.linspace(1e-8, 1e-7, 5)
-    law = GEL.contact_law(1e-7, solver=Asymptotic(form="explicit"))
+    law = GEL.contact_law(1e-7, solver=ul.Asymptotic(form="explicit"))
     assert explicit_formula(GEL)(depth) == pytest.approx(law.force(depth), rel=1e-12)
 
 
 def test_what_cannot_be_compared_is_refused():
-    with pytest.raises(InputError, match="half-space"):
-        accuracy_cost(Scene(Paraboloid(1e-3), Layer(Isotropic(1e4, 0.5))), 1e-5)
-    with pytest.raises(InputError, match="positive depths"):
-        accuracy_cost(GEL, [0.0, 1e-6])
-    with pytest.raises(RangeError):
-        accuracy_cost(GEL, 1e-2)
+    with pytest.raises(ul.InputError, match="half-space"):
+        ul.accuracy_cost(ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e4, 0.5))), 1e-5)
+    with pytest.raises(ul.InputError, match="positive depths"):
+        ul.accuracy_cost(GEL, [0.0, 1e-6])
+    with pytest.raises(ul.RangeError):
+        ul.accuracy_cost(GEL, 1e-2)
 
 
 def test_the_picture_shows_every_method_that_answers(table):
@@ -130,7 +122,7 @@ def test_the_picture_shows_every_method_that_answers(table):
     assert {"exact 1e-6", "auto 1e-4", "half-space", "explicit 4", "Garcia 2018"} <= named(drawn)
     assert drawn.get_xscale() == drawn.get_yscale() == "log"
     plt.close(drawn.figure)
-    with pytest.raises(InputError, match="'cold' or 'held'"):
+    with pytest.raises(ul.InputError, match="'cold' or 'held'"):
         plots.accuracy_cost(table, times="warm")
 
 
@@ -147,7 +139,9 @@ def named(drawn):
 
 @pytest.fixture(scope="module")
 def answers():
-    return answer_cost(GEL, DEEPEST, solvers=("halfspace", "garcia2018", Exact(1e-2), Exact(1e-6)), rounds=1)
+    return ul.answer_cost(
+        GEL, DEEPEST, solvers=("halfspace", "garcia2018", ul.Exact(1e-2), ul.Exact(1e-6)), rounds=1
+    )
 
 
 def test_a_wrong_law_makes_the_modulus_wrong_and_the_exact_one_does_not(answers):
@@ -164,21 +158,21 @@ def test_a_wrong_law_makes_the_modulus_wrong_and_the_exact_one_does_not(answers)
 
 def test_the_fitted_modulus_is_that_of_a_fit_of_the_same_curve(answers):
     depth = np.linspace(-0.15, 1.0, 400) * DEEPEST
-    force = GEL.force(depth, solver=Exact(1e-10))
-    problem = Problem(
+    force = GEL.force(depth, solver=ul.Exact(1e-10))
+    problem = ul.Problem(
         GEL,
-        Curve(depth, force),
+        ul.Curve(depth, force),
         ("layer.E", "instrument.contact_depth"),
-        noise=Noise(force=0.005 * force.max()),
+        noise=ul.Noise(force=0.005 * force.max()),
         solver="halfspace",
     )
-    expected = fit(problem).values["layer.E"] / 2e3 - 1.0
+    expected = ul.fit(problem).values["layer.E"] / 2e3 - 1.0
     assert row(answers, method="halfspace").E_error == pytest.approx(expected, rel=1e-3)
 
 
 def test_leaving_an_effect_out_changes_the_answer_as_a_fit_without_it_says():
-    ball = Scene(Sphere(5e-6), GEL.layer, RIGID)
-    found = effects_on_answers(ball, DEEPEST, Exact(1e-4)).set_index("effect")
+    ball = ul.Scene(ul.Sphere(5e-6), GEL.layer, ul.RIGID)
+    found = ul.effects_on_answers(ball, DEEPEST, ul.Exact(1e-4)).set_index("effect")
     # The half-space row of the other table is the same fit of another tip.
     assert found.loc["finite thickness", "E_percent"] > 50.0
     assert np.isnan(found.loc["finite thickness", "h_percent"])
@@ -187,7 +181,7 @@ def test_leaving_an_effect_out_changes_the_answer_as_a_fit_without_it_says():
 
 
 def test_longer_chains_come_closer_and_the_panels_name_everything(table, answers):
-    drawn = posterior_cost(GEL, DEEPEST, steps=(20, 300))
+    drawn = ul.posterior_cost(GEL, DEEPEST, steps=(20, 300))
     chains = drawn[drawn["way"] == "emcee"]
     assert chains["error"].iloc[1] < chains["error"].iloc[0]
     assert chains["seconds"].is_monotonic_increasing
@@ -202,9 +196,9 @@ def test_longer_chains_come_closer_and_the_panels_name_everything(table, answers
 
 
 def test_a_halfspace_has_no_answers_to_compare():
-    halfspace = Scene(Paraboloid(1e-3), Layer(Isotropic(1e4, 0.5)))
-    for compared in (answer_cost, posterior_cost):
-        with pytest.raises(InputError, match="half-space"):
+    halfspace = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e4, 0.5)))
+    for compared in (ul.answer_cost, ul.posterior_cost):
+        with pytest.raises(ul.InputError, match="half-space"):
             compared(halfspace, 1e-5)
 
 
@@ -291,9 +285,9 @@ def test_a_row_without_its_peer_says_so():
 def test_bench_refuses_a_page_without_a_place_before_it_measures(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("no markers")
-    assert isinstance(CliRunner().invoke(app, ["bench", "--readme", str(page)]).exception, FileFormatError)
+    assert isinstance(CliRunner().invoke(app, ["bench", "--readme", str(page)]).exception, ul.FileFormatError)
     missing = CliRunner().invoke(app, ["bench", "--readme", str(tmp_path / "none.md")]).exception
-    assert isinstance(missing, FileAccessError)
+    assert isinstance(missing, ul.FileAccessError)
 
 
 def test_the_page_has_the_place_and_its_rows_are_the_cases():

@@ -8,7 +8,6 @@ import pytest
 import underlay as ul
 from underlay.mechanics.adhesion.jkr import jkr_branch
 from underlay.mechanics.adhesion.maugis import maugis_state
-from underlay.mechanics.contact import Contact
 
 FINE = ul.Exact(rtol=1e-10)
 
@@ -286,7 +285,7 @@ def test_a_fold_under_load():
 
 
 def contact_of(nu, ratio=np.inf):
-    return Contact.of(ul.Paraboloid(1.0), layer(nu), base_of(nu, ratio))
+    return ul.Contact.of(ul.Paraboloid(1.0), layer(nu), base_of(nu, ratio))
 
 
 def test_maugis_reference():

@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.data.quality import check_quality
 from underlay.inference.least_squares import adhesive as adhesive_start
-from underlay.inference.priors import LogUniform
 from underlay.inference.profiles import delta_chi_square_at
 from underlay.inference.sampling.derived import derived_quantities
-from underlay.mechanics.response import History
-from underlay.quantities import quantity
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import adhesion_coverage
@@ -91,8 +87,8 @@ def test_the_ledger_says_whether_jkr_will_do():
 
 
 @dataclass(frozen=True)
-class _Half(History):
-    share: float = field(default=0.5, metadata=quantity("dimensionless", "share"))
+class _Half(ul.History):
+    share: float = field(default=0.5, metadata=ul.quantity("dimensionless", "share"))
 
     def force(self, elastic, depth, time):
         del time
@@ -127,7 +123,7 @@ def test_not_one_line_runs_where_nothing_sticks():
             ul.simulate(scene, curve.depth)
             fit.problem.log_likelihood(np.zeros((2, len(free))))
             scene.effects(1e-6)
-            check_quality(curve, scene)
+            ul.check_quality(curve, scene)
             derived_quantities(fit.problem, np.array([[fit.values[path] for path in free]]))
         finally:
             sys.setprofile(before)
@@ -190,7 +186,7 @@ def test_a_posterior_leaves_out_what_the_fit_does():
     depth = 2e-7 + end.depth + 2e-8 * (0.01 + np.arange(110, -45, -1))
     noise = ul.Noise(force=0.01 * PULL)
     curve = ul.synthesize(SCENE, depth, noise, rng=0)
-    free = {"layer.E": LogUniform(1e2, 1e6), "adhesion.work": LogUniform(1e-6, 1e-2)}
+    free = {"layer.E": ul.LogUniform(1e2, 1e6), "adhesion.work": ul.LogUniform(1e-6, 1e-2)}
     problem = ul.Problem(SCENE, curve, free, noise)
     used = ul.sample(problem, method="importance").problem
     assert used.n_points == problem.n_points - 1

@@ -9,7 +9,6 @@ import pytest
 from matplotlib import pyplot as plt
 
 import underlay as ul
-from underlay.data.quality import check_quality
 from underlay.inference.sampling.derived import adhesive_estimates
 from underlay.mechanics.adhesion.jkr import range_limit
 from underlay.report import maps, scene_tables
@@ -225,13 +224,13 @@ def test_a_dip_is_a_proposal():
     cycle = replace(SCENE, adhesion=ul.JKR(2e-4, branch="cycle"))
     way = np.concatenate((np.linspace(-1e-6, 1.2e-6, 80), DEPTH))
     curve = ul.Curve(way, made(cycle, way).force, np.arange(160.0))
-    said = " ".join(check_quality(curve, BARE).reasons)
+    said = " ".join(ul.check_quality(curve, BARE).reasons)
     assert "[adhesion]" in said
     assert 'segment = "unloading"' in said
-    assert "[adhesion]" not in " ".join(check_quality(curve, SCENE).reasons)
+    assert "[adhesion]" not in " ".join(ul.check_quality(curve, SCENE).reasons)
     flat = made(BARE, way)
     quiet = ul.Curve(way, flat.force, np.arange(160.0))
-    assert "[adhesion]" not in " ".join(check_quality(quiet, BARE).reasons)
+    assert "[adhesion]" not in " ".join(ul.check_quality(quiet, BARE).reasons)
 
 
 def test_a_fit_of_the_way_in_alone_still_sees_the_dip_of_the_way_out(tmp_path):

@@ -33,7 +33,7 @@ from support.page import (
 )
 from underlay.app.results import film_rows
 from underlay.cli import main
-from underlay.inference.batch.decisions import read_decisions, read_map
+from underlay.inference.batch.decisions import read_map
 from underlay.inference.films import fit_film
 from underlay.report.film_tables import film_table
 from underlay.scene.scene_file import read_scene_file
@@ -193,7 +193,7 @@ def test_many_curves_are_fitted_decided_and_taken_together(tmp_path):
             press(user, "refuse-now")
             await until(user, "decided-animal0-site0.csv")
             # What is shown as decided is on the disk, and the command line reads it.
-            decided = read_decisions(folder.decisions).by_curve
+            decided = ul.read_decisions(folder.decisions).by_curve
             assert {name: (d.accepted, d.reason) for name, d in decided.items()} == {
                 "animal0-site0.csv": (False, "=air bubble")
             }

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import underlay as ul
 from support.browser_page import (
     CONTACT,
     choose,
@@ -26,7 +27,6 @@ from support.browser_page import (
     until,
 )
 from support.chromium import browser, chromium
-from underlay.inference.batch.decisions import read_decisions
 
 pytest.importorskip("nicegui")
 pytestmark = pytest.mark.skipif(
@@ -215,7 +215,7 @@ def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_
             nothing_is_cut_off(tab)
             listens_here_only(address)
             kill(process)
-        (decision,) = read_decisions(folder / "decisions.csv").by_curve.values()
+        (decision,) = ul.read_decisions(folder / "decisions.csv").by_curve.values()
         assert (decision.accepted, decision.reason) == (False, "air bubble")
 
         before = list(tab.events)

@@ -2,10 +2,10 @@
 
 import pytest
 
+import underlay as ul
 from underlay.app.form import ADVANCED, ELSEWHERE, PRESETS, Draft, preset, problem_with
 from underlay.app.labels import comma_problem, pairs_of
 from underlay.app.scene_text import draft_from
-from underlay.errors import InputError, UnderlayError
 from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import scene_keys
 
@@ -58,7 +58,7 @@ def test_what_a_field_takes_is_what_the_scene_file_takes(section, name, good, ba
     if section == "curve":
         assert file.curve[name]
     draft.table(section)[name] = bad
-    with pytest.raises(UnderlayError):
+    with pytest.raises(ul.UnderlayError):
         scene_file_from_text(draft.text())
 
 
@@ -84,19 +84,19 @@ def test_a_text_is_taken_whole_or_not_at_all():
         "",
         text + '\n[curve]\nfile = "../../etc/passwd"\n',
     ):
-        with pytest.raises(UnderlayError):
+        with pytest.raises(ul.UnderlayError):
             draft_from(wrong, ["a.csv"])
 
 
 @pytest.mark.parametrize("named", ["/etc/passwd", "../scene.toml", "curves/b.csv"])
 def test_a_text_leads_to_no_file_outside_the_analysis(named):
     text = preset("gel_on_glass").text() + f'\n[curve]\nfile = "{named}"\n'
-    with pytest.raises(InputError, match="one of the files of step 1"):
+    with pytest.raises(ul.InputError, match="one of the files of step 1"):
         draft_from(text, ["a.csv"])
 
 
 def test_what_is_fitted_must_be_a_section():
-    with pytest.raises(InputError, match="must be a section"):
+    with pytest.raises(ul.InputError, match="must be a section"):
         Draft.of("fit = 3")
 
 
@@ -128,8 +128,8 @@ def test_a_list_has_spaces_behind_its_commas():
 def test_names_and_values_are_taken_whole_or_not_at_all():
     assert pairs_of("depth = h (nm), force = -Fz (mN)") == {"depth": "h (nm)", "force": "-Fz (mN)"}
     assert pairs_of(" ") == {}
-    with pytest.raises(InputError, match="with a point"):
+    with pytest.raises(ul.InputError, match="with a point"):
         pairs_of("spring_constant = 0,04 N/m, sensitivity = 60 nm/V")
     for wrong in ("depth h (nm)", "depth = h, deep (nm)", "= 3", "depth ="):
-        with pytest.raises(InputError, match="name = value"):
+        with pytest.raises(ul.InputError, match="name = value"):
             pairs_of(wrong)

@@ -9,9 +9,9 @@ from starlette.applications import Starlette
 from starlette.responses import PlainTextResponse
 from starlette.routing import Route, WebSocketRoute
 
+import underlay as ul
 from underlay.app.folder import AnalysisFolder, analyses, new_analysis, safe_name
 from underlay.app.security import Doorkeeper, Guard
-from underlay.errors import InputError
 
 HOST = "127.0.0.1:8123"
 HERE = f"http://{HOST}"
@@ -154,7 +154,7 @@ def test_no_name_leads_out_of_the_folder(tmp_path, name):
     assert kept.parent == folder.curves
     assert kept.name[0] not in ".="
     assert [path.name for path in folder.curve_files()] == [kept.name]
-    with pytest.raises(InputError, match="no curve"):
+    with pytest.raises(ul.InputError, match="no curve"):
         folder.curve_file("../scene.toml")
 
 
@@ -167,11 +167,11 @@ def test_names_that_are_taken_are_counted_and_the_same_file_is_not_kept_twice(tm
 
 def test_an_empty_file_and_one_too_many_are_refused(tmp_path, monkeypatch):
     folder = AnalysisFolder(tmp_path / "one")
-    with pytest.raises(InputError, match="is empty"):
+    with pytest.raises(ul.InputError, match="is empty"):
         folder.add_curve("a.csv", b"")
     monkeypatch.setattr("underlay.app.folder.MOST_FILES", 1)
     folder.add_curve("a.csv", b"1")
-    with pytest.raises(InputError, match="takes up to 1 files"):
+    with pytest.raises(ul.InputError, match="takes up to 1 files"):
         folder.add_curve("b.csv", b"2")
 
 

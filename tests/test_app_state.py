@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
+import underlay as ul
 from support.page import begin, bring, page, press, run, text_of, until, wait_for
 from underlay.app.folder import AnalysisFolder
 from underlay.app.form import Draft
 from underlay.app.many import _scene_of_all
 from underlay.app.state import OpenAnalysis, Snapshot
 from underlay.app.tasks import Analyst
-from underlay.errors import InputError
 from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"
@@ -138,12 +138,12 @@ def test_when_the_curve_that_is_looked_at_is_removed_another_is_looked_at(tmp_pa
     assert analysis.curve_name == ""
     # The scene names no file that is not there, and what needs one says so.
     assert read_scene_file(analysis.folder.scene).curve_path is None
-    with pytest.raises(InputError, match="bring a file first"):
+    with pytest.raises(ul.InputError, match="bring a file first"):
         Analyst(str(analysis.folder.path)).fit(lambda _value: None)
 
 
 @pytest.mark.parametrize("task", ["fit", "taken", "excel", "archive"])
 def test_an_analysis_without_a_file_says_to_bring_one(tmp_path, task):
     analyst = Analyst(str(AnalysisFolder(tmp_path / "new").path))
-    with pytest.raises(InputError, match="bring a file first"):
+    with pytest.raises(ul.InputError, match="bring a file first"):
         getattr(analyst, task)(lambda _value: None)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import underlay as ul
 from support.page import at_the_fit, page, press, run, seen, until, wait_for, write
 from underlay.app import tasks
 from underlay.app.folder import AnalysisFolder, keep, kept, stem_of
@@ -17,7 +18,6 @@ from underlay.app.form import Draft, preset
 from underlay.app.shown import Film, Found, Sampled
 from underlay.app.state import Snapshot
 from underlay.app.tasks import Analyst
-from underlay.errors import InputError
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"
 
@@ -114,13 +114,13 @@ def test_results_of_another_test_stay_out_of_the_archive(tmp_path):
 def test_nothing_is_taken_away_of_a_curve_that_is_another_by_now(tmp_path):
     folder = gel(tmp_path)
     analyst = Analyst(str(folder.path))
-    with pytest.raises(InputError, match="press Fit first"):
+    with pytest.raises(ul.InputError, match="press Fit first"):
         analyst.excel(silent)
     analyst.fit(silent)
     folder.remove_curve("gel_on_glass.csv")
     folder.add_curve("gel_on_glass.csv", (SAMPLES / "gel_on_glass.csv").read_bytes() + b"\n")
     for task in (analyst.excel, analyst.archive, analyst.report):
-        with pytest.raises(InputError, match="press Fit again"):
+        with pytest.raises(ul.InputError, match="press Fit again"):
             task(silent)
 
 
@@ -212,7 +212,7 @@ def test_long_names_keep_their_results_apart(tmp_path):
 @pytest.mark.parametrize("name", ["../scene.toml", "/etc/passwd", "a\\b", ".hidden", ""])
 def test_no_result_is_read_from_elsewhere(tmp_path, name):
     folder = gel(tmp_path)
-    with pytest.raises(InputError, match="plain name"):
+    with pytest.raises(ul.InputError, match="plain name"):
         folder.read_result(name)
 
 

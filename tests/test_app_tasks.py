@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import underlay as ul
 from underlay.app.folder import AnalysisFolder, keep, kept
 from underlay.app.form import preset
 from underlay.app.shown import Sampled
 from underlay.app.tasks import Analyst
-from underlay.errors import CurveError
 from underlay.inference.compare import laws_at_contact
 from underlay.inference.from_files import read_whole
 from underlay.scene.program import default_depth
@@ -111,5 +111,5 @@ def test_a_loading_that_left_an_imprint_is_refused_as_by_every_command(tmp_path,
         '[fit]\nlayer.E = { min = "1 GPa", max = "1 TPa" }\n[curve]\nfile = "curves/imprint.csv"\n'
     )
     arguments = (silent,) if task == "fit" else (10, silent)
-    with pytest.raises(CurveError, match="elastoplastic"):
+    with pytest.raises(ul.CurveError, match="elastoplastic"):
         getattr(Analyst(str(folder.path)), task)(*arguments)

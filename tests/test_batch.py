@@ -26,7 +26,6 @@ from support.maps import (
     truth,
     write_folder,
 )
-from underlay.errors import FileAccessError, InputError, SchedulerError
 from underlay.inference.batch import fit_many as batch
 from underlay.inference.batch import processes
 from underlay.inference.batch import work as batch_work
@@ -360,7 +359,7 @@ def test_a_full_disk_keeps_what_was_written(curves, manifest, serial, tmp_path, 
     with monkeypatch.context() as patch:
         patch.setattr(Journal, "_write", write)
         patch.setattr(batch, "_HANDED_ON", -1.0)
-        with pytest.raises(FileAccessError, match=r"full.*6 curves are kept.*resume"):
+        with pytest.raises(ul.FileAccessError, match=r"full.*6 curves are kept.*resume"):
             run(curves, manifest, output=output)
     assert len(pd.read_csv(output / "map.csv")) == 6
     table = run(curves, manifest, output=output, resume=True)
@@ -373,7 +372,7 @@ def test_a_full_disk_keeps_what_was_written(curves, manifest, serial, tmp_path, 
 def test_another_run_in_the_same_place_is_refused(curves, manifest, tmp_path):
     output = tmp_path / "out"
     run(curves, manifest, output=output)
-    with pytest.raises(InputError, match="holds a run already"):
+    with pytest.raises(ul.InputError, match="holds a run already"):
         run(curves, manifest, output=output)
     other = [dict(row) for row in manifest]
     other[3]["layer.thickness"] *= 1.0 + 1e-15
@@ -406,7 +405,7 @@ def test_another_run_in_the_same_place_is_refused(curves, manifest, tmp_path):
             "the fit changed",
         ),
     ):
-        with pytest.raises(InputError, match=what):
+        with pytest.raises(ul.InputError, match=what):
             change()
 
 
@@ -417,7 +416,7 @@ def test_a_changed_curve_file_is_not_mixed_in(tmp_path, scene_file):
     ul.fit_many(folder, scene_file, **options)
     path = folder / "site-0002.csv"
     path.write_text(path.read_text(encoding="utf-8") + "81,1\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"site-0002\.csv"):
+    with pytest.raises(ul.InputError, match=r"site-0002\.csv"):
         ul.fit_many(folder, scene_file, options=RESUME, **options)
 
 
@@ -425,40 +424,40 @@ def test_bad_input_is_refused_before_any_work(curves, manifest, tmp_path, monkey
     fitted = count_fits(monkeypatch)
     a_file = tmp_path / "a file"
     a_file.write_text("x", encoding="utf-8")
-    with pytest.raises(InputError, match="given twice"):
+    with pytest.raises(ul.InputError, match="given twice"):
         run([curves[0], curves[0]])
-    with pytest.raises(InputError, match=r"no row for 'site-0023\.csv'"):
+    with pytest.raises(ul.InputError, match=r"no row for 'site-0023\.csv'"):
         run(curves, manifest[:-1])
-    with pytest.raises(InputError, match="no such curve"):
+    with pytest.raises(ul.InputError, match="no such curve"):
         run(curves[:-1], manifest)
-    with pytest.raises(FileAccessError):
+    with pytest.raises(ul.FileAccessError):
         run(curves, output=a_file / "below")
-    with pytest.raises(InputError, match="xlsx"):
+    with pytest.raises(ul.InputError, match="xlsx"):
         run(curves, output=tmp_path / "table.xlsx")
-    with pytest.raises(InputError, match="outside its bounds"):
+    with pytest.raises(ul.InputError, match="outside its bounds"):
         run(curves[:1], [{"file": "site-0000.csv", "layer.E": 1.0}])
     with pytest.raises(ul.UnderlayError, match="no folder or file"):
         run(tmp_path / "nowhere")
     (tmp_path / "void").mkdir()
-    with pytest.raises(InputError, match="no curve"):
+    with pytest.raises(ul.InputError, match="no curve"):
         run(tmp_path / "void")
     with pytest.raises(ul.UnderlayError, match=r"layer\.thicknes"):
         ul.fit_many(curves, SCENE, {"layer.thicknes": None}, workers=0)
-    with pytest.raises(InputError, match="nothing is free"):
+    with pytest.raises(ul.InputError, match="nothing is free"):
         ul.fit_many(curves, SCENE, workers=0)
-    with pytest.raises(InputError, match="workers"):
+    with pytest.raises(ul.InputError, match="workers"):
         run(curves, workers=-1)
-    with pytest.raises(InputError, match="Did you mean 'exact'"):
+    with pytest.raises(ul.InputError, match="Did you mean 'exact'"):
         ul.MapOptions(solver="exat")
-    with pytest.raises(InputError, match=r"a solver is a name.*got \{'methd': 'exact'\}"):
+    with pytest.raises(ul.InputError, match=r"a solver is a name.*got \{'methd': 'exact'\}"):
         ul.MapOptions(solver={"methd": "exact"})
     with pytest.raises(TypeError, match="'methd'"):
         ul.MapOptions(methd="exact")
     with pytest.raises(TypeError, match="'accuracy'"):
         ul.fit_many(curves, SCENE, FREE, workers=0, accuracy="quick")
-    with pytest.raises(InputError, match="time_limit"):
+    with pytest.raises(ul.InputError, match="time_limit"):
         ul.MapOptions(time_limit=0.0)
-    with pytest.raises(InputError, match="improper"):
+    with pytest.raises(ul.InputError, match="improper"):
         ul.fit_many(curves, SCENE, {"layer.E": None}, workers=0, options=ul.MapOptions(sampling=True))
     assert not fitted
 
@@ -467,7 +466,7 @@ def test_a_scheduler_that_does_not_answer_times_out_with_its_address(curves):
     pytest.importorskip("distributed")
     address = "tcp://127.0.0.1:9"
     before = time.monotonic()
-    with pytest.raises(SchedulerError, match=address):
+    with pytest.raises(ul.SchedulerError, match=address):
         run(curves, scheduler=address, timeout=1.0)
     assert time.monotonic() - before < 20.0
 
@@ -512,5 +511,5 @@ def test_intervals_and_verdicts_are_those_of_single_fits(curves):
             )
         assert (row["verdict"] == "good") == (alone.verdict.word == "good")
         assert all(reason in row["reason"] for reason in alone.verdict.reasons)
-    with pytest.raises(InputError, match="intervals or for sampling"):
+    with pytest.raises(ul.InputError, match="intervals or for sampling"):
         ul.MapOptions(intervals=True, sampling=True)

@@ -12,7 +12,6 @@ import pytest
 import underlay as ul
 from support import maps
 from support.maps import SCENE_TOML, made_curve, made_manifest, numbers, write_folder
-from underlay.errors import SchedulerError
 
 distributed = pytest.importorskip("distributed")
 COUNT = 40
@@ -99,7 +98,7 @@ def test_files_that_the_workers_do_not_see_are_refused(cluster, tmp_path, monkey
     seen = ul.fit_many(folder, scene, **options)
     assert (seen["status"] == "fitted").all()
     monkeypatch.setattr("underlay.inference.batch.dask._sees", lambda _: False)
-    with pytest.raises(SchedulerError, match="does not see"):
+    with pytest.raises(ul.SchedulerError, match="does not see"):
         ul.fit_many(folder, scene, **options)
 
 
@@ -115,7 +114,7 @@ def test_a_scheduler_without_workers_is_one_error():
         )
         # A scheduler loads much when it is first spoken to: that is not what is timed here.
         distributed.Client(address, timeout=60.0, set_as_default=False).close()
-        with pytest.raises(SchedulerError, match="has no workers"):
+        with pytest.raises(ul.SchedulerError, match="has no workers"):
             fit(scheduler=address, timeout=3.0)
     finally:
         scheduler.kill()

@@ -10,7 +10,6 @@ import pytest
 import underlay as ul
 from support.reference_solver import STORED
 from underlay.cli.app import main
-from underlay.errors import FitError, InputError
 from underlay.inference.benchmark import (
     Estimate,
     Program,
@@ -119,9 +118,9 @@ def test_intervals_and_failures_are_scored():
 
 
 def test_what_cannot_be_scored_is_said():
-    with pytest.raises(InputError, match="not both"):
+    with pytest.raises(ul.InputError, match="not both"):
         ul.benchmark("exact", estimate=float)
-    with pytest.raises(InputError, match="no kind 'plastic'; it has elastic, stuck"):
+    with pytest.raises(ul.InputError, match="no kind 'plastic'; it has elastic, stuck"):
         ul.benchmark(kinds=["plastic"])
     refused = ul.benchmark("garcia2018", kinds=["stacked"])
     assert refused.summary().iloc[0]["answered"] == "0 of 5"
@@ -164,17 +163,19 @@ def test_another_program_is_scored(answer, tmp_path):
     ],
 )
 def test_a_program_that_does_not_answer_is_an_error_of_ours(command, message):
-    with pytest.raises(FitError, match=message):
+    with pytest.raises(ul.FitError, match=message):
         Program(command)(benchmark_cases(["elastic"])[0])
 
 
 def test_a_program_that_hangs_is_stopped():
-    with pytest.raises(FitError, match=r"stopped after 0\.5 s"):
+    with pytest.raises(ul.FitError, match=r"stopped after 0\.5 s"):
         Program(f"{sys.executable} -c 'import time; time.sleep(60)'", timeout=0.5)(benchmark_cases()[0])
 
 
 def test_a_name_that_no_scene_has_is_said():
-    with pytest.raises(InputError, match=r"{layer.stiffness}: the scene has no such number; there are curve"):
+    with pytest.raises(
+        ul.InputError, match=r"{layer.stiffness}: the scene has no such number; there are curve"
+    ):
         Program("program {layer.stiffness}")(benchmark_cases()[0])
 
 

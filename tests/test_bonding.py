@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 
 import underlay as ul
 from underlay.cli.app import app
-from underlay.inference.compare import compare_bonds
 from underlay.report.limits import bonds_sentences, bonds_told
 from underlay.report.tables import fit_table, interval_table
 from underlay.report.words import headline
@@ -29,7 +28,7 @@ def posed(scene, noise=0.002, depth=6e-5, **changes):
 
 @pytest.fixture(scope="module")
 def told():
-    return compare_bonds(posed(GEL, layer=replace(GEL.layer, bond="bonded")))
+    return ul.compare_bonds(posed(GEL, layer=replace(GEL.layer, bond="bonded")))
 
 
 def test_the_face_that_made_the_curve_is_found(told):
@@ -61,7 +60,7 @@ def test_both_values_stand_in_one_sentence(told):
 
 def test_a_shallow_curve_does_not_tell_and_says_so():
     problem = posed(GEL, noise=0.05, depth=3e-6)
-    told = compare_bonds(problem)
+    told = ul.compare_bonds(problem)
     assert "do not tell which" in bonds_sentences(told)[1]
     values = {name: fit.values["layer.E"] for name, fit in told.fits.items()}
     assert values["bonded"] < values["slipping"]
@@ -69,7 +68,7 @@ def test_a_shallow_curve_does_not_tell_and_says_so():
 
 def test_the_fit_at_hand_is_not_made_again():
     fit = ul.fit(posed(GEL))
-    told = compare_bonds(fit)
+    told = ul.compare_bonds(fit)
     assert told.fits["slipping"] is fit
     assert told.fits["bonded"] is not fit
 
@@ -92,7 +91,7 @@ def test_a_deeper_face():
 )
 def test_a_face_that_is_not_there_is_refused(scene, face, message):
     with pytest.raises(ul.InputError, match=message):
-        compare_bonds(posed(scene), face)
+        ul.compare_bonds(posed(scene), face)
 
 
 # --- a bond that nobody knows ----------------------------------------------------------------------------

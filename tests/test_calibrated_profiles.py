@@ -9,16 +9,11 @@ from scipy import stats
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
-from underlay.errors import InputError
-from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.priors import HalfNormal, LogNormal, Normal
-from underlay.inference.problem import Problem
-from underlay.inference.profiles import delta_chi_square_at, p_value_at, profile
+from underlay.inference.profiles import delta_chi_square_at, p_value_at
 from underlay.inference.profiling.calibrated_profile import draw_delta_chi_squares, redrawn
 from underlay.inference.profiling.profile_result import Draws
-from underlay.scene.noise import Noise
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import coverage
@@ -38,17 +33,17 @@ def test_the_threshold_is_an_order_statistic():
     assert drawn.threshold(0.95) == 95.0
     assert drawn.threshold(0.68) == 68.0
     assert Draws(1.0, np.arange(1.0, 20.0)).threshold(0.95) == 19.0
-    with pytest.raises(InputError, match="at least 19 curves; there are 18"):
+    with pytest.raises(ul.InputError, match="at least 19 curves; there are 18"):
         Draws(1.0, np.arange(1.0, 19.0)).threshold(0.95)
-    with pytest.raises(InputError, match="between 0 and 1"):
+    with pytest.raises(ul.InputError, match="between 0 and 1"):
         drawn.threshold(1.0)
 
 
-@pytest.mark.parametrize("noise", [None, Noise(force=1e-4)], ids=["unknown", "known"])
+@pytest.mark.parametrize("noise", [None, ul.Noise(force=1e-4)], ids=["unknown", "known"])
 def test_rises_of_a_linear_parameter_have_the_law_of_the_textbook(noise):
     # t is exactly F(1, n - k), or chi-square, for whatever value is the truth.
     scene = layer_on(ul.RIGID)
-    found = fit(problem(scene, [BASELINE], measured(scene, points=40), noise=noise))
+    found = ul.fit(problem(scene, [BASELINE], measured(scene, points=40), noise=noise))
     value = found.values[BASELINE] + 2.0 * found.stderr[BASELINE]
     rises = draw_delta_chi_squares(found, BASELINE, value, 150, 0).delta_chi_squares
     law = stats.f(1, 39) if noise is None else stats.chi2(1)
@@ -57,7 +52,7 @@ def test_rises_of_a_linear_parameter_have_the_law_of_the_textbook(noise):
 
 def test_a_p_value_agrees_with_the_textbook():
     scene = layer_on(ul.RIGID)
-    found = fit(problem(scene, [BASELINE], measured(scene, points=40)))
+    found = ul.fit(problem(scene, [BASELINE], measured(scene, points=40)))
     value = found.values[BASELINE] + found.stderr[BASELINE]
     expected = 2.0 * stats.t.sf(1.0, 39)
     # Five standard deviations of a share of 150.
@@ -68,8 +63,8 @@ def test_a_p_value_agrees_with_the_textbook():
 
 def test_a_calibrated_profile_of_a_linear_parameter_keeps_its_interval():
     scene = layer_on(ul.RIGID)
-    found = fit(problem(scene, [BASELINE], measured(scene, points=40)))
-    plain, calibrated = profile(found, BASELINE), profile(found, BASELINE, calibrate=99)
+    found = ul.fit(problem(scene, [BASELINE], measured(scene, points=40)))
+    plain, calibrated = ul.profile(found, BASELINE), ul.profile(found, BASELINE, calibrate=99)
     # The 95th of 99 has a share below it of Beta(95, 5); z there, between its 0.1 % quantiles.
     low, high = stats.t.ppf(0.5 + 0.5 * stats.beta.ppf([0.001, 0.999], 95, 5), 39)
     for upper in (False, True):
@@ -83,17 +78,17 @@ def test_a_calibrated_profile_of_a_linear_parameter_keeps_its_interval():
 
 def test_the_same_seed_gives_the_same_interval():
     scene = layer_on(ul.RIGID)
-    found = fit(problem(scene, [E, C], measured(scene, points=40)))
-    first, again, other = (profile(found, E, calibrate=19, seed=seed).interval() for seed in (1, 1, 2))
+    found = ul.fit(problem(scene, [E, C], measured(scene, points=40)))
+    first, again, other = (ul.profile(found, E, calibrate=19, seed=seed).interval() for seed in (1, 1, 2))
     assert first == again
     assert first.low != other.low
 
 
 def test_redrawn_curves_have_the_model_the_noise_and_the_priors_of_the_fit():
     scene = layer_on(ul.RIGID)
-    noise = Noise(force=2e-4, relative=0.01, correlation_time=0.05, depth=1e-7)
-    free = {E: LogNormal(1e6, 0.1), H: Normal(5e-4, 1e-5), C: None, BASELINE: HalfNormal(1e-3)}
-    found = fit(problem(scene, free, measured(scene, points=60), noise=noise))
+    noise = ul.Noise(force=2e-4, relative=0.01, correlation_time=0.05, depth=1e-7)
+    free = {E: ul.LogNormal(1e6, 0.1), H: ul.Normal(5e-4, 1e-5), C: None, BASELINE: ul.HalfNormal(1e-3)}
+    found = ul.fit(problem(scene, free, measured(scene, points=60), noise=noise))
     made = [
         redrawn(found.problem, found.vector, found.noises, np.random.default_rng([3, b])) for b in range(300)
     ]
@@ -111,7 +106,7 @@ def test_redrawn_curves_have_the_model_the_noise_and_the_priors_of_the_fit():
     assert means.mean() == pytest.approx(found.values[H], abs=4.0 * 1e-5 / 300**0.5)
     assert means.std() == pytest.approx(1e-5, rel=4.0 / 600**0.5)
     assert np.log(medians / found.values[E]).std() == pytest.approx(0.1, rel=4.0 / 600**0.5)
-    assert all(p.priors[BASELINE] == HalfNormal(1e-3) for p in made)
+    assert all(p.priors[BASELINE] == ul.HalfNormal(1e-3) for p in made)
     assert made[0].names == found.names
 
 
@@ -119,8 +114,8 @@ def test_a_joint_problem_with_unknown_and_correlated_noise_is_calibrated():
     scene = layer_on(ul.RIGID)
     wide = layer_on(ul.RIGID, indenter=ul.Paraboloid(3e-3))
     tests = [(s, measured(s, points=60, rng=i, level=0.003)) for i, s in enumerate((scene, wide))]
-    noises = [None, Noise(correlation_time=0.01)]
-    found = fit(Problem.joint(tests, {E: None, H: Normal(5e-4, 5e-5), C: None}, [E, H], noises))
+    noises = [None, ul.Noise(correlation_time=0.01)]
+    found = ul.fit(ul.Problem.joint(tests, {E: None, H: ul.Normal(5e-4, 5e-5), C: None}, [E, H], noises))
     assert found.names == (E, H, f"{C}[0]", f"{C}[1]")
     assert 0.0 < p_value_at(found, H, found.values[H], 19) <= 1.0
     # Twenty standard errors away no drawn curve goes as badly.
@@ -129,7 +124,7 @@ def test_a_joint_problem_with_unknown_and_correlated_noise_is_calibrated():
 
 
 def test_a_fit_with_two_optima_is_told_to_calibrate(two_optima):
-    walked = profile(two_optima, E)
+    walked = ul.profile(two_optima, E)
     assert walked.has_two_basins
     assert "use profile(..., calibrate=99)" in walked.basis()
     interval = walked.interval()
@@ -145,7 +140,9 @@ def test_a_value_behind_a_fold_is_found(replica):
     assert here < 2.5
     # As low as a fit that is begun at the truth, above the lower of two optima: the fit of curve 111 is not it.
     scene, curve, noise = HARD.scene, found.curves[0], found.noises[0]
-    free, held = (fit(Problem(scene, curve, names, noise), start="given") for names in (found.names, [E, H]))
+    free, held = (
+        ul.fit(ul.Problem(scene, curve, names, noise), start="given") for names in (found.names, [E, H])
+    )
     best = min(free.statistics.chi_square, found.statistics.chi_square)
     # Two minimisers at one optimum: flat to their tolerance, squared.
     assert here == pytest.approx(held.statistics.chi_square - best, abs=1e-5)
@@ -153,14 +150,14 @@ def test_a_value_behind_a_fold_is_found(replica):
 
 def test_words_of_bad_numbers():
     scene = layer_on(ul.RIGID)
-    found = fit(problem(scene, [BASELINE], measured(scene, points=40)))
-    with pytest.raises(InputError, match="at least 19 curves"):
-        profile(found, BASELINE, calibrate=18)
-    with pytest.raises(InputError, match="whole number"):
-        profile(found, BASELINE, calibrate=-1)
-    with pytest.raises(InputError, match="the seed must be"):
-        profile(found, BASELINE, calibrate=19, seed=-1)
-    with pytest.raises(InputError, match="not free here"):
+    found = ul.fit(problem(scene, [BASELINE], measured(scene, points=40)))
+    with pytest.raises(ul.InputError, match="at least 19 curves"):
+        ul.profile(found, BASELINE, calibrate=18)
+    with pytest.raises(ul.InputError, match="whole number"):
+        ul.profile(found, BASELINE, calibrate=-1)
+    with pytest.raises(ul.InputError, match="the seed must be"):
+        ul.profile(found, BASELINE, calibrate=19, seed=-1)
+    with pytest.raises(ul.InputError, match="not free here"):
         p_value_at(found, E, 1e6)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import underlay as ul
 from support.calibration import BINS, DRAWS, cases, levels, replica, uniformity
-from underlay.scene.noise import Noise
 
 REPLICAS = 30
 
@@ -19,7 +19,7 @@ def study(understated):
     """Ranks and coverage of E and contact depth of a half-space whose noise is known."""
     case = cases()["half-space"]
     free = {path: prior for path, prior in case.free.items() if not path.startswith("noise.")}
-    case = replace(case, free=free, noise=Noise(force=5e-5))
+    case = replace(case, free=free, noise=ul.Noise(force=5e-5))
     rows = [
         row
         for seed in range(REPLICAS)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from underlay.errors import FileAccessError, InputError, MissingExtraError
+import underlay as ul
 from underlay.inference.sampling import chain_file
 from underlay.inference.sampling.chain_file import ChainFile
 
@@ -75,7 +75,7 @@ def test_steps_do_not_change_the_size_of_the_file(tmp_path):
 def test_an_existing_file_is_not_overwritten(tmp_path):
     path = tmp_path / "chain.h5"
     path.write_text("notes")
-    with pytest.raises(InputError, match="pass resume=True"), ChainFile.create(path, NAMES, (10, 6)):
+    with pytest.raises(ul.InputError, match="pass resume=True"), ChainFile.create(path, NAMES, (10, 6)):
         pass
     assert path.read_text() == "notes"
 
@@ -91,25 +91,28 @@ def test_the_chain_of_another_problem_is_refused(tmp_path, names, walkers, messa
     path = tmp_path / "chain.h5"
     with ChainFile.create(path, NAMES, (10, 6)) as file:
         append(file, range(3))
-    with pytest.raises(InputError, match=message), ChainFile.resume(path, names, (10, walkers)):
+    with pytest.raises(ul.InputError, match=message), ChainFile.resume(path, names, (10, walkers)):
         pass
 
 
 def test_other_files_are_no_chains(tmp_path):
     text, table = tmp_path / "a.txt", tmp_path / "b.h5"
     text.write_text("depth force")
-    with pytest.raises(InputError, match="is not a chain file"), ChainFile.resume(text, NAMES, (10, 6)):
+    with pytest.raises(ul.InputError, match="is not a chain file"), ChainFile.resume(text, NAMES, (10, 6)):
         pass
     with chain_file.h5py.File(table, "w") as file:
         file["x"] = 1.0
-    with pytest.raises(InputError, match="of this version"), ChainFile.resume(table, NAMES, (10, 6)):
+    with pytest.raises(ul.InputError, match="of this version"), ChainFile.resume(table, NAMES, (10, 6)):
         pass
-    with pytest.raises(FileAccessError, match="is a directory"), ChainFile.resume(tmp_path, NAMES, (10, 6)):
+    with (
+        pytest.raises(ul.FileAccessError, match="is a directory"),
+        ChainFile.resume(tmp_path, NAMES, (10, 6)),
+    ):
         pass
 
 
 def test_without_the_extra_the_error_names_it(tmp_path, monkeypatch):
     monkeypatch.setattr(chain_file, "h5py", None)
     path = tmp_path / "chain.h5"
-    with pytest.raises(MissingExtraError, match=r"underlay\[uq\]"), ChainFile.create(path, NAMES, (10, 6)):
+    with pytest.raises(ul.MissingExtraError, match=r"underlay\[uq\]"), ChainFile.create(path, NAMES, (10, 6)):
         pass

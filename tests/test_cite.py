@@ -13,11 +13,10 @@ import underlay as ul
 from support.populations import write_study
 from support.reports import small_posterior
 from underlay.cli.app import main
-from underlay.errors import FileFormatError, InputError
 from underlay.inference.citation.result import cited
 from underlay.inference.citation.used import of_sampling, used_by
 from underlay.inference.citation.works import _WORKS, bibtex, work
-from underlay.mechanics.published import published_corrections, published_names
+from underlay.mechanics.published import published_names
 
 SCENE = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1.3e-3), ul.RIGID)
 DEPTH = np.linspace(-1e-5, 8e-5, 80)
@@ -103,19 +102,19 @@ def test_a_fit_of_before_is_cited_by_its_law(tmp_path):
 def test_what_is_no_result_is_refused(content, tmp_path):
     path = tmp_path / "other.dat"
     path.write_bytes(content)
-    with pytest.raises(FileFormatError, match=r"other\.dat"):
+    with pytest.raises(ul.FileFormatError, match=r"other\.dat"):
         cited(path)
 
 
 def test_a_key_from_a_file_is_looked_up_and_never_printed_as_it_is(tmp_path):
     path = tmp_path / "a.fit.json"
     path.write_text(json.dumps({"used": {"}\\input{secret}": "harm"}}), encoding="utf-8")
-    with pytest.raises(InputError, match="nothing to cite"):
+    with pytest.raises(ul.InputError, match="nothing to cite"):
         cited(path)
 
 
 def test_every_correction_can_be_cited():
-    for correction in published_corrections():
+    for correction in ul.published_corrections():
         entry = work(correction.name)
         assert entry.doi == (correction.doi or "")
         assert str(entry.year) in correction.name

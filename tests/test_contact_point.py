@@ -3,13 +3,8 @@
 import numpy as np
 import pytest
 
-from underlay.data.contact_point import METHODS, find_contact
-from underlay.data.curve import Curve
-from underlay.errors import CurveError, InputError
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Cone, Paraboloid
-from underlay.mechanics.materials import Isotropic
-from underlay.scene.scene import Scene
+import underlay as ul
+from underlay.data.contact_point import METHODS
 
 TRUE = 1.3e-6
 DEEPEST = 2e-6
@@ -24,7 +19,7 @@ def made(rng, noise=0.005, *, exponent=1.5, before=3e-6, points=600, slope=0.0, 
     # Snap-in: pulled down over a tenth of the depth around contact; a bump well in front of it.
     force -= dip * np.exp(-0.5 * ((x - TRUE) / (0.04 * DEEPEST)) ** 2) * (x < TRUE + 0.05 * DEEPEST)
     force += bump * np.exp(-0.5 * ((x - TRUE + 0.7 * DEEPEST) / (0.05 * DEEPEST)) ** 2)
-    return Curve(x, PEAK * (force + noise * rng.standard_normal(points)), time=np.arange(points) * 0.01)
+    return ul.Curve(x, PEAK * (force + noise * rng.standard_normal(points)), time=np.arange(points) * 0.01)
 
 
 @pytest.mark.parametrize("exponent", [1.5, 2.0])
@@ -32,7 +27,7 @@ def made(rng, noise=0.005, *, exponent=1.5, before=3e-6, points=600, slope=0.0, 
 def test_the_foot_finds_contact_within_its_uncertainty(exponent, noise):
     """Coverage over 40 curves: within two standard errors in at least 80 % (95 % if it were exact)."""
     rng = np.random.default_rng(7)
-    found = [find_contact(made(rng, noise, exponent=exponent), exponent=exponent) for _ in range(40)]
+    found = [ul.find_contact(made(rng, noise, exponent=exponent), exponent=exponent) for _ in range(40)]
     errors = np.array([contact.depth - TRUE for contact in found])
     claimed = np.array([contact.uncertainty for contact in found])
     assert np.mean(np.abs(errors) < 2.0 * claimed) >= 0.8
@@ -44,16 +39,16 @@ def test_the_foot_finds_contact_within_its_uncertainty(exponent, noise):
 @pytest.mark.parametrize("method", METHODS)
 def test_every_estimator_comes_near(method):
     rng = np.random.default_rng(8)
-    errors = [find_contact(made(rng, 0.003), method).depth - TRUE for _ in range(10)]
+    errors = [ul.find_contact(made(rng, 0.003), method).depth - TRUE for _ in range(10)]
     # The parabola and the threshold know no law: a few per cent of the depth is what they can do.
     assert np.abs(errors).max() < 0.06 * DEEPEST
-    assert find_contact(made(rng), method).method == method
+    assert ul.find_contact(made(rng), method).method == method
 
 
 def test_more_noise_gives_a_larger_uncertainty():
     rng = np.random.default_rng(9)
     quiet, loud = (
-        np.median([find_contact(made(rng, noise)).estimates[0].uncertainty for _ in range(9)])
+        np.median([ul.find_contact(made(rng, noise)).estimates[0].uncertainty for _ in range(9)])
         for noise in (0.001, 0.02)
     )
     # A 20 times louder baseline; the law is near linear in the noise.
@@ -76,7 +71,7 @@ def test_more_noise_gives_a_larger_uncertainty():
 def test_drift_adhesion_and_bumps_do_not_fool_it(disturbance):
     rng = np.random.default_rng(10)
     for _ in range(5):
-        contact = find_contact(made(rng, 0.003, **disturbance))
+        contact = ul.find_contact(made(rng, 0.003, **disturbance))
         assert abs(contact.depth - TRUE) < max(2.0 * contact.uncertainty, 0.03 * DEEPEST)
         assert abs(contact.depth - TRUE) < 0.1 * DEEPEST
     if disturbance.get("dip", 0) >= 0.1:
@@ -91,7 +86,7 @@ def test_the_first_positive_force_would_have_been_fooled():
 
 def test_the_baseline_is_that_of_the_curve():
     curve = made(np.random.default_rng(12), 0.002, slope=0.05)
-    contact = find_contact(curve)
+    contact = ul.find_contact(curve)
     slope = 0.05 * PEAK / DEEPEST
     assert contact.baseline_slope == pytest.approx(slope, rel=0.1)
     assert contact.noise == pytest.approx(0.002 * PEAK, rel=0.3)
@@ -99,48 +94,48 @@ def test_the_baseline_is_that_of_the_curve():
 
 def test_a_scene_gives_the_foot_its_law():
     """A thin layer on a rigid base: its own law finds contact where a ball on a half-space is biased."""
-    scene = Scene(Paraboloid(20e-6), Layer(Isotropic(1e4, 0.5), 2e-6), RIGID)
+    scene = ul.Scene(ul.Paraboloid(20e-6), ul.Layer(ul.Isotropic(1e4, 0.5), 2e-6), ul.RIGID)
     x = np.linspace(-1e-6, 1e-6, 500)
     force = scene.force(np.clip(x, 0.0, None))
-    noisy = Curve(x, force + 0.002 * force[-1] * np.random.default_rng(13).standard_normal(500))
-    with_law = find_contact(noisy, scene=scene).estimates[0]
-    without = find_contact(noisy).estimates[0]
+    noisy = ul.Curve(x, force + 0.002 * force[-1] * np.random.default_rng(13).standard_normal(500))
+    with_law = ul.find_contact(noisy, scene=scene).estimates[0]
+    without = ul.find_contact(noisy).estimates[0]
     assert abs(with_law.depth) < min(abs(without.depth), 4 * with_law.uncertainty)
 
 
 def test_a_cone_and_a_ball_differ():
-    scene = Scene(Cone(np.radians(35)), Layer(Isotropic(1e4, 0.5)))
+    scene = ul.Scene(ul.Cone(np.radians(35)), ul.Layer(ul.Isotropic(1e4, 0.5)))
     curve = made(np.random.default_rng(14), 0.002, exponent=2.0)
-    assert abs(find_contact(curve, scene=scene).depth - TRUE) < abs(find_contact(curve).depth - TRUE)
+    assert abs(ul.find_contact(curve, scene=scene).depth - TRUE) < abs(ul.find_contact(curve).depth - TRUE)
 
 
 def test_a_curve_that_starts_in_contact_is_carried_back():
     x = np.linspace(0.2e-6, 2e-6, 200)
-    contact = find_contact(Curve(x, 1e-2 * x**1.5))
+    contact = ul.find_contact(ul.Curve(x, 1e-2 * x**1.5))
     assert abs(contact.depth) < 0.2e-6
     assert "no stretch in front of contact" in contact.notes[0]
 
 
 def test_noise_alone_is_no_contact():
     rng = np.random.default_rng(15)
-    curve = Curve(np.linspace(0, 1e-6, 300), 1e-9 * rng.standard_normal(300))
-    with pytest.raises(CurveError, match=r"no contact: peak force .* is within 3 sigma"):
+    curve = ul.Curve(np.linspace(0, 1e-6, 300), 1e-9 * rng.standard_normal(300))
+    with pytest.raises(ul.CurveError, match=r"no contact: peak force .* is within 3 sigma"):
         # The largest of 300 normal numbers is near 3 sigma; the baseline here is far longer than the foot.
-        find_contact(Curve(curve.depth, np.clip(curve.force, -2e-9, 2e-9)))
+        ul.find_contact(ul.Curve(curve.depth, np.clip(curve.force, -2e-9, 2e-9)))
 
 
 @pytest.mark.parametrize(
     ("keywords", "told"), [({"method": "magic"}, "no contact method"), ({"exponent": 9}, "0.5")]
 )
 def test_bad_arguments_are_refused(keywords, told):
-    with pytest.raises(InputError, match=told):
-        find_contact(made(np.random.default_rng(1)), **keywords)
+    with pytest.raises(ul.InputError, match=told):
+        ul.find_contact(made(np.random.default_rng(1)), **keywords)
 
 
 def test_a_parabola_puts_contact_too_late_by_the_share_that_its_error_holds():
     depth = np.linspace(-1.0, 1.0, 2001) * 1e-6
     for power, share in ((1.5, 0.053), (1.2, 0.0245), (1.8, 0.06)):
-        found = find_contact(Curve(depth, np.maximum(depth, 0.0) ** power), "change-point")
+        found = ul.find_contact(ul.Curve(depth, np.maximum(depth, 0.0) ** power), "change-point")
         (own,) = (entry for entry in found.estimates if entry.method == "change-point")
         length = float(depth[-1]) - own.depth
         # On the foot that is looked at, which may be shorter than the curve.
@@ -155,7 +150,7 @@ def test_contacts_lie_beyond_two_of_their_errors_as_often_as_they_should():
     for _ in range(40):
         at = rng.uniform(-1e-7, 1e-7)
         force = np.maximum(depth - at, 0.0) ** 1.5 / 1e-9 + 0.005 * rng.standard_normal(depth.size)
-        found = find_contact(Curve(depth, force))
+        found = ul.find_contact(ul.Curve(depth, force))
         z.append(
             [
                 (found.depth - at) / found.uncertainty,
@@ -174,7 +169,7 @@ def test_a_contacts_error_is_neither_over_wide_under_its_law_nor_too_small_under
     def z(power):
         at = rng.uniform(-1e-7, 1e-7)
         force = np.maximum((depth - at) / 1e-6, 0.0) ** power + 0.005 * rng.standard_normal(depth.size)
-        found = find_contact(Curve(depth, force), "foot")
+        found = ul.find_contact(ul.Curve(depth, force), "foot")
         return abs(found.depth - at) / found.uncertainty
 
     own, other = (np.array([z(power) for _ in range(40)]) for power in (1.5, 1.8))

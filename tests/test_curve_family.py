@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import underlay as ul
 from support.laws import exact_law
-from underlay.errors import RangeError
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.contact_problem import ContactProblem, solve_curve
 from underlay.mechanics.exact.curve_family import (
     Cell,
@@ -20,23 +18,24 @@ from underlay.mechanics.exact.curve_family import (
 )
 from underlay.mechanics.exact.family_law import side_by_side, tabulated_law
 from underlay.mechanics.exact.master_curve import Factor
-from underlay.mechanics.exact_solvers import Auto, Exact
-from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import Isotropic
 
-TIPS = {"paraboloid": Paraboloid(2e-4), "cone": Cone(np.deg2rad(70.0)), "quartic": PowerLaw(4.0, 1e9)}
+TIPS = {
+    "paraboloid": ul.Paraboloid(2e-4),
+    "cone": ul.Cone(np.deg2rad(70.0)),
+    "quartic": ul.PowerLaw(4.0, 1e9),
+}
 THICKNESS = 3e-4
 
 
 def pair(tip, ratio, varpi, rtol, *, layer_nu=0.45, base_nu=0.3, reference_rtol=1e-10):
     """The law from a table and the exact law of the same scene, solved for itself."""
     layer, base = (
-        Layer(Isotropic(1e6, layer_nu), THICKNESS),
-        RIGID if ratio is None else Isotropic(ratio * 1e6, base_nu),
+        ul.Layer(ul.Isotropic(1e6, layer_nu), THICKNESS),
+        ul.RIGID if ratio is None else ul.Isotropic(ratio * 1e6, base_nu),
     )
     deepest = float(tip.abel(np.array([varpi * THICKNESS]))[0])
     family = None if ratio is None else IsotropicPair(layer_nu, base_nu)
-    law = tabulated_law(Contact.of(tip, layer, base), family, ratio or np.inf, deepest, rtol)
+    law = tabulated_law(ul.Contact.of(tip, layer, base), family, ratio or np.inf, deepest, rtol)
     depth = np.linspace(0.01, 1.0, 50) * deepest
     return law, exact_law(tip, layer, base, max_depth=depth[-1], rtol=reference_rtol), depth
 
@@ -62,7 +61,7 @@ def test_bodies_solved_together_keep_the_error_that_they_claim(top, exponent, rt
     assert together.error_estimate <= rtol
     varpi = top * np.linspace(0.01, 1.0, 50)
     for body, found in zip(bodies, together.logarithms(varpi), strict=True):
-        alone = solve_curve(ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, body), top, 1e-10)
+        alone = solve_curve(ContactProblem.of(ul.PowerLaw(exponent, 1.0), 1.0, body), top, 1e-10)
         for factor in Factor:
             error = np.abs(found[factor] - alone.curve.logarithm(factor, varpi)).max()
             # 1e-10 is what the reference may be off by.
@@ -125,13 +124,13 @@ def test_where_little_accuracy_is_asked_for_one_table_holds_several_ranges():
 
 def test_another_cell_s_ratio_is_refused():
     family = curve_family(Cell.holding(2.0, IsotropicPair(0.45, 0.3), ratio=3.0, varpi=1.0, rtol=1e-4))
-    with pytest.raises(RangeError, match="ask the cell that holds them"):
+    with pytest.raises(ul.RangeError, match="ask the cell that holds them"):
         family.curve(np.log(300.0))
 
 
 def test_where_the_contact_is_too_wide_there_is_no_table():
     assert curve_family(Cell.holding(2.0, IsotropicPair(0.5, 0.3), 1e3, varpi=18.0, rtol=1e-4)) is None
-    contact = Contact.of(TIPS["paraboloid"], Layer(Isotropic(1e6, 0.5), 1e-3), RIGID)
+    contact = ul.Contact.of(TIPS["paraboloid"], ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID)
     too_deep = float(contact.indenter.abel(np.array(18e-3)))
     assert tabulated_law(contact, None, np.inf, too_deep, 1e-4) is None
 
@@ -139,10 +138,10 @@ def test_where_the_contact_is_too_wide_there_is_no_table():
 def test_a_rigid_base_has_one_curve_for_every_modulus_thickness_and_radius():
     laws = [
         tabulated_law(
-            Contact.of(Paraboloid(radius), Layer(Isotropic(E, 0.5), h), RIGID),
+            ul.Contact.of(ul.Paraboloid(radius), ul.Layer(ul.Isotropic(E, 0.5), h), ul.RIGID),
             None,
             np.inf,
-            float(Paraboloid(radius).abel(np.array(8.0 * h))),
+            float(ul.Paraboloid(radius).abel(np.array(8.0 * h))),
             1e-6,
         )
         for radius, E, h in ((1e-3, 1e6, 1e-3), (1e-5, 5e2, 3e-6))
@@ -153,7 +152,7 @@ def test_a_rigid_base_has_one_curve_for_every_modulus_thickness_and_radius():
 def test_no_table_understates_its_error():
     rng = np.random.default_rng(5)
     for _ in range(40):
-        tip = PowerLaw(float(rng.choice([1.0, 2.0, 4.0])), 1e3)
+        tip = ul.PowerLaw(float(rng.choice([1.0, 2.0, 4.0])), 1e3)
         law, solved, depth = pair(
             tip,
             10.0 ** rng.uniform(-4.0, 5.0),
@@ -170,7 +169,7 @@ def test_no_table_understates_its_error():
 def test_a_law_solved_alone_is_that_of_the_table(ratio):
     tip = TIPS["paraboloid"]
     table, _, depth = pair(tip, ratio, 1.1, 1e-5)
-    contact = Contact.of(tip, Layer(Isotropic(1e6, 0.45), THICKNESS), Isotropic(ratio * 1e6, 0.3))
+    contact = ul.Contact.of(tip, ul.Layer(ul.Isotropic(1e6, 0.45), THICKNESS), ul.Isotropic(ratio * 1e6, 0.3))
     alone = tabulated_law(contact, IsotropicPair(0.45, 0.3), ratio, float(depth[-1]), 1e-5, alone=True)
     assert not isinstance(alone, type(table))
     assert alone.max_depth == table.max_depth
@@ -185,20 +184,20 @@ def test_a_law_solved_alone_is_that_of_the_table(ratio):
             np.testing.assert_allclose(together(asked)[0], alone.force(depth), rtol=1e-12)
 
 
-@pytest.mark.parametrize("base", [RIGID, Isotropic(3e6, 0.3)], ids=["rigid", "elastic"])
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(3e6, 0.3)], ids=["rigid", "elastic"])
 def test_a_kept_law_is_the_law_of_its_contact_and_is_solved_once(base):
-    contact = Contact.of(TIPS["paraboloid"], Layer(Isotropic(1e6, 0.45), THICKNESS), base)
+    contact = ul.Contact.of(TIPS["paraboloid"], ul.Layer(ul.Isotropic(1e6, 0.45), THICKNESS), base)
     depth = np.linspace(0.0, 1.0, 50) * 2e-4
-    kept, own = Auto(1e-3).kept_law(contact, depth[-1]), Exact(1e-9).law(contact, depth[-1])
+    kept, own = ul.Auto(1e-3).kept_law(contact, depth[-1]), ul.Exact(1e-9).law(contact, depth[-1])
     error = np.abs(kept.force(depth[1:]) / own.force(depth[1:]) - 1.0).max()
     assert error <= kept.error_estimate + own.error_estimate
-    stiffer = Contact.of(TIPS["paraboloid"], Layer(Isotropic(2e6, 0.45), THICKNESS), base)
-    if base is RIGID:
-        assert Auto(1e-3).kept_law(stiffer, depth[-1]).curve is kept.curve
+    stiffer = ul.Contact.of(TIPS["paraboloid"], ul.Layer(ul.Isotropic(2e6, 0.45), THICKNESS), base)
+    if base is ul.RIGID:
+        assert ul.Auto(1e-3).kept_law(stiffer, depth[-1]).curve is kept.curve
 
 
 def test_no_law_is_kept_of_a_tip_that_is_no_power_law_nor_of_one_that_sticks():
-    layer = Layer(Isotropic(1e6, 0.45), THICKNESS)
-    for tip, changes in ((Sphere(2e-4), {}), (TIPS["cone"], {"friction": "stuck"})):
-        contact = replace(Contact.of(tip, layer, RIGID), **changes)
-        assert Auto().kept_law(contact, 1e-5) is None
+    layer = ul.Layer(ul.Isotropic(1e6, 0.45), THICKNESS)
+    for tip, changes in ((ul.Sphere(2e-4), {}), (TIPS["cone"], {"friction": "stuck"})):
+        contact = replace(ul.Contact.of(tip, layer, ul.RIGID), **changes)
+        assert ul.Auto().kept_law(contact, 1e-5) is None

@@ -8,9 +8,8 @@ import pytest
 import underlay as ul
 from underlay.cli.fit import fit as fit_command
 from underlay.data.signs import flipped, require_signs
-from underlay.errors import CurveError, InputError
 from underlay.inference.batch import work
-from underlay.inference.from_files import chosen_part, load_problem
+from underlay.inference.from_files import chosen_part
 from underlay.scene.scene_file import read_scene_file
 
 SCENE = """
@@ -78,11 +77,11 @@ def test_a_reversed_sign_is_named_with_the_key_that_turns_it(curve, put, columns
     wrong = {
         name: -getattr(part, name) if name in columns else getattr(part, name) for name in ("depth", "force")
     }
-    with pytest.raises(CurveError, match=told):
-        load_problem(*put(**wrong))
+    with pytest.raises(ul.CurveError, match=told):
+        ul.load_problem(*put(**wrong))
     keys = ", ".join(f'"{name}"' for name in columns)
-    right = load_problem(*put(**wrong, part=f"flip = [{keys}]"))
-    expected = load_problem(*put(part.depth, part.force))
+    right = ul.load_problem(*put(**wrong, part=f"flip = [{keys}]"))
+    expected = ul.load_problem(*put(part.depth, part.force))
     np.testing.assert_array_equal(right.curves[0].depth, expected.curves[0].depth)
     np.testing.assert_array_equal(right.curves[0].force, expected.curves[0].force)
     rules = right.curves[0].metadata["sign_rules"]
@@ -96,8 +95,8 @@ def test_both_signs_reversed_are_told_whatever_the_zero_of_the_force(curve, put,
     way_in = curve.loading()
     kept = way_in.depth >= (0.0 if from_contact else -np.inf)
     path, scene = put(-way_in.depth[kept], offset * way_in.force.max() - way_in.force[kept])
-    with pytest.raises(CurveError, match="the signs of depth and force are reversed"):
-        load_problem(path, scene)
+    with pytest.raises(ul.CurveError, match="the signs of depth and force are reversed"):
+        ul.load_problem(path, scene)
 
 
 @pytest.mark.parametrize("offset", [0.0, 5.0, -2.0])
@@ -126,7 +125,7 @@ def test_reading_notes_what_looks_like_a_wrong_sign_and_turning_takes_the_note_o
 
 
 def test_an_empty_list_says_that_the_signs_are_right(curve, put):
-    problem = load_problem(*put(curve.depth, -curve.force, "flip = []"))
+    problem = ul.load_problem(*put(curve.depth, -curve.force, "flip = []"))
     np.testing.assert_allclose(problem.curves[0].force, -curve.force[: len(INTO)], atol=1e-15)
 
 
@@ -154,10 +153,10 @@ def test_segments_of_the_motion_turn_with_the_depth_and_those_of_the_file_do_not
 
 
 def test_the_same_force_everywhere_is_no_contact(put):
-    with pytest.raises(CurveError, match=r"no contact, the force is the same \(0\.003 N\) at every point"):
-        load_problem(*put(INTO, np.full_like(INTO, 3e-3)))
-    with pytest.raises(CurveError, match="no contact, the force is zero at every point"):
-        load_problem(*put(INTO, np.zeros_like(INTO)))
+    with pytest.raises(ul.CurveError, match=r"no contact, the force is the same \(0\.003 N\) at every point"):
+        ul.load_problem(*put(INTO, np.full_like(INTO, 3e-3)))
+    with pytest.raises(ul.CurveError, match="no contact, the force is zero at every point"):
+        ul.load_problem(*put(INTO, np.zeros_like(INTO)))
 
 
 @pytest.mark.parametrize(
@@ -177,8 +176,8 @@ def test_the_same_force_everywhere_is_no_contact(put):
     ],
 )
 def test_a_unit_that_is_wrong_by_a_thousand_is_told_by_the_scene(curve, put, header, told):
-    with pytest.raises(CurveError, match=told):
-        load_problem(*put(curve.depth, curve.force, header=header))
+    with pytest.raises(ul.CurveError, match=told):
+        ul.load_problem(*put(curve.depth, curve.force, header=header))
 
 
 def test_ten_radii_deep_is_no_indentation(put):
@@ -187,18 +186,22 @@ def test_ten_radii_deep_is_no_indentation(put):
     path, file = put(x, np.asarray(scene.force(np.clip(x, 0.0, None))))
     text = file.read_text().replace("0.5 mm", "1 um").replace('thickness = "1.5 mm"', "")
     file.write_text(text.replace("[substrate]\nrigid = true", ""))
-    with pytest.raises(CurveError, match=r"pressed .* beyond contact where the indenter is 1 um in radius"):
-        load_problem(path, file)
+    with pytest.raises(
+        ul.CurveError, match=r"pressed .* beyond contact where the indenter is 1 um in radius"
+    ):
+        ul.load_problem(path, file)
 
 
 def test_a_deflection_given_as_depth_is_told_by_its_straight_line(put):
     deflection = np.concatenate((np.zeros(40), np.linspace(0.0, 4e-5, 80)))
     force = 30.0 * deflection
-    with pytest.raises(CurveError, match=r"proportional to the depth \(30 N/m\).*looks like the deflection"):
-        load_problem(*put(deflection, force))
+    with pytest.raises(
+        ul.CurveError, match=r"proportional to the depth \(30 N/m\).*looks like the deflection"
+    ):
+        ul.load_problem(*put(deflection, force))
     # A flat punch gives such a line by itself.
     assert (
-        load_problem(*put(deflection, force, shape="flat_punch")).n_points == 79
+        ul.load_problem(*put(deflection, force, shape="flat_punch")).n_points == 79
     )  # the rest in front is a hold
 
 
@@ -206,7 +209,7 @@ def test_a_deflection_given_as_depth_is_told_by_its_straight_line(put):
 def test_a_sound_curve_is_none_of_these(curve, put, free):
     path, scene = put(curve.depth, curve.force)
     scene.write_text(scene.read_text().replace("[fit]\n", f"[fit]\n{free}\n"))
-    assert load_problem(path, scene).n_points == len(INTO)
+    assert ul.load_problem(path, scene).n_points == len(INTO)
 
 
 # --- parts
@@ -214,7 +217,7 @@ def test_a_sound_curve_is_none_of_these(curve, put, free):
 
 def test_the_unloading_of_an_elastic_sample_gives_the_modulus_of_its_loading(curve, put):
     fits = [
-        ul.fit(load_problem(*put(curve.depth, curve.force, f'segment = "{part}"')))
+        ul.fit(ul.load_problem(*put(curve.depth, curve.force, f'segment = "{part}"')))
         for part in ("loading", "unloading")
     ]
     assert [len(fit.curves[0]) for fit in fits] == [len(INTO), len(INTO) - 1]
@@ -237,20 +240,20 @@ def test_curve_unloading_is_fitted_as_it_is(curve):
 
 def test_an_unloading_that_gives_less_work_back_says_so(curve, put):
     force = np.where(np.arange(len(DEPTH)) < len(INTO), curve.force, 0.7 * curve.force)
-    part = load_problem(*put(curve.depth, force, 'segment = "unloading"')).curves[0]
+    part = ul.load_problem(*put(curve.depth, force, 'segment = "unloading"')).curves[0]
     assert re.search(r"gives 3\d % less work than the way in took", part.metadata["notes"][-1])
 
 
 def test_a_hold_is_refused_when_the_scene_is_read(curve, put):
     _, scene = put(curve.depth, curve.force, 'segment = "hold"')
     with pytest.raises(
-        InputError, match=r"\[curve\] segment: a hold cannot be fitted.*Allowed are 'loading', 'unl"
+        ul.InputError, match=r"\[curve\] segment: a hold cannot be fitted.*Allowed are 'loading', 'unl"
     ):
         read_scene_file(scene)
 
 
 def test_a_part_that_is_not_there_is_said_with_those_that_are(curve):
-    with pytest.raises(CurveError, match="has no unloading part, only loading"):
+    with pytest.raises(ul.CurveError, match="has no unloading part, only loading"):
         chosen_part(curve.loading(), {"segment": "unloading"})
 
 

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pytest
 
+import underlay as ul
 from support.posterior_cases import halfspace_curve, halfspace_problem
 from underlay._door import (
     FileKind,
@@ -26,19 +27,9 @@ from underlay._door import (
     sha256_of,
     understood,
 )
-from underlay.data.curve import Curve, check_fittable
-from underlay.errors import (
-    CurveError,
-    FileAccessError,
-    FileFormatError,
-    InputError,
-    UnderlayWarning,
-    UnitError,
-)
+from underlay.data.curve import check_fittable
 from underlay.inference.batch.manifest import read_manifest
 from underlay.inference.sampling.chain_file import ChainFile
-from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.run import sample
 from underlay.report.maps import read_map
 from underlay.scene.scene_file import read_scene_file
 from underlay.units import parse_quantity
@@ -140,7 +131,7 @@ def test_every_way_in_refuses_a_pipe(folder):
         lambda: ChainFile.resume(pipe, ("layer.E",), (6, 4)).__enter__(),
     ]
     for read in reads:
-        with pytest.raises(FileAccessError, match="pipe or device"):
+        with pytest.raises(ul.FileAccessError, match="pipe or device"):
             read()
 
 
@@ -151,7 +142,7 @@ def test_a_file_is_read_up_to_its_bound(tmp_path):
     assert read_start(path, 7) == b"a" * 7
     path.write_bytes(b"a" * 1001)
     with pytest.raises(
-        FileFormatError, match="more than the 0 MB that are read of a test file; write another"
+        ul.FileFormatError, match="more than the 0 MB that are read of a test file; write another"
     ):
         read_bytes(path, KIND)
 
@@ -159,7 +150,7 @@ def test_a_file_is_read_up_to_its_bound(tmp_path):
 @pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="no such files on this system")  # noqa: PTH110
 def test_what_a_file_says_of_its_size_is_not_believed():
     """Files of the operating system say that they are empty."""
-    with pytest.raises(FileFormatError, match="holds more than"):
+    with pytest.raises(ul.FileFormatError, match="holds more than"):
         read_bytes("/proc/self/status", FileKind("a test file", 10, "write another"))
 
 
@@ -173,7 +164,7 @@ def test_every_exception_of_a_parser_becomes_ours():
     ):
         with (
             pytest.raises(
-                FileFormatError, match=r"^f\.dat is not a test file, or damaged: .*; write another$"
+                ul.FileFormatError, match=r"^f\.dat is not a test file, or damaged: .*; write another$"
             ),
             understood("f.dat", KIND),
         ):
@@ -195,7 +186,7 @@ def test_names_of_files_are_one_printable_line():
     ids=["deep", "rather deep", "digits", "some digits", "many"],
 )
 def test_json_without_bounds(text):
-    with pytest.raises(FileFormatError), understood("x.json", KIND):
+    with pytest.raises(ul.FileFormatError), understood("x.json", KIND):
         parse_json(text)
 
 
@@ -216,7 +207,7 @@ def test_json_without_bounds(text):
 def test_toml_without_bounds(text, tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(SCENE + text)
-    with pytest.raises(FileFormatError, match=r"scene\.toml is not a scene file"):
+    with pytest.raises(ul.FileFormatError, match=r"scene\.toml is not a scene file"):
         read_scene_file(path)
 
 
@@ -247,7 +238,7 @@ def test_damaged_records_on_the_command_line(folder):
     ],
 )
 def test_a_quantity_that_nothing_has_is_refused(text, kind):
-    with pytest.raises(UnitError, match="is not physical: its size must be from 1e-60 to 1e"):
+    with pytest.raises(ul.UnitError, match="is not physical: its size must be from 1e-60 to 1e"):
         parse_quantity(text, kind)
 
 
@@ -260,14 +251,14 @@ def test_zero_and_small_offsets_are_quantities():
 def test_a_radius_below_the_smallest_size(radius, tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(SCENE.replace("0.5 mm", radius))
-    with pytest.raises(InputError, match="is not physical"):
+    with pytest.raises(ul.InputError, match="is not physical"):
         read_scene_file(path)
 
 
 def test_depths_that_are_no_lengths():
     curve = halfspace_curve()
-    with pytest.raises(CurveError, match="not a physical length"):
-        check_fittable(Curve(curve.depth * 1e-300, curve.force))
+    with pytest.raises(ul.CurveError, match="not a physical length"):
+        check_fittable(ul.Curve(curve.depth * 1e-300, curve.force))
 
 
 def test_curves_that_are_none_on_the_command_line(folder):
@@ -295,8 +286,8 @@ def test_curves_that_are_none_on_the_command_line(folder):
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
     path = tmp_path_factory.mktemp("posterior") / "posterior.npz"
-    with pytest.warns(UnderlayWarning, match="not converged"):
-        posterior = sample(halfspace_problem(), walkers=16, max_steps=60, rng=1, progress=False)
+    with pytest.warns(ul.UnderlayWarning, match="not converged"):
+        posterior = ul.sample(halfspace_problem(), walkers=16, max_steps=60, rng=1, progress=False)
     posterior.save(path)
     return path.read_bytes()
 
@@ -358,8 +349,8 @@ class Evil:
     ],
 )
 def test_arrays_that_are_not_what_they_say(saved, name, content, told, tmp_path):
-    with pytest.raises(FileFormatError, match=r"p\.npz is not a saved posterior, or damaged: ") as caught:
-        Posterior.load(changed(saved, tmp_path / "p.npz", name, content))
+    with pytest.raises(ul.FileFormatError, match=r"p\.npz is not a saved posterior, or damaged: ") as caught:
+        ul.Posterior.load(changed(saved, tmp_path / "p.npz", name, content))
     assert told in str(caught.value)
 
 
@@ -390,8 +381,8 @@ def test_documents_with_values_of_another_kind(saved, path, value, tmp_path):
     for key in path[:-1]:
         part = part[key]
     part[path[-1]] = value
-    with pytest.raises(FileFormatError, match=r"p\.npz is "):
-        Posterior.load(changed(saved, tmp_path / "p.npz", "about", array(np.array(json.dumps(about)))))
+    with pytest.raises(ul.FileFormatError, match=r"p\.npz is "):
+        ul.Posterior.load(changed(saved, tmp_path / "p.npz", "about", array(np.array(json.dumps(about)))))
 
 
 @pytest.mark.parametrize(
@@ -422,7 +413,7 @@ def test_chains_that_are_not_laid_out_as_such(change, tmp_path):
             elif change == "external":
                 file["chain"] = h5py.ExternalLink("other.h5", "chain")
     told = r"chain\.h5 is not a chain file, or damaged"
-    with pytest.raises(FileFormatError, match=told), ChainFile.resume(path, names, (6, 4)):
+    with pytest.raises(ul.FileFormatError, match=told), ChainFile.resume(path, names, (6, 4)):
         pass
 
 
@@ -440,7 +431,7 @@ def test_manifests_that_are_no_tables(tmp_path):
         b'"',
     ):
         path.write_bytes(content)
-        with pytest.raises(InputError, match=r"m\.csv"):
+        with pytest.raises(ul.InputError, match=r"m\.csv"):
             read_manifest(path, scene)
 
 
@@ -448,7 +439,7 @@ def test_a_manifest_whose_rows_are_longer_than_its_header(tmp_path):
     """A comma at the end of each row shifted every number under the name of its neighbour."""
     path = tmp_path / "m.csv"
     path.write_text("file,radius (um),x (mm)\na.csv,500,1,\nb.csv,510,2,\n")
-    with pytest.raises(FileFormatError, match="more cells than there are names"):
+    with pytest.raises(ul.FileFormatError, match="more cells than there are names"):
         read_manifest(path, halfspace_problem().base_scenes[0])
 
 
@@ -464,10 +455,10 @@ def test_tables_of_maps_whose_numbers_are_none(tmp_path):
         "name,status,verdict,reason,seconds": "a,fitted,good,,1\na" + ',"\n"' * 40_000,
     }.items():
         path.write_text(f"{header}\n{row}\n")
-        with pytest.raises(FileFormatError, match=r"map\.csv is not the table of a map"):
+        with pytest.raises(ul.FileFormatError, match=r"map\.csv is not the table of a map"):
             read_map(path)
     (tmp_path / "map.parquet").write_bytes(b"PAR1" + b"\xff" * 100 + b"PAR1")
-    with pytest.raises(FileFormatError, match=r"map\.parquet is not the table of a map"):
+    with pytest.raises(ul.FileFormatError, match=r"map\.parquet is not the table of a map"):
         read_map(tmp_path / "map.parquet")
 
 

@@ -7,23 +7,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import underlay as ul
 from support.call_counter import count_calls
 from underlay.cli.app import app
-from underlay.errors import InputError
 from underlay.mechanics import materials
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, Sphere
 from underlay.mechanics.kernel import one_layer
-from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.response import Remembered
-from underlay.mechanics.solvers import Auto
 from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.report import plots
 from underlay.scene.effects import effect_sizes
-from underlay.scene.instrument import Baseline, Frame, Instrument
-from underlay.scene.scene import Scene
+from underlay.scene.instrument import Baseline, Frame
 
-GEL = Isotropic(1e4, 0.45)
+GEL = ul.Isotropic(1e4, 0.45)
 DEPTH = 5e-5
 EFFECTS = (
     "finite thickness",
@@ -38,16 +33,16 @@ EFFECTS = (
     "relaxation",
     "history",
 )
-PLAIN = Scene(Paraboloid(1e-3), Layer(GEL))
-FIBROUS = TransverselyIsotropic(E=2e4, E_axial=1e4, nu=0.3, nu_axial=0.2, G_axial=4e3)
+PLAIN = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(GEL))
+FIBROUS = ul.TransverselyIsotropic(E=2e4, E_axial=1e4, nu=0.3, nu_axial=0.2, G_axial=4e3)
 #: Each effect alone, put into the plain scene.
 ALONE = {
-    "finite thickness": replace(PLAIN, layer=Layer(GEL, 1e-3), substrate=RIGID),
-    "substrate compliance": replace(PLAIN, layer=Layer(GEL, 1e-3), substrate=Isotropic(1e5, 0.3)),
-    "anisotropy": replace(PLAIN, layer=Layer(FIBROUS)),
-    "true sphere": replace(PLAIN, indenter=Sphere(1e-3)),
-    "instrument compliance": replace(PLAIN, instrument=Instrument(compliance=1e-2)),
-    "baseline": replace(PLAIN, instrument=Instrument(baseline=1e-5, baseline_slope=0.1)),
+    "finite thickness": replace(PLAIN, layer=ul.Layer(GEL, 1e-3), substrate=ul.RIGID),
+    "substrate compliance": replace(PLAIN, layer=ul.Layer(GEL, 1e-3), substrate=ul.Isotropic(1e5, 0.3)),
+    "anisotropy": replace(PLAIN, layer=ul.Layer(FIBROUS)),
+    "true sphere": replace(PLAIN, indenter=ul.Sphere(1e-3)),
+    "instrument compliance": replace(PLAIN, instrument=ul.Instrument(compliance=1e-2)),
+    "baseline": replace(PLAIN, instrument=ul.Instrument(baseline=1e-5, baseline_slope=0.1)),
 }
 
 
@@ -57,7 +52,7 @@ def code_of_each_effect(monkeypatch):
     return {
         "finite thickness": count_calls(monkeypatch, one_layer, "_interface"),
         "anisotropy": count_calls(monkeypatch, materials, "transversely_isotropic_constants"),
-        "true sphere": count_calls(monkeypatch, Sphere, *sphere),
+        "true sphere": count_calls(monkeypatch, ul.Sphere, *sphere),
         "instrument compliance": count_calls(monkeypatch, Frame, "tip_depth", "share"),
         "baseline": count_calls(monkeypatch, Baseline, "reading"),
         "history": count_calls(monkeypatch, Remembered, "force"),
@@ -112,7 +107,7 @@ def test_sizes_are_those_of_the_laws():
     # To first order in w/R a true sphere is w/(10 R) softer than its paraboloid.
     assert sizes["true sphere"] == pytest.approx(-DEPTH / 1e-2, rel=0.05)
     # A frame of compliance C takes w - C P of the travel w: P falls by 3/2 C P/w, to first order in C.
-    soft = replace(PLAIN, instrument=Instrument(compliance=1e-6))
+    soft = replace(PLAIN, instrument=ul.Instrument(compliance=1e-6))
     stiffness = plain / DEPTH
     assert row(soft, "instrument compliance").size_percent / 100.0 == pytest.approx(
         -1.5e-6 * stiffness, rel=1e-5 * 1.5 * stiffness
@@ -122,7 +117,7 @@ def test_sizes_are_those_of_the_laws():
 
 def test_a_baseline_does_not_change_the_other_sizes():
     scene = ALONE["finite thickness"]
-    tilted = replace(scene, instrument=Instrument(contact_depth=1e-4, baseline=1.0, baseline_slope=3.0))
+    tilted = replace(scene, instrument=ul.Instrument(contact_depth=1e-4, baseline=1.0, baseline_slope=3.0))
     for name in ("finite thickness", "true sphere"):
         assert row(tilted, name).size_percent == pytest.approx(row(scene, name).size_percent, rel=1e-9)
 
@@ -133,12 +128,12 @@ def test_the_paraboloid_says_what_the_sphere_would_change_without_simulating_it(
     assert found.size_percent == pytest.approx(
         row(ALONE["true sphere"], "true sphere").size_percent, rel=1e-9
     )
-    assert np.isnan(row(replace(PLAIN, indenter=Cone(1.2)), "true sphere").size_percent)
+    assert np.isnan(row(replace(PLAIN, indenter=ul.Cone(1.2)), "true sphere").size_percent)
 
 
 def test_an_effect_below_the_tolerance_says_so_and_the_law_is_named():
-    scene = replace(ALONE["finite thickness"], substrate=Isotropic(1e9, 0.3))
-    table = scene.effects(DEPTH, solver=Auto(1e-2))
+    scene = replace(ALONE["finite thickness"], substrate=ul.Isotropic(1e9, 0.3))
+    table = scene.effects(DEPTH, solver=ul.Auto(1e-2))
     note = table.set_index("effect").loc["substrate compliance", "note"]
     assert "below rtol = 0.01" in note
     assert table.attrs["law"].startswith(("exact: ", "asymptotic: "))
@@ -156,7 +151,7 @@ def test_what_cannot_be_compared_is_not_measured_and_says_why():
 
 @pytest.mark.parametrize("depth", [0.0, -1e-6, np.nan, np.inf])
 def test_a_depth_that_is_no_contact_is_refused(depth):
-    with pytest.raises(InputError, match="max_depth must be positive"):
+    with pytest.raises(ul.InputError, match="max_depth must be positive"):
         PLAIN.effects(depth)
 
 
@@ -174,7 +169,9 @@ def test_sizes_along_the_curve_end_where_the_table_stands():
     assert sizes["finite thickness"].iloc[1] / sizes["finite thickness"].iloc[0] > 10.0**0.5
 
 
-@pytest.mark.parametrize("scene", [ALONE["substrate compliance"], replace(PLAIN, indenter=FlatPunch(1e-4))])
+@pytest.mark.parametrize(
+    "scene", [ALONE["substrate compliance"], replace(PLAIN, indenter=ul.FlatPunch(1e-4))]
+)
 def test_the_picture_has_a_line_for_every_known_effect(scene):
     drawn = plots.effects(scene)
     lines = [line for line in drawn.get_lines() if not line.get_label().startswith("_")]
@@ -230,5 +227,5 @@ def test_the_command_refuses_in_one_line(tmp_path, options, words):
     scene = tmp_path / "gel.toml"
     scene.write_text(SCENE_FILE)
     result = CliRunner().invoke(app, ["effects", str(scene), *options])
-    assert isinstance(result.exception, InputError)
+    assert isinstance(result.exception, ul.InputError)
     assert words in str(result.exception)

@@ -17,7 +17,6 @@ from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import Places
-from underlay.scene.noise import Noise
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
 BASELINE, NU = "instrument.baseline", "layer.nu"
@@ -54,7 +53,7 @@ def test_several_places_at_once_say_what_each_says_alone(case):
     scene = replace(layer_on(base), indenter=tip)
     depth = np.linspace(-2e-5, 1.2e-4, 60)
     curve = ul.Curve(depth, scene.force(depth))
-    p = problem(scene, free, curve, noise=Noise(force=1e-3 * float(np.ptp(curve.force))))
+    p = problem(scene, free, curve, noise=ul.Noise(force=1e-3 * float(np.ptp(curve.force))))
     objective = Objective(p, freeze(p, p.start, p.noises(p.start)))
     assert objective.asked.in_batches
     vectors = np.random.default_rng(0).normal(0.0, 0.15, (4, len(free)))
@@ -139,7 +138,7 @@ def test_lmfit_cut_short_hands_over_the_lowest_place_that_it_asked_for(monkeypat
 def test_what_would_leave_its_bound_goes_there_and_the_others_to_their_best_beside_it():
     # Of an incompressible layer: the estimate of Poisson's ratio lies beyond one half about every second time.
     scene = layer_on(ul.Isotropic(4e6, 0.3), nu=0.5)
-    curve, noise = measured(scene, rng=2), Noise(force=2e-3)
+    curve, noise = measured(scene, rng=2), ul.Noise(force=2e-3)
     found = ul.fit(problem(scene.with_values({NU: 0.4}), [E, NU, C], curve, noise=noise))
     held = ul.fit(problem(scene, [E, C], curve, noise=noise))
     assert found.values[NU] == 0.5
@@ -178,7 +177,7 @@ def test_no_search_ends_at_a_bound_that_the_data_pull_away_from():
         ul.Isotropic(1.3e7, 0.3),
         ul.Instrument(contact_depth=8e-5),
     )
-    noise = Noise(force=0.002 * float(scene.force(1.6e-3)))
+    noise = ul.Noise(force=0.002 * float(scene.force(1.6e-3)))
     for seed in range(10):
         curve = measured(scene, depth=1.6e-3, first=-2.4e-4, level=0.002, rng=seed)
         start = scene.with_values({E: 9e6, NU: 0.45, C: 0.0})
@@ -202,7 +201,7 @@ def test_bounds_hold_every_place_that_is_asked_for():
     scene = layer_on(ul.RIGID)
     p = problem(scene, {E: (0.9e6, 1.02e6), H: (4e-4, 5.02e-4), C: (-1e-4, 1e-4)}, measured(scene, rng=4))
     asked = []
-    objective = Objective(p, freeze(p, p.start, [Noise(force=1e-4)]))
+    objective = Objective(p, freeze(p, p.start, [ul.Noise(force=1e-4)]))
     models = objective.asked.columns
     objective.asked.columns = lambda physical, **how: (
         asked.append(np.array(physical)) or models(physical, **how)
@@ -235,7 +234,7 @@ def test_what_is_held_stays():
 def test_a_search_cut_short_says_so():
     scene = layer_on(ul.RIGID)
     p = problem(scene.with_values({E: 3e6, H: 3e-4}), [E, H, C], exact_curve(scene))
-    objective = Objective(p, freeze(p, p.start, [Noise(force=1e-6)]))
+    objective = Objective(p, freeze(p, p.start, [ul.Noise(force=1e-6)]))
     short = minimise(objective, p.start, Search(steps=2))
     assert not short.success
     assert "2 steps" in short.message
@@ -252,7 +251,7 @@ def test_a_last_step_to_where_there_is_no_law_is_not_made(monkeypatch):
     scene = layer_on(ul.Isotropic(3e7, 0.3))
     depth = np.linspace(-2e-5, 1.2e-4, 60)
     curve = ul.Curve(depth, scene.force(depth))
-    p = problem(scene, [E, H, C], curve, noise=Noise(force=1e-3 * float(np.ptp(curve.force))))
+    p = problem(scene, [E, H, C], curve, noise=ul.Noise(force=1e-3 * float(np.ptp(curve.force))))
     real = settling.minimise
 
     def beyond(objective, start, search, give_up=None):
@@ -306,7 +305,7 @@ def test_a_valley_is_left_where_a_step_as_long_as_any_gains_nothing(step, gain, 
 def asked_of(scene, depth):
     """What asks for the models of a curve up to a depth (m), and the scene's own place."""
     curve = exact_curve(scene, points=40, depth=depth, first=0.0)
-    p = problem(scene, [E, H, C], curve, noise=Noise(force=1e-3 * float(curve.force.max())))
+    p = problem(scene, [E, H, C], curve, noise=ul.Noise(force=1e-3 * float(curve.force.max())))
     return Objective(p, freeze(p, p.start, p.noises(p.start))).asked, p.physical(p.start)
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from underlay.data.curve import Curve
-from underlay.errors import CurveError, InputError
+import underlay as ul
 
 
 def staircase(steps=4, *, tau=0.5, noise=0.0, correlation=0.0, rng=None):
@@ -24,7 +23,7 @@ def staircase(steps=4, *, tau=0.5, noise=0.0, correlation=0.0, rng=None):
         for i in range(1, len(white)):
             red[i] = correlation * red[i - 1] + np.sqrt(1 - correlation**2) * white[i]
         force = force + noise * red
-    return Curve(depth, force, time=time)
+    return ul.Curve(depth, force, time=time)
 
 
 def test_each_step_gives_its_relaxed_force():
@@ -38,7 +37,7 @@ def test_each_step_gives_its_relaxed_force():
 @pytest.mark.parametrize("since", [420, 1000], ids=["at every ramp", "within a hold"])
 def test_a_clock_that_begins_again_changes_nothing(since):
     curve = staircase()
-    begins_again = Curve(curve.depth, curve.force, time=curve.time % (since * 0.05))
+    begins_again = ul.Curve(curve.depth, curve.force, time=curve.time % (since * 0.05))
     assert np.count_nonzero(begins_again.segments() != curve.segments()) <= 4
     points = begins_again.equilibrium()
     np.testing.assert_allclose(points.force, np.arange(1, 5) * 1e-3, rtol=1e-12)
@@ -81,9 +80,9 @@ def test_without_the_correlation_the_interval_would_be_too_narrow():
 
 def test_what_has_no_hold_is_refused():
     ramp = np.linspace(0.0, 1.0, 50)
-    with pytest.raises(CurveError, match="no hold after loading"):
-        Curve(ramp, ramp).equilibrium()
-    with pytest.raises(InputError, match="share must be in"):
+    with pytest.raises(ul.CurveError, match="no hold after loading"):
+        ul.Curve(ramp, ramp).equilibrium()
+    with pytest.raises(ul.InputError, match="share must be in"):
         staircase().equilibrium(share=0.0)
-    with pytest.raises(CurveError, match="average a larger share"):
+    with pytest.raises(ul.CurveError, match="average a larger share"):
         staircase().equilibrium(share=1e-4)

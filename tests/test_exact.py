@@ -7,22 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import underlay as ul
 from support.laws import exact_law
-from underlay.errors import InputError, RangeError
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.contact_problem import SHARE_OF_NODES, ContactProblem
 from underlay.mechanics.halfspace import HalfspaceLaw
-from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
-from underlay.mechanics.profile import Profile
 
 SHAPES = {
-    "cone": Cone(1.2),
-    "paraboloid": Paraboloid(20.0),
-    "lambda 1.5": PowerLaw(1.5, 0.1),
-    "lambda 4": PowerLaw(4.0, 0.01),
-    "sphere": Sphere(11.0),
+    "cone": ul.Cone(1.2),
+    "paraboloid": ul.Paraboloid(20.0),
+    "lambda 1.5": ul.PowerLaw(1.5, 0.1),
+    "lambda 4": ul.PowerLaw(4.0, 0.01),
+    "sphere": ul.Sphere(11.0),
 }
 RTOL = 1e-8
 
@@ -36,12 +31,12 @@ def depth_at(shape, radius):
 def cases(draw):
     """A shape, a layer one length unit thick on a substrate, and a depth."""
     shape = SHAPES[draw(st.sampled_from(sorted(SHAPES)))]
-    layer = Isotropic(draw(st.floats(0.5, 2.0)), draw(st.floats(0.0, 0.5)))
+    layer = ul.Isotropic(draw(st.floats(0.5, 2.0)), draw(st.floats(0.0, 0.5)))
     # A cone on a base more than twenty times softer folds; the other shapes never do.
-    softest = -1.0 if isinstance(shape, Cone) else -2.5
+    softest = -1.0 if isinstance(shape, ul.Cone) else -2.5
     power = draw(st.floats(softest, 3.0))
-    base = draw(st.sampled_from([RIGID, Isotropic(layer.E * 10.0**power, draw(st.floats(0.0, 0.5)))]))
-    return shape, Layer(layer, 1.0), base, depth_at(shape, draw(st.floats(0.02, 3.0)))
+    base = draw(st.sampled_from([ul.RIGID, ul.Isotropic(layer.E * 10.0**power, draw(st.floats(0.0, 0.5)))]))
+    return shape, ul.Layer(layer, 1.0), base, depth_at(shape, draw(st.floats(0.02, 3.0)))
 
 
 @settings(max_examples=40, derandomize=True)
@@ -64,7 +59,7 @@ def test_stiffness_is_that_of_a_flat_punch_of_the_contact_radius(case):
     shape, layer, base, deepest = case
     law = exact_law(shape, layer, base, max_depth=deepest, rtol=RTOL)
     radius = float(law.contact_radius(deepest))
-    punch = exact_law(FlatPunch(radius), layer, base, max_depth=1.0, rtol=RTOL)
+    punch = exact_law(ul.FlatPunch(radius), layer, base, max_depth=1.0, rtol=RTOL)
     # The punch is solved at the law's radius: its error enters times dln(kappa a)/dln a, below 4.
     assert law.stiffness(deepest) == pytest.approx(punch.stiffness(0.1), rel=10 * RTOL)
 
@@ -86,17 +81,17 @@ def test_force_radius_and_depth_increase_and_invert(case):
 def test_only_ratios_matter(case, stiffer, longer):
     shape, layer, base, deepest = case
     scaled = {
-        Cone: lambda s: s,
-        Paraboloid: lambda s: Paraboloid(s.radius * longer),
-        Sphere: lambda s: Sphere(s.radius * longer),
-        PowerLaw: lambda s: PowerLaw(s.exponent, s.coefficient * longer ** (1.0 - s.exponent)),
+        ul.Cone: lambda s: s,
+        ul.Paraboloid: lambda s: ul.Paraboloid(s.radius * longer),
+        ul.Sphere: lambda s: ul.Sphere(s.radius * longer),
+        ul.PowerLaw: lambda s: ul.PowerLaw(s.exponent, s.coefficient * longer ** (1.0 - s.exponent)),
     }[type(shape)](shape)
     material = layer.material
-    other = base if base is RIGID else Isotropic(base.E * stiffer, base.nu)
+    other = base if base is ul.RIGID else ul.Isotropic(base.E * stiffer, base.nu)
     law = exact_law(shape, layer, base, max_depth=deepest, rtol=RTOL)
     twin = exact_law(
         scaled,
-        Layer(Isotropic(material.E * stiffer, material.nu), longer),
+        ul.Layer(ul.Isotropic(material.E * stiffer, material.nu), longer),
         other,
         max_depth=deepest * longer,
         rtol=RTOL,
@@ -110,7 +105,11 @@ def test_only_ratios_matter(case, stiffer, longer):
 @given(cases(), st.floats(0.3, 0.95))
 def test_a_softer_substrate_carries_less(case, softer):
     shape, layer, base, deepest = case
-    weaker = Isotropic(layer.material.E * 50.0, 0.3) if base is RIGID else Isotropic(base.E * softer, base.nu)
+    weaker = (
+        ul.Isotropic(layer.material.E * 50.0, 0.3)
+        if base is ul.RIGID
+        else ul.Isotropic(base.E * softer, base.nu)
+    )
     w = deepest * np.array([0.1, 0.5, 1.0])
     law = exact_law(shape, layer, base, max_depth=deepest, rtol=RTOL)
     less = exact_law(shape, layer, weaker, max_depth=deepest, rtol=RTOL)
@@ -119,7 +118,7 @@ def test_a_softer_substrate_carries_less(case, softer):
 
 @pytest.mark.parametrize("name", sorted(SHAPES))
 def test_identical_materials_and_an_infinite_layer_are_a_half_space(name):
-    shape, material = SHAPES[name], Isotropic(2.0, 0.4)
+    shape, material = SHAPES[name], ul.Isotropic(2.0, 0.4)
     deepest = depth_at(shape, 2.0)
     w = deepest * np.array([1e-6, 0.1, 1.0])
     half = HalfspaceLaw(
@@ -130,7 +129,11 @@ def test_identical_materials_and_an_infinite_layer_are_a_half_space(name):
         indenter=shape,
         theta=material.theta,
     )
-    for layer, base in ((Layer(material, 1.0), material), (Layer(material), RIGID), (Layer(material), None)):
+    for layer, base in (
+        (ul.Layer(material, 1.0), material),
+        (ul.Layer(material), ul.RIGID),
+        (ul.Layer(material), None),
+    ):
         law = exact_law(shape, layer, base, max_depth=deepest, rtol=1e-9)
         # A power law's factors are then exactly one; the sphere's are expanded, within rtol.
         np.testing.assert_allclose(law.force(w), half.force(w), rtol=1e-9)
@@ -141,10 +144,10 @@ def test_identical_materials_and_an_infinite_layer_are_a_half_space(name):
 @pytest.mark.parametrize("ratio", [3.0, 0.5])
 def test_a_wide_contact_feels_the_substrate_alone(ratio):
     # kappa_inf -> theta_2/theta_1 as a/h -> inf; the error of order (h/a) ln(a/h) a little less than halves.
-    layer, base = Isotropic(1.0, 0.3), Isotropic(ratio, 0.3)
+    layer, base = ul.Isotropic(1.0, 0.3), ul.Isotropic(ratio, 0.3)
     gaps = []
     for eps in (5.0, 10.0, 20.0):
-        law = exact_law(FlatPunch(eps), Layer(layer, 1.0), base, max_depth=1.0, rtol=1e-8)
+        law = exact_law(ul.FlatPunch(eps), ul.Layer(layer, 1.0), base, max_depth=1.0, rtol=1e-8)
         gaps.append(abs(law.stiffness(1.0) / (4.0 * base.theta * eps) - 1.0))
     assert gaps[2] < 0.1
     assert 1.5 < gaps[0] / gaps[1] < gaps[1] / gaps[2] < 2.0
@@ -152,9 +155,9 @@ def test_a_wide_contact_feels_the_substrate_alone(ratio):
 
 @pytest.mark.parametrize(("nu", "fraction"), [(0.3, 0.02), (0.5, 0.03)])
 def test_a_wide_punch_on_a_rigid_base_meets_the_thin_layer_theory(nu, fraction):
-    material = Isotropic(1.0, nu)
+    material = ul.Isotropic(1.0, nu)
     eps = 20.0
-    law = exact_law(FlatPunch(eps), Layer(material, 1.0), RIGID, max_depth=1.0, rtol=1e-8)
+    law = exact_law(ul.FlatPunch(eps), ul.Layer(material, 1.0), ul.RIGID, max_depth=1.0, rtol=1e-8)
     kappa = law.stiffness(1.0) / (4.0 * material.theta * eps)
     if nu == 0.5:
         expected = 3.0 * np.pi / 64.0 * eps**3 * (1.0 + 1.459 / eps) ** 4
@@ -166,23 +169,23 @@ def test_a_wide_punch_on_a_rigid_base_meets_the_thin_layer_theory(nu, fraction):
 
 
 def test_a_small_contact_on_a_sphere_is_one_on_a_paraboloid():
-    layer = Layer(Isotropic(1.0, 0.5), 1.0)
+    layer = ul.Layer(ul.Isotropic(1.0, 0.5), 1.0)
     w = 1e-6 * np.array([0.2, 1.0])
-    sphere = exact_law(Sphere(1e3), layer, RIGID, max_depth=1e-6, rtol=1e-9)
-    paraboloid = exact_law(Paraboloid(1e3), layer, RIGID, max_depth=1e-6, rtol=1e-9)
+    sphere = exact_law(ul.Sphere(1e3), layer, ul.RIGID, max_depth=1e-6, rtol=1e-9)
+    paraboloid = exact_law(ul.Paraboloid(1e3), layer, ul.RIGID, max_depth=1e-6, rtol=1e-9)
     # H(r) = (r^2/R)(1 + r^2/(3 R^2)): a/R = 3e-5 leaves 3e-10.
     np.testing.assert_allclose(sphere.force(w), paraboloid.force(w), rtol=3e-9)
 
 
 def test_a_very_blunt_power_law_is_a_flat_punch():
-    layer = Layer(Isotropic(1.0, 0.5), 1.0)
+    layer = ul.Layer(ul.Isotropic(1.0, 0.5), 1.0)
     gaps = []
     for exponent in (50.0, 100.0, 200.0):
         # r = 1 at depth F_2, the radius hardly changes around it.
-        shape = PowerLaw(exponent, 1.0)
-        law = exact_law(shape, layer, RIGID, max_depth=2.0 * depth_at(shape, 1.0), rtol=1e-8)
+        shape = ul.PowerLaw(exponent, 1.0)
+        law = exact_law(shape, layer, ul.RIGID, max_depth=2.0 * depth_at(shape, 1.0), rtol=1e-8)
         radius = float(law.contact_radius(depth_at(shape, 1.0)))
-        punch = exact_law(FlatPunch(radius), layer, RIGID, max_depth=1e3, rtol=1e-8)
+        punch = exact_law(ul.FlatPunch(radius), layer, ul.RIGID, max_depth=1e3, rtol=1e-8)
         w = depth_at(shape, 1.0)
         gaps.append(abs(law.force(w) / punch.force(w) - 1.0))
     # P = P_punch lambda/(lambda+1) to leading order: the gap falls as 1/lambda.
@@ -190,32 +193,32 @@ def test_a_very_blunt_power_law_is_a_flat_punch():
     assert gaps[1] / gaps[2] == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.parametrize("base", [RIGID, Isotropic(0.1, 0.3)])
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(0.1, 0.3)])
 def test_isotropic_constants_make_the_anisotropic_law_isotropic(base):
     E, nu = 1.3, 0.35
-    same = TransverselyIsotropic(E, E, nu, nu, E / (2.0 * (1.0 + nu)))
-    shape, w = Paraboloid(5.0), np.array([0.01, 0.3])
-    plain = exact_law(shape, Layer(Isotropic(E, nu), 1.0), base, max_depth=0.3, rtol=1e-9)
-    other = exact_law(shape, Layer(same, 1.0), base, max_depth=0.3, rtol=1e-9)
+    same = ul.TransverselyIsotropic(E, E, nu, nu, E / (2.0 * (1.0 + nu)))
+    shape, w = ul.Paraboloid(5.0), np.array([0.01, 0.3])
+    plain = exact_law(shape, ul.Layer(ul.Isotropic(E, nu), 1.0), base, max_depth=0.3, rtol=1e-9)
+    other = exact_law(shape, ul.Layer(same, 1.0), base, max_depth=0.3, rtol=1e-9)
     np.testing.assert_allclose(other.force(w), plain.force(w), rtol=2e-9)
 
 
 def test_a_measured_paraboloid_is_a_paraboloid():
     r = np.linspace(0.0, 4.0, 9)
-    tip, shape = Profile(r, r**2 / 40.0), Paraboloid(20.0)
-    layer = Layer(Isotropic(1.0, 0.5), 1.0)
+    tip, shape = ul.Profile(r, r**2 / 40.0), ul.Paraboloid(20.0)
+    layer = ul.Layer(ul.Isotropic(1.0, 0.5), 1.0)
     w = depth_at(shape, 1.0) * np.array([0.01, 0.3, 1.0])
-    measured = exact_law(tip, layer, RIGID, max_depth=w[-1], rtol=1e-6)
-    analytic = exact_law(shape, layer, RIGID, max_depth=w[-1], rtol=1e-8)
+    measured = exact_law(tip, layer, ul.RIGID, max_depth=w[-1], rtol=1e-6)
+    analytic = exact_law(shape, layer, ul.RIGID, max_depth=w[-1], rtol=1e-8)
     np.testing.assert_allclose(measured.force(w), analytic.force(w), rtol=1e-6)
     np.testing.assert_allclose(measured.contact_radius(w), analytic.contact_radius(w), rtol=1e-6)
 
 
 def test_the_curve_serves_another_modulus_and_thickness():
-    shape = Paraboloid(2.0)
-    law = exact_law(shape, Layer(Isotropic(1.0, 0.45), 1.0), RIGID, max_depth=0.5, rtol=1e-8)
-    other = exact_law(shape, Layer(Isotropic(3.0, 0.45), 1.7), RIGID, max_depth=0.5, rtol=1e-8)
-    reused = replace(law, theta=Isotropic(3.0, 0.45).theta, thickness=1.7)
+    shape = ul.Paraboloid(2.0)
+    law = exact_law(shape, ul.Layer(ul.Isotropic(1.0, 0.45), 1.0), ul.RIGID, max_depth=0.5, rtol=1e-8)
+    other = exact_law(shape, ul.Layer(ul.Isotropic(3.0, 0.45), 1.7), ul.RIGID, max_depth=0.5, rtol=1e-8)
+    reused = replace(law, theta=ul.Isotropic(3.0, 0.45).theta, thickness=1.7)
     w = np.linspace(0.01, 0.5, 7)
     np.testing.assert_allclose(reused.force(w), other.force(w), rtol=2e-8)
 
@@ -224,7 +227,7 @@ def test_the_curve_serves_another_modulus_and_thickness():
 
 
 def test_no_contact_no_force():
-    law = exact_law(Paraboloid(1.0), Layer(Isotropic(1.0, 0.5), 1.0), RIGID, max_depth=0.1)
+    law = exact_law(ul.Paraboloid(1.0), ul.Layer(ul.Isotropic(1.0, 0.5), 1.0), ul.RIGID, max_depth=0.1)
     depth = np.array([-1.0, -0.0, 0.0, 5e-324])
     np.testing.assert_array_equal(law.force(depth)[:3], 0.0)
     np.testing.assert_array_equal(law.stiffness(depth)[:3], 0.0)
@@ -232,35 +235,37 @@ def test_no_contact_no_force():
 
 
 def test_depths_beyond_are_refused_with_the_largest_that_works():
-    layer = Layer(Isotropic(1.0, 0.5), 1.0)
-    law = exact_law(Paraboloid(1.0), layer, RIGID, max_depth=0.1)
-    with pytest.raises(RangeError, match="larger max_depth") as caught:
+    layer = ul.Layer(ul.Isotropic(1.0, 0.5), 1.0)
+    law = exact_law(ul.Paraboloid(1.0), layer, ul.RIGID, max_depth=0.1)
+    with pytest.raises(ul.RangeError, match="larger max_depth") as caught:
         law.force(0.11)
     assert caught.value.max_depth == 0.1
-    with pytest.raises(InputError, match="depth"):
+    with pytest.raises(ul.InputError, match="depth"):
         law.force(np.nan)
-    with pytest.raises(RangeError, match="20 thicknesses") as caught:
-        exact_law(Paraboloid(1e4), layer, RIGID, max_depth=1.0)
+    with pytest.raises(ul.RangeError, match="20 thicknesses") as caught:
+        exact_law(ul.Paraboloid(1e4), layer, ul.RIGID, max_depth=1.0)
     deepest = caught.value.max_depth
-    reached = exact_law(Paraboloid(1e4), layer, RIGID, max_depth=deepest * (1 - 1e-9)).contact_radius(
+    reached = exact_law(ul.Paraboloid(1e4), layer, ul.RIGID, max_depth=deepest * (1 - 1e-9)).contact_radius(
         deepest * 0.999999
     )
     assert reached == pytest.approx(20.0, rel=1e-5)
-    with pytest.raises(RangeError, match="20"):
-        exact_law(FlatPunch(21.0), layer, RIGID, max_depth=1.0)
+    with pytest.raises(ul.RangeError, match="20"):
+        exact_law(ul.FlatPunch(21.0), layer, ul.RIGID, max_depth=1.0)
 
 
 def test_the_end_of_a_sphere_is_said():
-    layer = Layer(Isotropic(1.0, 0.5), 1.0)
-    with pytest.raises(RangeError, match="end of the indenter's shape") as caught:
-        exact_law(Sphere(1.0), layer, RIGID, max_depth=100.0)
-    shallower = exact_law(Sphere(1.0), layer, RIGID, max_depth=0.999 * caught.value.max_depth, rtol=1e-4)
+    layer = ul.Layer(ul.Isotropic(1.0, 0.5), 1.0)
+    with pytest.raises(ul.RangeError, match="end of the indenter's shape") as caught:
+        exact_law(ul.Sphere(1.0), layer, ul.RIGID, max_depth=100.0)
+    shallower = exact_law(
+        ul.Sphere(1.0), layer, ul.RIGID, max_depth=0.999 * caught.value.max_depth, rtol=1e-4
+    )
     assert 0.99 < shallower.contact_radius(shallower.max_depth) < 0.9999 * (1 + 1e-4)
 
 
 def test_a_folding_contact_keeps_the_larger_load():
     # A cone, a film, a base a thousand times softer: over some depths three radii solve the equations.
-    shape, layer, base = Cone(1.2), Layer(Isotropic(1.0, 0.3), 1.0), Isotropic(1e-3, 0.5)
+    shape, layer, base = ul.Cone(1.2), ul.Layer(ul.Isotropic(1.0, 0.3), 1.0), ul.Isotropic(1e-3, 0.5)
     law = exact_law(shape, layer, base, max_depth=9.5, rtol=1e-6)
     assert len(law.curve.jumps) == 1
     assert "jump" in law.reason
@@ -273,9 +278,9 @@ def test_a_folding_contact_keeps_the_larger_load():
 
 
 @pytest.mark.parametrize("ratio", [1e-5, 1e-3])
-@pytest.mark.parametrize("tip", [Paraboloid(20.0), Sphere(60.0)], ids=["paraboloid", "sphere"])
+@pytest.mark.parametrize("tip", [ul.Paraboloid(20.0), ul.Sphere(60.0)], ids=["paraboloid", "sphere"])
 def test_narrow_contacts_among_wide_ones_are_as_exact_on_the_nodes_that_do_for_them(tip, ratio):
-    contact = Contact.of(tip, Layer(Isotropic(1.0, 0.4), 1.0), Isotropic(ratio, 0.45))
+    contact = ul.Contact.of(tip, ul.Layer(ul.Isotropic(1.0, 0.4), 1.0), ul.Isotropic(ratio, 0.45))
     problem = ContactProblem.of(tip, 1.0, contact.kernel)
     chi, rtol = np.geomspace(0.02, 20.0, 120), 1e-7
     resolution = problem.resolution(20.0, rtol)

@@ -5,12 +5,10 @@ import tracemalloc
 import numpy as np
 import pytest
 
+import underlay as ul
 from support.laws import exact_law
-from underlay.errors import RangeError
-from underlay.mechanics.body import RIGID, Layer, isotropic_constants
+from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.exact.batch import ExactBatch, thickness_derivative
-from underlay.mechanics.indenters import Cone, Paraboloid, Sphere
-from underlay.mechanics.materials import Isotropic
 
 RTOL = 1e-6
 SETS = 12
@@ -25,7 +23,7 @@ def parameters(ratio, nu):
 
 
 @pytest.mark.parametrize(
-    "shape", [Paraboloid(2.0), Cone(1.3), Sphere(2.0)], ids=lambda shape: type(shape).__name__
+    "shape", [ul.Paraboloid(2.0), ul.Cone(1.3), ul.Sphere(2.0)], ids=lambda shape: type(shape).__name__
 )
 @pytest.mark.parametrize(("ratio", "nu"), [(None, 0.45), (None, 0.3), (10.0, 0.45), (1.0, 0.4), (0.4, 0.3)])
 def test_each_set_is_what_it_is_alone(shape, ratio, nu):
@@ -41,9 +39,9 @@ def test_each_set_is_what_it_is_alone(shape, ratio, nu):
     force, stiffness = curves.force(w, theta, thickness), curves.stiffness(w, theta, thickness)
     assert force.shape == (SETS, w.size)
     for k in range(SETS):
-        base = RIGID if bases is None else Isotropic(bases[k], 0.3)
+        base = ul.RIGID if bases is None else ul.Isotropic(bases[k], 0.3)
         law = exact_law(
-            shape, Layer(Isotropic(E[k], nus[k]), thickness[k]), base, max_depth=deepest, rtol=1e-9
+            shape, ul.Layer(ul.Isotropic(E[k], nus[k]), thickness[k]), base, max_depth=deepest, rtol=1e-9
         )
         error = curves.error_estimate[k]
         np.testing.assert_allclose(force[k], law.force(w), rtol=3.0 * error)
@@ -52,7 +50,7 @@ def test_each_set_is_what_it_is_alone(shape, ratio, nu):
 
 
 def test_shapes_may_differ_in_size():
-    shape, bigger = Paraboloid(2.0), Paraboloid(2.5)
+    shape, bigger = ul.Paraboloid(2.0), ul.Paraboloid(2.5)
     inner = isotropic_constants(np.ones((2, 1)), np.full((2, 1), 0.5))
     batch = ExactBatch.compile(shape, isotropic_constants(1.0, 0.5), None, thickness=1.0, max_depth=0.5)
     curves = batch.curves(inner, None)
@@ -60,16 +58,18 @@ def test_shapes_may_differ_in_size():
     sizes = np.array([shape.abel_coefficient, bigger.abel_coefficient])
     force = curves.force(np.array([w, w]), theta, thickness, sizes)
     for row, tip in zip(force, (shape, bigger), strict=True):
-        law = exact_law(tip, Layer(Isotropic(1.0, 0.5), 1.0), RIGID, max_depth=0.5, rtol=1e-9)
+        law = exact_law(tip, ul.Layer(ul.Isotropic(1.0, 0.5), 1.0), ul.RIGID, max_depth=0.5, rtol=1e-9)
         np.testing.assert_allclose(row, law.force(w), rtol=2 * RTOL)
 
 
 def test_slope_in_the_thickness():
-    shape, h, step = Paraboloid(2.0), 1.0, 1e-4
+    shape, h, step = ul.Paraboloid(2.0), 1.0, 1e-4
     w = np.array([0.05, 0.3])
 
     def law(thickness):
-        return exact_law(shape, Layer(Isotropic(1.0, 0.45), thickness), RIGID, max_depth=0.3, rtol=1e-11)
+        return exact_law(
+            shape, ul.Layer(ul.Isotropic(1.0, 0.45), thickness), ul.RIGID, max_depth=0.3, rtol=1e-11
+        )
 
     slope = thickness_derivative(law(h).force(w), law(h).stiffness(w), w, np.array(h), shape.exponent)
     central = (law(h + step).force(w) - law(h - step).force(w)) / (2.0 * step)
@@ -79,12 +79,12 @@ def test_slope_in_the_thickness():
 
 def test_beyond_what_was_compiled_is_refused():
     constants = isotropic_constants(1.0, 0.5)
-    curves = ExactBatch.compile(Paraboloid(2.0), constants, None, thickness=1.0, max_depth=0.5).curves(
+    curves = ExactBatch.compile(ul.Paraboloid(2.0), constants, None, thickness=1.0, max_depth=0.5).curves(
         constants, None
     )
-    with pytest.raises(RangeError, match="compile it with a larger max_depth"):
+    with pytest.raises(ul.RangeError, match="compile it with a larger max_depth"):
         curves.force(np.array([0.6]), np.array([1.0]), np.array([1.0]))
-    with pytest.raises(RangeError, match="smaller thickness"):
+    with pytest.raises(ul.RangeError, match="smaller thickness"):
         curves.force(np.array([0.5]), np.array([1.0]), np.array([0.9]))
 
 
@@ -93,7 +93,7 @@ def test_a_large_batch_stays_small_in_memory():
     rng = np.random.default_rng(0)
     inner = isotropic_constants(np.ones((sets, 1)), rng.uniform(0.4, 0.5, (sets, 1)))
     batch = ExactBatch.compile(
-        Paraboloid(2.0), isotropic_constants(1.0, 0.45), None, thickness=1.0, max_depth=0.5
+        ul.Paraboloid(2.0), isotropic_constants(1.0, 0.45), None, thickness=1.0, max_depth=0.5
     )
     w, theta = np.linspace(5e-4, 0.5, 1000), np.ravel(inner.theta)
     tracemalloc.start()
@@ -104,7 +104,7 @@ def test_a_large_batch_stays_small_in_memory():
 
 
 def test_a_set_whose_radii_pass_the_end_of_a_sphere_is_marked_and_harms_no_other():
-    sphere, inner = Sphere(2.0), isotropic_constants(np.ones((2, 1)), np.full((2, 1), 0.45))
+    sphere, inner = ul.Sphere(2.0), isotropic_constants(np.ones((2, 1)), np.full((2, 1), 0.45))
     deepest = float(sphere.abel(np.array(0.9)))
     batch = ExactBatch.compile(
         sphere, isotropic_constants(1.0, 0.45), None, thickness=0.9, max_depth=deepest, rtol=RTOL
@@ -112,7 +112,7 @@ def test_a_set_whose_radii_pass_the_end_of_a_sphere_is_marked_and_harms_no_other
     curves = batch.curves(inner, None, np.array([0.9, 20.0]))
     assert curves.error_estimate[0] < RTOL
     assert curves.error_estimate[1] == np.inf
-    alone = exact_law(sphere, Layer(Isotropic(1.0, 0.45), 0.9), RIGID, max_depth=deepest, rtol=1e-10)
+    alone = exact_law(sphere, ul.Layer(ul.Isotropic(1.0, 0.45), 0.9), ul.RIGID, max_depth=deepest, rtol=1e-10)
     theta = np.ravel(inner.theta)
     found = curves.force(np.array([0.5 * deepest]), theta, np.array([0.9, 20.0]))[0, 0]
     assert found == pytest.approx(float(alone.force(0.5 * deepest)), rel=RTOL)

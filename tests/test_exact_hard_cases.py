@@ -5,41 +5,55 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import underlay as ul
 from support import reference_contact
 from support.hard_case_table import HardCaseTable, Row
 from support.laws import exact_law
 from underlay.errors import RangeError
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 
-INCOMPRESSIBLE = Isotropic(1.0, 0.5)
+INCOMPRESSIBLE = ul.Isotropic(1.0, 0.5)
 # Shape, layer, substrate, contact radius over thickness, nodes of the reference, relative error allowed. The
 # reference is brute force in doubles: its error is the condition number of its system times 1e-16, and the
 # relative rounding of its kernel, 1e-16 per unit of softness, where that is larger.
 AGAINST_BRUTE_FORCE = (
-    ("a/h = 20, rigid, nu = 0.5", Paraboloid(1e3), INCOMPRESSIBLE, RIGID, 20.0, 260, 1e-7),
-    ("a/h = 20, rigid, nu = 0.5, cone", Cone(1.5), INCOMPRESSIBLE, RIGID, 20.0, 420, 1e-7),
-    ("E2/E1 = 1e8, a/h = 1", Paraboloid(20.0), INCOMPRESSIBLE, Isotropic(1e8, 0.3), 1.0, 60, 1e-8),
-    ("E2/E1 = 1e8, a/h = 5", Paraboloid(20.0), INCOMPRESSIBLE, Isotropic(1e8, 0.3), 5.0, 120, 1e-8),
-    ("E2/E1 = 1e-8, a/h = 0.01", Paraboloid(20.0), Isotropic(1.0, 0.3), Isotropic(1e-8, 0.3), 0.01, 40, 1e-7),
-    ("E2/E1 = 1e-8, a/h = 1", Paraboloid(20.0), Isotropic(1.0, 0.3), Isotropic(1e-8, 0.3), 1.0, 60, 1e-6),
-    ("lambda = 200, a/h = 1", PowerLaw(200.0, 1.0), INCOMPRESSIBLE, RIGID, 1.0, 200, 1e-8),
+    ("a/h = 20, rigid, nu = 0.5", ul.Paraboloid(1e3), INCOMPRESSIBLE, ul.RIGID, 20.0, 260, 1e-7),
+    ("a/h = 20, rigid, nu = 0.5, cone", ul.Cone(1.5), INCOMPRESSIBLE, ul.RIGID, 20.0, 420, 1e-7),
+    ("E2/E1 = 1e8, a/h = 1", ul.Paraboloid(20.0), INCOMPRESSIBLE, ul.Isotropic(1e8, 0.3), 1.0, 60, 1e-8),
+    ("E2/E1 = 1e8, a/h = 5", ul.Paraboloid(20.0), INCOMPRESSIBLE, ul.Isotropic(1e8, 0.3), 5.0, 120, 1e-8),
+    (
+        "E2/E1 = 1e-8, a/h = 0.01",
+        ul.Paraboloid(20.0),
+        ul.Isotropic(1.0, 0.3),
+        ul.Isotropic(1e-8, 0.3),
+        0.01,
+        40,
+        1e-7,
+    ),
+    (
+        "E2/E1 = 1e-8, a/h = 1",
+        ul.Paraboloid(20.0),
+        ul.Isotropic(1.0, 0.3),
+        ul.Isotropic(1e-8, 0.3),
+        1.0,
+        60,
+        1e-6,
+    ),
+    ("lambda = 200, a/h = 1", ul.PowerLaw(200.0, 1.0), INCOMPRESSIBLE, ul.RIGID, 1.0, 200, 1e-8),
     (
         "lambda = 200, a/h = 1, E2/E1 = 0.1",
-        PowerLaw(200.0, 1.0),
+        ul.PowerLaw(200.0, 1.0),
         INCOMPRESSIBLE,
-        Isotropic(0.1, 0.3),
+        ul.Isotropic(0.1, 0.3),
         1.0,
         200,
         1e-8,
     ),
-    ("sphere a/R = 0.999, a/h = 1", Sphere(1.0 / 0.999), INCOMPRESSIBLE, RIGID, 1.0, 300, 1e-8),
+    ("sphere a/R = 0.999, a/h = 1", ul.Sphere(1.0 / 0.999), INCOMPRESSIBLE, ul.RIGID, 1.0, 300, 1e-8),
     (
         "sphere a/R = 0.999, a/h = 1, E2/E1 = 10",
-        Sphere(1.0 / 0.999),
+        ul.Sphere(1.0 / 0.999),
         INCOMPRESSIBLE,
-        Isotropic(10.0, 0.3),
+        ul.Isotropic(10.0, 0.3),
         1.0,
         300,
         1e-8,
@@ -59,7 +73,7 @@ def table():
 )
 def test_holds_against_brute_force(case, shape, layer, base, eps, nodes, limit, table):
     contact = reference_contact.solve(shape, eps, 1.0, layer, base, nodes=nodes)
-    law = exact_law(shape, Layer(layer, 1.0), base, max_depth=contact.depth * (1.0 - 1e-12), rtol=1e-9)
+    law = exact_law(shape, ul.Layer(layer, 1.0), base, max_depth=contact.depth * (1.0 - 1e-12), rtol=1e-9)
     depth = law.max_depth
     expected = np.array([contact.force, eps, 4.0 * layer.theta * eps * contact.kappa_inf])
     got = np.array([law.force(depth), law.contact_radius(depth), law.stiffness(depth)])
@@ -72,11 +86,21 @@ def test_holds_against_brute_force(case, shape, layer, base, eps, nodes, limit, 
 # Weak along the axis and stiff in shear: the roots turn 2 to 3 times as fast as they decay, and the poles of L
 # stand near the real axis. With the node counts of roots that only decay these missed by 1 to 900 times rtol.
 TURNING = (
-    (TransverselyIsotropic(E=1.0, E_axial=0.115, nu=0.56, nu_axial=0.153, G_axial=1.29), RIGID, 0.132, 1e-6),
-    (TransverselyIsotropic(E=1.0, E_axial=0.11, nu=0.513, nu_axial=0.122, G_axial=5.42), RIGID, 0.104, 1e-10),
     (
-        TransverselyIsotropic(E=1.0, E_axial=0.199, nu=0.424, nu_axial=0.219, G_axial=1.72),
-        Isotropic(10.0, 0.3),
+        ul.TransverselyIsotropic(E=1.0, E_axial=0.115, nu=0.56, nu_axial=0.153, G_axial=1.29),
+        ul.RIGID,
+        0.132,
+        1e-6,
+    ),
+    (
+        ul.TransverselyIsotropic(E=1.0, E_axial=0.11, nu=0.513, nu_axial=0.122, G_axial=5.42),
+        ul.RIGID,
+        0.104,
+        1e-10,
+    ),
+    (
+        ul.TransverselyIsotropic(E=1.0, E_axial=0.199, nu=0.424, nu_axial=0.219, G_axial=1.72),
+        ul.Isotropic(10.0, 0.3),
         1.51,
         1e-10,
     ),
@@ -84,14 +108,14 @@ TURNING = (
 
 
 @pytest.mark.parametrize(("layer", "base", "eps", "rtol"), TURNING, ids=["1e-6", "1e-10", "elastic base"])
-@pytest.mark.parametrize("shape", [FlatPunch(1.0), Paraboloid(20.0)], ids=["punch", "paraboloid"])
+@pytest.mark.parametrize("shape", [ul.FlatPunch(1.0), ul.Paraboloid(20.0)], ids=["punch", "paraboloid"])
 def test_a_layer_whose_displacements_oscillate_with_depth_meets_its_tolerance(
     layer, base, eps, rtol, shape, table
 ):
-    if isinstance(shape, FlatPunch):
-        shape = FlatPunch(eps)
+    if isinstance(shape, ul.FlatPunch):
+        shape = ul.FlatPunch(eps)
     contact = reference_contact.solve(shape, eps, 1.0, layer, base, nodes=60)
-    law = exact_law(shape, Layer(layer, 1.0), base, max_depth=contact.depth * (1.0 - 1e-12), rtol=rtol)
+    law = exact_law(shape, ul.Layer(layer, 1.0), base, max_depth=contact.depth * (1.0 - 1e-12), rtol=rtol)
     relative = abs(float(law.force(law.max_depth)) / contact.force - 1.0)
     table.add(Row(f"oscillating, a/h = {eps}", 0.0, relative, "relative", relative, law.error_estimate))
     assert relative <= law.error_estimate
@@ -99,9 +123,9 @@ def test_a_layer_whose_displacements_oscillate_with_depth_meets_its_tolerance(
 
 def test_an_exponent_just_above_one_continues_the_cone(table):
     # F(1 + d) = F(1) + d F' + O(d^2): the middle of F(1) and F(1.0002) misses F(1.0001) by about 1e-8.
-    layer, depth = Layer(INCOMPRESSIBLE, 1.0), 0.3
+    layer, depth = ul.Layer(INCOMPRESSIBLE, 1.0), 0.3
     one, middle, two = (
-        float(exact_law(PowerLaw(1.0 + d, 0.4), layer, RIGID, max_depth=depth, rtol=1e-10).force(depth))
+        float(exact_law(ul.PowerLaw(1.0 + d, 0.4), layer, ul.RIGID, max_depth=depth, rtol=1e-10).force(depth))
         for d in (0.0, 1e-4, 2e-4)
     )
     relative = abs(0.5 * (one + two) / middle - 1.0)
@@ -113,11 +137,11 @@ def test_an_exponent_just_above_one_continues_the_cone(table):
 @pytest.mark.parametrize("thickness", [1e-12, 1e6])
 def test_any_unit_of_length_will_do(thickness, table):
     # The same problem in other units: what is left is the rounding of powers of the thickness.
-    layer, base = Isotropic(2e6, 0.45), Isotropic(5e7, 0.3)
+    layer, base = ul.Isotropic(2e6, 0.45), ul.Isotropic(5e7, 0.3)
     depth = 0.2 * np.array([1e-3, 0.1, 1.0])
-    plain = exact_law(Paraboloid(2.0), Layer(layer, 1.0), base, max_depth=0.2, rtol=1e-8)
+    plain = exact_law(ul.Paraboloid(2.0), ul.Layer(layer, 1.0), base, max_depth=0.2, rtol=1e-8)
     other = exact_law(
-        Paraboloid(2.0 * thickness), Layer(layer, thickness), base, max_depth=0.2 * thickness, rtol=1e-8
+        ul.Paraboloid(2.0 * thickness), ul.Layer(layer, thickness), base, max_depth=0.2 * thickness, rtol=1e-8
     )
     force = other.force(depth * thickness * (1.0 - 1e-15)) / thickness**2
     relative = float(np.abs(force / plain.force(depth) - 1.0).max())
@@ -130,22 +154,24 @@ def test_a_layer_far_thinner_than_the_contact_says_how_deep_it_works():
     from underlay.errors import RangeError  # noqa: PLC0415 - one test raises it
 
     with pytest.raises(RangeError, match="thicknesses") as caught:
-        exact_law(Paraboloid(1e-3), Layer(INCOMPRESSIBLE, 1e-12), RIGID, max_depth=1e-6)
+        exact_law(ul.Paraboloid(1e-3), ul.Layer(INCOMPRESSIBLE, 1e-12), ul.RIGID, max_depth=1e-6)
     deepest = 0.99 * caught.value.max_depth
-    law = exact_law(Paraboloid(1e-3), Layer(INCOMPRESSIBLE, 1e-12), RIGID, max_depth=deepest)
+    law = exact_law(ul.Paraboloid(1e-3), ul.Layer(INCOMPRESSIBLE, 1e-12), ul.RIGID, max_depth=deepest)
     assert 19.0 < law.contact_radius(deepest) / 1e-12 < 20.0
 
 
 def test_a_very_thick_layer_is_a_half_space():
-    law = exact_law(Paraboloid(1e-3), Layer(INCOMPRESSIBLE, 1e6), RIGID, max_depth=1e-4, rtol=1e-9)
+    law = exact_law(ul.Paraboloid(1e-3), ul.Layer(INCOMPRESSIBLE, 1e6), ul.RIGID, max_depth=1e-4, rtol=1e-9)
     # a/h = 3e-10: the layer changes the force by 4e-10 of itself (first order in a_0 eps).
     hertz = 4.0 / 3.0 * (1.0 / 0.75) * np.sqrt(1e-3) * (1e-4) ** 1.5
     assert law.force(1e-4) == pytest.approx(hertz, rel=2e-9)
 
 
-@pytest.mark.parametrize("shape", [Cone(1.2), Paraboloid(1.0), Sphere(1.0), FlatPunch(1.0)], ids=repr)
+@pytest.mark.parametrize(
+    "shape", [ul.Cone(1.2), ul.Paraboloid(1.0), ul.Sphere(1.0), ul.FlatPunch(1.0)], ids=repr
+)
 def test_depths_at_and_below_the_smallest(shape, table):
-    law = exact_law(shape, Layer(INCOMPRESSIBLE, 1.0), RIGID, max_depth=0.1)
+    law = exact_law(shape, ul.Layer(INCOMPRESSIBLE, 1.0), ul.RIGID, max_depth=0.1)
     none = np.array([-0.1, -5e-324, 0.0])
     for answer in (law.force(none), law.stiffness(none), law.contact_radius(none)):
         np.testing.assert_array_equal(answer, 0.0)
@@ -161,9 +187,9 @@ def test_depths_at_and_below_the_smallest(shape, table):
 def test_a_base_of_nearly_nothing_follows_its_own_scaling(ratio):
     # A plate on a half-space: the radius of the dimple is h (E/E2)^(1/3), far beyond any contact, so the force
     # at a given depth goes as E2^(2/3).
-    tip, layer = Paraboloid(1.0), Layer(Isotropic(1.0, 0.45), 1.0)
+    tip, layer = ul.Paraboloid(1.0), ul.Layer(ul.Isotropic(1.0, 0.45), 1.0)
     soft, softer = (
-        exact_law(tip, layer, Isotropic(k, 0.45), max_depth=0.36, rtol=1e-4).force(0.36)
+        exact_law(tip, layer, ul.Isotropic(k, 0.45), max_depth=0.36, rtol=1e-4).force(0.36)
         for k in (ratio * 10.0, ratio)
     )
     assert soft / softer == pytest.approx(10.0 ** (2.0 / 3.0), rel=3e-4)
@@ -171,8 +197,8 @@ def test_a_base_of_nearly_nothing_follows_its_own_scaling(ratio):
 
 @pytest.mark.parametrize("ratio", [1e-21, 1e-40])
 def test_a_base_of_nothing_is_refused_by_name(ratio):
-    tip, layer = Paraboloid(1.0), Layer(Isotropic(1.0, 0.45), 1.0)
+    tip, layer = ul.Paraboloid(1.0), ul.Layer(ul.Isotropic(1.0, 0.45), 1.0)
     with pytest.raises(RangeError, match="the exact law ends at 1e-20: check the units"):
-        exact_law(tip, layer, Isotropic(ratio, 0.45), max_depth=0.36)
+        exact_law(tip, layer, ul.Isotropic(ratio, 0.45), max_depth=0.36)
     with pytest.raises(RangeError, match="the exact law ends at 1e-20"):
-        exact_law(FlatPunch(0.5), layer, Isotropic(ratio, 0.45), max_depth=0.36)
+        exact_law(ul.FlatPunch(0.5), layer, ul.Isotropic(ratio, 0.45), max_depth=0.36)

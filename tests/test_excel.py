@@ -12,7 +12,6 @@ import pytest
 import underlay as ul
 from support.inverse import layer_on, measured
 from underlay.report.excel import MOST_ROWS, excel_sheets, result_rows, workbook
-from underlay.scene.noise import Noise
 from underlay.scene.scene_file import scene_from_text
 
 #: Excel files hold sixteen digits.
@@ -43,7 +42,7 @@ def fit():
     scene = layer_on(ul.RIGID)
     curve = measured(scene).with_metadata(name="=HYPERLINK(1)", path="a.csv", sha256="ab" * 32)
     free = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-2e-5, 4e-5), "instrument.baseline": None}
-    return ul.fit(ul.Problem(scene, curve, free, noise=Noise()))
+    return ul.fit(ul.Problem(scene, curve, free, noise=ul.Noise()))
 
 
 def test_a_fit_is_read_back_with_every_number(fit, tmp_path):
@@ -91,7 +90,7 @@ def test_a_shared_parameter_says_what_its_curves_have_in_common():
     scenes = [layer_on(ul.RIGID), layer_on(ul.RIGID, indenter=ul.Paraboloid(2e-3))]
     tests = [(scene, measured(scene, rng=n)) for n, scene in enumerate(scenes)]
     free = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-2e-5, 4e-5)}
-    rows = result_rows(ul.fit(ul.Problem.joint(tests, free, ["layer.E"], noise=Noise()))).set_index(
+    rows = result_rows(ul.fit(ul.Problem.joint(tests, free, ["layer.E"], noise=ul.Noise()))).set_index(
         "parameter"
     )
     assert rows.loc["layer.E", "thickness (m)"] == 5e-4

@@ -5,24 +5,22 @@ import json
 import numpy as np
 import pytest
 
+import underlay as ul
 from support import afm_files
 from support import instrument_files as files
-from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK, write_curves, write_json
-from underlay.data.readers import read, read_all
-from underlay.errors import FileAccessError, InputError, UnderlayError
 
 
 @pytest.fixture
 def curve(tmp_path):
     path = tmp_path / "jpk.bin"
     path.write_bytes(afm_files.jpk(("extend", "pause", "retract")))
-    return read(path).with_truth({"layer.E": 1234.5})
+    return ul.read(path).with_truth({"layer.E": 1234.5})
 
 
 @pytest.mark.parametrize("ending", ["csv", "json", "h5", "hdf5"])
 def test_what_is_written_is_read_back_bit_for_bit(ending, curve, tmp_path):
-    again = read(write_curves(curve, tmp_path / f"out.{ending}"))
+    again = ul.read(write_curves(curve, tmp_path / f"out.{ending}"))
     for column in ("depth", "force", "time", "segment"):
         np.testing.assert_array_equal(getattr(again, column), getattr(curve, column))
     assert again.truth["layer.E"] == 1234.5
@@ -37,15 +35,15 @@ def test_what_is_written_is_read_back_bit_for_bit(ending, curve, tmp_path):
 def test_many_curves_in_one_file(ending, tmp_path):
     path = tmp_path / "m.txt"
     path.write_bytes(files.mach1(12))
-    curves = read_all(path)
-    again = read_all(write_curves(curves, tmp_path / f"all.{ending}"))
+    curves = ul.read_all(path)
+    again = ul.read_all(write_curves(curves, tmp_path / f"all.{ending}"))
     assert [one.metadata["block"] for one in again] == [one.metadata["block"] for one in curves]
 
 
 @pytest.mark.parametrize("ending", ["csv", "json", "h5"])
 def test_a_bare_curve(ending, tmp_path):
-    bare = Curve([0.0, 1e-300, 0.1 + 0.2], [1.0, -2.0, 3e5])
-    again = read(write_curves(bare, tmp_path / f"bare.{ending}"))
+    bare = ul.Curve([0.0, 1e-300, 0.1 + 0.2], [1.0, -2.0, 3e5])
+    again = ul.read(write_curves(bare, tmp_path / f"bare.{ending}"))
     np.testing.assert_array_equal(again.depth, bare.depth)
     assert again.time is None
     assert again.segment is None
@@ -61,13 +59,13 @@ def test_a_written_table_has_its_units_in_the_header(curve, tmp_path):
 def test_refusals_leave_the_old_file_as_it_was(curve, tmp_path):
     old = tmp_path / "out.csv"
     old.write_text("precious")
-    with pytest.raises(InputError, match="a CSV holds one curve, not 2"):
+    with pytest.raises(ul.InputError, match="a CSV holds one curve, not 2"):
         write_curves([curve, curve], old)
-    with pytest.raises(InputError, match=r"end it in \.csv, \.json"):
+    with pytest.raises(ul.InputError, match=r"end it in \.csv, \.json"):
         write_curves(curve, tmp_path / "out.xyz")
-    with pytest.raises(InputError, match="no curve to write"):
+    with pytest.raises(ul.InputError, match="no curve to write"):
         write_curves([], old)
-    with pytest.raises(FileAccessError, match="cannot write"):
+    with pytest.raises(ul.FileAccessError, match="cannot write"):
         write_curves(curve, tmp_path / "nowhere" / "out.csv")
     assert old.read_text() == "precious"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["jpk.bin", "out.csv"]
@@ -98,7 +96,7 @@ def test_metadata_of_a_file_are_not_trusted(about, tmp_path):
     text = f"# {METADATA_MARK} {json.dumps(about)}\ndepth (m),force (N)\n1,2\n3,4\n"
     path = tmp_path / "x.csv"
     path.write_text(text)
-    metadata = read(path).metadata
+    metadata = ul.read(path).metadata
     assert isinstance(metadata["name"], str)
     assert isinstance(metadata["notes"], tuple)
     for number in ("indenter_radius", "search_criterion", "spring_constant"):
@@ -122,12 +120,12 @@ def test_metadata_of_a_file_are_not_trusted(about, tmp_path):
 def test_json_that_is_not_ours_after_all(content, tmp_path):
     path = tmp_path / "x.json"
     path.write_text(content)
-    with pytest.raises(UnderlayError):
-        read_all(path)
+    with pytest.raises(ul.UnderlayError):
+        ul.read_all(path)
 
 
 @pytest.mark.parametrize("ending", [".csv", ".json", ".h5"])
 def test_further_columns_come_back(ending, tmp_path):
-    made = Curve([0.0, 1e-6, 2e-6], [0.0, 1e-3, 3e-3], columns={"force_scatter": [1e-4, np.nan, 2e-4]})
-    again = read(write_curves(made, tmp_path / f"curve{ending}"))
+    made = ul.Curve([0.0, 1e-6, 2e-6], [0.0, 1e-3, 3e-3], columns={"force_scatter": [1e-4, np.nan, 2e-4]})
+    again = ul.read(write_curves(made, tmp_path / f"curve{ending}"))
     np.testing.assert_array_equal(again.columns["force_scatter"], [1e-4, np.nan, 2e-4])

@@ -12,32 +12,25 @@ from scipy import stats
 
 import underlay as ul
 from underlay.data.export import curve_csv
-from underlay.data.readers import Format
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
-from underlay.errors import CurveError, FitError, InputError, ParameterError
 from underlay.mechanics.body import transversely_isotropic_constants
-from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published.correction import (
     LAYER_NU,
     MEASURED_RANGE,
     RIGID_BONDED,
     MeasuredError,
     PolynomialFactor,
-    PublishedCorrection,
 )
-from underlay.mechanics.response import History
-from underlay.quantities import quantity
 from underlay.report import tables as fit_tables
 from underlay.report.labels import label
 from underlay.scene.effects import effects_table
-from underlay.scene.noise import NoiseModel
 
 # --- an indenter -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Hyperboloid(Indenter):
+class Hyperboloid(ul.Indenter):
     """A worn cone, Phi = cot(half_angle) (sqrt(r^2 + b^2) - b), b = tip_radius cot(half_angle)."""
 
     shape: ClassVar[str] = "hyperboloid"
@@ -144,11 +137,11 @@ class Endless(Hyperboloid):
 def test_indenter_without_an_end_is_refused_where_the_exact_law_needs_one():
     endless = Endless(WORN.half_angle, WORN.tip_radius)
     layer = ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5)
-    with pytest.raises(InputError, match=r"Endless\.max_radius is inf.*finite max_radius \(m\)"):
+    with pytest.raises(ul.InputError, match=r"Endless\.max_radius is inf.*finite max_radius \(m\)"):
         ul.contact_law(endless, layer, ul.RIGID, max_depth=3e-6, solver="exact")
     scene = ul.Scene(WORN, layer, ul.RIGID)
     curve = ul.synthesize(scene, np.linspace(-1e-6, 3e-6, 50), noise=ul.Noise(force=1e-11), rng=0)
-    with pytest.raises(FitError, match="no contact law at the start of the fit: Endless"):
+    with pytest.raises(ul.FitError, match="no contact law at the start of the fit: Endless"):
         ul.fit(ul.Problem(replace(scene, indenter=endless), curve, free={"layer.E": (1e2, 1e6)}))
     # Where nothing has to be solved it needs no end.
     bare = ul.contact_law(endless, ul.Layer(ul.Isotropic(1e4, 0.5)), max_depth=3e-6)
@@ -162,9 +155,9 @@ def test_indenter_without_an_end_is_refused_where_the_exact_law_needs_one():
 class Fibrous(ul.Material):
     """Stiffer along the axis by one ratio, in tension and in shear."""
 
-    E: float = field(metadata=quantity("pressure", "{part} modulus", bounds=(0.0, np.inf), scales="force"))
-    nu: float = field(metadata=quantity("dimensionless", "Poisson's ratio", bounds=(-1.0, 0.5)))
-    ratio: float = field(metadata=quantity("dimensionless", "stiffening by fibres", bounds=(0.0, np.inf)))
+    E: float = field(metadata=ul.quantity("pressure", "{part} modulus", bounds=(0.0, np.inf), scales="force"))
+    nu: float = field(metadata=ul.quantity("dimensionless", "Poisson's ratio", bounds=(-1.0, 0.5)))
+    ratio: float = field(metadata=ul.quantity("dimensionless", "stiffening by fibres", bounds=(0.0, np.inf)))
 
     @staticmethod
     def constants_of(*, E, nu, ratio):
@@ -194,13 +187,13 @@ def test_material_is_computed_fitted_and_drawn(tmp_path):
     assert ledger["simulated"]
     assert ledger["size_percent"] > 1.0
     ul.plots.save(ul.plots.scene(scene, depth=5e-6), tmp_path / "scene.png")
-    with pytest.raises(InputError, match="material"):
+    with pytest.raises(ul.InputError, match="material"):
         ul.Layer("gel", 1e-4)
 
 
 # --- a published correction ------------------------------------------------------------------------------
 
-FIRST_ORDER = PublishedCorrection(
+FIRST_ORDER = ul.PublishedCorrection(
     name="first-order",
     indenter="sphere",
     substrate=RIGID_BONDED,
@@ -227,7 +220,7 @@ def test_correction_works_everywhere():
     assert measured <= law.error_estimate
     scene = ul.Scene(ul.Paraboloid(5e-6), layer, ul.RIGID)
     assert scene.force(1e-8, solver=FIRST_ORDER) == law.force(1e-8)
-    with pytest.raises(InputError, match="first-order needs a sphere"):
+    with pytest.raises(ul.InputError, match="first-order needs a sphere"):
         ul.contact_law(ul.Cone.berkovich(), layer, ul.RIGID, **given)
 
 
@@ -387,7 +380,7 @@ def test_a_solver_that_cannot_be_kept_by_is_refused():
         def build(self, contact, max_depth):
             return Winkler().build(contact, max_depth)
 
-    with pytest.raises(InputError, match="Loose must be hashable"):
+    with pytest.raises(ul.InputError, match="Loose must be hashable"):
         ul.Problem(THIN, THIN_CURVE, FREE, solver=Loose())
 
 
@@ -401,7 +394,7 @@ def _read_pipes(source, options):
     return [make_curve(source, depth * 1e-6, force * 1e-3, name=source.path.stem)]
 
 
-PIPES = Format(
+PIPES = ul.Format(
     name="pipes",
     description="depth in um and force in mN between pipes, as an example",
     sniff=lambda source: source.head(16).startswith("PIPES"),
@@ -423,13 +416,13 @@ def test_reader_works(tmp_path):
 
 
 @dataclass(frozen=True)
-class Maxwell(History):
+class Maxwell(ul.History):
     """A spring and a dashpot in series: P(t) = int exp(-(t - s)/time) dP_el(w(s))."""
 
     model: ClassVar[str] = "maxwell"
 
     time: float = field(
-        metadata=quantity("time", "relaxation time of the sample", symbol=r"\tau", bounds=(0.0, np.inf))
+        metadata=ul.quantity("time", "relaxation time of the sample", symbol=r"\tau", bounds=(0.0, np.inf))
     )
 
     def force(self, elastic, depth, time):
@@ -455,7 +448,7 @@ def test_memory_keeps_to_its_laws():
     held = RAMP_AND_HOLD.max() == RAMP_AND_HOLD
     force = RELAXING.force(RAMP_AND_HOLD, CLOCK)[held]
     assert force == pytest.approx(force[0] * np.exp(-(CLOCK[held] - CLOCK[held][0]) / 0.5), rel=1e-12)
-    with pytest.raises(InputError, match=r"pass time \(s\)"):
+    with pytest.raises(ul.InputError, match=r"pass time \(s\)"):
         RELAXING.force(RAMP_AND_HOLD)
 
 
@@ -480,7 +473,7 @@ def test_memory_is_fitted_to_a_curve_with_time():
     # Many vectors at once, as a sampler asks, one by one here.
     both = problem.log_likelihood(np.stack([fit.vector, vector]))
     assert both[0] > both[1]
-    with pytest.raises(CurveError, match="times of its points"):
+    with pytest.raises(ul.CurveError, match="times of its points"):
         ul.Problem(start, ul.Curve(curve.depth, curve.force), free)
 
 
@@ -494,14 +487,14 @@ def test_memory_stands_in_a_scene_file_and_in_the_ledger(tmp_path):
 
 
 @dataclass(frozen=True)
-class Pump(NoiseModel):
+class Pump(ul.NoiseModel):
     """Noise that is louder from the moment a pump starts."""
 
     model: ClassVar[str] = "pump"
     start: ClassVar[float] = 1.0  # s
 
-    quiet: float = field(metadata=quantity("force", "noise before the pump starts", bounds=(0.0, np.inf)))
-    loud: float = field(metadata=quantity("force", "noise of the pump", bounds=(0.0, np.inf)))
+    quiet: float = field(metadata=ul.quantity("force", "noise before the pump starts", bounds=(0.0, np.inf)))
+    loud: float = field(metadata=ul.quantity("force", "noise of the pump", bounds=(0.0, np.inf)))
 
     def sigma(self, force, stiffness=None, time=None):
         del stiffness
@@ -528,7 +521,7 @@ def test_noise_model_is_drawn_and_fitted():
         model = scene.with_values({"layer.E": values["layer.E"]}).force(RAMP_AND_HOLD)
         sigma = np.where(CLOCK < 1.0, 2e-5, values["noise.loud"])
         assert density == pytest.approx(stats.norm.logpdf(curve.force, model, sigma).sum(), rel=1e-5)
-    with pytest.raises(ParameterError, match=r"did you mean 'noise\.loud'"):
+    with pytest.raises(ul.ParameterError, match=r"did you mean 'noise\.loud'"):
         ul.Problem(scene, curve, {"layer.E": None, "noise.laud": None}, noise=Pump(2e-5, 1e-4))
 
 
@@ -546,10 +539,10 @@ def test_noise_model_stands_in_a_scene_file(tmp_path):
     assert problem.noise == Pump(2e-5, 1e-4)
     assert problem.names == ("noise.loud",)
     path.write_text(stated.replace("pump", "punp"))
-    with pytest.raises(InputError, match=r"\[noise\] model: 'punp' is not known; allowed: gaussian, pump"):
+    with pytest.raises(ul.InputError, match=r"\[noise\] model: 'punp' is not known; allowed: gaussian, pump"):
         ul.load_scene(path)
     path.write_text(stated.replace("noise.loud", "noise.laud"))
-    with pytest.raises(ParameterError, match=r"did you mean 'noise\.loud'"):
+    with pytest.raises(ul.ParameterError, match=r"did you mean 'noise\.loud'"):
         ul.load_scene(path)
 
 
@@ -588,9 +581,9 @@ def test_sampler_hands_over_its_chain():
     # The control: chains that do not move are judged as such.
     stuck = np.broadcast_to(begin, (200, *begin.shape)) + 1e-6 * rng.standard_normal((200, *begin.shape))
     assert not ul.posterior_from_chain(problem, stuck).converged
-    with pytest.raises(InputError, match=r"got shape \(800, 24\)"):
+    with pytest.raises(ul.InputError, match=r"got shape \(800, 24\)"):
         ul.posterior_from_chain(problem, chain[..., 0])
-    with pytest.raises(InputError, match="no probability at step 0 of walker 0"):
+    with pytest.raises(ul.InputError, match="no probability at step 0 of walker 0"):
         ul.posterior_from_chain(problem, chain + 50.0)
 
 

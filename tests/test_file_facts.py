@@ -9,13 +9,11 @@ import pytest
 import underlay as ul
 from support import afm_files
 from support import instrument_files as files
-from underlay.errors import InputError
 from underlay.inference.file_facts import settle
-from underlay.inference.from_files import load_problem
 from underlay.report.maps import parameter_table
 from underlay.report.render import write_inputs
 from underlay.report.tables import fit_table, interval_table
-from underlay.scene.scene_file import load_scene, read_scene_file
+from underlay.scene.scene_file import read_scene_file
 
 # The made Optics11 file: a tip of 25 um, k = 0.05 N/m, E[eff] = 1000 Pa, and the loading of a ball on a half-space
 # whose reduced modulus is 3 F / (4 sqrt(R) w^1.5).
@@ -54,19 +52,19 @@ def told(tmp_path):
 
 def test_a_radius_other_than_the_files_is_an_error_that_names_both(told):
     with pytest.raises(
-        InputError, match=r"says indenter\.radius = 25 um, the scene 8 um.*overrule = \[\"indenter"
+        ul.InputError, match=r"says indenter\.radius = 25 um, the scene 8 um.*overrule = \[\"indenter"
     ):
-        load_problem(*told("8 um"))
+        ul.load_problem(*told("8 um"))
 
 
 @pytest.mark.parametrize("radius", ["25 um", "25.02 um", "0.025 mm"])
 def test_a_radius_that_is_the_files_but_for_rounding_is_none(told, radius):
-    problem = load_problem(*told(radius))
+    problem = ul.load_problem(*told(radius))
     assert problem.curves[0].metadata["notes"] == ()
 
 
 def test_the_scene_can_overrule_the_file_and_the_fit_says_so(told):
-    problem = load_problem(*told("8 um", '[curve]\noverrule = ["indenter.radius"]'))
+    problem = ul.load_problem(*told("8 um", '[curve]\noverrule = ["indenter.radius"]'))
     assert problem.base_scenes[0].parameters["indenter.radius"] == 8e-6
     assert (
         "indenter.radius = 8 um of the scene overrules the 25 um" in problem.curves[0].metadata["notes"][-1]
@@ -75,24 +73,24 @@ def test_the_scene_can_overrule_the_file_and_the_fit_says_so(told):
 
 def test_a_free_radius_is_not_compared(told):
     curve, scene = told("20 um", 'indenter.radius = { min = "10 um", max = "40 um" }')
-    assert load_problem(curve, scene).curves[0].metadata["notes"] == ()
+    assert ul.load_problem(curve, scene).curves[0].metadata["notes"] == ()
 
 
 def test_a_radius_left_out_is_the_files(told):
     curve, scene = told()
-    problem = load_problem(curve, scene)
+    problem = ul.load_problem(curve, scene)
     assert problem.base_scenes[0].parameters["indenter.radius"] == pytest.approx(RADIUS)
     assert "indenter.radius = 25 um is taken from the file" in problem.curves[0].metadata["notes"][-1]
     assert ul.fit(problem).values["layer.E"] == pytest.approx(REDUCED * (1.0 - NU**2), rel=1e-3)
     # Without a curve there is no radius.
     with pytest.raises(
-        InputError, match=r"\[indenter\] needs 'radius'; it can be left out only with a curve"
+        ul.InputError, match=r"\[indenter\] needs 'radius'; it can be left out only with a curve"
     ):
-        load_scene(scene)
+        ul.load_scene(scene)
     assert read_scene_file(scene).left_out == ("indenter.radius",)
     curve.write_bytes(files.delimited())
-    with pytest.raises(InputError, match=r"does not say indenter\.radius, which the scene leaves out"):
-        load_problem(curve, scene)
+    with pytest.raises(ul.InputError, match=r"does not say indenter\.radius, which the scene leaves out"):
+        ul.load_problem(curve, scene)
 
 
 def test_a_cone_leaves_no_radius_out(tmp_path):
@@ -113,10 +111,10 @@ def test_a_calibration_other_than_the_files(tmp_path):
         )
         text += '[instrument]\ncontact_depth = "-4 um"\n'
         scene.write_text(text, encoding="utf-8")
-        return load_problem(curve, scene)
+        return ul.load_problem(curve, scene)
 
     assert problem("0.04 N/m").curves[0].metadata["spring_constant"] == 0.04
-    with pytest.raises(InputError, match=r"calibration\.spring_constant = 40 mN/m, the scene 80 mN/m"):
+    with pytest.raises(ul.InputError, match=r"calibration\.spring_constant = 40 mN/m, the scene 80 mN/m"):
         problem("0.08 N/m")
     used = problem("0.08 N/m", 'overrule = ["calibration.spring_constant"]').curves[0]
     assert used.metadata["spring_constant"] == 0.08
@@ -125,23 +123,23 @@ def test_a_calibration_other_than_the_files(tmp_path):
 
 def test_the_bending_of_the_cantilever_is_taken_off_once(told):
     frame, cantilever = '[instrument]\ncompliance = "0.01 m/N"', '[instrument]\ncompliance = "20 m/N"'
-    load_problem(*told("25 um", frame))
-    with pytest.raises(InputError, match=r"the cantilever has 50 mN/m.*would take it off again"):
-        load_problem(*told("25 um", cantilever))
+    ul.load_problem(*told("25 um", frame))
+    with pytest.raises(ul.InputError, match=r"the cantilever has 50 mN/m.*would take it off again"):
+        ul.load_problem(*told("25 um", cantilever))
     both = cantilever + '\n[curve]\noverrule = ["instrument.compliance"]'
-    assert "as asked" in load_problem(*told("25 um", both)).curves[0].metadata["notes"][-1]
+    assert "as asked" in ul.load_problem(*told("25 um", both)).curves[0].metadata["notes"][-1]
 
 
 def test_what_is_overruled_must_be_something(told):
-    with pytest.raises(InputError, match=r"\[curve\] overrule"):
-        load_problem(*told("8 um", '[curve]\noverrule = ["layer.E"]'))
+    with pytest.raises(ul.InputError, match=r"\[curve\] overrule"):
+        ul.load_problem(*told("8 um", '[curve]\noverrule = ["layer.E"]'))
 
 
 # --- the instrument's own modulus
 
 
 def test_the_instruments_modulus_is_for_our_poisson_ratio(told, tmp_path):
-    found = ul.fit(load_problem(*told("25 um")))
+    found = ul.fit(ul.load_problem(*told("25 um")))
     own = found.instrument_moduli["layer.E"]
     assert own.reduced == TOLD
     assert own.youngs == pytest.approx(TOLD * (1.0 - NU**2), rel=1e-12)
@@ -208,7 +206,9 @@ def test_a_map_of_files_that_say_nothing_of_what_is_left_out_is_refused_at_once(
     folder.mkdir()
     (folder / "a.csv").write_bytes(files.delimited())
     _, scene = told()
-    with pytest.raises(InputError, match=r"leaves out indenter\.radius, which none of the first curves says"):
+    with pytest.raises(
+        ul.InputError, match=r"leaves out indenter\.radius, which none of the first curves says"
+    ):
         ul.fit_many(folder, scene, workers=0)
 
 

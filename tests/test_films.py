@@ -13,7 +13,7 @@ from underlay.cli.app import main
 from underlay.data.export import curve_csv
 from underlay.data.withdrawal import imprint_of
 from underlay.inference.films import DIAMOND
-from underlay.inference.from_files import load_problem, require_elastic
+from underlay.inference.from_files import require_elastic
 from underlay.report.film_tables import film_moduli, film_table
 
 
@@ -169,15 +169,15 @@ def test_an_elastic_fit_of_an_imprint_is_refused_with_the_reason(tmp_path):
     with pytest.raises(
         ul.CurveError, match=r"elastoplastic, .* \d+ % of the depth.*exponent of the loading 2\.00"
     ):
-        load_problem(curve, scene)
+        ul.load_problem(curve, scene)
     row = ul.fit_many([curve], scene, workers=0).iloc[0]
     assert row["status"] == "failed"
     assert "elastoplastic" in row["reason"]
     scene.write_text(TOML.format(**cone, more='overrule = ["imprint"]'), encoding="utf-8")
-    assert len(load_problem(curve, scene).curves[0]) == 80
+    assert len(ul.load_problem(curve, scene).curves[0]) == 80
     # A ball leaves nothing on the same words: soft samples come back late, and that is no plasticity.
     scene.write_text(TOML.format(shape="sphere", size='radius = "10 um"', more=""), encoding="utf-8")
-    assert len(load_problem(curve, scene).curves[0]) == 80
+    assert len(ul.load_problem(curve, scene).curves[0]) == 80
 
 
 def test_a_layer_that_relaxes_may_come_back_late():

@@ -8,8 +8,6 @@ from support import instrument_files as made
 from support.maps import SCENE_TOML
 from support.real_data import CHIARO, real_file
 from underlay.data.export import curve_csv
-from underlay.data.fit_range import in_range
-from underlay.inference.from_files import load_problem
 from underlay.inference.recipe import LeastSquaresFromContact, LineInPower, recipe_of
 from underlay.scene.fit_range import PRESETS, Mark
 
@@ -61,7 +59,7 @@ def test_what_is_no_end_of_a_range_is_refused(text):
 )
 def test_every_way_to_say_a_range_keeps_those_points(low, high, depths):
     scene = LAYER if "thickness" in str(low) else HALF
-    part = in_range(ul.simulate(scene, READINGS), ul.FitRange.of(low, high), scene, 1e-5)
+    part = ul.in_range(ul.simulate(scene, READINGS), ul.FitRange.of(low, high), scene, 1e-5)
     # Readings are 1 um apart.
     assert part.depth.min() - 1e-5 == pytest.approx(depths[0], abs=1e-6)
     assert part.depth.max() - 1e-5 == pytest.approx(depths[1], abs=1e-6)
@@ -70,16 +68,16 @@ def test_every_way_to_say_a_range_keeps_those_points(low, high, depths):
 
 def test_without_a_lower_end_the_points_before_contact_stay():
     curve = ul.simulate(HALF, READINGS)
-    part = in_range(curve, ul.FitRange.of(high="50 % of depth"), HALF, 1e-5)
+    part = ul.in_range(curve, ul.FitRange.of(high="50 % of depth"), HALF, 1e-5)
     assert part.depth.min() == READINGS[0]
-    assert in_range(curve, ul.FitRange(), HALF) is curve
+    assert ul.in_range(curve, ul.FitRange(), HALF) is curve
 
 
 def test_noise_cuts_no_holes_and_the_baseline_is_taken_off():
     curve = ul.synthesize(
         HALF.with_values({"instrument.baseline": 5e-3}), READINGS, ul.Noise(force=1e-3), rng=0
     )
-    part = in_range(curve, ul.FitRange.of("10 % of force", "60 % of force"), HALF)
+    part = ul.in_range(curve, ul.FitRange.of("10 % of force", "60 % of force"), HALF)
     kept = np.isin(curve.depth, part.depth)
     assert np.count_nonzero(np.diff(kept.astype(int))) == 2
     top = np.ptp(ul.simulate(HALF, READINGS).force)
@@ -92,9 +90,9 @@ def test_noise_cuts_no_holes_and_the_baseline_is_taken_off():
 def test_a_range_that_means_nothing_here_is_refused():
     curve = ul.simulate(HALF, READINGS)
     with pytest.raises(ul.InputError, match=r"multiple of the thickness.*give layer\.thickness"):
-        in_range(curve, ul.FitRange.of("10 % of thickness"), HALF, 1e-5)
+        ul.in_range(curve, ul.FitRange.of("10 % of thickness"), HALF, 1e-5)
     with pytest.raises(ul.CurveError, match=r"no point of .* is left from 1 mm"):
-        in_range(curve, ul.FitRange.of("1 mm"), HALF, 1e-5)
+        ul.in_range(curve, ul.FitRange.of("1 mm"), HALF, 1e-5)
 
 
 def scene_file(tmp_path, keys):
@@ -109,7 +107,7 @@ def test_a_scene_file_says_the_range_and_a_map_keeps_to_it(tmp_path):
     curve = tmp_path / "curve.csv"
     made_curve = ul.synthesize(truth, np.linspace(-2e-5, 2e-4, 221), ul.Noise(force=1e-4), rng=0)
     curve.write_text(curve_csv(made_curve), encoding="utf-8")
-    problem = load_problem(curve, scene)
+    problem = ul.load_problem(curve, scene)
     kept = problem.curves[0]
     # 5 % of 1.5 mm, contact found to within a micrometre.
     assert kept.depth.min() == pytest.approx(7.5e-5, abs=2e-6)
@@ -124,10 +122,10 @@ def test_a_preset_is_its_range_and_an_unknown_one_is_named(tmp_path):
     path = tmp_path / "bio.TXT"
     path.write_bytes(made.bioindenter())
     told = 'preset = "bioindenter"'
-    problem = load_problem(path, scene_file(tmp_path, told))
+    problem = ul.load_problem(path, scene_file(tmp_path, told))
     assert problem.curves[0].metadata["fit_range"] == str(PRESETS["bioindenter"])
     with pytest.raises(ul.InputError, match=r"\[curve\] preset.*'bioindenter'"):
-        load_problem(path, scene_file(tmp_path, 'preset = "piuma"'))
+        ul.load_problem(path, scene_file(tmp_path, 'preset = "piuma"'))
 
 
 def hertz(depth, E_reduced, radius, contact):

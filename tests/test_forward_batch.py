@@ -3,79 +3,75 @@
 import numpy as np
 import pytest
 
-from underlay.data.curve import Curve
-from underlay.errors import InputError
+import underlay as ul
 from underlay.inference.model import forward_batch, ratio_batch
 from underlay.inference.model import forward_batch as adhesion_batch
 from underlay.inference.model import groups as batch_readings
-from underlay.inference.priors import LogUniform, Normal, Uniform
-from underlay.inference.problem import Problem
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
-from underlay.mechanics.solvers import Auto
-from underlay.scene.instrument import Instrument
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
 
 DEPTH = np.linspace(-1e-5, 1e-4, 30)
-CURVE = Curve(DEPTH, np.maximum(DEPTH, 0.0), time=np.arange(30.0))
-SOFT = Isotropic(1e6, 0.45)
-LAYER = Layer(SOFT, 5e-4)
-CONTACT = {"instrument.contact_depth": Normal(0.0, 2e-6)}
-E = {"layer.E": LogUniform(1e5, 1e7)}
-THICKNESS = {"layer.thickness": LogUniform(3e-4, 2e-3)}
-BASE = {"substrate.E": LogUniform(1e5, 1e8)}
-NU = {"layer.nu": Uniform(0.3, 0.5)}
+CURVE = ul.Curve(DEPTH, np.maximum(DEPTH, 0.0), time=np.arange(30.0))
+SOFT = ul.Isotropic(1e6, 0.45)
+LAYER = ul.Layer(SOFT, 5e-4)
+CONTACT = {"instrument.contact_depth": ul.Normal(0.0, 2e-6)}
+E = {"layer.E": ul.LogUniform(1e5, 1e7)}
+THICKNESS = {"layer.thickness": ul.LogUniform(3e-4, 2e-3)}
+BASE = {"substrate.E": ul.LogUniform(1e5, 1e8)}
+NU = {"layer.nu": ul.Uniform(0.3, 0.5)}
 
 #: scene, free parameters, and whether the sets must not be taken one by one.
 CASES = {
-    "half-space": (Scene(Paraboloid(1e-3), Layer(SOFT)), E | CONTACT, True),
-    "rigid": (Scene(Paraboloid(1e-3), LAYER, RIGID), E | THICKNESS | CONTACT, True),
+    "half-space": (ul.Scene(ul.Paraboloid(1e-3), ul.Layer(SOFT)), E | CONTACT, True),
+    "rigid": (ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.RIGID), E | THICKNESS | CONTACT, True),
     "rigid, radius": (
-        Scene(Paraboloid(1e-3), LAYER, RIGID),
-        E | THICKNESS | {"indenter.radius": Normal(1e-3, 5e-5)},
+        ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.RIGID),
+        E | THICKNESS | {"indenter.radius": ul.Normal(1e-3, 5e-5)},
         True,
     ),
-    "rigid, nu": (Scene(Paraboloid(1e-3), LAYER, RIGID), E | THICKNESS | NU, True),
+    "rigid, nu": (ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.RIGID), E | THICKNESS | NU, True),
     "elastic": (
-        Scene(Paraboloid(1e-3), LAYER, Isotropic(1e7, 0.3)),
-        E | THICKNESS | BASE | CONTACT | {"substrate.nu": Uniform(0.2, 0.5)},
+        ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.Isotropic(1e7, 0.3)),
+        E | THICKNESS | BASE | CONTACT | {"substrate.nu": ul.Uniform(0.2, 0.5)},
         True,
     ),
     "elastic, radius": (
-        Scene(Paraboloid(1e-3), LAYER, Isotropic(1e7, 0.3)),
-        E | BASE | {"indenter.radius": Normal(1e-3, 5e-5)},
+        ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.Isotropic(1e7, 0.3)),
+        E | BASE | {"indenter.radius": ul.Normal(1e-3, 5e-5)},
         True,
     ),
     "cone": (
-        Scene(Cone(1.2), LAYER, Isotropic(1e7, 0.3)),
-        E | BASE | {"indenter.half_angle": Normal(1.2, 0.02)},
+        ul.Scene(ul.Cone(1.2), LAYER, ul.Isotropic(1e7, 0.3)),
+        E | BASE | {"indenter.half_angle": ul.Normal(1.2, 0.02)},
         True,
     ),
-    "power": (Scene(PowerLaw(3.0, 4e5), LAYER, Isotropic(1e7, 0.3)), E | BASE | NU, True),
-    "sphere": (Scene(Sphere(1e-3), LAYER, Isotropic(1e7, 0.3)), E | THICKNESS | BASE | CONTACT, True),
+    "power": (ul.Scene(ul.PowerLaw(3.0, 4e5), LAYER, ul.Isotropic(1e7, 0.3)), E | BASE | NU, True),
+    "sphere": (
+        ul.Scene(ul.Sphere(1e-3), LAYER, ul.Isotropic(1e7, 0.3)),
+        E | THICKNESS | BASE | CONTACT,
+        True,
+    ),
     "sphere, radius": (
-        Scene(Sphere(1e-3), LAYER, RIGID),
-        E | THICKNESS | {"indenter.radius": Normal(1e-3, 5e-5)},
+        ul.Scene(ul.Sphere(1e-3), LAYER, ul.RIGID),
+        E | THICKNESS | {"indenter.radius": ul.Normal(1e-3, 5e-5)},
         False,
     ),
     "baseline": (
-        Scene(Paraboloid(1e-3), LAYER, RIGID),
-        E | {"instrument.baseline": Normal(0.0, 1e-3), "instrument.baseline_slope": Normal(0.0, 1.0)},
+        ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.RIGID),
+        E | {"instrument.baseline": ul.Normal(0.0, 1e-3), "instrument.baseline_slope": ul.Normal(0.0, 1.0)},
         True,
     ),
     "compliance": (
-        Scene(Paraboloid(1e-3), LAYER, RIGID, Instrument(compliance=1e-5)),
-        E | {"instrument.compliance": LogUniform(1e-6, 1e-4)},
+        ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.RIGID, ul.Instrument(compliance=1e-5)),
+        E | {"instrument.compliance": ul.LogUniform(1e-6, 1e-4)},
         False,
     ),
     "anisotropic": (
-        Scene(Paraboloid(1e-3), Layer(TransverselyIsotropic(1e6, 5e5, 0.3, 0.2, 3e5), 5e-4), RIGID),
-        E | {"layer.G_axial": LogUniform(1e5, 1e6)},
+        ul.Scene(
+            ul.Paraboloid(1e-3), ul.Layer(ul.TransverselyIsotropic(1e6, 5e5, 0.3, 0.2, 3e5), 5e-4), ul.RIGID
+        ),
+        E | {"layer.G_axial": ul.LogUniform(1e5, 1e6)},
         False,
     ),
-    "punch": (Scene(FlatPunch(5e-4), LAYER, Isotropic(1e7, 0.3)), E | BASE, False),
+    "punch": (ul.Scene(ul.FlatPunch(5e-4), LAYER, ul.Isotropic(1e7, 0.3)), E | BASE, False),
 }
 
 
@@ -94,7 +90,7 @@ def replace_set_by_set(monkeypatch, other):
 @pytest.mark.parametrize("name", CASES)
 def test_a_batch_is_its_members(name, rtol, monkeypatch):
     scene, free, together = CASES[name]
-    problem = Problem(scene, CURVE, free, Noise(force=1e-3), solver=Auto(rtol))
+    problem = ul.Problem(scene, CURVE, free, ul.Noise(force=1e-3), solver=ul.Auto(rtol))
     member = problem.members[0]
     physical = draws(problem, 40)
     alone = []
@@ -110,7 +106,7 @@ def test_a_batch_is_its_members(name, rtol, monkeypatch):
     for row, vector in enumerate(physical):
         try:
             one = member.reading(vector)
-        except InputError:
+        except ul.InputError:
             assert not batch.possible[row]
             continue
         assert batch.possible[row]
@@ -128,10 +124,10 @@ def test_a_batch_is_its_members(name, rtol, monkeypatch):
 def test_a_sphere_is_read_off_a_surface_up_to_near_its_end(rtol, base, monkeypatch):
     # The contact is six tenths as wide as the sphere: groups of like thickness and range reached past its end.
     depth = np.linspace(-1e-5, 3e-4, 30)
-    curve = Curve(depth, np.maximum(depth, 0.0))
-    substrate = Isotropic(1e7, 0.3) if base is BASE else RIGID
-    scene = Scene(Sphere(1e-3), Layer(SOFT, 1.5e-3), substrate)
-    problem = Problem(scene, curve, E | base | CONTACT, Noise(force=1e-3), solver=Auto(rtol))
+    curve = ul.Curve(depth, np.maximum(depth, 0.0))
+    substrate = ul.Isotropic(1e7, 0.3) if base is BASE else ul.RIGID
+    scene = ul.Scene(ul.Sphere(1e-3), ul.Layer(SOFT, 1.5e-3), substrate)
+    problem = ul.Problem(scene, curve, E | base | CONTACT, ul.Noise(force=1e-3), solver=ul.Auto(rtol))
     member, physical = problem.members[0], draws(problem, 12)
     alone = np.array([member.reading(vector).contact for vector in physical])
     replace_set_by_set(monkeypatch, lambda *asked: asked[-1])
@@ -147,10 +143,10 @@ def test_a_sphere_is_read_off_a_surface_up_to_near_its_end(rtol, base, monkeypat
 
 def test_a_set_does_not_depend_on_its_company():
     scene, free, _ = CASES["elastic"]
-    problem = Problem(scene, CURVE, free, Noise(force=1e-3), solver=Auto(1e-4))
+    problem = ul.Problem(scene, CURVE, free, ul.Noise(force=1e-3), solver=ul.Auto(1e-4))
     member, physical = problem.members[0], draws(problem, 24)
     together = member.readings(physical)
-    fresh = Problem(scene, CURVE, free, Noise(force=1e-3), solver=Auto(1e-4)).members[0]
+    fresh = ul.Problem(scene, CURVE, free, ul.Noise(force=1e-3), solver=ul.Auto(1e-4)).members[0]
     for row in (23, 5, 11):
         alone = fresh.readings(physical[row : row + 1])
         # The nodes are the same; the order of sums inside matrix products is not, and the condition of the
@@ -159,11 +155,13 @@ def test_a_set_does_not_depend_on_its_company():
 
 
 def test_sets_without_a_law_do_not_spoil_the_others():
-    scene = Scene(Paraboloid(1e-3), LAYER, Isotropic(1e7, 0.3))
-    problem = Problem(scene, CURVE, E | {"layer.thickness": LogUniform(1e-6, 1e-2)}, Noise(force=1e-3))
+    scene = ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.Isotropic(1e7, 0.3))
+    problem = ul.Problem(
+        scene, CURVE, E | {"layer.thickness": ul.LogUniform(1e-6, 1e-2)}, ul.Noise(force=1e-3)
+    )
     member = problem.members[0]
     physical = np.array([[1e6, 1e-3], [1e6, 2e-6], [2e6, 5e-4]])
-    with pytest.raises(InputError):
+    with pytest.raises(ul.InputError):
         member.reading(physical[1])
     readings = member.readings(physical)
     np.testing.assert_array_equal(readings.possible, [True, False, True])
@@ -176,7 +174,7 @@ def test_sets_without_a_law_do_not_spoil_the_others():
 
 def test_stiffness_only_where_asked():
     scene, free, _ = CASES["elastic"]
-    member = Problem(scene, CURVE, free, Noise(force=1e-3)).members[0]
-    physical = draws(Problem(scene, CURVE, free, Noise(force=1e-3)), 4)
+    member = ul.Problem(scene, CURVE, free, ul.Noise(force=1e-3)).members[0]
+    physical = draws(ul.Problem(scene, CURVE, free, ul.Noise(force=1e-3)), 4)
     assert not member.readings(physical, stiffness=False).stiffness.any()
     assert member.readings(physical).stiffness.any()

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.errors import InputError
-from underlay.inference.from_files import free_of, load_problem, whole_curve
+from underlay.inference.from_files import free_of, whole_curve
 from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
@@ -25,7 +24,7 @@ def changed(tmp_path, old, new):
 
 def test_contact_found_in_the_curve_is_the_prior(tmp_path):
     scene = changed(tmp_path, CONTACT, 'instrument.contact_depth = { prior = "found" }')
-    problem = load_problem(CURVE, scene)
+    problem = ul.load_problem(CURVE, scene)
     contact = ul.find_contact(problem.curves[0], scene=problem.base_scenes[0])
     prior = problem.priors["instrument.contact_depth"]
     assert prior == ul.Normal(contact.depth, contact.uncertainty)
@@ -38,21 +37,21 @@ def test_contact_found_in_the_curve_is_the_prior(tmp_path):
 def test_found_is_for_the_contact_of_a_curve(tmp_path, old):
     path = old.split(" = ")[0]
     file = read_scene_file(changed(tmp_path, old, f'{path} = {{ prior = "found" }}'))
-    with pytest.raises(InputError, match=r"'found' is for instrument\.contact_depth of a measured curve"):
+    with pytest.raises(ul.InputError, match=r"'found' is for instrument\.contact_depth of a measured curve"):
         free_of(file)
 
 
 def test_a_part_of_the_curve(tmp_path):
     text = '[curve]\nmin_depth = "0 um"\nmax_depth = "100 um"\n\n[solver]'
-    depth = load_problem(CURVE, changed(tmp_path, "[solver]", text)).curves[0].depth
+    depth = ul.load_problem(CURVE, changed(tmp_path, "[solver]", text)).curves[0].depth
     assert np.min(depth) >= 0.0
     assert np.max(depth) <= 1e-4
 
 
 def test_no_point_left(tmp_path):
     text = '[curve]\nmin_depth = "5 mm"\n\n[solver]'
-    with pytest.raises(InputError, match=r"no point of the loading part.*depths run from"):
-        load_problem(CURVE, changed(tmp_path, "[solver]", text))
+    with pytest.raises(ul.InputError, match=r"no point of the loading part.*depths run from"):
+        ul.load_problem(CURVE, changed(tmp_path, "[solver]", text))
 
 
 def test_the_whole_curve_is_read_again_as_it_was_read(tmp_path):
@@ -61,7 +60,7 @@ def test_the_whole_curve_is_read_again_as_it_was_read(tmp_path):
     path.write_text("a (um),b (mN)\n" + "\n".join(rows) + "\n", encoding="utf-8")
     columns = '\n[curve]\ncolumns = { depth = "a (um)", force = "b (mN)" }\n'
     scene.write_text(SCENE.read_text(encoding="utf-8") + columns, encoding="utf-8")
-    part = load_problem(path, scene).curves[0]
+    part = ul.load_problem(path, scene).curves[0]
     whole = whole_curve(part)
     assert len(part) < 70 < len(whole) == 110
     # Two equal readings at the turn are no hold.

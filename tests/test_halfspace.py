@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 import underlay as ul
-from underlay.errors import InputError, RangeError
 
 GEL = ul.Isotropic(E=2e3, nu=0.45)
 SHAPES = [
@@ -130,16 +129,16 @@ class TestBorder:
     def test_not_a_number_is_refused(self, indenter):
         law = law_of(indenter)
         for bad in (np.nan, np.inf, -np.inf):
-            with pytest.raises(InputError, match="index 1"):
+            with pytest.raises(ul.InputError, match="index 1"):
                 law.force([1e-6, bad])
 
 
 def test_sphere_says_how_deep_it_may_go():
     law = law_of(ul.Sphere(1e-3))
-    with pytest.raises(RangeError, match="larger radius") as caught:
+    with pytest.raises(ul.RangeError, match="larger radius") as caught:
         law.force(6e-3)
     assert law.force(caught.value.max_depth) > 0
-    with pytest.raises(RangeError, match="beyond"):
+    with pytest.raises(ul.RangeError, match="beyond"):
         law.depth(2 * law.force(law.max_depth))
 
 
@@ -157,10 +156,10 @@ def test_sphere_says_how_deep_it_may_go():
     ],
 )
 def test_bad_shapes(make, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ul.InputError, match=message):
         make()
 
 
 def test_negative_force_has_no_depth():
-    with pytest.raises(InputError, match="0 N or more"):
+    with pytest.raises(ul.InputError, match="0 N or more"):
         law_of(ul.Paraboloid(1e-3)).depth(-1.0)

@@ -13,18 +13,8 @@ from support import afm_files
 from support.maps import FREE, SCENE, numbers
 from underlay import _door
 from underlay.data.export import write_curves
-from underlay.data.readers import (
-    KeptOpen,
-    _hdf5,
-    _source,
-    curves_of_map,
-    kept_open,
-    read,
-    read_all,
-    read_from_map,
-)
+from underlay.data.readers import KeptOpen, _hdf5, _source, curves_of_map, kept_open, read_from_map
 from underlay.data.readers._hdf5 import Checked
-from underlay.errors import FileFormatError
 
 COUNT = 12
 
@@ -52,7 +42,7 @@ def path(request, tmp_path):
 
 
 def test_a_curve_read_alone_is_that_of_the_whole_file(path):
-    whole, places = read_all(path), curves_of_map(path)
+    whole, places = ul.read_all(path), curves_of_map(path)
     assert len(whole) == len(places) == COUNT
     for expected, place in zip(whole, places, strict=True):
         curve = read_from_map(place)
@@ -60,7 +50,7 @@ def test_a_curve_read_alone_is_that_of_the_whole_file(path):
             np.testing.assert_array_equal(getattr(curve, column), getattr(expected, column))
         for key in ("name", "test", "path", "sha256", "format", "spring_constant"):
             assert curve.metadata.get(key) == expected.metadata.get(key), key
-    np.testing.assert_array_equal(read(path, test=COUNT).force, whole[-1].force)
+    np.testing.assert_array_equal(ul.read(path, test=COUNT).force, whole[-1].force)
 
 
 def test_what_a_worker_is_told_does_not_grow_with_the_file(path):
@@ -72,12 +62,12 @@ def test_what_a_worker_is_told_does_not_grow_with_the_file(path):
 def test_a_file_larger_than_what_is_read_at_once_is_fitted(tmp_path, monkeypatch):
     path = tmp_path / "gel.h5"
     own(path)
-    same = ul.fit_many(read_all(path), SCENE, FREE, workers=0)
+    same = ul.fit_many(ul.read_all(path), SCENE, FREE, workers=0)
     assert (same["status"] == "fitted").all()
     for module in (_source, _hdf5):
         monkeypatch.setattr(module, "MAX_BYTES", 60 * 8 * 2 * (COUNT - 1))
-    with pytest.raises(FileFormatError, match="claims more"):
-        read_all(path)
+    with pytest.raises(ul.FileFormatError, match="claims more"):
+        ul.read_all(path)
     table = ul.fit_many(path, SCENE, FREE, workers=0)
     assert list(table["name"]) == [f"gel.h5#{number}" for number in range(1, COUNT + 1)]
     columns = [*FREE, "rms"]
@@ -95,7 +85,7 @@ def test_a_group_that_leads_out_of_the_file_costs_its_curve_only(path):
     places = {place.group: place for place in curves_of_map(path)}
     assert len(places) == COUNT
     for group in ("3", "5"):
-        with pytest.raises(FileFormatError, match="links are not followed"):
+        with pytest.raises(ul.FileFormatError, match="links are not followed"):
             read_from_map(places[group])
     assert len(read_from_map(places["4"])) > 0
 
@@ -128,7 +118,7 @@ def test_a_damaged_group_closes_the_file_and_costs_the_next_curve_nothing(path):
     first, damaged, last = curves_of_map(path)[:3]
     with KeptOpen() as kept:
         read_from_map(kept_open(first, kept))
-        with pytest.raises(FileFormatError, match="links"):
+        with pytest.raises(ul.FileFormatError, match="links"):
             read_from_map(kept_open(damaged, kept))
         np.testing.assert_array_equal(read_from_map(kept_open(last, kept)).force, read_from_map(last).force)
 

@@ -12,7 +12,6 @@ from scipy import stats
 import underlay as ul
 from support.inverse import ambiguous
 from support.worlds import Clean, assumed, disturbed
-from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.headline.plain import quadratic_interval
@@ -73,9 +72,9 @@ def test_levels_are_nested_and_names_are_checked():
     fit = fitted(noise=None)
     narrow, wide = fit.interval(E, 0.68), fit.interval(E, 0.99)
     assert wide.low < narrow.low < narrow.value < narrow.high < wide.high
-    with pytest.raises(InputError, match="not free here; free are"):
+    with pytest.raises(ul.InputError, match="not free here; free are"):
         fit.interval("layer.nu")
-    with pytest.raises(InputError, match="level must be above 0"):
+    with pytest.raises(ul.InputError, match="level must be above 0"):
         fit.interval(E, 1.0)
 
 

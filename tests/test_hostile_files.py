@@ -11,11 +11,11 @@ import h5py
 import numpy as np
 import pytest
 
+import underlay as ul
 from support import afm_files
 from support import instrument_files as files
-from underlay.data.readers import FORMATS, curves_of_jpk_map, read, read_all, read_from_map
+from underlay.data.readers import FORMATS, curves_of_jpk_map, read_from_map
 from underlay.data.readers._source import MAX_BYTES
-from underlay.errors import FileAccessError, FileFormatError, MissingExtraError, UnderlayError
 
 
 @pytest.fixture
@@ -53,24 +53,24 @@ def put(tmp_path):
     ],
 )
 def test_rubbish_is_refused_by_every_reader(name, content, put):
-    with pytest.raises(UnderlayError):
-        read_all(put(content), format=name)
-    with pytest.raises(UnderlayError):
-        read_all(put(content))
+    with pytest.raises(ul.UnderlayError):
+        ul.read_all(put(content), format=name)
+    with pytest.raises(ul.UnderlayError):
+        ul.read_all(put(content))
 
 
 def test_what_is_no_file(tmp_path):
-    with pytest.raises(FileAccessError, match="No such file"):
-        read(tmp_path / "nowhere.csv")
-    with pytest.raises(FileAccessError, match="it is a directory"):
-        read(tmp_path)
-    with pytest.raises(FileAccessError, match="cannot open"):
-        read("a\0b")
-    with pytest.raises(FileAccessError, match="cannot open"):
-        read(None)
+    with pytest.raises(ul.FileAccessError, match="No such file"):
+        ul.read(tmp_path / "nowhere.csv")
+    with pytest.raises(ul.FileAccessError, match="it is a directory"):
+        ul.read(tmp_path)
+    with pytest.raises(ul.FileAccessError, match="cannot open"):
+        ul.read("a\0b")
+    with pytest.raises(ul.FileAccessError, match="cannot open"):
+        ul.read(None)
     (tmp_path / "empty").write_bytes(b"")
-    with pytest.raises(FileFormatError, match="is empty"):
-        read(tmp_path / "empty")
+    with pytest.raises(ul.FileFormatError, match="is empty"):
+        ul.read(tmp_path / "empty")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
@@ -78,23 +78,23 @@ def test_a_pipe_is_not_waited_for(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     began = time.perf_counter()
-    with pytest.raises(FileAccessError, match="pipe or device"):
-        read(pipe)
+    with pytest.raises(ul.FileAccessError, match="pipe or device"):
+        ul.read(pipe)
     assert time.perf_counter() - began < 1.0
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no such device on this system")  # noqa: PTH110
 def test_a_device_without_end_is_refused():
-    with pytest.raises(FileAccessError, match="pipe or device"):
-        read("/dev/zero")
+    with pytest.raises(ul.FileAccessError, match="pipe or device"):
+        ul.read("/dev/zero")
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="the superuser may read everything")
 def test_a_file_that_may_not_be_read(put):
     path = put(files.delimited())
     path.chmod(0)
-    with pytest.raises(FileAccessError, match="Permission denied"):
-        read(path)
+    with pytest.raises(ul.FileAccessError, match="Permission denied"):
+        ul.read(path)
 
 
 def test_a_file_too_large_is_not_taken_in(tmp_path):
@@ -102,15 +102,17 @@ def test_a_file_too_large_is_not_taken_in(tmp_path):
     with path.open("wb") as stream:
         stream.truncate(2 * 2**30)  # 2 GB that take no room on the disk
     began = time.process_time()
-    with pytest.raises(FileFormatError, match="more than the 256 MB"):
-        read(path)
+    with pytest.raises(ul.FileFormatError, match="more than the 256 MB"):
+        ul.read(path)
     assert time.process_time() - began < 0.5
 
 
 def test_archives(put):
-    with pytest.raises(FileFormatError, match="is an empty archive"):
-        read(put(files.zipped({})))
-    curves = read_all(put(files.zipped({"a/1.csv": files.delimited(), "../../2.txt": files.optics11("old")})))
+    with pytest.raises(ul.FileFormatError, match="is an empty archive"):
+        ul.read(put(files.zipped({})))
+    curves = ul.read_all(
+        put(files.zipped({"a/1.csv": files.delimited(), "../../2.txt": files.optics11("old")}))
+    )
     assert [curve.metadata["format"] for curve in curves] == ["csv", "optics11"]
     assert curves[1].metadata["member"] == "../../2.txt"
 
@@ -126,9 +128,9 @@ def test_a_jpk_header_without_measure_is_refused_before_it_is_unpacked(member, p
     of_a_map = {name if name == "header.properties" else f"index/0/{name}": content[name] for name in content}
     (place,) = curves_of_jpk_map(put(files.zipped(of_a_map), "map.dat"))
     began = time.process_time()
-    with pytest.raises(FileFormatError, match=f"{member}' claims 60 MB unpacked; at most 4 MB"):
-        read(path)
-    with pytest.raises(FileFormatError, match=f"{member}' claims 60 MB unpacked; at most 4 MB of one"):
+    with pytest.raises(ul.FileFormatError, match=f"{member}' claims 60 MB unpacked; at most 4 MB"):
+        ul.read(path)
+    with pytest.raises(ul.FileFormatError, match=f"{member}' claims 60 MB unpacked; at most 4 MB of one"):
         read_from_map(place)
     assert time.process_time() - began < 0.1
 
@@ -139,26 +141,26 @@ def test_jpk_headers_that_multiply_what_they_share_are_refused(put):
     name = "segments/0/segment-header.properties"
     content[name] += b"".join(b"\nx%d.lcd-info.*=77" % i for i in range(300))
     content["shared-data/header.properties"] += b"".join(b"\nlcd-info.77.a%d=1" % i for i in range(300))
-    with pytest.raises(FileFormatError, match="more than 50000 entries"):
-        read(put(files.zipped(content)))
+    with pytest.raises(ul.FileFormatError, match="more than 50000 entries"):
+        ul.read(put(files.zipped(content)))
 
 
 def test_a_member_without_a_name(put):
     nameless = files.zipped({"x": files.delimited()}).replace(b"x", b"")
-    with pytest.raises(FileFormatError):
-        read(put(nameless))
+    with pytest.raises(ul.FileFormatError):
+        ul.read(put(nameless))
     data = bytearray(files.zipped({"x": files.delimited()}))
     central = data.rindex(b"PK\x01\x02")
     struct.pack_into("<HH", data, central + 28, 0, 1)  # the name becomes an extra field of one byte
-    with pytest.raises(FileFormatError):
-        read(put(bytes(data)))
+    with pytest.raises(ul.FileFormatError):
+        ul.read(put(bytes(data)))
 
 
 def test_members_of_an_archive_are_never_written(put, tmp_path, monkeypatch):
     folder = tmp_path / "here"
     folder.mkdir()
     monkeypatch.chdir(folder)
-    read_all(put(files.zipped({"../escaped.csv": files.delimited(), "/escaped.csv": files.delimited()})))
+    ul.read_all(put(files.zipped({"../escaped.csv": files.delimited(), "/escaped.csv": files.delimited()})))
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["here", "x.dat"]
 
 
@@ -169,8 +171,8 @@ def test_an_archive_that_claims_to_unpack_to_too_much(members, put):
     for _ in range(members):
         at = bomb.index(b"PK\x01\x02", at) + 24
         struct.pack_into("<I", bomb, at, 2_000_000_000 // members)
-    with pytest.raises(FileFormatError, match=f"at most 400000 and {MAX_BYTES // 1_000_000} MB"):
-        read(put(bytes(bomb)))
+    with pytest.raises(ul.FileFormatError, match=f"at most 400000 and {MAX_BYTES // 1_000_000} MB"):
+        ul.read(put(bytes(bomb)))
 
 
 def test_a_member_larger_than_it_claims(put):
@@ -179,16 +181,16 @@ def test_a_member_larger_than_it_claims(put):
     for at in (22, data.rindex(b"PK\x01\x02") + 24):
         assert struct.unpack_from("<I", data, at)[0] == size
         struct.pack_into("<I", data, at, 10)
-    with pytest.raises(FileFormatError, match=r"damaged|larger than it claims"):
-        read(put(bytes(data)))
+    with pytest.raises(ul.FileFormatError, match=r"damaged|larger than it claims"):
+        ul.read(put(bytes(data)))
 
 
 def test_an_encrypted_member(put):
     data = bytearray(files.zipped({"x.csv": files.delimited()}))
     for at in (6, data.rindex(b"PK\x01\x02") + 8):
         data[at] |= 1
-    with pytest.raises(FileFormatError, match="is damaged"):
-        read(put(bytes(data)))
+    with pytest.raises(ul.FileFormatError, match="is damaged"):
+        ul.read(put(bytes(data)))
 
 
 def workbook(sheet, **more):
@@ -231,8 +233,8 @@ SHEETS = {
 @pytest.mark.parametrize("sheet", SHEETS.values(), ids=SHEETS)
 def test_workbooks_that_claim_or_refer_too_much(sheet, put):
     began = time.process_time()
-    with pytest.raises(FileFormatError):
-        read_all(put(workbook(sheet)))
+    with pytest.raises(ul.FileFormatError):
+        ul.read_all(put(workbook(sheet)))
     assert time.process_time() - began < 2.0
 
 
@@ -257,8 +259,8 @@ def test_hdf5_that_leads_out_of_the_file(link, put, tmp_path):
             group.create_dataset("force", shape=(10,), dtype=float, external=[(str(other), 0, 80)])
         else:
             group.create_dataset("force", shape=(10**9,), dtype=float, chunks=(1000,))  # never written
-    with pytest.raises(FileFormatError, match=r"not followed|claims more than"):
-        read_all(path)
+    with pytest.raises(ul.FileFormatError, match=r"not followed|claims more than"):
+        ul.read_all(path)
 
 
 @pytest.mark.parametrize(
@@ -273,13 +275,13 @@ def test_hdf5_that_leads_out_of_the_file(link, put, tmp_path):
 def test_a_missing_extra_is_named(content, module, put, monkeypatch):
     path = put(content())
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(MissingExtraError, match=r'pip install "underlay\[afm\]"'):
-        read_all(path)
+    with pytest.raises(ul.MissingExtraError, match=r'pip install "underlay\[afm\]"'):
+        ul.read_all(path)
 
 
 def test_jpk_needs_no_extra(put, monkeypatch):
     monkeypatch.setitem(sys.modules, "afmformats.formats", None)
-    assert len(read(put(afm_files.jpk()))) == 2 * afm_files.POINTS
+    assert len(ul.read(put(afm_files.jpk()))) == 2 * afm_files.POINTS
 
 
 @pytest.mark.parametrize(
@@ -291,6 +293,6 @@ def test_jpk_needs_no_extra(put, monkeypatch):
     ],
 )
 def test_what_a_file_holds_is_listed_in_a_few_words(put, content):
-    with pytest.raises(UnderlayError) as caught:
-        read(put(content, "x.csv"))
+    with pytest.raises(ul.UnderlayError) as caught:
+        ul.read(put(content, "x.csv"))
     assert len(str(caught.value)) < 1500

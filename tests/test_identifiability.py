@@ -5,11 +5,7 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
-from underlay.errors import InputError
-from underlay.inference.design.identifiability import Combination, identifiability, marginal
-from underlay.inference.least_squares import fit
-from underlay.inference.priors import Normal
-from underlay.scene.noise import Noise
+from underlay.inference.design.identifiability import Combination, marginal
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
 RADIUS, THICKNESS, MODULUS = 1e-3, 1e-3, 1e6
@@ -35,8 +31,8 @@ def scene_of(ratio):
 
 def judged(scene, x, free, points=500, level=0.01):
     depth = (x * THICKNESS) ** 2 / RADIUS
-    noise = Noise(force=level * float(scene.force(depth)))
-    return identifiability(scene, depth=np.linspace(-0.5 * depth, depth, points), free=free, noise=noise)
+    noise = ul.Noise(force=level * float(scene.force(depth)))
+    return ul.identifiability(scene, depth=np.linspace(-0.5 * depth, depth, points), free=free, noise=noise)
 
 
 @pytest.mark.parametrize(("ratio", "x", "alone", "modulus", "thickness", "correlation"), BOUNDS)
@@ -58,8 +54,8 @@ def test_three_unknowns_on_an_elastic_base():
 
 def test_the_bound_is_the_standard_error_of_the_fit():
     scene = layer_on(ul.RIGID)
-    found = fit(problem(scene, [E, H, C], measured(scene)))
-    told = identifiability(found)
+    found = ul.fit(problem(scene, [E, H, C], measured(scene)))
+    told = ul.identifiability(found)
     for name in found.names:
         # One inverts J'J, the other decomposes J.
         assert told.stderr[name] == pytest.approx(found.stderr[name], rel=1e-4)
@@ -87,8 +83,8 @@ def test_combinations_are_the_eigenvectors_and_their_deviations():
 
 def test_on_a_half_space_only_a_product_acts():
     scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)))
-    told = identifiability(
-        scene, depth=np.linspace(0.0, 1e-4, 100), free=[E, "indenter.radius"], noise=Noise(force=1e-3)
+    told = ul.identifiability(
+        scene, depth=np.linspace(0.0, 1e-4, 100), free=[E, "indenter.radius"], noise=ul.Noise(force=1e-3)
     )
     # Hertz: P ~ E R^(1/2), so the other combination E^(-1/2) R is free.
     fixed, lost = told.combinations
@@ -103,7 +99,7 @@ def test_on_a_half_space_only_a_product_acts():
 
 def test_a_prior_is_told_from_the_data():
     scene = scene_of(None)
-    told = judged(scene, 0.1, {E: None, H: Normal(1e-3, 5e-5), C: None})
+    told = judged(scene, 0.1, {E: None, H: ul.Normal(1e-3, 5e-5), C: None})
     assert told.stderr[H] == pytest.approx(5e-5, rel=0.1)
     assert told.stderr_data_only[H] > 3.0 * told.stderr[H]
     assert "from its prior" in told.report()
@@ -132,7 +128,7 @@ def test_marginal_information_is_the_inverse_of_the_covariances_block():
 
 def test_before_a_test_everything_must_be_said():
     scene = scene_of(None)
-    with pytest.raises(InputError, match="depth, free and noise"):
-        identifiability(scene, free=[E])
-    with pytest.raises(InputError, match="noise must be given"):
-        identifiability(scene, depth=np.linspace(0.0, 1e-4, 50), free=[E], noise=Noise())
+    with pytest.raises(ul.InputError, match="depth, free and noise"):
+        ul.identifiability(scene, free=[E])
+    with pytest.raises(ul.InputError, match="noise must be given"):
+        ul.identifiability(scene, depth=np.linspace(0.0, 1e-4, 50), free=[E], noise=ul.Noise())

@@ -11,19 +11,16 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
+import underlay as ul
 from support.laws import asymptotic_law
 from support.reference_contact import Contact, moments, solve
 from underlay.mechanics.asymptotic import integral_relations as relations
 from underlay.mechanics.asymptotic.integral_relations import PressedLayer
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import Isotropic
 
 THICKNESS = 1.3
-LAYER = Isotropic(2.0, 0.45)
-SUBSTRATES = {"rigid": RIGID, "soft": Isotropic(0.2, 0.3)}
-INDENTERS = {"paraboloid": Paraboloid(3.0), "quartic": PowerLaw(4.0, 0.2), "sphere": Sphere(2.0)}
+LAYER = ul.Isotropic(2.0, 0.45)
+SUBSTRATES = {"rigid": ul.RIGID, "soft": ul.Isotropic(0.2, 0.3)}
+INDENTERS = {"paraboloid": ul.Paraboloid(3.0), "quartic": ul.PowerLaw(4.0, 0.2), "sphere": ul.Sphere(2.0)}
 RADII = THICKNESS * np.array([0.05, 0.07, 0.1])
 # Forty nodes and 64-bit sums, then a fit and two more quadratures of the pressure.
 EXACT = 1e-10
@@ -33,7 +30,7 @@ EXACT = 1e-10
 class Case:
     """A solved contact with what the relations need of it, made dimensional."""
 
-    indenter: Indenter
+    indenter: ul.Indenter
     a: float
     contact: Contact
     pressed: PressedLayer
@@ -69,7 +66,7 @@ def make(indenter, a, substrate):
         indenter=indenter,
         a=a,
         contact=contact,
-        pressed=PressedLayer.of(Layer(LAYER, THICKNESS), substrate, a),
+        pressed=PressedLayer.of(ul.Layer(LAYER, THICKNESS), substrate, a),
         s=a * contact.x,
         weights=a * contact.weight,
         V=V,
@@ -166,8 +163,8 @@ def test_eq_4_8b_and_4_9_polar_moment_from_pressure(deep):
 
 @pytest.fixture(scope="module")
 def nodes(substrate):
-    pressed = PressedLayer.of(Layer(LAYER, 1.0), substrate, 1.0)
-    a = SubstrateKernel(LAYER, substrate).coefficients(12)
+    pressed = PressedLayer.of(ul.Layer(LAYER, 1.0), substrate, 1.0)
+    a = ul.SubstrateKernel(LAYER, substrate).coefficients(12)
     return pressed.u, pressed.weight, a
 
 
@@ -310,13 +307,13 @@ def test_eq_4_14_and_4_15_parametric_law(shallow, substrate, indenter):
         force = (1 - 8 * a_1 / (3 * np.pi) * eps**3) * 4 * theta * N
         depth = (1 - 4 * a_1 / (3 * np.pi) * eps**3) * H + 4 * a_1 / (np.pi * h**3) * second
         depth -= 2 / (np.pi * h) * (a_0 + 2 * a_1 * eps**2 - 8 * a_0 * a_1 / (3 * np.pi) * eps**3) * N
-        law = asymptotic_law(indenter, Layer(LAYER, h), substrate, depth, form="parametric")
+        law = asymptotic_law(indenter, ul.Layer(LAYER, h), substrate, depth, form="parametric")
         assert law.force(depth) == pytest.approx(force, rel=1e-12)
         assert law.contact_radius(depth) == pytest.approx(case.a, rel=1e-12)
     assert order_of(
         shallow,
         lambda case: (
-            asymptotic_law(indenter, Layer(LAYER, h), substrate, 1e-3, form="parametric").force(
+            asymptotic_law(indenter, ul.Layer(LAYER, h), substrate, 1e-3, form="parametric").force(
                 case.contact.depth
             )
             / case.contact.force

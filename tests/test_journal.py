@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
+import underlay as ul
 from underlay.inference.batch.journal import Journal, PassingRows
 
 IDENTITY = {"hashes": {"scene": "aa", "manifest": "bb"}, "columns": ["name", "x"], "curves": 4}
@@ -111,7 +111,7 @@ def test_a_changed_bit_costs_its_row_or_is_one_error(path):
                 assert set(file.lines()) <= set(IN_ORDER)
                 file.append(ROWS)
                 assert list(file.lines()) == IN_ORDER
-        except UnderlayError:
+        except ul.UnderlayError:
             refused += 1
     assert lost
     assert refused
@@ -131,7 +131,7 @@ def test_a_changed_bit_costs_its_row_or_is_one_error(path):
 def test_what_is_more_or_less_than_a_journal_is_refused(path, statement):
     change(path, statement)
     before = path.read_bytes()
-    with pytest.raises(FileFormatError, match="not the journal of a map"):
+    with pytest.raises(ul.FileFormatError, match="not the journal of a map"):
         journal(path)
     assert path.read_bytes() == before
 
@@ -168,7 +168,7 @@ def test_a_row_that_is_none_is_fitted_again(path, statement):
 )
 def test_a_journal_of_nonsense_is_one_error(path, statement):
     change(path, statement)
-    with pytest.raises(FileFormatError, match="damaged and cannot be continued"):
+    with pytest.raises(ul.FileFormatError, match="damaged and cannot be continued"):
         journal(path)
 
 
@@ -177,28 +177,28 @@ def test_damage_that_sqlite_quotes_is_one_error(path):
     data = path.read_bytes()
     place = data.index(b"PRIMARY KEY")
     path.write_bytes(data[: place + 9] + b"\xfe" + data[place + 10 :])
-    with pytest.raises(FileFormatError, match="damaged"):
+    with pytest.raises(ul.FileFormatError, match="damaged"):
         journal(path)
 
 
 def test_another_run_is_refused_and_named(path):
     before = path.read_bytes()
     other = {**IDENTITY, "hashes": {"scene": "aa", "manifest": "cc"}}
-    with pytest.raises(InputError, match="the manifest changed"):
+    with pytest.raises(ul.InputError, match="the manifest changed"):
         journal(path, identity=other)
-    with pytest.raises(InputError, match="holds a run already"):
+    with pytest.raises(ul.InputError, match="holds a run already"):
         journal(path, resume=False)
-    with pytest.raises(InputError, match="other columns"):
+    with pytest.raises(ul.InputError, match="other columns"):
         journal(path, identity={**IDENTITY, "columns": ["name"]})
     assert path.read_bytes() == before
     path.write_text("name,x\nsomething else\n" * 100, encoding="utf-8")
-    with pytest.raises(FileFormatError, match="not the journal"):
+    with pytest.raises(ul.FileFormatError, match="not the journal"):
         journal(path)
 
 
 def test_two_runs_into_one_output_are_refused(tmp_path):
     path = tmp_path / "j"
-    with journal(path, resume=False), pytest.raises(InputError, match="another run"):
+    with journal(path, resume=False), pytest.raises(ul.InputError, match="another run"):
         journal(path)
 
 
@@ -206,10 +206,10 @@ def test_two_runs_into_one_output_are_refused(tmp_path):
 @pytest.mark.parametrize("end", ["", "-wal"])
 def test_a_pipe_in_the_place_of_the_file_is_refused(tmp_path, end):
     os.mkfifo(tmp_path / f"j{end}")
-    with pytest.raises(FileAccessError, match="not a regular file"):
+    with pytest.raises(ul.FileAccessError, match="not a regular file"):
         journal(tmp_path / "j")
 
 
 def test_what_cannot_be_written_is_one_error(tmp_path):
-    with pytest.raises(FileAccessError, match="cannot write"):
+    with pytest.raises(ul.FileAccessError, match="cannot write"):
         journal(tmp_path / "nowhere" / "j")

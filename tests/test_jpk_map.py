@@ -12,8 +12,7 @@ import pytest
 import underlay as ul
 from support import afm_files
 from support.maps import numbers
-from underlay.data.readers import _source, curves_of_jpk_map, read, read_all, read_from_map
-from underlay.errors import FileAccessError, FileFormatError, InputError
+from underlay.data.readers import _source, curves_of_jpk_map, read_from_map
 
 COUNT = 12
 SCENE = ul.Scene(
@@ -37,7 +36,7 @@ def path(tmp_path):
 
 
 def test_a_curve_of_a_map_is_that_of_the_whole_file(path):
-    whole = read_all(path)
+    whole = ul.read_all(path)
     places = curves_of_jpk_map(path)
     assert len(whole) == len(places) == COUNT
     for expected, place in zip(whole, places, strict=True):
@@ -48,7 +47,7 @@ def test_a_curve_of_a_map_is_that_of_the_whole_file(path):
             assert curve.metadata.get(key) == expected.metadata.get(key), key
     # Tenth after ninth, not after first.
     assert whole[9].force.max() > whole[8].force.max()
-    np.testing.assert_array_equal(read(path, test=7).force, whole[6].force)
+    np.testing.assert_array_equal(ul.read(path, test=7).force, whole[6].force)
 
 
 def test_a_map_packed_again_without_its_folders_reads(path, tmp_path):
@@ -57,9 +56,9 @@ def test_a_map_packed_again_without_its_folders_reads(path, tmp_path):
         for name in before.namelist():
             if not name.endswith("/"):
                 after.writestr(name, before.read(name))
-    for place, expected in zip(curves_of_jpk_map(again), read_all(path), strict=True):
+    for place, expected in zip(curves_of_jpk_map(again), ul.read_all(path), strict=True):
         np.testing.assert_array_equal(read_from_map(place).force, expected.force)
-    assert len(read_all(again)) == COUNT
+    assert len(ul.read_all(again)) == COUNT
 
 
 def test_what_a_curve_costs_does_not_grow_with_the_map(path, tmp_path):
@@ -72,11 +71,11 @@ def test_what_a_curve_costs_does_not_grow_with_the_map(path, tmp_path):
 
 
 def test_a_map_larger_than_what_is_read_of_a_file_is_fitted(path, monkeypatch):
-    small = ul.fit_many(read_all(path), SCENE, FREE, workers=0)
+    small = ul.fit_many(ul.read_all(path), SCENE, FREE, workers=0)
     assert (small["status"] == "fitted").sum() == COUNT
     monkeypatch.setattr(_source, "MAX_BYTES", path.stat().st_size - 1)
-    with pytest.raises(FileFormatError, match="are read"):
-        read_all(path)
+    with pytest.raises(ul.FileFormatError, match="are read"):
+        ul.read_all(path)
     table = ul.fit_many(path, SCENE, FREE, workers=0)
     assert list(table["name"]) == [f"{path.name}#{number}" for number in range(1, COUNT + 1)]
     # Of curves in memory all segments are fitted, of a file the loading part.
@@ -88,7 +87,7 @@ def test_a_map_larger_than_what_is_read_of_a_file_is_fitted(path, monkeypatch):
 
 def curves_in(path, monkeypatch):
     monkeypatch.undo()
-    return read_all(path)
+    return ul.read_all(path)
 
 
 def test_a_changed_map_is_not_mixed_in(path, tmp_path):
@@ -96,7 +95,7 @@ def test_a_changed_map_is_not_mixed_in(path, tmp_path):
     again = {"workers": 0, "output": tmp_path / "out", "options": ul.MapOptions(resume=True)}
     assert len(ul.fit_many(path, SCENE, FREE, **again)) == COUNT
     path.write_bytes(afm_files.jpk_map(COUNT) + b"\0")
-    with pytest.raises(InputError, match="the curves changed"):
+    with pytest.raises(ul.InputError, match="the curves changed"):
         ul.fit_many(path, SCENE, FREE, **again)
 
 
@@ -123,9 +122,9 @@ def test_claims_are_not_believed(path):
     content[entry + 24 : entry + 28] = struct.pack("<I", 0xFFFFFFF0)
     path.write_bytes(content)
     assert len(names) > COUNT
-    with pytest.raises(FileFormatError, match="claims"):
-        read(path, test=3)
-    assert len(read(path, test=2)) > 0
+    with pytest.raises(ul.FileFormatError, match="claims"):
+        ul.read(path, test=3)
+    assert len(ul.read(path, test=2)) > 0
 
 
 def test_what_is_no_map_is_left_to_the_readers(tmp_path):
@@ -135,8 +134,8 @@ def test_what_is_no_map_is_left_to_the_readers(tmp_path):
     for content in (b"", b"PK\x03\x04", b"PK\x03\x04" + b"x" * 100, b"depth,force\n1,2\n"):
         single.write_bytes(content)
         assert curves_of_jpk_map(single) == []
-    with pytest.raises(FileAccessError):
+    with pytest.raises(ul.FileAccessError):
         curves_of_jpk_map(tmp_path / "nowhere")
     single.write_bytes(afm_files.jpk_map(COUNT))
-    with pytest.raises(InputError, match="holds 12 tests"):
-        read(single, test=13)
+    with pytest.raises(ul.InputError, match="holds 12 tests"):
+        ul.read(single, test=13)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from underlay.errors import FitError
+import underlay as ul
 from underlay.inference.sampling.walker_start import find_mode, overdispersed
 
 FAR = (np.full(3, -1e9), np.full(3, 1e9))
@@ -90,7 +90,7 @@ def test_steps_in_the_density_do_not_flatten_the_walkers():
 
 
 def test_a_start_without_density_is_refused():
-    with pytest.raises(FitError, match="move the start"):
+    with pytest.raises(ul.FitError, match="move the start"):
         find_mode(lambda q: np.full(len(q), -np.inf), np.zeros(1), np.ones(1), (-np.ones(1), np.ones(1)))
 
 
@@ -99,5 +99,5 @@ def test_no_room_for_walkers_is_an_error():
         return np.where(np.abs(q[:, 0]) < 1e-300, 0.0, -np.inf)
 
     top = find_mode(lambda q: -(q[:, 0] ** 2), np.zeros(1), np.ones(1), (-np.ones(1), np.ones(1)))
-    with pytest.raises(FitError, match="found no place"):
+    with pytest.raises(ul.FitError, match="found no place"):
         overdispersed(needle, top, 4, np.random.default_rng(0))

@@ -5,10 +5,8 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
-from underlay.inference.least_squares import fit
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
-from underlay.mechanics.solvers import Exact
 
 E, NU, H, C, BASE = "layer.E", "layer.nu", "layer.thickness", "instrument.contact_depth", "substrate.E"
 DEPTH = np.linspace(-5e-6, 4e-5, 60)
@@ -27,7 +25,7 @@ BODIES = {
 )
 def test_a_law_says_its_derivative_towards_a_body_beside(name, path):
     scene = BODIES[name]
-    forward = Forward.compile(scene, DEPTH, list({E: 0, NU: 0, C: 0, path: 0}), Exact(1e-8), LawStore())
+    forward = Forward.compile(scene, DEPTH, list({E: 0, NU: 0, C: 0, path: 0}), ul.Exact(1e-8), LawStore())
     values = dict(scene.parameters)
     said = forward.jacobian(values, [path])[1][:, 0]
     assert forward.laws.beside
@@ -60,7 +58,7 @@ MEASURED_TIP = ul.Profile(RADII, RADII**2 / 1e-5 + 0.1 * RADII**4 / 1.25e-16)
 def test_a_step_to_a_body_beside_is_a_share_of_what_has_a_unit(scene, path):
     """Of a number that is no ratio: the step was 1e-6 of its unit, 1e-6 Pa/m of a spring and 1 um of a film."""
     depth = np.linspace(-1e-7, 5e-7, 40)
-    forward = Forward.compile(scene, depth, [path], Exact(1e-8), LawStore())
+    forward = Forward.compile(scene, depth, [path], ul.Exact(1e-8), LawStore())
     values = dict(scene.parameters)
     said = forward.jacobian(values, [path])[1][:, 0]
     assert path in forward.laws.beside
@@ -76,7 +74,7 @@ def test_tables_and_a_solved_law_say_the_same_derivative():
     scene = BODIES["stiff"]
     columns = []
     for free in ([E, BASE], [E, BASE, NU]):
-        forward = Forward.compile(scene, DEPTH, free, Exact(1e-8), LawStore())
+        forward = Forward.compile(scene, DEPTH, free, ul.Exact(1e-8), LawStore())
         columns.append(forward.jacobian(dict(scene.parameters), [E, BASE])[1])
         assert forward.laws.is_solved == (NU in free)
     assert columns[0] == pytest.approx(columns[1], rel=1e-5, abs=1e-7 * np.abs(columns[0]).max())
@@ -98,7 +96,7 @@ def test_a_law_beyond_the_tables_says_its_derivative_as_well(name, path):
     scene = ul.Scene(tip, ul.Layer(ul.Isotropic(1e6, 0.4), thickness), ul.Isotropic(ratio * 1e6, 0.45))
     # Clear of the depth at which the cone's contact jumps: there one disc is rough.
     depth = np.concatenate((np.linspace(0.05, 0.75, 20), np.linspace(0.85, 1.0, 5))) * deepest
-    forward = Forward.compile(scene, depth, [E, H, BASE, C], Exact(1e-8), LawStore())
+    forward = Forward.compile(scene, depth, [E, H, BASE, C], ul.Exact(1e-8), LawStore())
     values = dict(scene.parameters)
     forward.force(values)
     built = forward.laws.store.built
@@ -113,5 +111,5 @@ def test_a_law_beyond_the_tables_says_its_derivative_as_well(name, path):
 
 def test_a_fit_of_poissons_ratio_solves_one_law_a_model():
     scene = layer_on(ul.Isotropic(4e6, 0.3))
-    found = fit(problem(scene, [E, NU, C], measured(scene)))
+    found = ul.fit(problem(scene, [E, NU, C], measured(scene)))
     assert found.statistics.laws_built == found.statistics.evaluations

@@ -5,8 +5,6 @@ import pytest
 
 import underlay as ul
 from support import microscope_files
-from underlay.errors import InputError, ParameterError, RangeError
-from underlay.inference.from_files import load_problem
 from underlay.inference.misfit.blocked import Blocked
 from underlay.report.scene_tables import scene_table
 
@@ -224,23 +222,23 @@ def test_one_factor_on_spring_constant_and_all_moduli_changes_nothing(body):
 def test_what_a_lever_is_not():
     body = BODIES["half-space"]
     _, curve = noisy()
-    with pytest.raises(InputError, match="lever spring_constant must be positive"):
+    with pytest.raises(ul.InputError, match="lever spring_constant must be positive"):
         ul.Lever(0.0)
-    with pytest.raises(InputError, match="lever must be a Lever or None"):
+    with pytest.raises(ul.InputError, match="lever must be a Lever or None"):
         ul.Scene(*body, lever=0.04)
     with pytest.raises(
-        ParameterError, match=r"lever.spring_constant cannot act: it is the one that made the curve"
+        ul.ParameterError, match=r"lever.spring_constant cannot act: it is the one that made the curve"
     ):
         ul.Problem(ul.Scene(*body, lever=ul.Lever(K)), curve, ["layer.E", "lever.spring_constant"])
     relaxing = ul.Layer(ul.Isotropic(2e4, 0.5), relaxation=ul.Prony((0.5,), (1.0,)))
-    with pytest.raises(InputError, match="beside a history or a relaxation is not simulated"):
+    with pytest.raises(ul.InputError, match="beside a history or a relaxation is not simulated"):
         ul.Scene(body[0], relaxing, lever=ul.Lever(K))
     scene = ul.Scene(*body, lever=ul.Lever(K))
-    with pytest.raises(InputError, match="under given forces a lever's calibration is not simulated"):
+    with pytest.raises(ul.InputError, match="under given forces a lever's calibration is not simulated"):
         scene.depth([1e-9])
     # A lever far softer than the sample, and a sensitivity half the stated one.
     soft = ul.Scene(*body, lever=ul.Lever(1e-4, 1.0, 0.5))
-    with pytest.raises(RangeError):
+    with pytest.raises(ul.RangeError):
         soft.force(np.linspace(0.0, 1e-6, 20))
 
 
@@ -275,7 +273,7 @@ def load(tmp_path):
         scene.write_text(SCENE.format(calibration=calibration, more=more, free=free), encoding="utf-8")
         curve = tmp_path / name
         curve.write_bytes(microscope_files.nanoscope(points=200))
-        return load_problem(curve, scene)
+        return ul.load_problem(curve, scene)
 
     return write
 
@@ -317,5 +315,5 @@ def test_a_report_lists_the_lever():
 
 
 def test_a_lever_of_the_scene_and_the_file_of_the_curve_are_compared(load):
-    with pytest.raises(InputError, match=r"says lever.spring_constant = 40 mN/m, the scene 50 mN/m"):
+    with pytest.raises(ul.InputError, match=r"says lever.spring_constant = 40 mN/m, the scene 50 mN/m"):
         load('sensitivity = "± 3 %"', '[lever]\nspring_constant = "0.05 N/m"')

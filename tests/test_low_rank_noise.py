@@ -7,7 +7,6 @@ import pytest
 from scipy import linalg, stats
 
 import underlay as ul
-from underlay.errors import InputError
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.sampling.model_comparison import pointwise_log_likelihood
@@ -64,13 +63,13 @@ def test_draws_have_the_covariance():
 
 def test_what_does_not_fit_is_refused():
     noise = ul.LowRankNoise(force=1e-6, columns=np.ones((5, 1)))
-    with pytest.raises(InputError, match="a curve with 5 readings; got 4"):
+    with pytest.raises(ul.InputError, match="a curve with 5 readings; got 4"):
         noise.whiten(np.zeros(4))
     assert noise.of_readings(np.arange(5) != 2).columns.shape == (4, 1)
     curve = ul.synthesize(SCENE, np.linspace(0.0, 1e-5, 9), ul.Noise(force=1e-6), rng=1)
-    with pytest.raises(InputError, match="cannot be fitted beside shared errors"):
+    with pytest.raises(ul.InputError, match="cannot be fitted beside shared errors"):
         ul.Problem(SCENE, curve, ["layer.E", "noise.force"], noise)
-    with pytest.raises(InputError, match=r"\(readings, errors\)"):
+    with pytest.raises(ul.InputError, match=r"\(readings, errors\)"):
         ul.LowRankNoise(force=1e-6, columns=np.ones(5))
 
 
@@ -113,9 +112,9 @@ def test_a_law_that_is_smoothly_wrong_is_covered_and_noise_in_proportion_does_no
 
 def test_a_model_error_needs_a_noise_that_is_known():
     problem, wider = stated(20)
-    with pytest.raises(InputError, match="zero or more"):
+    with pytest.raises(ul.InputError, match="zero or more"):
         ul.with_model_error(problem, -0.1)
-    with pytest.raises(InputError, match=r"state noise\.force"):
+    with pytest.raises(ul.InputError, match=r"state noise\.force"):
         ul.with_model_error(problem.revised(noise=ul.Noise()), 0.1)
     # A second error stands beside the first: their variances add.
     twice = ul.with_model_error(wider, 0.02)
@@ -214,11 +213,11 @@ def test_a_law_that_is_wrong_alike_in_all_curves_is_covered():
 def test_curves_with_other_numbers_of_common_errors_are_refused():
     _, wider = repeated(2)
     fewer = replace(wider.noise[1], common=wider.noise[1].common[:, :2])
-    with pytest.raises(InputError, match="give each curve as many columns; got 3, 2"):
+    with pytest.raises(ul.InputError, match="give each curve as many columns; got 3, 2"):
         wider.revised(noise=[wider.noise[0], fewer])
-    with pytest.raises(InputError, match=r"common are \(readings, errors\)"):
+    with pytest.raises(ul.InputError, match=r"common are \(readings, errors\)"):
         ul.LowRankNoise(force=1e-6, common=np.ones(5))
-    with pytest.raises(InputError, match="a curve with 5 readings; got 4"):
+    with pytest.raises(ul.InputError, match="a curve with 5 readings; got 4"):
         ul.LowRankNoise(force=1e-6, columns=np.ones((4, 1)), common=np.ones((5, 1))).whiten(np.zeros(4))
     assert ul.LowRankNoise(force=1e-6, common=np.ones((5, 1))).of_readings(np.arange(5) > 1).common.shape == (
         3,

@@ -4,7 +4,6 @@ import pandas as pd
 import pytest
 
 import underlay as ul
-from underlay.errors import FileAccessError, FileFormatError, InputError
 from underlay.inference.batch.manifest import read_manifest
 
 SCENE = ul.Scene(ul.Paraboloid(5e-4), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
@@ -85,16 +84,16 @@ def test_rows_go_with_their_curves_in_any_order(tmp_path):
     ],
 )
 def test_bad_manifests_say_where(tmp_path, text, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ul.InputError, match=message):
         manifest(tmp_path, text)
 
 
 def test_files_that_are_no_manifest(tmp_path):
-    with pytest.raises(FileAccessError):
+    with pytest.raises(ul.FileAccessError):
         read_manifest(tmp_path / "none.csv", SCENE)
     path = tmp_path / "binary.csv"
     path.write_bytes(bytes(range(256)))
-    with pytest.raises(FileFormatError):
+    with pytest.raises(ul.FileFormatError):
         read_manifest(path, SCENE)
-    with pytest.raises(InputError):
+    with pytest.raises(ul.InputError):
         manifest(tmp_path, "")

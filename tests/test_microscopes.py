@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
+import underlay as ul
 from support import afm_files
 from support import microscope_files as files
 from support.afm_files import POINTS, SENSITIVITY, STIFFNESS
-from underlay.data.readers import read, read_all
-from underlay.errors import FileFormatError, InputError
 
 TRAVEL, FORCE = files.approach()
 #: One number of a NanoScope file, as force and as travel.
@@ -45,7 +44,7 @@ def check(curve, held=0, *, force_step=FORCE_STEP, travel_step=1e-15):
 
 
 def test_nanoscope_ramp(put):
-    curve = read(put(files.nanoscope()))
+    curve = ul.read(put(files.nanoscope()))
     check(curve)
     assert curve.time[[POINTS - 1, POINTS, -1]] == pytest.approx(
         [0.98, 1.0, 1.49]
@@ -58,45 +57,45 @@ def test_nanoscope_ramp(put):
 
 @pytest.mark.parametrize("version", [0x09010201, 0x0930A509])
 def test_nanoscope_hold_comes_between_the_ways_and_the_sensor_is_taken(version, put):
-    curve = read(put(files.nanoscope(version=version, hold=20, sensor=True)))
+    curve = ul.read(put(files.nanoscope(version=version, hold=20, sensor=True)))
     check(curve, 20, travel_step=HEIGHT_STEP)
     assert curve.time[POINTS + 19] - curve.time[POINTS] == pytest.approx(0.5 * 19 / 20)
     assert "height sensor" in curve.metadata["sign_rules"]["depth"]
 
 
 def test_a_height_sensor_that_disagrees_with_the_drive_is_noted(put):
-    assert read(put(files.nanoscope(sensor=True))).metadata["notes"] == ()
-    twice = read(put(files.nanoscope(sensor=True, **{"@Sens. ZsensSens": "V 2000.0 nm/V"})))
+    assert ul.read(put(files.nanoscope(sensor=True))).metadata["notes"] == ()
+    twice = ul.read(put(files.nanoscope(sensor=True, **{"@Sens. ZsensSens": "V 2000.0 nm/V"})))
     # 49 of 50 steps of the ramp lie between the first and the last point.
     assert "the height sensor moved 1.96 times as far as the piezo was driven" in twice.metadata["notes"][0]
 
 
 def test_nanoscope_volumes_have_places_and_points_that_were_not_recorded(put):
     path = put(files.nanoscope(curves=4, missing=3))
-    curves = read_all(path)
+    curves = ul.read_all(path)
     assert [len(curve) for curve in curves] == [2 * POINTS - 3] * 4
     assert [curve.metadata["test"] for curve in curves] == [1, 2, 3, 4]
     assert curves[0].metadata["notes"] == ("3 of 100 points were not recorded, as the file marks them",)
     np.testing.assert_allclose(curves[0].force[: POINTS - 3], FORCE[3:], atol=0.51 * FORCE_STEP, rtol=0)
     places = np.array([curve.metadata["position"] for curve in curves]) - (100e-9, -50e-9)
     np.testing.assert_allclose(places * 1e9, [(-500, -500), (500, -500), (-500, 500), (500, 500)], atol=1e-6)
-    alone = read(path, test=3)
+    alone = ul.read(path, test=3)
     np.testing.assert_array_equal(alone.depth, curves[2].depth)
     assert alone.metadata == curves[2].metadata
-    with pytest.raises(InputError, match="there is no test 5"):
-        read(path, test=5)
+    with pytest.raises(ul.InputError, match="there is no test 5"):
+        ul.read(path, test=5)
 
 
 @pytest.mark.parametrize("mark", [-(2**15), -(2**31)])
 def test_nanoscope_points_that_were_not_recorded_are_so_in_wide_files_too(mark, put):
     """Numbers of 16 bits that were widened keep the least of 16 bits."""
-    curves = read_all(put(files.nanoscope(version=0x0930A4F8, curves=4, missing=3, mark=mark)))
+    curves = ul.read_all(put(files.nanoscope(version=0x0930A4F8, curves=4, missing=3, mark=mark)))
     assert [len(curve) for curve in curves] == [2 * POINTS - 3] * 4
     np.testing.assert_allclose(curves[0].force[: POINTS - 3], FORCE[3:], atol=0.51 * FORCE_STEP, rtol=0)
 
 
 def test_peakforce_taps_turn_where_the_file_says(put):
-    curve = read(put(files.nanoscope(curves=4, tap=True)), test=2)
+    curve = ul.read(put(files.nanoscope(curves=4, tap=True)), test=2)
     travel = curve.depth + curve.force / STIFFNESS
     turn = 30.5
     np.testing.assert_allclose(
@@ -131,13 +130,13 @@ def test_nanoscope_damage_is_said(change, told, put):
     data = files.nanoscope()
     changed = change(data)
     assert changed != data
-    with pytest.raises(FileFormatError, match=told):
-        read(put(changed))
+    with pytest.raises(ul.FileFormatError, match=told):
+        ul.read(put(changed))
 
 
 def test_nanoscope_numbers_of_32_bits_are_read_on_a_scale_for_32_bits(put):
     step = 6e-9
-    curve = read(put(files.nanoscope(version=0x0930A509, hold=20, stated=4, per_number=step)))
+    curve = ul.read(put(files.nanoscope(version=0x0930A509, hold=20, stated=4, per_number=step)))
     check(curve, 20, force_step=step * SENSITIVITY * STIFFNESS)
 
 
@@ -148,39 +147,41 @@ def test_nanoscope_numbers_of_more_bits_than_their_scale_are_refused(louder, sta
     """They are forces 256 or 65536 times too large, and look like curves."""
     data = files.nanoscope(version=0x0920B046, curves=curves, stated=stated, louder=louder)
     told = r"measured.dat: the numbers of .*Deflection Error.* is for 16 bits, up to 32768: .*take the file"
-    for read_in in (read_all, lambda path: read(path, test=1)):
-        with pytest.raises(FileFormatError, match=told):
+    for read_in in (ul.read_all, lambda path: ul.read(path, test=1)):
+        with pytest.raises(ul.FileFormatError, match=told):
             read_in(put(data))
 
 
 def test_a_byte_too_many_in_a_nanoscope_header_is_refused(put):
     """It shifts all numbers; in four bytes they are 256 times too large, as in a public file."""
     data = files.nanoscope(version=0x0920B046)
-    with pytest.raises(FileFormatError, match=r"is for 16 bits.*an edit of the header, shifts the numbers"):
-        read(put(data.replace(b"\x1a", b"\x1a\0", 1)))
+    with pytest.raises(
+        ul.FileFormatError, match=r"is for 16 bits.*an edit of the header, shifts the numbers"
+    ):
+        ul.read(put(data.replace(b"\x1a", b"\x1a\0", 1)))
 
 
 def test_a_nanoscope_height_of_more_bits_than_its_scale_is_refused(put):
     data = files.nanoscope(version=0x0920B046, sensor=True)
     end = 4 * 2 * POINTS
     heights = (np.frombuffer(data[-end:], "<i4") * 65536).astype("<i4").tobytes()
-    with pytest.raises(FileFormatError, match=r"numbers of .*Height Sensor.* is for 16 bits"):
-        read(put(data[:-end] + heights))
+    with pytest.raises(ul.FileFormatError, match=r"numbers of .*Height Sensor.* is for 16 bits"):
+        ul.read(put(data[:-end] + heights))
 
 
 def test_a_deflection_far_above_the_trigger_that_should_have_ended_it_is_refused(put):
     """Small numbers, 256 times too large, still have few enough bits."""
     data = files.nanoscope(version=0x0920B046, per_number=200 * files.PER_NUMBER, louder=256)
     told = r"rises by .* V on the way in, .* times the relative trigger of 0\.5 V that should have ended it"
-    with pytest.raises(FileFormatError, match=told):
-        read(put(data))
+    with pytest.raises(ul.FileFormatError, match=told):
+        ul.read(put(data))
     # A trigger that is off ends nothing: the same ramp is read.
-    assert read(put(data.replace(b"mode: Relative", b"mode: Off     "))).metadata["spring_constant"]
+    assert ul.read(put(data.replace(b"mode: Relative", b"mode: Off     "))).metadata["spring_constant"]
 
 
 def test_a_capture_that_turns_elsewhere_is_refused(put):
-    with pytest.raises(FileFormatError, match="turns at point 70 of 100"):
-        read_all(put(files.nanoscope(curves=4, tap=True, **{"Sync Distance New": "70"})))
+    with pytest.raises(ul.FileFormatError, match="turns at point 70 of 100"):
+        ul.read_all(put(files.nanoscope(curves=4, tap=True, **{"Sync Distance New": "70"})))
 
 
 # --- Nanosurf
@@ -189,7 +190,7 @@ def test_a_capture_that_turns_elsewhere_is_refused(put):
 @pytest.mark.parametrize(("bits", "step"), [(32, 1e-18), (16, 1e-5 / 2**16)])
 @pytest.mark.parametrize("unit", ["N", "m", "V"])
 def test_nanosurf_curves(bits, step, unit, put):
-    curves = read_all(put(files.nid(bits=bits, unit=unit)))
+    curves = ul.read_all(put(files.nid(bits=bits, unit=unit)))
     check(
         curves[0], force_step=files.VOLTS * STIFFNESS * SENSITIVITY / 2.0**bits, travel_step=max(step, 1e-14)
     )
@@ -200,7 +201,7 @@ def test_nanosurf_curves(bits, step, unit, put):
 
 
 def test_nanosurf_pauses_come_between_the_ways(put):
-    curve = read(put(files.nid(curves=1, pause=20)))
+    curve = ul.read(put(files.nid(curves=1, pause=20)))
     check(curve, 20, force_step=files.VOLTS * STIFFNESS * SENSITIVITY / 2.0**32, travel_step=1e-14)
     assert curve.time[POINTS + 20] - curve.time[POINTS] == pytest.approx(2.0)
 
@@ -222,8 +223,8 @@ def test_nanosurf_damage_is_said(change, told, put):
     data = files.nid()
     changed = change(data)
     assert changed != data
-    with pytest.raises(FileFormatError, match=told):
-        read_all(put(changed))
+    with pytest.raises(ul.FileFormatError, match=told):
+        ul.read_all(put(changed))
 
 
 # --- Park
@@ -231,7 +232,7 @@ def test_nanosurf_damage_is_said(change, told, put):
 
 @pytest.mark.parametrize("dead", [False, True])
 def test_park_curves(dead, put):
-    curves = read_all(put(files.park(dead=dead)))
+    curves = ul.read_all(put(files.park(dead=dead)))
     assert len(curves) == 2
     # Single precision: half of 1.2e-7 of 3 um, in a point and in the first.
     check(curves[1], force_step=1e-14, travel_step=4e-13)
@@ -245,13 +246,13 @@ def test_park_curves(dead, put):
 
 def test_park_says_where_its_two_calibrations_differ(put):
     path = put(files.park(curves=1, ratio=1.1))
-    curve = read(path)
+    curve = ul.read(path)
     assert curve.force.max() == pytest.approx(1.1 * FORCE.max(), rel=1e-5)
     assert (
         "1.100 times what its spring constant (0.04 N/m) and sensitivity (60 nm/V)"
         in curve.metadata["notes"][0]
     )
-    given = read(path, calibration={"sensitivity": "60 nm/V"})
+    given = ul.read(path, calibration={"sensitivity": "60 nm/V"})
     assert given.force.max() == pytest.approx(FORCE.max(), rel=1e-5)
     assert given.metadata["notes"] == ()
 
@@ -272,15 +273,15 @@ def test_park_damage_is_said(change, told, put):
     data = files.park()
     changed = change(data)
     assert changed != data
-    with pytest.raises(FileFormatError, match=told):
-        read_all(put(changed))
+    with pytest.raises(ul.FileFormatError, match=told):
+        ul.read_all(put(changed))
 
 
 # --- Asylum
 
 
 def test_asylum_waves_have_time_segments_and_a_setpoint(put):
-    curve = read(put(afm_files.igor()))
+    curve = ul.read(put(afm_files.igor()))
     assert curve.metadata["setpoint"] == 1e-8
     assert curve.metadata["header"] == {
         "instrument": "MFP3D",
@@ -297,8 +298,8 @@ def test_an_image_of_asylum_is_called_one(put):
     data[132:148] = (
         (10).to_bytes(4, "little") + (5).to_bytes(4, "little") + (3).to_bytes(4, "little") + bytes(4)
     )
-    with pytest.raises(FileFormatError, match=r"no force curve: an image|damaged"):
-        read(put(bytes(data)))
+    with pytest.raises(ul.FileFormatError, match=r"no force curve: an image|damaged"):
+        ul.read(put(bytes(data)))
 
 
 # --- calibration
@@ -317,8 +318,8 @@ MAKERS = {
 def test_a_calibration_that_is_given_acts_on_the_volts(make, put):
     """F = k s V and depth = travel - s V, whatever the file's own numbers are; those stand beside."""
     path = put(make())
-    own = read(path)
-    given = read(path, calibration={"spring_constant": "0.08 N/m", "sensitivity": "90 nm/V"})
+    own = ul.read(path)
+    given = ul.read(path, calibration={"spring_constant": "0.08 N/m", "sensitivity": "90 nm/V"})
     np.testing.assert_allclose(given.force, 3.0 * own.force, rtol=1e-6)
     bending = own.force / STIFFNESS
     np.testing.assert_allclose(given.depth + 1.5 * bending, own.depth + bending, atol=2e-13)
@@ -326,7 +327,7 @@ def test_a_calibration_that_is_given_acts_on_the_volts(make, put):
     assert given.metadata["sensitivity"] == pytest.approx(90e-9)
     assert given.metadata["file_spring_constant"] == pytest.approx(STIFFNESS)
     assert given.metadata["file_sensitivity"] == pytest.approx(SENSITIVITY)
-    stiffer = read(path, calibration={"spring_constant": "0.08 N/m"})
+    stiffer = ul.read(path, calibration={"spring_constant": "0.08 N/m"})
     np.testing.assert_allclose(stiffer.force, 2.0 * own.force, rtol=1e-6)
     np.testing.assert_allclose(stiffer.depth, own.depth, atol=2e-13)  # the bending is s V still
 
@@ -341,16 +342,16 @@ UNCALIBRATED = {
 @pytest.mark.parametrize("make", UNCALIBRATED.values(), ids=UNCALIBRATED)
 def test_files_without_a_calibration_ask_for_it(make, put):
     path = put(make())
-    with pytest.raises(InputError, match=r"does not hold its calibration; give calibration="):
-        read(path)
-    curve = read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"})
+    with pytest.raises(ul.InputError, match=r"does not hold its calibration; give calibration="):
+        ul.read(path)
+    curve = ul.read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"})
     np.testing.assert_allclose(curve.loading().force, FORCE, atol=0.51 * FORCE_STEP)
     assert "file_sensitivity" not in curve.metadata
 
 
 def test_how_well_a_calibration_is_known_is_kept(put):
     path = put(files.nanoscope())
-    known = read(path, calibration={"spring_constant": "0.04 N/m ± 10 %", "sensitivity": "+- 3 %"})
+    known = ul.read(path, calibration={"spring_constant": "0.04 N/m ± 10 %", "sensitivity": "+- 3 %"})
     assert known.metadata["spring_constant_uncertainty"] == pytest.approx(0.10)
     assert known.metadata["sensitivity_uncertainty"] == pytest.approx(0.03)
     assert known.metadata["sensitivity"] == pytest.approx(SENSITIVITY)
@@ -361,8 +362,8 @@ def test_how_well_a_calibration_is_known_is_kept(put):
         ({"spring_constant": "0.04 N/m ± 3 nm"}, "length"),
         ({"spring_constant": "0.04 N/m ± "}, "got ''"),
     ):
-        with pytest.raises(InputError, match=told):
-            read(path, calibration=wrong)
+        with pytest.raises(ul.InputError, match=told):
+            ul.read(path, calibration=wrong)
 
 
 # --- what is known and not read
@@ -380,8 +381,8 @@ def test_how_well_a_calibration_is_known_is_kept(put):
     ],
 )
 def test_what_is_not_read_says_how_to_export_it(content, told, put):
-    with pytest.raises(FileFormatError, match=told):
-        read(put(content))
+    with pytest.raises(ul.FileFormatError, match=told):
+        ul.read(put(content))
 
 
 def test_a_file_of_nanosurf_studio_says_how_to_export_it(tmp_path):
@@ -390,6 +391,6 @@ def test_a_file_of_nanosurf_studio_says_how_to_export_it(tmp_path):
         file.attrs["nsf_file_version_major"] = 2
         file.create_group("measurement_0")
     with pytest.raises(
-        FileFormatError, match=r"Nanosurf Studio file \(.nhf\), which is not read here: export"
+        ul.FileFormatError, match=r"Nanosurf Studio file \(.nhf\), which is not read here: export"
     ):
-        read(tmp_path / "x.nhf")
+        ul.read(tmp_path / "x.nhf")

@@ -11,8 +11,6 @@ from scipy import integrate, special, stats
 import underlay as ul
 from support import real_data
 from support.real_data import real_file
-from underlay.errors import InputError
-from underlay.inference.from_files import load_problem
 from underlay.inference.headline.plain import quadratic_interval
 from underlay.inference.misfit.averaging import average
 from underlay.inference.misfit.blocked import Blocked
@@ -203,7 +201,7 @@ def test_what_relaxes_does_not_follow_the_noise_of_the_depth():
 
 def test_a_noise_of_the_depth_is_not_taken_for_a_law_that_drifts():
     """Once it was: the headline said 0.21 kPa where the modulus is 2.05 kPa."""
-    fit = ul.fit(load_problem(BENCHMARK / "elastic.depth.csv", BENCHMARK / "elastic.toml"))
+    fit = ul.fit(ul.load_problem(BENCHMARK / "elastic.depth.csv", BENCHMARK / "elastic.toml"))
     truth = 2045.21  # truth.csv
     known, plain = fit.interval("layer.E"), quadratic_interval(fit, "layer.E", 0.95)
     assert plain.low < known.value < plain.high
@@ -213,11 +211,11 @@ def test_a_noise_of_the_depth_is_not_taken_for_a_law_that_drifts():
 
 def test_a_noise_that_hangs_together_is_not_to_be_freed():
     """Freed, the noise of this curve is taken for independent readings, and E is said to be known to 2 %."""
-    fit = ul.fit(load_problem(CHIARO, CHIARO.with_name("chiaro_cell.toml")))
+    fit = ul.fit(ul.load_problem(CHIARO, CHIARO.with_name("chiaro_cell.toml")))
     (reason,) = [reason for reason in fit.verdict.reasons if "as loud deep in contact" in reason]
     assert "hangs together" in reason
     assert "free noise" not in reason
-    even = ul.fit(load_problem(BENCHMARK / "elastic.depth.csv", BENCHMARK / "elastic.toml"))
+    even = ul.fit(ul.load_problem(BENCHMARK / "elastic.depth.csv", BENCHMARK / "elastic.toml"))
     (reason,) = [reason for reason in even.verdict.reasons if "as loud deep in contact" in reason]
     assert "free noise.force, and with it noise.depth or noise.relative" in reason
     # What is advised can be done.
@@ -229,7 +227,7 @@ def test_a_noise_that_hangs_together_is_not_to_be_freed():
 
 @pytest.mark.parametrize("kind", ["white", "correlated"])
 def test_an_even_noise_is_not_called_louder_in_contact(kind):
-    fit = ul.fit(load_problem(BENCHMARK / f"elastic.{kind}.csv", BENCHMARK / "elastic.toml"))
+    fit = ul.fit(ul.load_problem(BENCHMARK / f"elastic.{kind}.csv", BENCHMARK / "elastic.toml"))
     assert not any("as loud deep in contact" in reason for reason in fit.verdict.reasons)
 
 
@@ -499,7 +497,7 @@ def test_a_sphere_under_a_paraboloids_law_is_covered():
     assert 1e6 not in plain
     assert fit.interval("layer.E").value == fit.values["layer.E"]
     assert known_errors([sphere]) == ()
-    with pytest.raises(InputError, match="deviation of 'x' must be positive"):
+    with pytest.raises(ul.InputError, match="deviation of 'x' must be positive"):
         KnownError("x", lambda test: test.force, deviation=0.0)
 
 
@@ -549,7 +547,7 @@ def test_a_second_optimum_without_a_law_does_not_take_the_average_away():
     problem = thin_ball()
     beyond = np.array(problem.start)
     beyond[problem.names.index("layer.thickness")] = -6.0
-    with pytest.raises(InputError):
+    with pytest.raises(ul.InputError):
         average(problem, beyond)
     alone, with_it = average(problem, problem.start), average(problem, problem.start, [beyond])
     np.testing.assert_array_equal(with_it.vector, alone.vector)

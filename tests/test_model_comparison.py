@@ -5,31 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import underlay as ul
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
-from underlay.data.synthetic import synthesize
-from underlay.errors import InputError
-from underlay.inference.priors import LogUniform
-from underlay.inference.problem import Problem
-from underlay.inference.sampling.model_comparison import (
-    compare_models,
-    pointwise_log_likelihood,
-    with_model_error,
-)
-from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.run import sample
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
+from underlay.inference.sampling.model_comparison import pointwise_log_likelihood
 
-LAYERED = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 5e-4), RIGID)
+LAYERED = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4), ul.RIGID)
 DEPTH = np.linspace(0.0, 5e-5, 60)
-NOISE = Noise(force=2e-4)
+NOISE = ul.Noise(force=2e-4)
 
 
 @pytest.mark.parametrize(
-    "noise", [Noise(force=WHITE), Noise(force=WHITE, relative=0.01, correlation_time=0.05)]
+    "noise", [ul.Noise(force=WHITE), ul.Noise(force=WHITE, relative=0.01, correlation_time=0.05)]
 )
 def test_points_add_up_to_the_likelihood(noise):
     problem = halfspace_problem(noise=noise)
@@ -40,13 +26,13 @@ def test_points_add_up_to_the_likelihood(noise):
 
 
 def test_the_right_model_wins_and_its_error_is_stated():
-    curve = synthesize(LAYERED, DEPTH, NOISE, 1)
-    free = {"layer.E": LogUniform(1e4, 1e8)}
+    curve = ul.synthesize(LAYERED, DEPTH, NOISE, 1)
+    free = {"layer.E": ul.LogUniform(1e4, 1e8)}
     models = {}
     for name, method in (("no layer effect", "halfspace"), ("exact", "exact")):
-        problem = Problem(LAYERED, curve, free, NOISE, solver=method)
-        models[name] = (problem, sample(problem, walkers=16))
-    table = compare_models(models)
+        problem = ul.Problem(LAYERED, curve, free, NOISE, solver=method)
+        models[name] = (problem, ul.sample(problem, walkers=16))
+    table = ul.compare_models(models)
     assert list(table.index) == ["exact", "no layer effect"]
     assert table.loc["no layer effect", "elpd_diff"] > 5.0 * table.loc["no layer effect", "dse"] > 0.0
     assert table.loc["exact", "p_loo"] == pytest.approx(1.0, abs=0.6)
@@ -60,25 +46,27 @@ def test_the_right_model_wins_and_its_error_is_stated():
 
 
 def test_a_stated_model_error_widens_the_interval():
-    curve = synthesize(LAYERED, DEPTH, NOISE, 1)
-    problem = Problem(LAYERED, curve, {"layer.E": LogUniform(1e4, 1e8)}, Noise(force=2e-4, relative=0.003))
-    wider = with_model_error(problem, 0.03)
-    widths = [sample(p, walkers=16).samples["layer.E"].std() for p in (problem, wider)]
+    curve = ul.synthesize(LAYERED, DEPTH, NOISE, 1)
+    problem = ul.Problem(
+        LAYERED, curve, {"layer.E": ul.LogUniform(1e4, 1e8)}, ul.Noise(force=2e-4, relative=0.003)
+    )
+    wider = ul.with_model_error(problem, 0.03)
+    widths = [ul.sample(p, walkers=16).samples["layer.E"].std() for p in (problem, wider)]
     assert widths[1] > 1.5 * widths[0]
-    with pytest.raises(InputError, match="zero or more"):
-        with_model_error(problem, -0.1)
+    with pytest.raises(ul.InputError, match="zero or more"):
+        ul.with_model_error(problem, -0.1)
 
 
 def test_a_posterior_of_another_problem_is_refused(tmp_path):
     """By what differs: what is free, curve, scene, law, noise or prior; where a search starts does not count."""
     problem = halfspace_problem()
-    posterior = sample(problem, walkers=8)
+    posterior = ul.sample(problem, walkers=8)
     moved = problem.revised(scenes=[halfspace_scene().with_values({"layer.E": 1.3e6})])
-    scores = compare_models({"a": (problem, posterior), "b": (moved, posterior)})
+    scores = ul.compare_models({"a": (problem, posterior), "b": (moved, posterior)})
     assert scores["elpd_diff"].abs().max() < 1e-6
     others = halfspace_problem(halfspace_curve(seed=2))
-    with pytest.raises(InputError, match="model 'b' is not that of its problem: the curves differ"):
-        compare_models({"a": (problem, posterior), "b": (problem, sample(others, walkers=8))})
+    with pytest.raises(ul.InputError, match="model 'b' is not that of its problem: the curves differ"):
+        ul.compare_models({"a": (problem, posterior), "b": (problem, ul.sample(others, walkers=8))})
     for other, told in {
         problem.revised(
             free={"layer.E": problem.free["layer.E"]}
@@ -86,40 +74,42 @@ def test_a_posterior_of_another_problem_is_refused(tmp_path):
         problem.revised(scenes=[halfspace_scene().with_values({"indenter.radius": 2e-3})]): (
             "indenter.radius is 0.001 there and 0.002 in the problem"
         ),
-        problem.revised(scenes=[Scene(LAYERED.indenter, LAYERED.layer, RIGID)]): "",
+        problem.revised(scenes=[ul.Scene(LAYERED.indenter, LAYERED.layer, ul.RIGID)]): "",
         problem.revised(solver="halfspace"): "the contact law is",
-        problem.revised(noise=Noise(force=2.0 * WHITE)): "the noise differs",
-        problem.revised(noise=Noise()): "the noise is stated in one",
-        with_model_error(problem, 0.01): "the noise differs",
-        problem.revised(free=problem.free | {"layer.E": LogUniform(1e5, 1e7)}): "the priors differ",
+        problem.revised(noise=ul.Noise(force=2.0 * WHITE)): "the noise differs",
+        problem.revised(noise=ul.Noise()): "the noise is stated in one",
+        ul.with_model_error(problem, 0.01): "the noise differs",
+        problem.revised(free=problem.free | {"layer.E": ul.LogUniform(1e5, 1e7)}): "the priors differ",
     }.items():
-        with pytest.raises(InputError, match=rf"of model 'b' is not that of its problem: {told}.*ul\.sample"):
-            compare_models({"a": (problem, posterior), "b": (other, posterior)})
+        with pytest.raises(
+            ul.InputError, match=rf"of model 'b' is not that of its problem: {told}.*ul\.sample"
+        ):
+            ul.compare_models({"a": (problem, posterior), "b": (other, posterior)})
     # Also of one that was saved, and of one that was saved without its problem.
     file = tmp_path / "posterior.npz"
     posterior.save(file)
-    for kept in (Posterior.load(file), replace(posterior, problem=None, missing="a reason")):
-        compare_models({"a": (problem, posterior), "b": (problem, kept)})
-        with pytest.raises(InputError, match="the curves differ"):
-            compare_models({"a": (others, kept), "b": (others, kept)})
+    for kept in (ul.Posterior.load(file), replace(posterior, problem=None, missing="a reason")):
+        ul.compare_models({"a": (problem, posterior), "b": (problem, kept)})
+        with pytest.raises(ul.InputError, match="the curves differ"):
+            ul.compare_models({"a": (others, kept), "b": (others, kept)})
 
 
 def test_models_with_a_model_error_are_compared():
     """Their noise has no name in scene files, and arrays that no equality of theirs compares."""
     problem = halfspace_problem()
-    models = [with_model_error(problem, error) for error in (0.01, 0.02)]
-    posteriors = [sample(model, walkers=8) for model in models]
+    models = [ul.with_model_error(problem, error) for error in (0.01, 0.02)]
+    posteriors = [ul.sample(model, walkers=8) for model in models]
     pairs = {"one": (models[0], posteriors[0]), "two": (models[1], posteriors[1])}
-    assert set(compare_models(pairs).index) == {"one", "two"}
-    with pytest.raises(InputError, match="of model 'two' is not that of its problem: the noise differs"):
-        compare_models({**pairs, "two": (models[1], posteriors[0])})
+    assert set(ul.compare_models(pairs).index) == {"one", "two"}
+    with pytest.raises(ul.InputError, match="of model 'two' is not that of its problem: the noise differs"):
+        ul.compare_models({**pairs, "two": (models[1], posteriors[0])})
 
 
 def test_models_of_different_data_are_refused():
     one, other = halfspace_problem(), halfspace_problem(halfspace_curve(seed=2))
-    posterior = sample(one, walkers=8)
-    with pytest.raises(InputError, match="other curves"):
-        compare_models({"a": (one, posterior), "b": (other, posterior)})
-    with pytest.raises(InputError, match="at least two"):
-        compare_models({"a": (one, posterior)})
+    posterior = ul.sample(one, walkers=8)
+    with pytest.raises(ul.InputError, match="other curves"):
+        ul.compare_models({"a": (one, posterior), "b": (other, posterior)})
+    with pytest.raises(ul.InputError, match="at least two"):
+        ul.compare_models({"a": (one, posterior)})
     assert halfspace_scene().substrate is None

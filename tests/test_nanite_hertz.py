@@ -7,7 +7,6 @@ import pytest
 
 import underlay as ul
 from support.public_files import public_folder
-from underlay.errors import CurveError
 
 RADIUS, NU = 10e-6, 0.5
 FREE = ["layer.E", "instrument.contact_depth", "instrument.baseline"]
@@ -100,7 +99,7 @@ def test_our_hertz_fit_is_nanites(name):
     for number, curve in enumerate(curves):
         way_in = curve.loading()
         if name in EMPTY:
-            with pytest.raises(CurveError, match="at least 8 are needed"):
+            with pytest.raises(ul.CurveError, match="at least 8 are needed"):
                 ul.Problem(scene, way_in, FREE)
             continue
         problem = ul.Problem(scene, way_in, FREE)

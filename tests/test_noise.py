@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 
 import underlay as ul
-from underlay.errors import InputError
-from underlay.scene.noise import Noise, ar1_whiten
+from underlay.scene.noise import ar1_whiten
 
 TIME = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.3, 40))
 FORCE = np.linspace(0.0, 2e-3, 40)
@@ -20,7 +19,7 @@ def dense_covariance(sigma, time, tau):
 
 @pytest.mark.parametrize("tau", [0.0, 1e-3, 0.2, 50.0])
 def test_likelihood_is_that_of_the_dense_gaussian(tau):
-    noise = Noise(force=1e-5, relative=0.02, depth=1e-6, correlation_time=tau)
+    noise = ul.Noise(force=1e-5, relative=0.02, depth=1e-6, correlation_time=tau)
     sigma = noise.sigma(FORCE, STIFFNESS)
     residual = np.random.default_rng(2).normal(size=FORCE.size) * 2e-5
     mine = noise.log_normalisation(sigma, TIME) - 0.5 * np.sum(noise.whiten(residual / sigma, TIME) ** 2)
@@ -30,12 +29,12 @@ def test_likelihood_is_that_of_the_dense_gaussian(tau):
 
 
 def test_variances_add_and_act_through_the_stiffness():
-    noise = Noise(force=3.0, relative=0.5, depth=2.0)
+    noise = ul.Noise(force=3.0, relative=0.5, depth=2.0)
     np.testing.assert_allclose(noise.sigma(np.array([8.0]), np.array([6.0])), [13.0], rtol=1e-15)
 
 
 def test_whitening_undoes_the_draw():
-    noise = Noise(force=1.0, correlation_time=0.4)
+    noise = ul.Noise(force=1.0, correlation_time=0.4)
     sigma = np.ones((3, TIME.size))
     drawn = noise.sample(np.random.default_rng(5), sigma, TIME)
     innovations = np.random.default_rng(5).standard_normal((3, TIME.size))
@@ -44,7 +43,7 @@ def test_whitening_undoes_the_draw():
 
 @pytest.mark.parametrize("tau", [0.0, 0.05, 0.5])
 def test_variance_and_correlation_are_those_asked(tau):
-    noise = Noise(force=2.0, correlation_time=tau)
+    noise = ul.Noise(force=2.0, correlation_time=tau)
     draws = 20_000
     sigma = np.broadcast_to(np.linspace(1.0, 3.0, 25), (draws, 25))
     time = TIME[:25]
@@ -67,12 +66,12 @@ def test_batch_axes_give_each_set_its_own_numbers():
     force = np.stack([FORCE, 2 * FORCE, 3 * FORCE])
     stiffness = np.stack([STIFFNESS, 2 * STIFFNESS, STIFFNESS])
     numbers = {"force": white, "relative": relative, "depth": depth, "correlation_time": tau}
-    all_sets = Noise(force=1.0).at({name: values[:, None] for name, values in numbers.items()})
+    all_sets = ul.Noise(force=1.0).at({name: values[:, None] for name, values in numbers.items()})
     sigma = all_sets.sigma(force, stiffness)
     residual = np.random.default_rng(0).normal(size=sigma.shape)
     whitened, normalisation = all_sets.whiten(residual, TIME), all_sets.log_normalisation(sigma, TIME)
     for i in range(3):
-        one = Noise(white[i], relative[i], tau[i], depth[i])
+        one = ul.Noise(white[i], relative[i], tau[i], depth[i])
         np.testing.assert_allclose(sigma[i], one.sigma(force[i], stiffness[i]), rtol=1e-14)
         np.testing.assert_allclose(whitened[i], one.whiten(residual[i], TIME), rtol=1e-13)
         np.testing.assert_allclose(normalisation[i], one.log_normalisation(sigma[i], TIME), rtol=1e-13)
@@ -82,7 +81,7 @@ def test_batch_axes_give_each_set_its_own_numbers():
 
 
 def test_white_noise_alone_takes_one_logarithm_per_set():
-    noise = Noise(force=1.0).at({"force": np.full((4, 1), 0.3)})
+    noise = ul.Noise(force=1.0).at({"force": np.full((4, 1), 0.3)})
     view = noise.sigma(np.ones((4, 30)))
     assert view.shape == (4, 30)
     assert view.strides[-1] == 0
@@ -110,23 +109,23 @@ def test_close_points_keep_their_digits():
     ],
 )
 def test_bad_settings(settings, message):
-    with pytest.raises(InputError, match=message):
-        Noise(**settings)
+    with pytest.raises(ul.InputError, match=message):
+        ul.Noise(**settings)
 
 
 def test_unknown_white_noise_cannot_be_evaluated():
-    with pytest.raises(InputError, match=r"noise\.force is unknown"):
-        Noise(relative=0.1).sigma(FORCE)
+    with pytest.raises(ul.InputError, match=r"noise\.force is unknown"):
+        ul.Noise(relative=0.1).sigma(FORCE)
 
 
 def test_depth_noise_needs_the_stiffness():
-    with pytest.raises(InputError, match="stiffness"):
-        Noise(force=1.0, depth=1.0).sigma(FORCE)
+    with pytest.raises(ul.InputError, match="stiffness"):
+        ul.Noise(force=1.0, depth=1.0).sigma(FORCE)
 
 
 def test_zero_sigma_is_no_likelihood():
-    noise = Noise(force=0.0, relative=0.1)
-    with pytest.raises(InputError, match=r"give noise\.force too"):
+    noise = ul.Noise(force=0.0, relative=0.1)
+    with pytest.raises(ul.InputError, match=r"give noise\.force too"):
         noise.log_normalisation(noise.sigma(FORCE))
 
 
@@ -135,12 +134,12 @@ def test_zero_sigma_is_no_likelihood():
     [(None, "needs the times"), (np.array([0.0, 1.0, 1.0]), "do not increase after index 1")],
 )
 def test_correlation_needs_increasing_times(time, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ul.InputError, match=message):
         ar1_whiten(np.zeros(3), time, 0.5)
 
 
 def test_batched_correlation_times_must_all_be_positive():
-    with pytest.raises(InputError, match="positive"):
+    with pytest.raises(ul.InputError, match="positive"):
         ar1_whiten(np.zeros((2, 3)), np.arange(3.0), np.array([[0.1], [0.0]]))
 
 
@@ -148,7 +147,7 @@ def test_a_curve_without_scatter_says_that_its_noise_must_be_stated():
     scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)))
     depth = np.linspace(0.0, 1e-5, 20)
     curve = ul.Curve(depth, scene.force(depth))
-    with pytest.raises(InputError, match=r"cannot be estimated from it: state noise\.force"):
+    with pytest.raises(ul.InputError, match=r"cannot be estimated from it: state noise\.force"):
         ul.Noise().of_size(0.0)
     known = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, ul.Noise(force=1e-6)))
     assert known.values["layer.E"] == pytest.approx(1e6, rel=1e-9)

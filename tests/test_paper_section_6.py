@@ -5,12 +5,10 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
+import underlay as ul
 from support.laws import asymptotic_law
 from support.series import fifty_digits, order_of
 from underlay.mechanics.asymptotic import integral_relations as hemisphere
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Sphere
-from underlay.mechanics.materials import Isotropic
 
 __all__ = ["fifty_digits"]  # used by pytest
 
@@ -50,7 +48,7 @@ def depth_6_11(alpha, mu, a_0, a_1):
 
 @pytest.mark.parametrize("alpha", ALPHAS)
 def test_eq_6_1_and_6_2_hemisphere_integrals(alpha):
-    sphere, a = Sphere(1.0), np.array(float(alpha))
+    sphere, a = ul.Sphere(1.0), np.array(float(alpha))
     ln = log_ratio(alpha)
     second = -alpha / 2 + (1 + alpha**2) / 4 * ln
     third = alpha / 4 + alpha**3 / 12 - (1 - alpha**4) / 8 * ln
@@ -72,8 +70,8 @@ def test_eq_6_3_and_6_4_and_6_5_hemisphere_parametric(alpha):
 
 
 def test_eq_6_3_and_6_4_are_the_parametric_law_of_a_sphere():
-    R, h, layer = 2.0, 2.5, Isotropic(3.0, 0.3)
-    law = asymptotic_law(Sphere(R), Layer(layer, h), RIGID, 0.2, form="parametric")
+    R, h, layer = 2.0, 2.5, ul.Isotropic(3.0, 0.3)
+    law = asymptotic_law(ul.Sphere(R), ul.Layer(layer, h), ul.RIGID, 0.2, form="parametric")
     alpha = np.linspace(0.05, 0.3, 6)
     a_0, a_1 = 1.3768541654643, -0.62755166138354
     depth = R * hemisphere.parametric_depth(alpha, R / h, a_0, a_1)
@@ -121,8 +119,8 @@ def test_eq_6_11_england_depth(alpha_0):
 
 
 def test_eq_6_10_and_6_11_are_the_compliance_law_of_a_sphere():
-    R, h, layer, base = 2.0, 2.5, Isotropic(3.0, 0.3), Isotropic(0.6, 0.3)
-    law = asymptotic_law(Sphere(R), Layer(layer, h), base, 0.2, form="compliance")
+    R, h, layer, base = 2.0, 2.5, ul.Isotropic(3.0, 0.3), ul.Isotropic(0.6, 0.3)
+    law = asymptotic_law(ul.Sphere(R), ul.Layer(layer, h), base, 0.2, form="compliance")
     b, c = law.series.b, law.series.c
     a_0, a_1 = b * np.pi / 2, c * 3 * np.pi / 8
     alpha_0 = np.linspace(0.05, 0.3, 6)

@@ -5,15 +5,11 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
+import underlay as ul
 from support.reference_contact import solve
 from support.series import blunt_cases, depth_5_3, fifty_digits, force_5_2, order_of, series
 from underlay.mechanics.asymptotic import blunt, blunt_relations
 from underlay.mechanics.asymptotic.blunt_relations import BluntLayer
-from underlay.mechanics.body import RIGID
-from underlay.mechanics.exact_solvers import Exact
-from underlay.mechanics.indenters import FlatPunch, PowerLaw, Sphere
-from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.stiffness_relation import modulus_from_stiffness
 
 __all__ = ["fifty_digits"]  # used by pytest
 
@@ -69,13 +65,13 @@ def test_eq_9_4_and_the_erratum_before_it(lam, moments):
         assert abs(prefactor - 4) < 1e-12  # the identity after (9.4)
 
 
-SUBSTRATES = {"rigid": RIGID, "soft": Isotropic(0.1, 0.3), "very soft": Isotropic(1e-3, 0.3)}
+SUBSTRATES = {"rigid": ul.RIGID, "soft": ul.Isotropic(0.1, 0.3), "very soft": ul.Isotropic(1e-3, 0.3)}
 
 
 @pytest.mark.parametrize("substrate", SUBSTRATES.values(), ids=SUBSTRATES)
-@pytest.mark.parametrize("indenter", [PowerLaw(1.5, 1.0), Sphere(2.0)], ids=["power", "sphere"])
+@pytest.mark.parametrize("indenter", [ul.PowerLaw(1.5, 1.0), ul.Sphere(2.0)], ids=["power", "sphere"])
 def test_eq_9_5_holds_exactly(indenter, substrate):
-    layer = Isotropic(1.0, 0.45)
+    layer = ul.Isotropic(1.0, 0.45)
     below, here, above = (solve(indenter, 0.7 * (1 + d), 1.0, layer, substrate) for d in (-1e-4, 0, 1e-4))
     slope = (above.force - below.force) / (above.depth - below.depth)
     # Central difference: 1e-8 times a second derivative of order one.
@@ -83,21 +79,21 @@ def test_eq_9_5_holds_exactly(indenter, substrate):
 
 
 @pytest.mark.parametrize(
-    "substrate", [*SUBSTRATES.values(), Isotropic(20.0, 0.2)], ids=[*SUBSTRATES, "stiff"]
+    "substrate", [*SUBSTRATES.values(), ul.Isotropic(20.0, 0.2)], ids=[*SUBSTRATES, "stiff"]
 )
 def test_eq_9_6_modulus_from_stiffness(substrate):
-    layer, a, h = Isotropic(1.3, 0.4), 0.5, 2.0
+    layer, a, h = ul.Isotropic(1.3, 0.4), 0.5, 2.0
 
-    punch = solve(FlatPunch(a / h), a / h, 1.0, layer, substrate, nodes=20)
+    punch = solve(ul.FlatPunch(a / h), a / h, 1.0, layer, substrate, nodes=20)
     stiffness = 4 * layer.theta * a * punch.kappa_inf
     known = {"nu": 0.4, "thickness": h, "substrate": substrate}
-    E = modulus_from_stiffness(stiffness, contact_radius=a, solver=Exact(1e-11), **known)
+    E = ul.modulus_from_stiffness(stiffness, contact_radius=a, solver=ul.Exact(1e-11), **known)
     # Over the very soft base the modulus answers ten times the error of the force.
     assert pytest.approx(1.3, rel=1e-10) == E
-    by_area = modulus_from_stiffness(stiffness, contact_area=np.pi * a**2, solver=Exact(1e-11), **known)
+    by_area = ul.modulus_from_stiffness(stiffness, contact_area=np.pi * a**2, solver=ul.Exact(1e-11), **known)
     assert by_area == pytest.approx(E, rel=1e-12)
     # Fourth order at a/h = 0.25: eps^5 = 1e-3 times a coefficient below one in kappa; over a very soft base
     # the stiffness is the base's, and the modulus answers ten times its error.
     tolerance = 0.02 if substrate == SUBSTRATES["very soft"] else 2e-3
-    asymptotic = modulus_from_stiffness(stiffness, contact_radius=a, solver="asymptotic", **known)
+    asymptotic = ul.modulus_from_stiffness(stiffness, contact_radius=a, solver="asymptotic", **known)
     assert asymptotic == pytest.approx(1.3, rel=tolerance)

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
+import underlay as ul
 from support.reference_contact import solve
 from support.series import MOMENTS, blunt_cases, depth_5_3, fifty_digits, force_5_2, order_of, series
 from underlay.mechanics.asymptotic import blunt, blunt_relations
 from underlay.mechanics.asymptotic.blunt_relations import BluntLayer
-from underlay.mechanics.body import RIGID
-from underlay.mechanics.indenters import FlatPunch
-from underlay.mechanics.materials import Isotropic
 
 __all__ = ["fifty_digits"]  # used by pytest
 
@@ -84,9 +82,9 @@ def test_eq_7_7_is_the_limit_of_7_5(moments):
 
 @pytest.mark.parametrize("form", ["explicit", "parametric", "compliance"])
 def test_eq_7_7_against_the_exact_flat_punch(form):
-    layer = Isotropic(1.0, 0.5)
+    layer = ul.Isotropic(1.0, 0.5)
     eps = np.array([0.05, 0.07, 0.1])
-    exact = [solve(FlatPunch(e), e, 1.0, layer, RIGID).kappa_inf for e in eps]
+    exact = [solve(ul.FlatPunch(e), e, 1.0, layer, ul.RIGID).kappa_inf for e in eps]
     error = np.abs(blunt.kappa_infinity(eps, 1.77021677337, -0.957769288898, form=form) / exact - 1)
     # The slope of an order-4 error is 5; the next term, eps^6, shifts it by less than 0.6 at 0.1.
     assert np.polyfit(np.log(eps), np.log(error), 1)[0] == pytest.approx(5.0, abs=0.6)

@@ -5,29 +5,22 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on
-from underlay.data.synthetic import synthesize
-from underlay.errors import InputError, ParameterError
-from underlay.inference.design.planning import plan
-from underlay.inference.least_squares import fit
-from underlay.inference.priors import Normal
-from underlay.inference.problem import Problem
-from underlay.scene.noise import Noise
 
 E, H, C = "layer.E", "layer.thickness", "instrument.contact_depth"
 SCENE = layer_on(ul.RIGID)
-NOISE = Noise(force=2e-4)
+NOISE = ul.Noise(force=2e-4)
 RADII, DEPTHS = np.geomspace(1e-4, 3e-3, 4), np.geomspace(2e-5, 2e-4, 4)
 
 
 @pytest.fixture(scope="module")
 def grid():
-    return plan(SCENE, free=[E, H, C], noise=NOISE, radii=RADII, depths=DEPTHS)
+    return ul.plan(SCENE, free=[E, H, C], noise=NOISE, radii=RADII, depths=DEPTHS)
 
 
 def curve_of(radius, depth, rng=0):
     scene = SCENE.with_values({"indenter.radius": radius})
     readings = np.linspace(-depth / 3.0, depth, 200) + 1e-5
-    return scene, synthesize(scene, readings, time=np.arange(200.0), noise=NOISE, rng=rng)
+    return scene, ul.synthesize(scene, readings, time=np.arange(200.0), noise=NOISE, rng=rng)
 
 
 def test_the_promise_is_kept_by_a_fit(grid):
@@ -35,7 +28,9 @@ def test_the_promise_is_kept_by_a_fit(grid):
     i, j = list(RADII).index(radius), list(DEPTHS).index(depth)
     scene, curve = curve_of(radius, depth)
     # Evaluated at the fit instead of the truth: first order in the relative error, a few per cent.
-    assert fit(Problem(scene, curve, [E, H, C], NOISE)).stderr[E] == pytest.approx(grid.stderr[i, j], rel=0.1)
+    assert ul.fit(ul.Problem(scene, curve, [E, H, C], NOISE)).stderr[E] == pytest.approx(
+        grid.stderr[i, j], rel=0.1
+    )
 
 
 def test_two_tests_together_are_what_a_joint_fit_finds(grid):
@@ -43,7 +38,7 @@ def test_two_tests_together_are_what_a_joint_fit_finds(grid):
     both = grid.second(*first)
     i, j = 3, 1
     tests = [curve_of(*first, rng=1), curve_of(RADII[i], DEPTHS[j], rng=2)]
-    joint = fit(Problem.joint(tests, [E, H, C], shared=[E, H], noise=NOISE))
+    joint = ul.fit(ul.Problem.joint(tests, [E, H, C], shared=[E, H], noise=NOISE))
     assert joint.stderr[E] == pytest.approx(both.stderr[i, j], rel=0.25)
     assert (both.stderr <= grid.stderr * (1.0 + 1e-9)).all()
 
@@ -66,11 +61,11 @@ def test_the_recommendation_is_the_mildest_of_the_good(grid):
 
 def test_above_ten_per_cent_it_promises_an_interval_not_an_error():
     # A small tip hardly feels the base: linear, the error is a third; the test itself would set no upper end.
-    far = plan(SCENE, free=[E, H, C], noise=NOISE, radii=[1e-4], depths=[4e-5], parameter=H)
+    far = ul.plan(SCENE, free=[E, H, C], noise=NOISE, radii=[1e-4], depths=[4e-5], parameter=H)
     assert 0.1 * far.value < far.stderr[0, 0] < np.inf
     scene, _ = curve_of(1e-4, 4e-5)
     made = ul.simulate(scene, np.linspace(-4e-5 / 3.0, 4e-5, 200) + 1e-5)
-    own = ul.profile(fit(Problem(scene, made, [E, H, C], NOISE)), H).interval()
+    own = ul.profile(ul.fit(ul.Problem(scene, made, [E, H, C], NOISE)), H).interval()
     assert far.interval.low == pytest.approx(own.low, rel=1e-3)
     assert far.interval.high_reason == own.high_reason
     assert f"the best of this grid would not fix it: {far.interval}" in far.recommendation
@@ -78,8 +73,8 @@ def test_above_ten_per_cent_it_promises_an_interval_not_an_error():
 
 
 def test_a_prior_helps_where_the_data_do_not(grid):
-    helped = plan(
-        SCENE, free={E: None, H: Normal(5e-4, 1e-5), C: None}, noise=NOISE, radii=RADII, depths=DEPTHS
+    helped = ul.plan(
+        SCENE, free={E: None, H: ul.Normal(5e-4, 1e-5), C: None}, noise=NOISE, radii=RADII, depths=DEPTHS
     )
     assert (helped.stderr <= grid.stderr).all()
     assert helped.stderr[0, 0] < 0.5 * grid.stderr[0, 0]
@@ -88,29 +83,29 @@ def test_a_prior_helps_where_the_data_do_not(grid):
 def test_a_test_that_cannot_be_done_is_left_out():
     # A true sphere of 50 um cannot go 200 um deep: its contact would pass the equator.
     sphere = layer_on(ul.RIGID, indenter=ul.Sphere(1e-3))
-    mixed = plan(sphere, free=[E, C], noise=NOISE, radii=[5e-5, 1e-3], depths=[1e-5, 4e-4])
+    mixed = ul.plan(sphere, free=[E, C], noise=NOISE, radii=[5e-5, 1e-3], depths=[1e-5, 4e-4])
     assert np.isnan(mixed.stderr[0, 1])
     assert (0, 1) in mixed.refusals
     assert np.isfinite(mixed.stderr[1]).all()
-    with pytest.raises(InputError, match="cannot be done"):
+    with pytest.raises(ul.InputError, match="cannot be done"):
         mixed.second(5e-5, 4e-4)
 
 
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"parameter": "layer.nu"}, ParameterError, "must be a free parameter"),
-        ({"noise": Noise()}, InputError, "noise must be given"),
-        ({"radii": [0.0]}, InputError, "positive"),
-        ({"depths": [[1e-5]]}, InputError, "one row"),
-        ({"free": ["layer.EE"], "parameter": "layer.EE"}, ParameterError, "did you mean"),
+        ({"parameter": "layer.nu"}, ul.ParameterError, "must be a free parameter"),
+        ({"noise": ul.Noise()}, ul.InputError, "noise must be given"),
+        ({"radii": [0.0]}, ul.InputError, "positive"),
+        ({"depths": [[1e-5]]}, ul.InputError, "one row"),
+        ({"free": ["layer.EE"], "parameter": "layer.EE"}, ul.ParameterError, "did you mean"),
     ],
 )
 def test_bad_input(change, error, message):
     with pytest.raises(error, match=message):
-        plan(SCENE, **({"free": [E, C], "noise": NOISE, "radii": RADII, "depths": DEPTHS} | change))
+        ul.plan(SCENE, **({"free": [E, C], "noise": NOISE, "radii": RADII, "depths": DEPTHS} | change))
 
 
 def test_a_tip_without_a_radius():
-    with pytest.raises(ParameterError, match="does not have"):
-        plan(layer_on(ul.RIGID, indenter=ul.Cone(1.2)), free=[E], noise=NOISE, radii=[1e-3], depths=[1e-5])
+    with pytest.raises(ul.ParameterError, match="does not have"):
+        ul.plan(layer_on(ul.RIGID, indenter=ul.Cone(1.2)), free=[E], noise=NOISE, radii=[1e-3], depths=[1e-5])

@@ -14,7 +14,6 @@ import pytest
 
 import underlay as ul
 from support.reports import SAMPLES, small_posterior
-from underlay.errors import InputError
 from underlay.report.plots import style
 from underlay.report.plots.map import _squares
 
@@ -107,7 +106,7 @@ def test_saving_writes_each_format_closes_the_figure_and_refuses_others(fit, tmp
     assert any("force (N)" in text for text in words)
     assert plt.get_fignums() == []
     ax = ul.plots.fit(fit)
-    with pytest.raises(InputError, match=r"\.png, \.svg or \.pdf"):
+    with pytest.raises(ul.InputError, match=r"\.png, \.svg or \.pdf"):
         ul.plots.save(ax, tmp_path / "a.jpg")
     plt.close("all")
 
@@ -206,7 +205,7 @@ def test_corner_marks_the_truth_and_needs_axes_it_can_divide():
     dashed = [line for line in cells[0].get_lines() if line.get_linestyle() == "--"]
     assert dashed[0].get_xdata()[0] == pytest.approx(1.0)
     by_hand = plt.figure().add_axes((0.1, 0.1, 0.8, 0.8))
-    with pytest.raises(InputError, match="divides its axes"):
+    with pytest.raises(ul.InputError, match="divides its axes"):
         ul.plots.corner(posterior, ax=by_hand)
     plt.close("all")
 
@@ -291,9 +290,9 @@ def test_map_shows_every_site_and_says_what_is_missing():
     assert len(missing.get_paths()) == 1
     assert len(shown.get_paths()) == 11
     np.testing.assert_allclose(shown.get_array() * 1e6, table["layer.E"].dropna())
-    with pytest.raises(InputError, match=r"no column 'height'; it has x, y, layer\.E"):
+    with pytest.raises(ul.InputError, match=r"no column 'height'; it has x, y, layer\.E"):
         ul.plots.map(table, "height")
-    with pytest.raises(InputError, match="no site of the map"):
+    with pytest.raises(ul.InputError, match="no site of the map"):
         ul.plots.map(table.assign(**{"layer.E": np.nan}))
     alone = _squares(np.array([0.0]), np.array([0.0]))
     assert np.ptp(alone) > 0.0
@@ -306,7 +305,7 @@ def test_verdicts_have_a_colour_a_shape_and_a_count_each():
     words = [text.get_text() for text in ax.get_legend().get_texts()]
     assert words == ["good (9)", "doubtful (2)", "refused (1)"]
     assert len({line.get_marker() for line in ax.get_lines()}) == 3
-    with pytest.raises(InputError, match="'verdict' holds words"):
+    with pytest.raises(ul.InputError, match="'verdict' holds words"):
         ul.plots.map(table, "verdict")
     plt.close("all")
 
@@ -316,7 +315,7 @@ def test_histogram_counts_every_curve_once():
     assert sum(bar.get_height() for bar in ax.patches) == 11
     few = ul.plots.histogram(site_table().head(3))
     assert all(float(tick).is_integer() for tick in few.get_yticks())
-    with pytest.raises(InputError, match="no column 'height'"):
+    with pytest.raises(ul.InputError, match="no column 'height'"):
         ul.plots.histogram(site_table(), "height")
     plt.close("all")
 

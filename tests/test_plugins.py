@@ -8,8 +8,6 @@ import pytest
 import underlay as ul
 from underlay import plugins as found
 from underlay.cli.app import main
-from underlay.errors import FileFormatError, InputError, UnderlayWarning
-from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.solvers import solver_named, solver_record
 from underlay.scene.scene_keys import scene_keys
 
@@ -171,7 +169,7 @@ def test_what_packages_add_is_listed(monkeypatch, capsys):
 def test_a_plugged_solver_is_kept_in_files_by_its_name():
     solver = solver_named("twice_hertz", factor=3.0)
     assert solver_record(solver) == {"name": "twice_hertz", "factor": 3.0}
-    with pytest.raises(InputError, match="has no speed; it has factor"):
+    with pytest.raises(ul.InputError, match="has no speed; it has factor"):
         solver_named("twice_hertz", speed=3.0)
 
 
@@ -189,12 +187,12 @@ def test_the_faults_of_a_package_are_its_own(monkeypatch, capsys):
         "ModuleNotFoundError",
     ):
         assert fault in said, fault
-    assert Indenter.kinds()["sphere"] is ul.Sphere
+    assert ul.Indenter.kinds()["sphere"] is ul.Sphere
     assert solver_named("exact") == ul.Exact()
 
 
 def test_a_name_that_is_not_known_tells_of_the_plug_ins_that_failed():
-    with pytest.raises(InputError, match=r"no solver is called 'gone'.*not usable.*gone of harmful 1\.2"):
+    with pytest.raises(ul.InputError, match=r"no solver is called 'gone'.*not usable.*gone of harmful 1\.2"):
         solver_named("gone")
 
 
@@ -204,14 +202,14 @@ def test_a_reader_that_fails_costs_no_other_file(tmp_path):
     assert len(ul.read(plain)) == 3
     (tmp_path / "broken.dat").write_bytes(b"broken device\n")
     with pytest.raises(
-        FileFormatError, match=r"broken\.dat: the reader broken_device of harmful 1\.2 failed: KeyE"
+        ul.FileFormatError, match=r"broken\.dat: the reader broken_device of harmful 1\.2 failed: KeyE"
     ):
         ul.read(tmp_path / "broken.dat")
     trap = tmp_path / "trap.csv"
     trap.write_bytes(b"trap\n")
     with (
-        pytest.warns(UnderlayWarning, match="failed to look at it .RuntimeError: no trap.*is sprung"),
-        pytest.raises(FileFormatError),
+        pytest.warns(ul.UnderlayWarning, match="failed to look at it .RuntimeError: no trap.*is sprung"),
+        pytest.raises(ul.FileFormatError),
     ):
         ul.read(trap)
 

@@ -12,10 +12,9 @@ from underlay.inference.pointwise.explained import Body, halfspace_of
 from underlay.inference.pointwise.modulus import BinnedCurve
 from underlay.report import fit_files as pointwise_tables
 from underlay.scene.instrument import Chain
-from underlay.scene.noise import Noise
 
 ELASTIC = ul.Isotropic(5e6, 0.3)
-CLEAN = Noise(force=1e-9)
+CLEAN = ul.Noise(force=1e-9)
 FREE = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-2e-5, 4e-5)}
 
 
@@ -96,7 +95,7 @@ def test_forces_twice_as_large_are_moduli_twice_as_large():
     scene = layer_on(ul.RIGID)
     curve = measured(scene)
     fits = [
-        ul.fit(ul.Problem(scene, ul.Curve(curve.depth, factor * curve.force), FREE, noise=Noise()))
+        ul.fit(ul.Problem(scene, ul.Curve(curve.depth, factor * curve.force), FREE, noise=ul.Noise()))
         for factor in (1.0, 2.0)
     ]
     one, two = (ul.pointwise_modulus(fit) for fit in fits)
@@ -115,7 +114,7 @@ def test_a_half_space_has_one_pair_of_moduli():
 def test_a_half_space_fitted_to_a_layer_is_shown_to_be_wrong():
     """The control: where the model is wrong the modulus moves with depth, out of its own intervals."""
     truth = layer_on(ul.RIGID)
-    noise = Noise(force=1e-3)
+    noise = ul.Noise(force=1e-3)
     wrong = ul.pointwise_modulus(clean_fit(truth, fitted=halfspace_of(truth), noise=noise))
     right = ul.pointwise_modulus(clean_fit(truth, noise=noise))
 
@@ -128,7 +127,7 @@ def test_a_half_space_fitted_to_a_layer_is_shown_to_be_wrong():
 
 
 def test_the_intervals_cover():
-    scene, noise, depths = layer_on(ul.RIGID), Noise(force=1e-3), np.linspace(-2e-5, 1.2e-4, 300)
+    scene, noise, depths = layer_on(ul.RIGID), ul.Noise(force=1e-3), np.linspace(-2e-5, 1.2e-4, 300)
     inside = {"apparent": [], "incremental": []}
     free = {**FREE, "instrument.baseline": None}
     for seed in range(20):
@@ -149,7 +148,7 @@ TILTED = {**FREE, "instrument.baseline": None, "instrument.baseline_slope": None
 def tilted_fit(seed):
     """A curve at constant speed whose noise nobody states: a baseline that creeps looks like one that slopes."""
     depth, time = np.linspace(-4e-5, 1.2e-4, 400), np.linspace(0.0, 2.0, 400)
-    curve = ul.synthesize(layer_on(ul.RIGID), depth, Noise(force=1e-3), rng=seed, time=time)
+    curve = ul.synthesize(layer_on(ul.RIGID), depth, ul.Noise(force=1e-3), rng=seed, time=time)
     return ul.fit(ul.Problem(layer_on(ul.RIGID), curve, TILTED))
 
 
@@ -193,9 +192,9 @@ def test_a_relaxing_layer_shows_the_fall_that_its_fit_expects():
     layer = ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4, relaxation=ul.Prony((0.5,), (0.5,)))
     scene = ul.Scene(ul.Paraboloid(1e-3), layer, ul.RIGID)
     depth, time = np.linspace(0.0, 1e-4, 300), np.linspace(0.0, 1.0, 300)
-    curve = ul.synthesize(scene, depth, Noise(force=1e-6), rng=0, time=time)
+    curve = ul.synthesize(scene, depth, ul.Noise(force=1e-6), rng=0, time=time)
     found = ul.pointwise_modulus(
-        ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, noise=Noise(force=1e-6)))
+        ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, noise=ul.Noise(force=1e-6)))
     )
     np.testing.assert_allclose(found.apparent.modulus[5:], found.apparent.expected[5:], rtol=2e-3)
     assert found.apparent.expected[-1] < 0.85e6
@@ -210,8 +209,8 @@ def test_what_cannot_be_read_is_refused():
     scene = ul.Scene(
         ul.Paraboloid(1e-5), ul.Layer(ul.Isotropic(1e4, 0.45), 1e-5), ul.RIGID, adhesion=ul.JKR(1e-4)
     )
-    curve = ul.synthesize(scene, np.linspace(0.0, 1e-6, 50), Noise(force=1e-11), rng=0)
-    sticking = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e3, 1e6)}, noise=Noise(force=1e-11)))
+    curve = ul.synthesize(scene, np.linspace(0.0, 1e-6, 50), ul.Noise(force=1e-11), rng=0)
+    sticking = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e3, 1e6)}, noise=ul.Noise(force=1e-11)))
     with pytest.raises(ul.InputError, match="sticks"):
         ul.pointwise_modulus(sticking)
     few = clean_fit(layer_on(ul.RIGID), points=14)

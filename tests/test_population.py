@@ -12,7 +12,6 @@ from scipy import integrate, stats
 
 import underlay as ul
 from support.populations import made_study, table_of
-from underlay.errors import InputError
 from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 from underlay.inference.population.messages import BETWEEN, WITHIN, Grid
@@ -60,7 +59,7 @@ def test_an_open_curve_levels_off_where_it_says():
 
 @pytest.mark.parametrize("text", ["", "1 2 3", "a b c d e f g h i", "3 2 1 0 -1 -2 -3 -inf inf", "nan " * 9])
 def test_what_is_no_likelihood_is_refused(text):
-    with pytest.raises(InputError):
+    with pytest.raises(ul.InputError):
         CurveLikelihood.from_text(text)
 
 
@@ -465,11 +464,11 @@ def test_results_of_different_models_are_named():
     ):
         curve = ul.synthesize(scene, depth, noise, rng=1)
         fits.append(({"animal": "a"}, ul.fit(ul.Problem(scene, curve, free | also, noise=noise))))
-    with pytest.raises(InputError, match=r"different tests.*base"):
+    with pytest.raises(ul.InputError, match=r"different tests.*base"):
         ul.population(fits[:2])
-    with pytest.raises(InputError, match=r"different free parameters.*layer.thickness"):
+    with pytest.raises(ul.InputError, match=r"different free parameters.*layer.thickness"):
         ul.population(fits[::2])
-    with pytest.raises(InputError, match="result 0 has no label 'joint'; it has animal"):
+    with pytest.raises(ul.InputError, match="result 0 has no label 'joint'; it has animal"):
         ul.population(fits[:1], by=["joint"])
 
 
@@ -477,22 +476,22 @@ def test_bad_input_is_named():
     rng = np.random.default_rng(13)
     curves, labels = made_study(rng, animals=2, sites=2, between=0.1, within=0.1)
     table = table_of(curves, labels)
-    with pytest.raises(InputError, match=r"no column 'joint'.*it has animal"):
+    with pytest.raises(ul.InputError, match=r"no column 'joint'.*it has animal"):
         ul.population(table, by=["joint"])
-    with pytest.raises(InputError, match=r"layer.nu was not fitted in this map; fitted were layer.E"):
+    with pytest.raises(ul.InputError, match=r"layer.nu was not fitted in this map; fitted were layer.E"):
         ul.population(table, parameter="layer.nu")
-    with pytest.raises(InputError, match="has no animal"):
+    with pytest.raises(ul.InputError, match="has no animal"):
         ul.population(table.assign(animal=["a", "", "b", "b"]))
-    with pytest.raises(InputError, match="group 'x' has one curve"):
+    with pytest.raises(ul.InputError, match="group 'x' has one curve"):
         ul.population(table.assign(group=["x", "y", "y", "y"]), group="group")
-    with pytest.raises(InputError, match="no curve of group 'x' is left"):
+    with pytest.raises(ul.InputError, match="no curve of group 'x' is left"):
         ul.population(
             table.assign(group=["x", "y", "y", "y"], status=["failed", *["fitted"] * 3]), group="group"
         )
     for wrong in ({"tails": "fat"}, {"doubtful": "maybe"}, {"shared_error": 2.0}):
-        with pytest.raises(InputError):
+        with pytest.raises(ul.InputError):
             ul.population(table, **wrong)
-    with pytest.raises(InputError, match="not the table of a map"):
+    with pytest.raises(ul.InputError, match="not the table of a map"):
         ul.population(pd.DataFrame({"a": [1]}))
 
 

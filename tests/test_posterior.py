@@ -11,11 +11,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import underlay as ul
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
-from underlay.data.synthetic import synthesize
-from underlay.errors import FileAccessError, FileFormatError, InputError, MissingExtraError
-from underlay.inference.priors import LogUniform, Normal, Uniform
-from underlay.inference.problem import Problem
 from underlay.inference.sampling import posterior as arviz_bridge
 from underlay.inference.sampling.convergence import highest_density_interval
 from underlay.inference.sampling.diagnostics import (
@@ -26,18 +23,11 @@ from underlay.inference.sampling.diagnostics import (
     compare_with_prior,
     prior_levels,
 )
-from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.run import sample
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
 
 
 @pytest.fixture(scope="module")
 def posterior():
-    return sample(halfspace_problem(halfspace_curve(points=80)), walkers=32)
+    return ul.sample(halfspace_problem(halfspace_curve(points=80)), walkers=32)
 
 
 # --- the table --------------------------------------------------------------------------------------------
@@ -65,7 +55,7 @@ def test_the_result_cannot_be_changed(posterior):
 
 
 def test_an_unknown_quantity_names_the_known(posterior):
-    with pytest.raises(InputError, match=r"no 'layer\.nu' here; there are layer\.E, .*stiffness"):
+    with pytest.raises(ul.InputError, match=r"no 'layer\.nu' here; there are layer\.E, .*stiffness"):
         posterior.of("layer.nu")
 
 
@@ -143,19 +133,21 @@ def test_derived_stiffness_is_that_of_the_scene(posterior):
 
 
 def test_incompressible_layers_have_no_oedometric_modulus():
-    scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5)))
-    curve = synthesize(scene, np.linspace(0.0, 5e-5, 40), Noise(force=WHITE), 2)
-    found = sample(Problem(scene, curve, {"layer.E": LogUniform(1e4, 1e8)}, Noise(force=WHITE)), walkers=8)
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)))
+    curve = ul.synthesize(scene, np.linspace(0.0, 5e-5, 40), ul.Noise(force=WHITE), 2)
+    found = ul.sample(
+        ul.Problem(scene, curve, {"layer.E": ul.LogUniform(1e4, 1e8)}, ul.Noise(force=WHITE)), walkers=8
+    )
     assert set(found.derived) == {"layer.reduced_modulus", "stiffness"}
     np.testing.assert_allclose(found.derived_samples["layer.reduced_modulus"].median(), 4e6 / 3.0, rtol=0.01)
 
 
 def test_derived_moduli_of_an_anisotropic_layer():
-    material = TransverselyIsotropic(1e6, 5e5, 0.3, 0.2, 3e5)
-    scene = Scene(Paraboloid(1e-3), Layer(material))
-    curve = synthesize(scene, np.linspace(0.0, 5e-5, 40), Noise(force=WHITE), 2)
-    problem = Problem(scene, curve, {"layer.E_axial": LogUniform(1e5, 5e6)}, Noise(force=WHITE))
-    found = sample(problem, walkers=8)
+    material = ul.TransverselyIsotropic(1e6, 5e5, 0.3, 0.2, 3e5)
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(material))
+    curve = ul.synthesize(scene, np.linspace(0.0, 5e-5, 40), ul.Noise(force=WHITE), 2)
+    problem = ul.Problem(scene, curve, {"layer.E_axial": ul.LogUniform(1e5, 5e6)}, ul.Noise(force=WHITE))
+    found = ul.sample(problem, walkers=8)
     E_axial = float(found.samples["layer.E_axial"].iloc[0])
     exact = replace(material, E_axial=E_axial)
     assert found.derived_samples["layer.reduced_modulus"].iloc[0] == pytest.approx(
@@ -168,17 +160,17 @@ def test_derived_moduli_of_an_anisotropic_layer():
 def test_derived_quantities_of_several_curves_carry_their_number():
     tests = []
     for number, E in enumerate((1e6, 3e6)):
-        scene = Scene(Paraboloid(1e-3), Layer(Isotropic(E, 0.45), 5e-4), RIGID)
-        tests.append((scene, synthesize(scene, np.linspace(0.0, 5e-5, 30), Noise(force=1e-3), number)))
-    problem = Problem.joint(
+        scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(E, 0.45), 5e-4), ul.RIGID)
+        tests.append((scene, ul.synthesize(scene, np.linspace(0.0, 5e-5, 30), ul.Noise(force=1e-3), number)))
+    problem = ul.Problem.joint(
         tests,
-        {"layer.E": LogUniform(1e5, 1e7), "layer.thickness": Normal(5e-4, 2e-5)},
+        {"layer.E": ul.LogUniform(1e5, 1e7), "layer.thickness": ul.Normal(5e-4, 2e-5)},
         ["layer.thickness"],
-        Noise(force=1e-3),
+        ul.Noise(force=1e-3),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = sample(problem, walkers=8, max_steps=300)
+        found = ul.sample(problem, walkers=8, max_steps=300)
     assert found.names == ("layer.E[0]", "layer.E[1]", "layer.thickness")
     assert {"layer.reduced_modulus[0]", "stiffness[0]", "stiffness[1]"} <= set(found.derived)
     assert len(found.predictive) == 2
@@ -208,13 +200,15 @@ def test_the_band_of_a_new_reading_covers_new_readings(posterior):
     assert (band.model[-1] - band.model[0]).mean() < 0.5 * (band.reading[-1] - band.reading[0]).mean()
 
 
-@pytest.mark.parametrize("noise", [Noise(), Noise(force=WHITE, relative=0.02), Noise(correlation_time=0.05)])
+@pytest.mark.parametrize(
+    "noise", [ul.Noise(), ul.Noise(force=WHITE, relative=0.02), ul.Noise(correlation_time=0.05)]
+)
 def test_coverage_of_the_fitted_data(noise):
     depth = np.linspace(-1e-5, 5e-5, 200)
     made = replace(noise, force=WHITE)
-    curve = synthesize(halfspace_scene(), depth, made, 7, sampling_rate=200.0)
-    free = {"layer.E": LogUniform(1e4, 1e8), "instrument.contact_depth": Uniform(-1e-5, 1e-5)}
-    found = sample(Problem(halfspace_scene(), curve, free, noise), walkers=16)
+    curve = ul.synthesize(halfspace_scene(), depth, made, 7, sampling_rate=200.0)
+    free = {"layer.E": ul.LogUniform(1e4, 1e8), "instrument.contact_depth": ul.Uniform(-1e-5, 1e-5)}
+    found = ul.sample(ul.Problem(halfspace_scene(), curve, free, noise), walkers=16)
     # Binomial: 0.95 +- 4 sqrt(0.95 * 0.05 / n), n the effective number of points, 200 or some 10 for AR(1).
     points = 10 if noise.correlation_time else 200
     assert found.predictive[0].coverage() == pytest.approx(0.95, abs=4.0 * np.sqrt(0.0475 / points))
@@ -227,7 +221,7 @@ def test_saved_and_loaded_is_the_same(posterior, tmp_path):
     path = tmp_path / "posterior"
     posterior.save(path)
     assert path.exists()
-    loaded = Posterior.load(path)
+    loaded = ul.Posterior.load(path)
     np.testing.assert_array_equal(loaded.chain, posterior.chain)
     np.testing.assert_array_equal(loaded.predictive[0].reading, posterior.predictive[0].reading)
     assert loaded.diagnostics == posterior.diagnostics
@@ -242,7 +236,7 @@ def test_saved_and_loaded_is_the_same(posterior, tmp_path):
 def test_a_saved_posterior_holds_its_problem(posterior, tmp_path):
     path = tmp_path / "posterior.npz"
     posterior.save(path)
-    loaded = Posterior.load(path)
+    loaded = ul.Posterior.load(path)
     assert loaded.missing == ""
     assert loaded.problem.names == posterior.names
     assert loaded.problem.base_scenes == posterior.problem.base_scenes
@@ -265,17 +259,17 @@ def test_files_without_a_problem_load_and_say_what_is_missing(posterior, tmp_pat
     path = tmp_path / "posterior.npz"
     posterior.save(path)
     rewritten(path, lambda about, _: about.pop("problem"))
-    older = Posterior.load(path)
+    older = ul.Posterior.load(path)
     assert older.problem is None
     assert "kept the draws alone" in older.missing
     assert older.provenance["curves"] == []
     np.testing.assert_array_equal(older.chain, posterior.chain)
     # Saved again it does not forget why.
     older.save(path)
-    assert Posterior.load(path).missing == older.missing
+    assert ul.Posterior.load(path).missing == older.missing
 
 
-class Own(LogUniform):
+class Own(ul.LogUniform):
     """A prior from outside."""
 
 
@@ -283,7 +277,7 @@ def test_a_problem_that_cannot_be_kept_costs_nothing_else(posterior, tmp_path):
     path = tmp_path / "posterior.npz"
     own = posterior.problem.revised(free={**posterior.problem.free, "layer.E": Own(1e4, 1e8)})
     replace(posterior, problem=own).save(path)
-    loaded = Posterior.load(path)
+    loaded = ul.Posterior.load(path)
     assert loaded.problem is None
     assert "the prior of layer.E, Own, is not part of underlay" in loaded.missing
     # A shape that the reading program lacks.
@@ -294,7 +288,7 @@ def test_a_problem_that_cannot_be_kept_costs_nothing_else(posterior, tmp_path):
         test["scene"] = test["scene"].replace("paraboloid", "tetrahedron")
 
     rewritten(path, unknown)
-    loaded = Posterior.load(path)
+    loaded = ul.Posterior.load(path)
     assert loaded.problem is None
     assert "tetrahedron" in loaded.missing
 
@@ -303,8 +297,8 @@ def test_a_damaged_problem_is_refused(posterior, tmp_path):
     path = tmp_path / "posterior.npz"
     posterior.save(path)
     rewritten(path, lambda _, arrays: arrays.update({"problem/0/force": arrays["problem/0/force"] * 2.0}))
-    with pytest.raises(FileFormatError, match="is damaged: the points of curve 1"):
-        Posterior.load(path)
+    with pytest.raises(ul.FileFormatError, match="is damaged: the points of curve 1"):
+        ul.Posterior.load(path)
 
 
 def test_other_files_are_no_posteriors(tmp_path):
@@ -312,14 +306,14 @@ def test_other_files_are_no_posteriors(tmp_path):
     text.write_text("median")
     np.savez(arrays, x=np.ones(3))
     for path in (text, arrays):
-        with pytest.raises(FileFormatError, match="is not a saved posterior"):
-            Posterior.load(path)
-    with pytest.raises(FileAccessError, match="cannot open"):
-        Posterior.load(tmp_path / "missing.npz")
+        with pytest.raises(ul.FileFormatError, match="is not a saved posterior"):
+            ul.Posterior.load(path)
+    with pytest.raises(ul.FileAccessError, match="cannot open"):
+        ul.Posterior.load(tmp_path / "missing.npz")
 
 
 def test_a_file_that_cannot_be_written(posterior, tmp_path):
-    with pytest.raises(FileAccessError, match="cannot write"):
+    with pytest.raises(ul.FileAccessError, match="cannot write"):
         posterior.save(tmp_path / "no" / "such" / "folder.npz")
 
 
@@ -338,7 +332,7 @@ def test_inference_data_holds_one_chain_per_walker(posterior, tmp_path):
 
 def test_without_the_extra_the_error_names_it(posterior, monkeypatch):
     monkeypatch.setitem(sys.modules, "arviz", None)
-    with pytest.raises(MissingExtraError, match=r"underlay\[uq\]"):
+    with pytest.raises(ul.MissingExtraError, match=r"underlay\[uq\]"):
         posterior.to_inference_data()
 
 

@@ -6,29 +6,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from underlay.errors import InputError
+import underlay as ul
 from underlay.inference.model.coordinates import Spans, make_coordinate
-from underlay.inference.priors import (
-    Flat,
-    HalfNormal,
-    LogNormal,
-    LogUniform,
-    Normal,
-    Truncated,
-    Uniform,
-    prior_from_numbers,
-)
+from underlay.inference.priors import Flat, Truncated, prior_from_numbers
 from underlay.quantities import declared
 
 PRIORS = [
-    Uniform(-2.0, 3.0),
-    LogUniform(1e3, 1e7),
-    Normal(1.5, 0.2),
-    LogNormal(2e5, 0.7),
-    HalfNormal(3e-6),
-    Normal(0.45, 0.05).truncated(-1.0, 0.5),
-    LogNormal(1e6, 2.0).truncated(1e5, 1e6),
-    HalfNormal(1.0).truncated(0.5, 2.0),
+    ul.Uniform(-2.0, 3.0),
+    ul.LogUniform(1e3, 1e7),
+    ul.Normal(1.5, 0.2),
+    ul.LogNormal(2e5, 0.7),
+    ul.HalfNormal(3e-6),
+    ul.Normal(0.45, 0.05).truncated(-1.0, 0.5),
+    ul.LogNormal(1e6, 2.0).truncated(1e5, 1e6),
+    ul.HalfNormal(1.0).truncated(0.5, 2.0),
 ]
 
 
@@ -69,11 +60,11 @@ def test_nothing_outside_the_support(prior):
     assert all(prior.log_density(np.array(x)) == -np.inf for x in outside)
 
 
-@pytest.mark.parametrize("prior", [Normal(1.5, 0.2), LogNormal(2.0, 0.7), HalfNormal(1.0)], ids=repr)
+@pytest.mark.parametrize("prior", [ul.Normal(1.5, 0.2), ul.LogNormal(2.0, 0.7), ul.HalfNormal(1.0)], ids=repr)
 def test_penalty_is_the_residual_of_the_density(prior):
     # Half its square falls as the log-density does, in the prior's own measure: ln x for LogNormal.
     x, y = 0.8, 1.9
-    extra = np.log(x / y) if isinstance(prior, LogNormal) else 0.0
+    extra = np.log(x / y) if isinstance(prior, ul.LogNormal) else 0.0
     fall = float(prior.log_density(np.array(x)) - prior.log_density(np.array(y))) + extra
     assert 0.5 * (prior.penalty(y)[0] ** 2 - prior.penalty(x)[0] ** 2) == pytest.approx(fall, rel=1e-12)
     step = 1e-6
@@ -84,10 +75,10 @@ def test_penalty_is_the_residual_of_the_density(prior):
 @pytest.mark.parametrize(
     ("path", "start", "prior"),
     [
-        ("layer.E", 1e5, LogUniform(1e4, 1e6)),
-        ("layer.E", 1e5, Normal(1e5, 2e4).truncated(1e3, 1e6)),
-        ("instrument.contact_depth", 1e-6, Normal(0.0, 1e-5)),
-        ("layer.nu", 0.4, Normal(0.45, 0.1)),
+        ("layer.E", 1e5, ul.LogUniform(1e4, 1e6)),
+        ("layer.E", 1e5, ul.Normal(1e5, 2e4).truncated(1e3, 1e6)),
+        ("instrument.contact_depth", 1e-6, ul.Normal(0.0, 1e-5)),
+        ("layer.nu", 0.4, ul.Normal(0.45, 0.1)),
     ],
 )
 def test_the_prior_in_scaled_coordinates_is_a_density_there(path, start, prior):
@@ -107,48 +98,48 @@ def test_the_prior_in_scaled_coordinates_is_a_density_there(path, start, prior):
 def test_flat_is_improper_and_says_so():
     flat = Flat(0.0, np.inf, log=True)
     assert not flat.proper
-    with pytest.raises(InputError, match="improper"):
+    with pytest.raises(ul.InputError, match="improper"):
         flat.sample(np.random.default_rng(0), 3)
     assert not Flat().truncated(low=0.0).proper
-    assert Flat().truncated(0.0, 1.0) == Uniform(0.0, 1.0)
-    assert Flat(log=True).truncated(1.0, 2.0) == LogUniform(1.0, 2.0)
+    assert Flat().truncated(0.0, 1.0) == ul.Uniform(0.0, 1.0)
+    assert Flat(log=True).truncated(1.0, 2.0) == ul.LogUniform(1.0, 2.0)
 
 
 def test_truncation_that_cuts_nothing_is_the_prior_itself():
-    prior = Uniform(0.0, 1.0)
+    prior = ul.Uniform(0.0, 1.0)
     assert prior.truncated(-1.0, 2.0) is prior
-    with pytest.raises(InputError, match="no probability"):
+    with pytest.raises(ul.InputError, match="no probability"):
         Truncated(prior, 2.0, 3.0)
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Uniform(2.0, 1.0), "below"),
-        (lambda: Uniform(0.0, np.inf), "finite"),
-        (lambda: LogUniform(0.0, 1.0), "positive"),
-        (lambda: Normal(0.0, 0.0), "positive"),
-        (lambda: LogNormal(-1.0, 1.0), "positive"),
-        (lambda: HalfNormal(np.nan), "positive"),
+        (lambda: ul.Uniform(2.0, 1.0), "below"),
+        (lambda: ul.Uniform(0.0, np.inf), "finite"),
+        (lambda: ul.LogUniform(0.0, 1.0), "positive"),
+        (lambda: ul.Normal(0.0, 0.0), "positive"),
+        (lambda: ul.LogNormal(-1.0, 1.0), "positive"),
+        (lambda: ul.HalfNormal(np.nan), "positive"),
         (lambda: prior_from_numbers("gauss", 0.0, 1.0, {}), "unknown prior"),
         (lambda: prior_from_numbers("normal", 0.0, 1.0, {"sd": 1.0}), "needs 'mean'"),
     ],
 )
 def test_bad_numbers_are_refused(make, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ul.InputError, match=message):
         make()
 
 
 def test_words_of_a_scene_file_become_priors():
     assert prior_from_numbers(None, -np.inf, np.inf, {}) is None
     assert prior_from_numbers(None, 0.0, 1.0, {}) == (0.0, 1.0)
-    assert prior_from_numbers("uniform", 0.0, 1.0, {}) == Uniform(0.0, 1.0)
-    assert prior_from_numbers("loguniform", 1.0, 2.0, {}) == LogUniform(1.0, 2.0)
-    assert prior_from_numbers("normal", -np.inf, np.inf, {"mean": -2.0, "relative_sd": 0.1}) == Normal(
+    assert prior_from_numbers("uniform", 0.0, 1.0, {}) == ul.Uniform(0.0, 1.0)
+    assert prior_from_numbers("loguniform", 1.0, 2.0, {}) == ul.LogUniform(1.0, 2.0)
+    assert prior_from_numbers("normal", -np.inf, np.inf, {"mean": -2.0, "relative_sd": 0.1}) == ul.Normal(
         -2.0, 0.2
     )
     assert prior_from_numbers("lognormal", 0.0, 9.0, {"median": 2.0, "relative_sd": 0.1}).support == (
         0.0,
         9.0,
     )
-    assert prior_from_numbers("halfnormal", -np.inf, np.inf, {"sd": 2.0}) == HalfNormal(2.0)
+    assert prior_from_numbers("halfnormal", -np.inf, np.inf, {"sd": 2.0}) == ul.HalfNormal(2.0)

@@ -8,11 +8,6 @@ from scipy import integrate, stats
 
 import underlay as ul
 from support.inverse import exact_curve, layer_on, measured, problem
-from underlay.data.curve import Curve
-from underlay.errors import CurveError, InputError, ParameterError
-from underlay.inference.priors import LogUniform, Normal, Uniform
-from underlay.inference.problem import Problem
-from underlay.scene.noise import Noise
 
 ELASTIC = ul.Isotropic(4e6, 0.3)
 EVERYTHING = {
@@ -69,7 +64,7 @@ SCENES = {
 def test_the_model_is_that_of_the_scene(name):
     # The law behind it is solved at a reference and scaled: equal to the scene's own to twice rtol = 1e-6.
     scene, free = SCENES[name]
-    p = problem(scene, free, exact_curve(scene), noise=Noise(force=1e-6))
+    p = problem(scene, free, exact_curve(scene), noise=ul.Noise(force=1e-6))
     vector = np.full(len(free), -0.05) * np.where(np.arange(len(free)) % 3, 1.0, -1.0)
     moved = p.scenes(vector)[0]
     force = moved.force(p.curves[0].depth)
@@ -83,7 +78,7 @@ def test_the_analytic_jacobian_is_the_slope_of_the_model(name):
     # of the column, up to the curvature of the model (below 100 here). Points at the kink of first contact
     # have no derivative.
     scene, free = SCENES[name]
-    p = Problem(scene, exact_curve(scene), free, solver=ul.Auto(1e-9), noise=Noise(force=1e-6))
+    p = ul.Problem(scene, exact_curve(scene), free, solver=ul.Auto(1e-9), noise=ul.Noise(force=1e-6))
     vector = np.array([-0.02 if path == "layer.nu" else 0.01 for path in free])
     columns = p.members[0].jacobian(p.physical(vector))[1] * p.slopes(vector)
     step = 1e-3
@@ -108,8 +103,8 @@ def test_one_law_serves_every_modulus_thickness_and_radius():
 def test_log_likelihood_is_the_gaussian_of_the_residuals():
     scene = layer_on(ul.RIGID)
     curve = measured(scene, points=40, relative=0.02, correlation_time=0.05)
-    noise = Noise(force=1e-3, relative=0.02, correlation_time=0.05)
-    p = Problem(scene, curve, ["layer.E", "instrument.contact_depth"], noise)
+    noise = ul.Noise(force=1e-3, relative=0.02, correlation_time=0.05)
+    p = ul.Problem(scene, curve, ["layer.E", "instrument.contact_depth"], noise)
     vector = np.array([0.02, 0.01])
     model = p.members[0].reading(p.physical(vector))
     sigma = np.hypot(1e-3, 0.02 * model.contact)
@@ -127,10 +122,12 @@ def test_unknown_size_of_the_noise_is_integrated_out():
 
     def evidence(vector):
         def density(log_sigma):
-            known = problem(scene, ["layer.E"], curve, noise=Noise(force=float(np.exp(log_sigma))))
+            known = problem(scene, ["layer.E"], curve, noise=ul.Noise(force=float(np.exp(log_sigma))))
             return np.exp(float(known.log_likelihood(vector)) - offset)
 
-        offset = float(problem(scene, ["layer.E"], curve, noise=Noise(force=2e-3)).log_likelihood(vectors[0]))
+        offset = float(
+            problem(scene, ["layer.E"], curve, noise=ul.Noise(force=2e-3)).log_likelihood(vectors[0])
+        )
         centre = np.log(np.sqrt(np.mean(np.square(unknown.residuals(vector)))) * np.ptp(curve.force))
         return integrate.quad(density, centre - 3.0, centre + 3.0, epsabs=0.0, epsrel=1e-9)[0]
 
@@ -143,9 +140,9 @@ def test_unknown_size_of_the_noise_is_integrated_out():
 def test_any_number_of_vectors_at_once():
     scene = layer_on(ELASTIC)
     free = {
-        "layer.E": LogUniform(1e5, 1e7),
-        "substrate.E": LogUniform(1e5, 1e8),
-        "noise.force": LogUniform(1e-6, 1),
+        "layer.E": ul.LogUniform(1e5, 1e7),
+        "substrate.E": ul.LogUniform(1e5, 1e8),
+        "noise.force": ul.LogUniform(1e-6, 1),
     }
     p = problem(scene, free)
     vectors = np.random.default_rng(0).normal(scale=0.1, size=(3, 4, 3))
@@ -156,7 +153,7 @@ def test_any_number_of_vectors_at_once():
 
 
 def test_outside_the_prior_no_law_is_asked_for():
-    p = problem(layer_on(ul.RIGID), {"layer.E": Uniform(5e5, 2e6)})
+    p = problem(layer_on(ul.RIGID), {"layer.E": ul.Uniform(5e5, 2e6)})
     built = p.store.built
     assert p.log_posterior(np.array([[5.0], [-5.0]])).tolist() == [-np.inf, -np.inf]
     assert p.store.built == built
@@ -165,7 +162,9 @@ def test_outside_the_prior_no_law_is_asked_for():
 def test_where_no_law_exists_the_likelihood_is_zero_and_the_prior_is_not():
     # A third Poisson's ratio so large that the layer is not positive definite.
     scene, _ = SCENES["anisotropic"]
-    p = problem(scene, {"layer.nu_axial": Uniform(0.0, 2.0)}, exact_curve(scene), noise=Noise(force=1e-4))
+    p = problem(
+        scene, {"layer.nu_axial": ul.Uniform(0.0, 2.0)}, exact_curve(scene), noise=ul.Noise(force=1e-4)
+    )
     vector = p.vector({"layer.nu_axial": 1.5})
     assert np.isfinite(p.log_prior(vector))
     assert p.log_likelihood(vector) == -np.inf
@@ -173,13 +172,13 @@ def test_where_no_law_exists_the_likelihood_is_zero_and_the_prior_is_not():
 
 def test_vectors_and_values_invert_each_other():
     scene, free = SCENES["paraboloid on elastic"]
-    p = problem(scene, free, exact_curve(scene), noise=Noise(force=1e-6))
+    p = problem(scene, free, exact_curve(scene), noise=ul.Noise(force=1e-6))
     vector = np.linspace(-0.2, 0.2, len(free))
     assert p.vector(p.values(vector)) == pytest.approx(vector, abs=1e-14)
     assert p.values(p.start) == {name: scene.parameters[name] for name in p.names}
-    with pytest.raises(InputError, match="not free here"):
+    with pytest.raises(ul.InputError, match="not free here"):
         p.vector({"layer.nue": 0.4})
-    with pytest.raises(InputError, match="entries"):
+    with pytest.raises(ul.InputError, match="entries"):
         p.residuals(np.zeros(3))
 
 
@@ -194,7 +193,7 @@ def test_evaluations_leave_the_inputs_alone_and_do_not_depend_on_what_came_befor
 
 
 def test_a_problem_travels_to_another_process():
-    p = problem(layer_on(ul.RIGID), {"layer.E": LogUniform(1e4, 1e8), "instrument.contact_depth": None})
+    p = problem(layer_on(ul.RIGID), {"layer.E": ul.LogUniform(1e4, 1e8), "instrument.contact_depth": None})
     again = pickle.loads(pickle.dumps(p))  # noqa: S301  our own bytes
     assert again.residuals(np.zeros(2)).tolist() == p.residuals(np.zeros(2)).tolist()
 
@@ -202,9 +201,9 @@ def test_a_problem_travels_to_another_process():
 def test_joint_names_and_sharing():
     scenes = [layer_on(ul.RIGID, indenter=ul.Paraboloid(radius)) for radius in (5e-4, 2e-3)]
     tests = [(scene, measured(scene, rng=k)) for k, scene in enumerate(scenes)]
-    p = Problem.joint(
+    p = ul.Problem.joint(
         tests,
-        {"layer.E": None, "instrument.contact_depth": None, "indenter.radius[1]": Normal(2e-3, 1e-5)},
+        {"layer.E": None, "instrument.contact_depth": None, "indenter.radius[1]": ul.Normal(2e-3, 1e-5)},
         shared=["layer.E"],
     )
     assert p.names == (
@@ -216,7 +215,7 @@ def test_joint_names_and_sharing():
     moved = p.scenes(p.vector({"layer.E": 2e6, "indenter.radius[1]": 2.1e-3}))
     assert [scene.layer.material.E for scene in moved] == pytest.approx([2e6, 2e6])
     assert [scene.indenter.radius for scene in moved] == pytest.approx([5e-4, 2.1e-3])
-    alone = [Problem(scene, curve, ["layer.E", "instrument.contact_depth"]) for scene, curve in tests]
+    alone = [ul.Problem(scene, curve, ["layer.E", "instrument.contact_depth"]) for scene, curve in tests]
     expected = sum(float(q.log_likelihood(np.zeros(2))) for q in alone)
     assert float(p.log_likelihood(np.zeros(4))) == pytest.approx(expected, rel=1e-12)
 
@@ -227,95 +226,95 @@ CURVE = measured(layer_on(ul.RIGID))
 @pytest.mark.parametrize(
     ("scene", "free", "options", "error", "message"),
     [
-        (layer_on(ul.RIGID), ["layer.youngs"], {}, ParameterError, "did you mean"),
-        (layer_on(ul.RIGID), ["layer.thicknes"], {}, ParameterError, r"did you mean 'layer\.thickness'"),
+        (layer_on(ul.RIGID), ["layer.youngs"], {}, ul.ParameterError, "did you mean"),
+        (layer_on(ul.RIGID), ["layer.thicknes"], {}, ul.ParameterError, r"did you mean 'layer\.thickness'"),
         (
             layer_on(ul.RIGID),
             ["adhesion.work"],
             {},
-            ParameterError,
+            ul.ParameterError,
             r"'adhesion\.work'\. It has: indenter\.radius",
         ),
-        (layer_on(ul.RIGID), ["substrate.E"], {}, ParameterError, "RIGID"),
+        (layer_on(ul.RIGID), ["substrate.E"], {}, ul.ParameterError, "RIGID"),
         (
             ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.4))),
             ["substrate.E"],
             {},
-            ParameterError,
+            ul.ParameterError,
             "no sub",
         ),
         (
             ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.4))),
             ["layer.thickness"],
             {},
-            ParameterError,
+            ul.ParameterError,
             "half",
         ),
         (
             layer_on(ul.RIGID),
             ["layer.thickness"],
             {"solver": "halfspace"},
-            ParameterError,
+            ul.ParameterError,
             "halfspace depend on",
         ),
-        (layer_on(ul.Isotropic(1e6, 0.45)), ["layer.thickness"], {}, ParameterError, "same material"),
-        (layer_on(ul.RIGID), [], {}, ParameterError, "nothing is free"),
-        (layer_on(ul.RIGID), {"layer.E": (2e6, 3e6)}, {}, InputError, "outside its bounds"),
-        (layer_on(ul.RIGID), {"layer.E": (3e6, 2e6)}, {}, InputError, "below"),
-        (layer_on(ul.RIGID), {"layer.E": "wide"}, {}, InputError, "give a prior"),
-        (layer_on(ul.RIGID), {"layer.E": None}, {"noise": 0.1}, InputError, "must be a Noise"),
+        (layer_on(ul.Isotropic(1e6, 0.45)), ["layer.thickness"], {}, ul.ParameterError, "same material"),
+        (layer_on(ul.RIGID), [], {}, ul.ParameterError, "nothing is free"),
+        (layer_on(ul.RIGID), {"layer.E": (2e6, 3e6)}, {}, ul.InputError, "outside its bounds"),
+        (layer_on(ul.RIGID), {"layer.E": (3e6, 2e6)}, {}, ul.InputError, "below"),
+        (layer_on(ul.RIGID), {"layer.E": "wide"}, {}, ul.InputError, "give a prior"),
+        (layer_on(ul.RIGID), {"layer.E": None}, {"noise": 0.1}, ul.InputError, "must be a Noise"),
         (
             layer_on(ul.RIGID),
             {"layer.E": None},
-            {"noise": Noise(force=0.0, relative=0.1)},
-            InputError,
+            {"noise": ul.Noise(force=0.0, relative=0.1)},
+            ul.InputError,
             "zero",
         ),
-        (layer_on(ul.RIGID), {"layer.E": None}, {"noise": Noise(relative=0.1)}, InputError, "unknown"),
-        (layer_on(ul.RIGID), ["layer.E[1]"], {}, ParameterError, "numbered from 0"),
+        (layer_on(ul.RIGID), {"layer.E": None}, {"noise": ul.Noise(relative=0.1)}, ul.InputError, "unknown"),
+        (layer_on(ul.RIGID), ["layer.E[1]"], {}, ul.ParameterError, "numbered from 0"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(scene, free, options, error, message):
     with pytest.raises(error, match=message):
-        Problem(scene, CURVE, free, **options)
+        ul.Problem(scene, CURVE, free, **options)
 
 
 def test_more_parameters_than_points():
     scene = layer_on(ul.RIGID)
     curve = exact_curve(scene, points=8)
-    with pytest.raises(InputError, match="only 8 points"):
-        Problem(scene, curve, list(EVERYTHING))
+    with pytest.raises(ul.InputError, match="only 8 points"):
+        ul.Problem(scene, curve, list(EVERYTHING))
 
 
 def test_a_curve_counted_twice():
     scene = layer_on(ul.RIGID)
     curve = measured(scene)
-    with pytest.raises(CurveError, match="same data"):
-        Problem.joint([(scene, curve), (scene, curve)], ["layer.E"])
+    with pytest.raises(ul.CurveError, match="same data"):
+        ul.Problem.joint([(scene, curve), (scene, curve)], ["layer.E"])
     one, two = (measured(scene, rng=k).with_metadata(path="a.csv", sha256="12ab") for k in (1, 2))
-    with pytest.raises(CurveError, match=r"same file \(a\.csv\)"):
-        Problem.joint([(scene, one), (scene, two)], ["layer.E"])
+    with pytest.raises(ul.CurveError, match=r"same file \(a\.csv\)"):
+        ul.Problem.joint([(scene, one), (scene, two)], ["layer.E"])
     tests = [(scene, one.with_metadata(test=1)), (scene, two.with_metadata(test=2))]
-    assert Problem.joint(tests, ["layer.E"]).names == ("layer.E[0]", "layer.E[1]")
+    assert ul.Problem.joint(tests, ["layer.E"]).names == ("layer.E[0]", "layer.E[1]")
 
 
 def test_sharing_what_is_not_free_or_does_not_agree():
     tests = [(layer_on(ul.RIGID, E=E), measured(layer_on(ul.RIGID), rng=k)) for k, E in enumerate((1e6, 2e6))]
-    with pytest.raises(ParameterError, match="shared but not free"):
-        Problem.joint(tests, ["layer.E"], shared=["layer.thickness"])
-    with pytest.raises(InputError, match="different values"):
-        Problem.joint(tests, ["layer.E"], shared=["layer.E"])
-    with pytest.raises(InputError, match="one for each"):
-        Problem.joint(tests, ["layer.E"], noise=[None])
+    with pytest.raises(ul.ParameterError, match="shared but not free"):
+        ul.Problem.joint(tests, ["layer.E"], shared=["layer.thickness"])
+    with pytest.raises(ul.InputError, match="different values"):
+        ul.Problem.joint(tests, ["layer.E"], shared=["layer.E"])
+    with pytest.raises(ul.InputError, match="one for each"):
+        ul.Problem.joint(tests, ["layer.E"], noise=[None])
 
 
 def test_no_point_beyond_a_known_contact():
     scene = layer_on(ul.RIGID, contact_depth=1.0)
-    with pytest.raises(CurveError, match="no point beyond contact"):
-        Problem(scene, CURVE, ["layer.E"])
+    with pytest.raises(ul.CurveError, match="no point beyond contact"):
+        ul.Problem(scene, CURVE, ["layer.E"])
 
 
 def test_correlated_noise_needs_times():
-    curve = Curve(CURVE.depth, CURVE.force)
-    with pytest.raises(InputError, match="times"):
-        Problem(layer_on(ul.RIGID), curve, ["layer.E"], Noise(force=1e-3, correlation_time=0.1))
+    curve = ul.Curve(CURVE.depth, CURVE.force)
+    with pytest.raises(ul.InputError, match="times"):
+        ul.Problem(layer_on(ul.RIGID), curve, ["layer.E"], ul.Noise(force=1e-3, correlation_time=0.1))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.errors import FileFormatError, InputError
 from underlay.inference.priors import Truncated
 from underlay.inference.problem_record import problem_from_record, problem_record
 from underlay.mechanics.indenters import PowerLawShape
@@ -170,18 +169,18 @@ class Own(ul.Uniform):
     ids=["prior", "indenter", "field", "equality"],
 )
 def test_what_has_no_name_is_refused(scene, free, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ul.InputError, match=message):
         problem_record(ul.Problem(scene, curve_of(SCENE), free))
 
 
 def test_damaged_records_are_refused():
     document, arrays = problem_record(ul.Problem(SCENE, curve_of(SCENE), ["layer.E"]))
     moved = {**arrays, "0/force": arrays["0/force"] + 1e-9}
-    with pytest.raises(FileFormatError, match="points of curve 1 are not those that were saved"):
+    with pytest.raises(ul.FileFormatError, match="points of curve 1 are not those that were saved"):
         problem_from_record(document, moved)
     for part in ("tests", "free", "noise", "solver"):
-        with pytest.raises(FileFormatError, match=part):
+        with pytest.raises(ul.FileFormatError, match=part):
             problem_from_record({key: value for key, value in document.items() if key != part}, arrays)
     unknown = document["tests"][0]["scene"].replace("paraboloid", "tetrahedron")
-    with pytest.raises(InputError, match="tetrahedron"):
+    with pytest.raises(ul.InputError, match="tetrahedron"):
         problem_from_record({**document, "tests": [{**document["tests"][0], "scene": unknown}]}, arrays)

@@ -9,16 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from underlay.errors import InputError
+import underlay as ul
 from underlay.mechanics.halfspace import HalfspaceLaw
-from underlay.mechanics.indenters import Cone, Paraboloid, Sphere
-from underlay.mechanics.profile import Profile
 
 ROUNDING = 1e-13  # a sum of some hundred terms, each rounded to 1e-16
 
 
 def tabulated(indenter, r):
-    return Profile(r, indenter.surface(r))
+    return ul.Profile(r, indenter.surface(r))
 
 
 def relative(value, reference):
@@ -30,7 +28,7 @@ def uneven(count, end=1.0, seed=3):
     return end * np.concatenate([[0.0], np.cumsum(steps) / steps.sum()])
 
 
-@pytest.mark.parametrize("indenter", [Paraboloid(0.7), Cone(1.2)], ids=["paraboloid", "cone"])
+@pytest.mark.parametrize("indenter", [ul.Paraboloid(0.7), ul.Cone(1.2)], ids=["paraboloid", "cone"])
 @pytest.mark.parametrize("r", [np.linspace(0.0, 1.0, 4), uneven(30)], ids=["even", "uneven"])
 def test_paraboloid_and_cone_are_reproduced_to_rounding(indenter, r):
     tip = tabulated(indenter, r)
@@ -43,7 +41,7 @@ def test_paraboloid_and_cone_are_reproduced_to_rounding(indenter, r):
 
 
 def test_a_finely_tabulated_sphere_converges_to_it_at_third_order():
-    sphere = Sphere(1.0)
+    sphere = ul.Sphere(1.0)
     a = np.linspace(0.05, 0.8, 50)
     steps = np.array([40, 80, 160, 320])
     errors = [
@@ -93,7 +91,7 @@ def integral_of_slope(pieces, a, kernel):
 )
 def test_integrals_of_the_interpolant_against_mpmath(height):
     r = uneven(9, end=0.9)
-    tip = Profile(r, height(r))
+    tip = ul.Profile(r, height(r))
     with mpmath.workdps(25):
         pieces = pieces_in_mpmath(tip)
         for a in (0.03, 0.2, 0.5, 0.9):
@@ -125,7 +123,7 @@ def _slopes(rows):
 @settings(max_examples=60)
 def test_the_interpolant_meets_the_points_and_is_convex(data):
     r, height = data
-    tip = Profile(r, height)
+    tip = ul.Profile(r, height)
     assert np.abs(tip.surface(r) - height).max() < 1e-9 * height[-1]  # _ROUNDING of the chords, summed
     slope = np.diff(tip.surface(np.linspace(0.0, r[-1], 4001)))
     assert (slope > -1e-12 * height[-1]).all()
@@ -135,7 +133,7 @@ def test_the_interpolant_meets_the_points_and_is_convex(data):
 @given(convex_tips)
 @settings(max_examples=60)
 def test_depth_radius_round_trip_and_derivatives(data):
-    tip = Profile(*data)
+    tip = ul.Profile(*data)
     a = np.linspace(0.02, 1.0, 9) * tip.max_radius
     depth = tip.abel(a)
     assert (np.diff(depth) > 0.0).all()
@@ -150,7 +148,7 @@ def test_depth_radius_round_trip_and_derivatives(data):
 
 def test_a_corner_stays_a_corner():
     r = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
-    tip = Profile(r, np.array([0.0, 1.0, 2.0, 5.0, 8.0]))
+    tip = ul.Profile(r, np.array([0.0, 1.0, 2.0, 5.0, 8.0]))
     assert np.allclose(tip.surface(np.array([0.5, 1.5, 2.5, 3.5])), [0.5, 1.5, 3.5, 6.5], rtol=0, atol=1e-12)
     # A cone of slope 1, then slope 3 from r = 2: H = (pi/2) r + 2 r acos(2/r).
     assert float(tip.abel(np.array(3.0))) == pytest.approx(1.5 * np.pi + 6 * np.arccos(2 / 3), rel=1e-14)
@@ -158,9 +156,9 @@ def test_a_corner_stays_a_corner():
 
 def test_an_offset_of_the_heights_is_removed_and_equal_tips_are_equal():
     r = np.linspace(0.0, 1.0, 9)
-    first, second = Profile(r, r**2), Profile(r, r**2 + 5.0)
-    assert first == Profile(list(r), list(r**2))
-    assert hash(first) == hash(Profile(r, r**2))
+    first, second = ul.Profile(r, r**2), ul.Profile(r, r**2 + 5.0)
+    assert first == ul.Profile(list(r), list(r**2))
+    assert hash(first) == hash(ul.Profile(r, r**2))
     assert np.allclose(first.height, second.height, rtol=0, atol=1e-15)
     assert first.max_radius == 1.0
     assert not first.r.flags.writeable
@@ -180,11 +178,11 @@ def test_an_offset_of_the_heights_is_removed_and_equal_tips_are_equal():
     ],
 )
 def test_what_is_not_a_convex_tip_is_refused(r, height, message):
-    with pytest.raises(InputError, match=message):
-        Profile(r, height)
+    with pytest.raises(ul.InputError, match=message):
+        ul.Profile(r, height)
 
 
 def test_a_contact_beyond_the_last_radius_is_refused():
-    tip = Profile(np.linspace(0, 1, 5), np.linspace(0, 1, 5) ** 2)
-    with pytest.raises(InputError, match="last measured radius"):
+    tip = ul.Profile(np.linspace(0, 1, 5), np.linspace(0, 1, 5) ** 2)
+    with pytest.raises(ul.InputError, match="last measured radius"):
         tip.halfspace_radius(np.array([1.0, 2.1]))

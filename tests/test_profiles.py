@@ -12,15 +12,11 @@ import underlay as ul
 from support.inverse import layer_on, measured, problem
 from support.user_scenes import user_test
 from support.worlds import Clean, disturbed
-from underlay.errors import InputError
-from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.engine import Search, minimise
 from underlay.inference.least_squares.projection import Point
-from underlay.inference.priors import Normal
-from underlay.inference.profiles import Interval, delta_chi_square_at, profile
+from underlay.inference.profiles import Interval, delta_chi_square_at
 from underlay.inference.profiling.profile_result import _constant, _crossing
 from underlay.inference.profiling.walk import Walk
-from underlay.scene.noise import Noise
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import coverage
@@ -30,9 +26,9 @@ E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "subst
 
 def test_a_linear_parameter_has_the_interval_of_students_t():
     scene = layer_on(ul.RIGID)
-    found = fit(problem(scene, ["instrument.baseline", "instrument.baseline_slope"], measured(scene)))
+    found = ul.fit(problem(scene, ["instrument.baseline", "instrument.baseline_slope"], measured(scene)))
     for name in found.names:
-        interval = profile(found, name).interval(0.9)
+        interval = ul.profile(found, name).interval(0.9)
         half = stats.t.ppf(0.95, 298) * found.stderr[name]
         # A parabola read through monotone cubics in steps of half a unit of z: 1e-3 of the half-width.
         assert interval.low == pytest.approx(found.values[name] - half, abs=2e-3 * half)
@@ -41,9 +37,9 @@ def test_a_linear_parameter_has_the_interval_of_students_t():
 
 def test_known_noise_takes_the_normal_quantile():
     scene = layer_on(ul.RIGID)
-    p = problem(scene, ["instrument.baseline"], noise=Noise(force=1e-3))
-    found = fit(p)
-    interval = profile(found, "instrument.baseline").interval(0.95)
+    p = problem(scene, ["instrument.baseline"], noise=ul.Noise(force=1e-3))
+    found = ul.fit(p)
+    interval = ul.profile(found, "instrument.baseline").interval(0.95)
     half = 1.9599639845400545 * found.stderr["instrument.baseline"]
     assert interval.high - interval.low == pytest.approx(2.0 * half, rel=2e-3)
 
@@ -51,8 +47,8 @@ def test_known_noise_takes_the_normal_quantile():
 @pytest.mark.parametrize("name", [E, H, C])
 def test_the_ends_are_where_the_rise_is_the_threshold(name):
     scene = layer_on(ul.RIGID)
-    found = fit(problem(scene, [E, H, C], measured(scene, level=0.003)))
-    result = profile(found, name)
+    found = ul.fit(problem(scene, [E, H, C], measured(scene, level=0.003)))
+    result = ul.profile(found, name)
     interval = result.interval(0.95)
     for end in (interval.low, interval.high):
         assert delta_chi_square_at(found, name, end) == pytest.approx(result.threshold(0.95), rel=1e-2)
@@ -68,10 +64,10 @@ def test_a_curve_without_noise_has_the_interval_of_the_noise_that_is_stated(name
     sigma = 0.005 * float(scene.force(depth[-1]))
     free = ["layer.E", "layer.thickness", "substrate.E", "instrument.contact_depth"]
     curve = ul.synthesize(scene, depth, ul.Noise(force=1e-9 * sigma), 3)
-    known = profile(ul.Problem(scene, curve, free, Noise(sigma)), name).interval(0.95)
+    known = ul.profile(ul.Problem(scene, curve, free, ul.Noise(sigma)), name).interval(0.95)
     others = [path for path in free if path != name]
     for end in (known.low, known.high):
-        held = fit(ul.Problem(scene.with_values({name: end}), curve, others, Noise(sigma)))
+        held = ul.fit(ul.Problem(scene.with_values({name: end}), curve, others, ul.Noise(sigma)))
         # The rise above a fit that leaves nothing; an end lies between two steps, to a hundredth of the interval.
         assert float(np.sum((held.residuals[0] / sigma) ** 2)) == pytest.approx(3.84, rel=0.04)
 
@@ -83,8 +79,8 @@ def test_a_valley_that_is_open_at_the_optimum_and_closed_further_on(name):
     # the optimum foretells is then a step far too long.
     scene = layer_on(ul.Isotropic(1e9, 0.3), thickness=8e-4, nu=0.5, indenter=ul.Paraboloid(5e-4))
     curve = measured(scene, depth=5e-5, first=-1e-5, level=0.003, points=400)
-    found = fit(problem(scene.with_values({BASE: 1e8}), [E, H, BASE, C], curve))
-    result = profile(found, name)
+    found = ul.fit(problem(scene.with_values({BASE: 1e8}), [E, H, BASE, C], curve))
+    result = ul.profile(found, name)
     interval = result.interval(0.95)
     ends = [(interval.low, interval.low_reason), (interval.high, interval.high_reason)]
     assert interval.low < scene.parameters[name] < interval.high
@@ -102,17 +98,17 @@ def test_a_base_that_might_be_rigid_has_a_lower_bound_and_one_optimum(seed):
     # The fit ends anywhere on the plateau of rigid bases, ten orders of magnitude above where the data object.
     scene = layer_on(ul.Isotropic(1e9, 0.3), thickness=8e-4, nu=0.5)
     curve = measured(scene, depth=8e-5, first=-2e-5, level=0.003, points=400, rng=seed)
-    found = fit(problem(scene.with_values({BASE: 1e8}), [E, H, BASE, C], curve))
+    found = ul.fit(problem(scene.with_values({BASE: 1e8}), [E, H, BASE, C], curve))
     assert not found.alternatives
-    interval = profile(found, BASE).interval()
+    interval = ul.profile(found, BASE).interval()
     assert (interval.low_reason, interval.high_reason) == ("data", "none")
     assert 1e6 < interval.low < 1e9
     # With the base held rigid the thickness would end 5 % below its optimum.
-    assert profile(found, H).interval().low < 0.85 * found.values[H]
+    assert ul.profile(found, H).interval().low < 0.85 * found.values[H]
 
 
 def test_an_end_beyond_a_hump_is_read_from_its_last_rise():
-    walk = profile(problem(layer_on(ul.RIGID), [E, C]), E)
+    walk = ul.profile(problem(layer_on(ul.RIGID), [E, C]), E)
     q = np.arange(7.0)
     made = replace(
         walk,
@@ -128,15 +124,15 @@ def test_an_end_beyond_a_hump_is_read_from_its_last_rise():
 
 def test_an_asymmetric_interval_is_wider_where_the_data_say_less():
     scene = layer_on(ul.RIGID, thickness=2e-3)
-    found = fit(problem(scene, [E, H, C], measured(scene)))
-    interval = profile(found, H).interval()
+    found = ul.fit(problem(scene, [E, H, C], measured(scene)))
+    interval = ul.profile(found, H).interval()
     assert interval.high - found.values[H] > 1.5 * (found.values[H] - interval.low)
 
 
 def test_no_upper_bound_for_a_layer_that_is_thick():
     # Contact radius over thickness 0.04: the layer changes the force by less than the noise.
     scene = layer_on(ul.RIGID, thickness=1e-2)
-    interval = profile(problem(scene, [E, H, C], measured(scene)), H).interval()
+    interval = ul.profile(problem(scene, [E, H, C], measured(scene)), H).interval()
     assert interval.high == np.inf
     assert interval.high_reason == "none"
     assert 0.0 < interval.low < 1e-2
@@ -146,7 +142,7 @@ def test_no_upper_bound_for_a_layer_that_is_thick():
 
 def test_the_callers_own_bound_is_told_from_the_datas():
     scene = layer_on(ul.RIGID, thickness=1e-2)
-    interval = profile(problem(scene, {E: None, H: (1e-4, 2e-2), C: None}, measured(scene)), H).interval()
+    interval = ul.profile(problem(scene, {E: None, H: (1e-4, 2e-2), C: None}, measured(scene)), H).interval()
     assert interval.high == 2e-2
     assert interval.high_reason == "bound"
     assert "only its own limit 20 mm" in str(interval)
@@ -154,15 +150,15 @@ def test_the_callers_own_bound_is_told_from_the_datas():
 
 def test_a_stiff_base_has_no_upper_bound():
     scene = layer_on(ul.Isotropic(1e9, 0.3))
-    interval = profile(problem(scene, [E, BASE, C], measured(scene)), BASE).interval()
+    interval = ul.profile(problem(scene, [E, BASE, C], measured(scene)), BASE).interval()
     assert interval.high_reason == "none"
     assert interval.low < 1e9
 
 
 def test_a_prior_takes_part():
     scene = layer_on(ul.RIGID, thickness=1e-2)
-    free = {E: None, H: Normal(1e-2, 1e-3), C: None}
-    interval = profile(problem(scene, free, measured(scene)), H).interval()
+    free = {E: None, H: ul.Normal(1e-2, 1e-3), C: None}
+    interval = ul.profile(problem(scene, free, measured(scene)), H).interval()
     assert interval.low == pytest.approx(8e-3, rel=0.1)
     assert interval.high == pytest.approx(1.2e-2, rel=0.1)
 
@@ -171,32 +167,32 @@ def test_a_profile_begun_at_a_poor_optimum_moves_to_the_better():
     scene = layer_on(ul.RIGID)
     curve = measured(scene, points=200, depth=2e-4, first=-5e-5, level=0.002)
     thin = scene.with_values({E: 2.5e5, H: 1.8e-4, C: 1e-6})
-    poor = fit(problem(thin, [E, H, C], curve), start="given")
-    best = fit(problem(scene, [E, H, C], curve))
+    poor = ul.fit(problem(thin, [E, H, C], curve), start="given")
+    best = ul.fit(problem(scene, [E, H, C], curve))
     if poor.statistics.chi_square * poor.noises[0].force ** 2 <= 1.001 * (
         best.statistics.chi_square * best.noises[0].force ** 2
     ):
         pytest.skip("the minimiser left the poor optimum by itself")
-    interval = profile(best, E).interval()
+    interval = ul.profile(best, E).interval()
     assert interval.low < 1e6 < interval.high
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, -0.1, 0.9999])
 def test_levels_that_are_none(level):
-    with pytest.raises(InputError, match="level"):
-        profile(problem(layer_on(ul.RIGID), [E]), E).interval(level)
+    with pytest.raises(ul.InputError, match="level"):
+        ul.profile(problem(layer_on(ul.RIGID), [E]), E).interval(level)
 
 
 def test_parameters_that_cannot_be_profiled():
     p = problem(layer_on(ul.RIGID), {E: (1e5, 1e7), "noise.force": None})
-    with pytest.raises(InputError, match="not free here"):
-        profile(p, "layer.nu")
-    with pytest.raises(InputError, match="the noise is frozen"):
-        profile(p, "noise.force", calibrate=19)
-    with pytest.raises(InputError, match="the noise is frozen"):
-        delta_chi_square_at(fit(p), "noise.force", 1e-3)
-    with pytest.raises(InputError, match="outside its bounds"):
-        delta_chi_square_at(fit(p), E, 1e8)
+    with pytest.raises(ul.InputError, match="not free here"):
+        ul.profile(p, "layer.nu")
+    with pytest.raises(ul.InputError, match="the noise is frozen"):
+        ul.profile(p, "noise.force", calibrate=19)
+    with pytest.raises(ul.InputError, match="the noise is frozen"):
+        delta_chi_square_at(ul.fit(p), "noise.force", 1e-3)
+    with pytest.raises(ul.InputError, match="outside its bounds"):
+        delta_chi_square_at(ul.fit(p), E, 1e8)
 
 
 def test_words_of_an_interval():
@@ -240,7 +236,7 @@ def test_a_walk_that_ends_on_the_limit_has_its_end_there():
 
 def test_a_bottom_that_a_walk_stood_on_takes_the_place_of_that_step():
     # Beside it, at the same value to rounding, it left a profile that no cubic goes through.
-    found = fit(problem(layer_on(ul.RIGID), [E, C]))
+    found = ul.fit(problem(layer_on(ul.RIGID), [E, C]))
     beside = [found.vector + step * np.array([0.1, 0.0]) for step in (-1.0, 0.0, 1.0)]
     walk = replace(Walk.start(found, 0, found.vector), vectors=beside, delta_chi_squares=[1.0, 0.5, 1.0])
     walked = walk.with_bottoms()
@@ -260,7 +256,7 @@ def all_free(seed):
     clean = Clean.of(scene, depth, points)
     curve = disturbed(clean, "clean", rng, noise)
     free = [E, H, BASE, C, "instrument.baseline"]
-    return fit(ul.Problem(scene, curve, free, ul.Noise(force=noise * clean.top)))
+    return ul.fit(ul.Problem(scene, curve, free, ul.Noise(force=noise * clean.top)))
 
 
 def test_a_prediction_among_places_without_a_law_does_not_end_a_walk(monkeypatch):
@@ -275,7 +271,7 @@ def test_a_prediction_among_places_without_a_law_does_not_end_a_walk(monkeypatch
         return step
 
     monkeypatch.setattr(Walk, "follow", counted)
-    end = profile(found, E)
+    end = ul.profile(found, E)
     assert end.interval().high_reason == "data"
     # Searches from the prediction were refused, and yet it was made.
     assert max(refused for made, refused in begun if made) > 2
@@ -300,7 +296,7 @@ def test_beside_a_plateau_the_others_are_at_their_best(number):
 
 
 def test_a_walk_halves_the_way_to_where_the_laws_end(monkeypatch):
-    found = fit(problem(layer_on(ul.RIGID), [E, C]))
+    found = ul.fit(problem(layer_on(ul.RIGID), [E, C]))
     here = float(found.vector[0])
     deviation = float(np.sqrt(found.scaled_covariance[0, 0]))
     wall, asked = here + 300.7 * deviation, []

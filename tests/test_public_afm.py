@@ -9,8 +9,6 @@ import pytest
 
 import underlay as ul
 from support.public_files import public_file
-from underlay.data.readers import read_all
-from underlay.errors import FileFormatError
 
 
 def thirds(values):
@@ -96,22 +94,24 @@ def test_peakforce_taps_press_hardest_where_the_drive_turns():
         tap = ul.read(path, test=number)
         assert abs(int(np.argmax(tap.force)) - 88.325) < 1.5
         assert np.ptp(travel(tap)) == pytest.approx(140e-9, rel=1e-3)  # twice the amplitude
-    with pytest.raises(FileFormatError, match="holds 65536 curves; up to 20000 are read at once: pick one"):
-        read_all(path)
+    with pytest.raises(
+        ul.FileFormatError, match="holds 65536 curves; up to 20000 are read at once: pick one"
+    ):
+        ul.read_all(path)
 
 
 @pytest.mark.parametrize(
     ("name", "told"), [("Image.spm", "an image"), ("Script.spm", "another kind than ramps")]
 )
 def test_nanoscope_files_of_another_kind_are_called_so(name, told):
-    with pytest.raises(FileFormatError, match=told):
-        read_all(public_file(name))
+    with pytest.raises(ul.FileFormatError, match=told):
+        ul.read_all(public_file(name))
 
 
 def test_a_nanoscope_volume_whose_header_has_a_byte_too_many_is_refused():
     """One entry of it reads "(\\Data length V/LSB)" where a number of one byte less was: 4 uN for 4 nN."""
     with pytest.raises(
-        FileFormatError, match=r"numbers of .*Deflection Error.* for 16 bits.*power of two too large"
+        ul.FileFormatError, match=r"numbers of .*Deflection Error.* for 16 bits.*power of two too large"
     ):
         ul.read(public_file("20200903_Egel2.0_00023.spm"), test=1)
 
@@ -120,7 +120,7 @@ def test_a_nanoscope_volume_whose_header_has_a_byte_too_many_is_refused():
 
 
 def test_nanosurf_map_is_nsfopens():
-    curves = read_all(public_file("spectroscopy.nid"))
+    curves = ul.read_all(public_file("spectroscopy.nid"))
     assert len(curves) == 100
     first = curves[0]
     way_in, way_out = first.loading(), first.unloading()
@@ -144,14 +144,14 @@ def test_nanosurf_map_is_nsfopens():
 
 
 def test_nanosurf_calibration_is_the_files_own_ratio_of_full_scales():
-    curve = read_all(public_file("spectroscopy.nid"))[0]
+    curve = ul.read_all(public_file("spectroscopy.nid"))[0]
     # In0: 1.99075 uN, In5: 730.723 nm, In15: 10 V at full scale.
     assert curve.metadata["spring_constant"] == pytest.approx(1.99075e-6 / 7.30723e-7, rel=1e-5)
     assert curve.metadata["sensitivity"] == pytest.approx(73.0723e-9, rel=1e-12)
 
 
 def test_nanosurf_pauses_are_nsfopens():
-    second = read_all(public_file("spec.nid"))[1]
+    second = ul.read_all(public_file("spec.nid"))[1]
     assert [len(part) for part in (second.loading(), second.hold(), second.unloading())] == [
         42165,
         2000,
@@ -171,8 +171,8 @@ def test_nanosurf_pauses_are_nsfopens():
 
 
 def test_nanosurf_files_of_another_kind_are_called_so():
-    with pytest.raises(FileFormatError, match="images and spectra are not read"):
-        read_all(public_file("thermal.nid"))
+    with pytest.raises(ul.FileFormatError, match="images and spectra are not read"):
+        ul.read_all(public_file("thermal.nid"))
 
 
 # --- Park
@@ -180,7 +180,7 @@ def test_nanosurf_files_of_another_kind_are_called_so():
 
 def test_park_curves_are_pspylibs():
     """The third place; single precision."""
-    curves = read_all(public_file("ForceCurve_009.tiff"))
+    curves = ul.read_all(public_file("ForceCurve_009.tiff"))
     assert len(curves) == 7
     third = curves[2]
     half = len(third.loading())
@@ -198,15 +198,15 @@ def test_park_curves_are_pspylibs():
 
 def test_park_curves_move_as_fast_as_the_file_says():
     """0.02 um/s both ways, from the positions and the time stamps."""
-    for curve in read_all(public_file("ForceCurve_009.tiff")):
+    for curve in ul.read_all(public_file("ForceCurve_009.tiff")):
         for part in (curve.loading(), curve.unloading()):
             assert np.ptp(travel(part)) / np.ptp(part.time) == pytest.approx(0.02e-6, rel=0.01)
         assert travel(curve)[0] < travel(curve.loading())[-1]
 
 
 def test_a_park_image_is_called_one():
-    with pytest.raises(FileFormatError, match="an image; save the spectroscopy"):
-        read_all(public_file("Park_20210916_034.tiff"))
+    with pytest.raises(ul.FileFormatError, match="an image; save the spectroscopy"):
+        ul.read_all(public_file("Park_20210916_034.tiff"))
 
 
 # --- Asylum
@@ -243,13 +243,13 @@ def test_asylum_numbers_are_afmformats(name):
 
 
 def test_an_asylum_image_is_called_one():
-    with pytest.raises(FileFormatError, match="no force curve: an image"):
-        read_all(public_file("AR_20211011.ibw"))
+    with pytest.raises(ul.FileFormatError, match="no force curve: an image"):
+        ul.read_all(public_file("AR_20211011.ibw"))
 
 
 # --- what is not read
 
 
 def test_an_ntmdt_file_says_how_to_export_it():
-    with pytest.raises(FileFormatError, match=r"NT-MDT file \(.mdt\), which is not read here"):
-        read_all(public_file("GaAs_map.mdt"))
+    with pytest.raises(ul.FileFormatError, match=r"NT-MDT file \(.mdt\), which is not read here"):
+        ul.read_all(public_file("GaAs_map.mdt"))

@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
+import underlay as ul
 from underlay.data import quality as module
-from underlay.data.curve import Curve
-from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
-from underlay.errors import CurveError
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Paraboloid, Sphere
-from underlay.mechanics.materials import Isotropic
-from underlay.scene.scene import Scene
+from underlay.data.quality import DOUBTFUL, GOOD, REFUSED
 
 RNG_SEED = 21
 
@@ -19,11 +14,11 @@ def made(exponent=1.5, *, noise=0.003, points=500, scale=1e-6, **metadata):
     rng = np.random.default_rng(RNG_SEED)
     x = np.linspace(-1.0, 1.0, points)
     force = np.clip(x, 0.0, None) ** exponent + noise * rng.standard_normal(points)
-    return Curve(x * scale, force * 1e-8, time=np.arange(points) * 0.01, metadata=metadata)
+    return ul.Curve(x * scale, force * 1e-8, time=np.arange(points) * 0.01, metadata=metadata)
 
 
 def told(curve, scene=None):
-    return check_quality(curve, scene)
+    return ul.check_quality(curve, scene)
 
 
 def test_a_clean_curve_is_good():
@@ -43,11 +38,11 @@ def test_a_wrong_exponent_is_named(exponent, why):
 
 def test_the_scene_says_which_exponent_to_expect():
     """A thin incompressible layer is far steeper than a half-space, and rightly so."""
-    scene = Scene(Paraboloid(20e-6), Layer(Isotropic(1e4, 0.5), 1.5e-6), RIGID)
+    scene = ul.Scene(ul.Paraboloid(20e-6), ul.Layer(ul.Isotropic(1e4, 0.5), 1.5e-6), ul.RIGID)
     x = np.linspace(-1e-6, 1e-6, 500)
     force = scene.force(np.clip(x, 0.0, None))
     force = force + 0.002 * force[-1] * np.random.default_rng(2).standard_normal(500)
-    curve = Curve(x, force)
+    curve = ul.Curve(x, force)
     with_scene = told(curve, scene)
     assert with_scene.expected_exponent > 1.9
     assert not any("exponent" in reason for reason in with_scene.reasons)
@@ -58,19 +53,21 @@ def test_a_slip_is_named():
     curve = made()
     force = np.array(curve.force)
     force[curve.depth > 0.7e-6] -= 0.2e-8
-    assert any("slipped or the sample broke" in reason for reason in told(Curve(curve.depth, force)).reasons)
+    assert any(
+        "slipped or the sample broke" in reason for reason in told(ul.Curve(curve.depth, force)).reasons
+    )
 
 
 def test_cycles_are_told_and_are_no_slip():
     once = made()
     depth = np.tile(np.concatenate((once.depth, once.depth[::-1])), 3)
     force = np.tile(np.concatenate((once.force, once.force[::-1])), 3)
-    reasons = told(Curve(depth, force)).reasons
+    reasons = told(ul.Curve(depth, force)).reasons
     assert any(reason.startswith("it goes in 3 times: ") for reason in reasons)
     assert not any("slipped" in reason for reason in reasons)
     # A slip in one of them is still one.
     force[(np.arange(len(force)) < 500) & (depth > 0.7e-6)] -= 0.2e-8
-    assert any("slipped or the sample broke" in reason for reason in told(Curve(depth, force)).reasons)
+    assert any("slipped or the sample broke" in reason for reason in told(ul.Curve(depth, force)).reasons)
 
 
 def test_a_weak_curve_is_named():
@@ -88,23 +85,23 @@ def test_a_ball_too_deep_for_its_paraboloid():
     half = made(scale=4e-6, indenter_radius=1e-5)
     assert any("paraboloid does not hold (4 % in force), use the sphere" in r for r in told(half).reasons)
     assert told(made(scale=1e-7, indenter_radius=1e-5)).verdict == GOOD
-    scene = Scene(Sphere(1e-5), Layer(Isotropic(1e4, 0.5)))
+    scene = ul.Scene(ul.Sphere(1e-5), ul.Layer(ul.Isotropic(1e4, 0.5)))
     assert not any("paraboloid" in reason for reason in told(half, scene).reasons)
 
 
 @pytest.mark.parametrize(
     ("curve", "why"),
     [
-        (Curve(np.arange(5.0), np.arange(5.0)), "at least 8"),
-        (Curve(np.arange(20.0), np.zeros(20)), "force is zero"),
-        (Curve(-np.arange(20.0), np.arange(20.0)), "never increases"),
+        (ul.Curve(np.arange(5.0), np.arange(5.0)), "at least 8"),
+        (ul.Curve(np.arange(20.0), np.zeros(20)), "force is zero"),
+        (ul.Curve(-np.arange(20.0), np.arange(20.0)), "never increases"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_with_the_reason(curve, why):
     quality = told(curve)
     assert quality.verdict == REFUSED
     assert why in quality.reasons[0]
-    with pytest.raises(CurveError, match=why):
+    with pytest.raises(ul.CurveError, match=why):
         quality.require()
 
 
@@ -122,8 +119,8 @@ def test_a_ball_against_its_paraboloid():
     for ratio in (module._SHALLOW, 0.2, 0.5, 2.0):
         depth = np.array([ratio * radius])
         ball, paraboloid = (
-            Scene(tip, Layer(Isotropic(1e3, 0.4))).force(depth)[0]
-            for tip in (Sphere(radius), Paraboloid(radius))
+            ul.Scene(tip, ul.Layer(ul.Isotropic(1e3, 0.4))).force(depth)[0]
+            for tip in (ul.Sphere(radius), ul.Paraboloid(radius))
         )
         assert module._ball_against_paraboloid(ratio) == pytest.approx(paraboloid / ball - 1.0, rel=1e-9)
     assert module._ball_against_paraboloid(module._SHALLOW) < 0.51 * module._SHAPE

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.mechanics.response import History
 from underlay.quantities import (
     Part,
     curve_of,
@@ -17,7 +16,6 @@ from underlay.quantities import (
     kind_of,
     numbers_of,
     path_of,
-    quantity,
     replace_values,
 )
 from underlay.report.labels import label, labelled, symbol
@@ -82,7 +80,7 @@ def test_scales_of_force_and_length_scale_the_contact():
 class Relaxation(Part):
     parts = ("mould",)
     times: tuple[float, ...] = field(
-        metadata=quantity("time", "relaxation time of the {part}", bounds=(0.0, np.inf), many=True)
+        metadata=ul.quantity("time", "relaxation time of the {part}", bounds=(0.0, np.inf), many=True)
     )
 
 
@@ -182,7 +180,7 @@ def test_links_of_many_sets_are_those_of_each():
         assert np.array_equal(many.reading(DEPTH, DEPTH)[row], alone.reading(DEPTH, DEPTH))
 
 
-class Forgetful(History):
+class Forgetful(ul.History):
     """Remembers nothing."""
 
     def force(self, elastic, depth, time):

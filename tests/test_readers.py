@@ -9,11 +9,11 @@ import numpy as np
 import openpyxl
 import pytest
 
+import underlay as ul
 from support import afm_files, microscope_files
 from support import instrument_files as files
 from support.compound_file import xls
-from underlay.data.readers import FORMATS, read, read_all
-from underlay.errors import CurveError, FileFormatError, InputError, UnderlayWarning, UnitError
+from underlay.data.readers import FORMATS
 
 TIME, DEPTH, FORCE = files.sample_curve(1.0, 1.0)
 LABELS = np.repeat(("loading", "hold", "unloading"), (files.RAMP, files.REST, files.BACK))
@@ -55,20 +55,20 @@ def test_content_alone_tells_the_format(name, put):
     expected = {"archive": "csv"}.get(name, name.split()[0])
     path = put(content, "whatever.qqq")  # the extension says nothing
     if name in {"hysitron nanodma", "afm ntmdt"}:
-        with pytest.raises(InputError):
-            read_all(path)
+        with pytest.raises(ul.InputError):
+            ul.read_all(path)
         return
     if name == "nanosuite":
-        with pytest.warns(UnderlayWarning, match="1 of 90 points left out"):
-            curves = read_all(path)
+        with pytest.warns(ul.UnderlayWarning, match="1 of 90 points left out"):
+            curves = ul.read_all(path)
     else:
-        curves = read_all(path)
+        curves = ul.read_all(path)
     assert curves[0].metadata["format"] == expected
 
 
 def test_provenance_is_in_the_metadata(put):
     content = files.optics11()
-    curve = read(put(content))
+    curve = ul.read(put(content))
     assert curve.metadata["sha256"] == hashlib.sha256(content).hexdigest()
     assert curve.metadata["path"].endswith("measured.dat")
     assert curve.metadata["reader"].startswith("underlay ")
@@ -79,34 +79,34 @@ def test_provenance_is_in_the_metadata(put):
 def test_several_tests_are_listed_and_picked(put):
     path = put(files.mach1(3))
     with pytest.raises(
-        InputError,
+        ul.InputError,
         match=r"holds 3 tests \(1: measured, block 2.*Pick one: test = 1 to test = 3 in the .curve. section",
     ):
-        read(path)
-    assert read(path, test=2).metadata["block"] == 5
-    with pytest.raises(InputError, match="there is no test 4"):
-        read(path, test=4)
-    assert [curve.metadata["test"] for curve in read_all(path)] == [1, 2, 3]
+        ul.read(path)
+    assert ul.read(path, test=2).metadata["block"] == 5
+    with pytest.raises(ul.InputError, match="there is no test 4"):
+        ul.read(path, test=4)
+    assert [curve.metadata["test"] for curve in ul.read_all(path)] == [1, 2, 3]
 
 
 def test_an_unknown_format_or_file_is_named(put):
-    with pytest.raises(InputError, match="no format 'xyz'; there are"):
-        read(put(files.delimited()), format="xyz")
-    with pytest.raises(FileFormatError, match="not recognised as any known format"):
-        read(put("Dear diary,\nnothing was measured.\n"))
-    with pytest.raises(FileFormatError):
-        read(put(files.delimited()), format="mach1")
+    with pytest.raises(ul.InputError, match="no format 'xyz'; there are"):
+        ul.read(put(files.delimited()), format="xyz")
+    with pytest.raises(ul.FileFormatError, match="not recognised as any known format"):
+        ul.read(put("Dear diary,\nnothing was measured.\n"))
+    with pytest.raises(ul.FileFormatError):
+        ul.read(put(files.delimited()), format="mach1")
 
 
 def test_options_that_cannot_act_are_refused(put):
-    with pytest.raises(InputError, match="a column mapping does not apply"):
-        read(put(files.optics11()), columns={"depth": "Piezo (nm)"})
-    with pytest.raises(InputError, match="holds its calibration"):
-        read(put(files.optics11()), calibration={"spring_constant": "0.04 N/m"})
-    with pytest.raises(InputError, match="no calibration 'k'"):
-        read(put(afm_files.jpk()), calibration={"k": "0.04 N/m"})
-    with pytest.raises(InputError, match="must be positive"):
-        read(put(afm_files.jpk()), calibration={"spring_constant": "-0.04 N/m"})
+    with pytest.raises(ul.InputError, match="a column mapping does not apply"):
+        ul.read(put(files.optics11()), columns={"depth": "Piezo (nm)"})
+    with pytest.raises(ul.InputError, match="holds its calibration"):
+        ul.read(put(files.optics11()), calibration={"spring_constant": "0.04 N/m"})
+    with pytest.raises(ul.InputError, match="no calibration 'k'"):
+        ul.read(put(afm_files.jpk()), calibration={"k": "0.04 N/m"})
+    with pytest.raises(ul.InputError, match="must be positive"):
+        ul.read(put(afm_files.jpk()), calibration={"spring_constant": "-0.04 N/m"})
 
 
 # --- plain tables
@@ -123,7 +123,7 @@ def test_options_that_cannot_act_are_refused(put):
     ],
 )
 def test_tables_in_all_dialects(separator, comma, encoding, put):
-    curve = read(put(files.delimited(separator, comma=comma, encoding=encoding, end="\r\n")))
+    curve = ul.read(put(files.delimited(separator, comma=comma, encoding=encoding, end="\r\n")))
     check(curve, 2e-6, 1e-4, 1e-8)
     assert curve.metadata["comments"] == ("a gel on glass",)
     assert curve.metadata["units"]["depth (µm)"] == "µm"
@@ -150,65 +150,65 @@ def test_tables_in_all_dialects(separator, comma, encoding, put):
     ],
 )
 def test_headers_and_units_as_people_write_them(text, depth, force, put):
-    curve = read(put(text))
+    curve = ul.read(put(text))
     np.testing.assert_allclose(curve.depth, depth, rtol=1e-15)
     np.testing.assert_allclose(curve.force, force, rtol=1e-15)
 
 
 def test_a_mapping_names_columns_units_and_signs(put):
     path = put("x [um],F1 [N],F2\n1,-2,-5\n2,-3,-6\n")
-    curve = read(path, columns={"depth": "x", "force": "-F2 (mN)"})
+    curve = ul.read(path, columns={"depth": "x", "force": "-F2 (mN)"})
     np.testing.assert_allclose(curve.force, [5e-3, 6e-3])
     assert curve.metadata["sign_rules"]["force"] == "minus the column 'F2', as asked"
-    np.testing.assert_allclose(read(path, columns={"depth": "x [mm]", "force": "F1"}).depth, [1e-3, 2e-3])
-    with pytest.raises(FileFormatError, match=r"no column 'F3'; it has 'x \[um\]', 'F1 \[N\]', 'F2'"):
-        read(path, columns={"depth": "x", "force": "F3"})
-    with pytest.raises(InputError, match="has no 'z'; it takes depth, force, time, segment"):
-        read(path, columns={"z": "x"})
-    with pytest.raises(InputError, match="must be a name"):
-        read(path, columns={"depth": "-"})
+    np.testing.assert_allclose(ul.read(path, columns={"depth": "x [mm]", "force": "F1"}).depth, [1e-3, 2e-3])
+    with pytest.raises(ul.FileFormatError, match=r"no column 'F3'; it has 'x \[um\]', 'F1 \[N\]', 'F2'"):
+        ul.read(path, columns={"depth": "x", "force": "F3"})
+    with pytest.raises(ul.InputError, match="has no 'z'; it takes depth, force, time, segment"):
+        ul.read(path, columns={"z": "x"})
+    with pytest.raises(ul.InputError, match="must be a name"):
+        ul.read(path, columns={"depth": "-"})
 
 
 @pytest.mark.parametrize(
     ("text", "error", "told"),
     [
-        ("x (um),y (N)\n1,2\n", FileFormatError, r"no column for the depth; it has 'x \(um\)', 'y \(N\)'"),
+        ("x (um),y (N)\n1,2\n", ul.FileFormatError, r"no column for the depth; it has 'x \(um\)', 'y \(N\)'"),
         (
             "depth,force\n1,2\n",
-            FileFormatError,
+            ul.FileFormatError,
             r"column 'depth': no unit; write it in the header as 'depth \(um\)'",
         ),
-        ("depth (um),force (kPa)\n1,2\n", UnitError, "'kPa' is a unit of pressure, but a force is needed"),
-        ("depth (um),force (bananas)\n1,2\n", UnitError, "unknown unit 'bananas' for a force"),
-        ("1,2\n3,4\n", FileFormatError, "no row of names above its numbers"),
-        ("depth (um),force (mN)\n", FileFormatError, "not recognised"),
+        ("depth (um),force (kPa)\n1,2\n", ul.UnitError, "'kPa' is a unit of pressure, but a force is needed"),
+        ("depth (um),force (bananas)\n1,2\n", ul.UnitError, "unknown unit 'bananas' for a force"),
+        ("1,2\n3,4\n", ul.FileFormatError, "no row of names above its numbers"),
+        ("depth (um),force (mN)\n", ul.FileFormatError, "not recognised"),
         (
             "depth (um),force (mN)\n1,2\n3\n",
-            FileFormatError,
+            ul.FileFormatError,
             "row 2 of the table has 1 cells where at least 2",
         ),
         (
             "depth (um),force (mN)\n1,2\n3,four\n",
-            FileFormatError,
+            ul.FileFormatError,
             "row 2 of the table: 'four' is not a number",
         ),
-        ("depth (um),force (mN)\n1,2\n3,1_000\n", FileFormatError, "'1_000' is not a"),
+        ("depth (um),force (mN)\n1,2\n3,1_000\n", ul.FileFormatError, "'1_000' is not a"),
         (
             "depth (um),force (mN)\n1,2\nnan,3\n",
-            FileFormatError,
+            ul.FileFormatError,
             "row 2 of the table: 'nan' is not a finite number",
         ),
         (
             "depth (um),force (mN)\nnm,mN\n1,2\n",
-            FileFormatError,
+            ul.FileFormatError,
             r"column 'depth \(um\)': the row below the names says 'nm'",
         ),
-        ("depth (um),force (mN)\n1,2\n3,1e400\n", FileFormatError, "'1e400' is not a finite number"),
+        ("depth (um),force (mN)\n1,2\n3,1e400\n", ul.FileFormatError, "'1e400' is not a finite number"),
     ],
 )
 def test_what_a_table_lacks_is_said(text, error, told, put):
     with pytest.raises(error, match=told):
-        read(put(text))
+        ul.read(put(text))
 
 
 @pytest.mark.parametrize(
@@ -222,9 +222,9 @@ def test_what_a_table_lacks_is_said(text, error, told, put):
 )
 def test_more_numbers_than_names_are_refused(text, put):
     with pytest.raises(
-        FileFormatError, match=r"row \d of the table has \d cells under 2 names: .* semicolons"
+        ul.FileFormatError, match=r"row \d of the table has \d cells under 2 names: .* semicolons"
     ):
-        read(put(text))
+        ul.read(put(text))
 
 
 @pytest.mark.parametrize(
@@ -239,16 +239,16 @@ def test_more_numbers_than_names_are_refused(text, put):
 )
 def test_statistics_at_the_foot_of_a_table_are_no_readings(foot, put):
     readings = "point,depth (nm),force (uN),remark\n0,1,2,\n1,2,3,at most\n"
-    curve = read(put(readings + foot))
+    curve = ul.read(put(readings + foot))
     np.testing.assert_allclose(curve.depth, [1e-9, 2e-9])
     assert any("rows of statistics at the foot" in note for note in curve.metadata["notes"])
-    plain = read(put(readings))
+    plain = ul.read(put(readings))
     np.testing.assert_allclose(plain.depth, curve.depth)
     assert not any("statistics" in note for note in plain.metadata.get("notes", ()))
     # A remark without end is looked at no longer than any other.
-    assert len(read(put(readings + f"2,3,4,{'(' * 30_000}\n"))) == 3
+    assert len(ul.read(put(readings + f"2,3,4,{'(' * 30_000}\n"))) == 3
     # Above the last reading it is a mark of that reading.
-    marked = read(put(readings.replace("0,1,2,", "0,1,2,min")))
+    marked = ul.read(put(readings.replace("0,1,2,", "0,1,2,min")))
     assert len(marked) == 2
 
 
@@ -257,32 +257,32 @@ def test_thousands_are_not_read_as_decimals(separator, put):
     rows = [f"{10 * i}\t{498 + i}\n" for i in range(98, 100)] + [f"1,0{i}0\t{598 + i}\n" for i in range(3)]
     text = "depth (nm)\tforce (uN)\n" + "".join(rows).replace(",", separator)
     with pytest.raises(
-        FileFormatError, match=r"column 'depth \(nm\)': '1.000' beside whole .* like thousands"
+        ul.FileFormatError, match=r"column 'depth \(nm\)': '1.000' beside whole .* like thousands"
     ):
-        read(put(text))
+        ul.read(put(text))
     decimals = text.replace("990\t", f"990{separator}5\t")
-    np.testing.assert_allclose(read(put(decimals)).depth[1:3], [990.5e-9, 1e-9])
+    np.testing.assert_allclose(ul.read(put(decimals)).depth[1:3], [990.5e-9, 1e-9])
 
 
 def test_notes_and_empty_cells_beyond_the_names_are_passed_over(put):
-    curve = read(put("depth (um),force (mN)\n1,2,,\n3,4,touched here\n"))
+    curve = ul.read(put("depth (um),force (mN)\n1,2,,\n3,4,touched here\n"))
     np.testing.assert_allclose(curve.force, [2e-3, 4e-3])
 
 
 def test_cells_without_a_value_are_left_out_aloud(put):
     path = put("depth (um),force (mN)\n1,2\n,3\n4,NA\n5,1.7976931348623157e308\n6,7\n")
-    with pytest.warns(UnderlayWarning, match="3 of 5 points left out"):
-        curve = read(path)
+    with pytest.warns(ul.UnderlayWarning, match="3 of 5 points left out"):
+        curve = ul.read(path)
     np.testing.assert_allclose(curve.depth, [1e-6, 6e-6])
     assert curve.metadata["points_left_out"] == 3
-    with pytest.raises(CurveError, match="no point has both"):
-        read(put("depth (um),force (mN),time (s)\n1,,0\n2,,1\n"))
+    with pytest.raises(ul.CurveError, match="no point has both"):
+        ul.read(put("depth (um),force (mN),time (s)\n1,,0\n2,,1\n"))
 
 
 def test_rows_left_out_are_named(put):
     path = put("depth (um),force (mN)\n1,2\n,3\n4,\n5,6\n")
-    with pytest.warns(UnderlayWarning, match=r"2 of 4 points left out: .*\(rows 2, 3 of the table\)"):
-        read(path)
+    with pytest.warns(ul.UnderlayWarning, match=r"2 of 4 points left out: .*\(rows 2, 3 of the table\)"):
+        ul.read(path)
 
 
 @pytest.mark.parametrize(
@@ -299,7 +299,7 @@ def test_rows_left_out_are_named(put):
 @pytest.mark.parametrize("decomposed", [False, True])
 def test_names_in_other_languages(header, decomposed, put):
     header = unicodedata.normalize("NFD" if decomposed else "NFC", header).replace("μ", "µ")
-    curve = read(put(f"{header}\n1,5;2,5;0\n3;4;1\n"))
+    curve = ul.read(put(f"{header}\n1,5;2,5;0\n3;4;1\n"))
     np.testing.assert_allclose(curve.depth, [1.5e-6, 3e-6])
     np.testing.assert_allclose(curve.force, [2.5e-3, 4e-3])
     np.testing.assert_allclose(curve.time, [0.0, 1.0])
@@ -307,33 +307,33 @@ def test_names_in_other_languages(header, decomposed, put):
 
 def test_columns_of_the_same_name_are_not_chosen_between_without_a_word(put):
     path = put("depth (um),force (nN),force (uN)\n1,2,5\n3,4,7\n")
-    curve = read(path)
+    curve = ul.read(path)
     np.testing.assert_allclose(curve.force, [2e-9, 4e-9])
     assert "first column of its name, 'force (nN)'; not read: 'force (uN)'" in curve.metadata["notes"][0]
-    assert read(path, columns={"force": "force"}).metadata["notes"]
-    chosen = read(path, columns={"force": "-force (uN)"})
+    assert ul.read(path, columns={"force": "force"}).metadata["notes"]
+    chosen = ul.read(path, columns={"force": "-force (uN)"})
     np.testing.assert_allclose(chosen.force, [-5e-6, -7e-6])
     assert not chosen.metadata["notes"]
-    beside = read(put("depth (um),force (nN),depth (um),force (nN)\n1,2,1,9\n3,4,2,8\n"))
+    beside = ul.read(put("depth (um),force (nN),depth (um),force (nN)\n1,2,1,9\n3,4,2,8\n"))
     assert len(beside.metadata["notes"]) == 2
 
 
 def test_a_segment_column_of_our_names_is_used_and_others_are_not(put):
-    curve = read(put("depth (um),force (mN),segment\n1,2,loading\n3,4,hold\n"))
+    curve = ul.read(put("depth (um),force (mN),segment\n1,2,loading\n3,4,hold\n"))
     assert list(curve.segment) == ["loading", "hold"]
-    curve = read(put("depth (um),force (mN),segment\n1,2,1\n3,4,2\n"))
+    curve = ul.read(put("depth (um),force (mN),segment\n1,2,1\n3,4,2\n"))
     assert curve.segment is None
     assert "the segment column is not used" in curve.metadata["notes"][0]
 
 
 def test_numbers_in_comments_that_mean_something(put):
-    curve = read(
+    curve = ul.read(
         put("# indenter radius: 27.5 um\n# spring constant: 0.019 N/m\ndepth (um),force (mN)\n1,2\n")
     )
     assert curve.metadata["indenter_radius"] == 27.5e-6
     assert curve.metadata["spring_constant"] == 0.019
-    with pytest.raises(UnitError, match="indenter radius: 3 kPa"):
-        read(put("# indenter radius: 3 kPa\ndepth (um),force (mN)\n1,2\n"))
+    with pytest.raises(ul.UnitError, match="indenter radius: 3 kPa"):
+        ul.read(put("# indenter radius: 3 kPa\ndepth (um),force (mN)\n1,2\n"))
 
 
 # --- Optics11
@@ -342,7 +342,7 @@ def test_numbers_in_comments_that_mean_something(put):
 @pytest.mark.parametrize("generation", ["old", "V3.4.4", "V3.5.0", "Chiaro"])
 @pytest.mark.parametrize("comma", [False, True])
 def test_optics11_of_all_generations(generation, comma, put):
-    curve = read(put(files.optics11(generation, comma=comma)))
+    curve = ul.read(put(files.optics11(generation, comma=comma)))
     check(curve, 2e-6, 4e-8, 3e-5)  # six decimals of uN: 1e-12 N of 4e-8 N
     assert curve.metadata["indenter_radius"] == pytest.approx(25e-6)
     assert curve.metadata["spring_constant"] == 0.05
@@ -359,7 +359,7 @@ def test_optics11_of_all_generations(generation, comma, put):
 
 def test_optics11_says_so_when_load_and_deflection_do_not_close(put):
     content = files.optics11("old").replace(b"k (N/m)\t0.050", b"k (N/m)\t0.500")
-    assert "check the file's units" in read(put(content)).metadata["notes"][0]
+    assert "check the file's units" in ul.read(put(content)).metadata["notes"][0]
 
 
 # --- Mach-1
@@ -367,7 +367,7 @@ def test_optics11_says_so_when_load_and_deflection_do_not_close(put):
 
 @pytest.mark.parametrize("multiaxis", [False, True])
 def test_mach1_forces_are_positive_in_compression_in_newtons(multiaxis, put):
-    curves = read_all(put(files.mach1(2, multiaxis=multiaxis)))
+    curves = ul.read_all(put(files.mach1(2, multiaxis=multiaxis)))
     _, depth, force = files.relaxation()
     assert [curve.metadata["block"] for curve in curves] == [2, 5]
     for number, curve in enumerate(curves):
@@ -380,7 +380,7 @@ def test_mach1_forces_are_positive_in_compression_in_newtons(multiaxis, put):
 
 
 def test_mach1_steps_give_equilibrium_points(put):
-    curve = read(put(files.mach1(1, ramps=3)))
+    curve = ul.read(put(files.mach1(1, ramps=3)))
     points = curve.equilibrium()
     np.testing.assert_allclose(points.depth, np.arange(1, 4) / 3 * 1e-4, rtol=1e-6)
     expected = 5e-3 * (np.arange(1, 4) / 3) ** 1.5 * 0.5
@@ -388,10 +388,10 @@ def test_mach1_steps_give_equilibrium_points(put):
 
 
 def test_mach1_search_without_contact_is_noted(put):
-    curve = read(put(files.mach1(1, contact=False)))
+    curve = ul.read(put(files.mach1(1, contact=False)))
     assert "search for contact ended without it" in curve.metadata["notes"][0]
     assert curve.metadata["search_reached"] < curve.metadata["search_criterion"]
-    assert read(put(files.mach1(1))).metadata["notes"] == ()
+    assert ul.read(put(files.mach1(1))).metadata["notes"] == ()
 
 
 @pytest.mark.parametrize(
@@ -404,8 +404,8 @@ def test_mach1_search_without_contact_is_noted(put):
     ],
 )
 def test_mach1_damage_is_said(change, told, put):
-    with pytest.raises(InputError, match=told):
-        read(put(change(files.mach1(1))))
+    with pytest.raises(ul.InputError, match=told):
+        ul.read(put(change(files.mach1(1))))
 
 
 # --- Bioindenter, Hysitron, Fischer
@@ -413,7 +413,7 @@ def test_mach1_damage_is_said(change, told, put):
 
 @pytest.mark.parametrize("profile", [False, True])
 def test_bioindenter_segments_come_from_the_protocol(profile, put):
-    curve = read(put(files.bioindenter(profile=profile)))
+    curve = ul.read(put(files.bioindenter(profile=profile)))
     check(curve, 20e-6, 1e-3, 6e-5)  # five digits
     assert list(curve.segment) == list(LABELS)
     assert curve.metadata["instrument_reduced_modulus"] == pytest.approx(830.29e3)
@@ -423,30 +423,30 @@ def test_bioindenter_segments_come_from_the_protocol(profile, put):
 @pytest.mark.parametrize("trimmed", [False, True])
 @pytest.mark.parametrize("micro", ["µ", "u"])
 def test_hysitron_hld(trimmed, micro, put):
-    curve = read(put(files.hld(trimmed=trimmed, micro=micro)))
+    curve = ul.read(put(files.hld(trimmed=trimmed, micro=micro)))
     check(curve, 100e-9, 1e-3, 1e-6)
     assert list(curve.segment) == list(LABELS)
     assert curve.metadata["drift_rate"] == pytest.approx(0.05e-9)
     assert curve.metadata["machine_compliance"] == pytest.approx(0.5e-6)
-    unlisted = read(put(files.hld(listed=False)))
+    unlisted = ul.read(put(files.hld(listed=False)))
     assert unlisted.segment is None
     check(unlisted, 100e-9, 1e-3, 1e-6)
 
 
 def test_hysitron_text(put):
-    check(read(put(files.load_control_text())), 100e-9, 1e-3, 1e-6)
-    with pytest.raises(FileFormatError, match="nanoDMA export: it holds dynamic moduli"):
-        read(put(files.nanodma()))
+    check(ul.read(put(files.load_control_text())), 100e-9, 1e-3, 1e-6)
+    with pytest.raises(ul.FileFormatError, match="nanoDMA export: it holds dynamic moduli"):
+        ul.read(put(files.nanodma()))
 
 
 @pytest.mark.parametrize("make", [files.hld, files.load_control_text])
 def test_hysitron_claims_more_than_there_is(make, put):
-    with pytest.raises(FileFormatError, match="claims 2000000000 points but 90 rows follow"):
-        read(put(make(claimed=2_000_000_000)))
+    with pytest.raises(ul.FileFormatError, match="claims 2000000000 points but 90 rows follow"):
+        ul.read(put(make(claimed=2_000_000_000)))
 
 
 def test_fischer_blocks(put):
-    curves = read_all(put(files.fischer(2)))
+    curves = ul.read_all(put(files.fischer(2)))
     assert [curve.metadata["name"] for curve in curves] == [f"measured, block 1, value {i}" for i in (1, 2)]
     for curve in curves:
         check(curve, 0.5e-6, 0.3, 1e-8)
@@ -458,8 +458,8 @@ def test_fischer_blocks(put):
 
 
 def test_nanosuite_tests_by_name_whatever_the_order(put):
-    with pytest.warns(UnderlayWarning, match="1 of 90 points left out"):
-        curves = read_all(put(files.nanosuite()))
+    with pytest.warns(ul.UnderlayWarning, match="1 of 90 points left out"):
+        curves = ul.read_all(put(files.nanosuite()))
     assert [curve.metadata["sheet"] for curve in curves] == ["Test 001", "Test 002"]
     check(curves[0], 1e-6, 1e-2, 1e-12)
     assert list(curves[0].segment) == list(LABELS)
@@ -470,15 +470,15 @@ def test_nanosuite_tests_by_name_whatever_the_order(put):
 @pytest.mark.parametrize("turned", [False, True])
 def test_testxpert_in_every_language(language, turned, put):
     if language == "xx":  # no known name: by the order of the units, if the format is given
-        curve = read(put(files.zwick(language, turned=turned)), format="testxpert")
+        curve = ul.read(put(files.zwick(language, turned=turned)), format="testxpert")
     else:
-        curve = read(put(files.zwick(language, turned=turned)))
+        curve = ul.read(put(files.zwick(language, turned=turned)))
     check(curve, 1e-3, 10.0, 1e-12)
     assert curve.metadata["initial_gap"] == pytest.approx(12.25e-3)
 
 
 def test_nanosuite_averages_hold_the_curve_its_scatter_and_the_stiffness(put):
-    curve = read(put(files.nanosuite_average()))
+    curve = ul.read(put(files.nanosuite_average()))
     check(curve, 1e-6, 1e-2, 1e-12)
     assert list(curve.segment) == list(LABELS)
     assert "average of tests" in curve.metadata["name"]
@@ -509,7 +509,7 @@ def test_nanosuite_keeps_the_rows_whose_last_cells_are_empty(put):
     rows = [["Load Segment Type", 0.0, 0.0, 0.0, 4e4], ["", 5.0, 1.0, 1.0, 4e4]]
     # Nothing oscillates on the way back.
     rows += [["Unload From Peak Segment Type", 4.0, 0.6, 2.0], ["", 3.0, 0.2, 3.0], ["END"]]
-    curve = read(put(xls({"Test 001": [names, ["", "nm", "mN", "s", "N/m"], *rows]})))
+    curve = ul.read(put(xls({"Test 001": [names, ["", "nm", "mN", "s", "N/m"], *rows]})))
     np.testing.assert_allclose(curve.depth, [0.0, 5e-9, 4e-9, 3e-9])
     assert list(curve.segment) == ["loading", "loading", "unloading", "unloading"]
     np.testing.assert_array_equal(curve.columns["contact_stiffness"], [4e4, 4e4, np.nan, np.nan])
@@ -520,28 +520,28 @@ def test_testxpert_keeps_the_rows_whose_last_cells_are_empty(put):
     sheet = book["Ep. 1"]
     for row in range(30, sheet.max_row + 1):
         sheet.cell(row, 4).value = None  # the gap between the tools
-    assert len(read(put(files.saved(book)))) == len(TIME)
+    assert len(ul.read(put(files.saved(book)))) == len(TIME)
 
 
 @pytest.mark.parametrize("language", ["fr", "de", "en"])
 def test_testxpert_tables_of_results_are_no_tests(language, put):
-    curves = read_all(put(files.zwick(language, specimens=2)), format="testxpert")
+    curves = ul.read_all(put(files.zwick(language, specimens=2)), format="testxpert")
     assert [curve.metadata["sheet"] for curve in curves] == ["Ep. 1", "Ep. 2"]
 
 
 def test_testxpert_specimens(put):
-    assert len(read_all(put(files.zwick(specimens=3)))) == 3
+    assert len(ul.read_all(put(files.zwick(specimens=3)))) == 3
 
 
 def test_excel_tables(put):
-    check(read(put(files.excel())), 2e-6, 1e-4, 1e-12)
-    assert len(read_all(put(files.excel(2)))) == 2
+    check(ul.read(put(files.excel())), 2e-6, 1e-4, 1e-12)
+    assert len(ul.read_all(put(files.excel(2)))) == 2
     path = put(files.excel(labels=("x", "y", "t")))
     with pytest.raises(
-        FileFormatError, match=r"no sheet with columns for depth and force; the first table has 'x'"
+        ul.FileFormatError, match=r"no sheet with columns for depth and force; the first table has 'x'"
     ):
-        read(path)
-    check(read(path, columns={"depth": "x (um)", "force": "y (mN)", "time": "t (s)"}), 2e-6, 1e-4, 1e-12)
+        ul.read(path)
+    check(ul.read(path, columns={"depth": "x (um)", "force": "y (mN)", "time": "t (s)"}), 2e-6, 1e-4, 1e-12)
 
 
 @pytest.mark.parametrize(
@@ -553,10 +553,10 @@ def test_excel_tables(put):
 )
 def test_errors_and_dates_of_xls_are_no_numbers(cell, told, put):
     rows = [["depth (um)", "force (mN)"], [1.0, 2.0], [cell, 3.0], [4.0, 5.0]]
-    with pytest.raises(FileFormatError, match=f"row 2 of the table: {told}"):
-        read(put(xls({"test": rows})))
-    with pytest.warns(UnderlayWarning, match="1 of 3 points left out"):
-        assert len(read(put(xls({"test": [*rows[:2], [b"\x2a", 3.0], rows[3]]})))) == 2
+    with pytest.raises(ul.FileFormatError, match=f"row 2 of the table: {told}"):
+        ul.read(put(xls({"test": rows})))
+    with pytest.warns(ul.UnderlayWarning, match="1 of 3 points left out"):
+        assert len(ul.read(put(xls({"test": [*rows[:2], [b"\x2a", 3.0], rows[3]]})))) == 2
 
 
 # --- AFM
@@ -578,7 +578,7 @@ def test_errors_and_dates_of_xls_are_no_numbers(cell, told, put):
 )
 def test_jpk_depth_is_that_of_the_tip_and_segments_say_what_they_are(keywords, member, put):
     content = afm_files.jpk(**keywords)
-    curve = read(put(files.zipped({"spot.jpk-force": content}) if member else content))
+    curve = ul.read(put(files.zipped({"spot.jpk-force": content}) if member else content))
     height, force = afm_files.approach()
     loading = curve.loading()
     # The integers hold 1e-6 V of deflection and 1e-14 m of height; single floats six digits of either.
@@ -601,46 +601,46 @@ def test_jpk_depth_is_that_of_the_tip_and_segments_say_what_they_are(keywords, m
 def test_jpk_without_a_calibration_asks_for_it(put):
     path = put(afm_files.jpk(calibrated=False))
     with pytest.raises(
-        InputError, match=r"does not hold its calibration; give calibration=\{'spring_constant'"
+        ul.InputError, match=r"does not hold its calibration; give calibration=\{'spring_constant'"
     ):
-        read(path)
+        ul.read(path)
 
 
 def test_jpk_circles_and_claims_are_refused_before_they_cost_anything(put):
-    with pytest.raises(FileFormatError, match="claims 2000000000 points and 200 bytes are there"):
-        read(put(afm_files.jpk(claimed=2_000_000_000)))
-    with pytest.raises(FileFormatError, match="claims '1e9' points"):
-        read(put(afm_files.jpk(claimed="1e9")))
+    with pytest.raises(ul.FileFormatError, match="claims 2000000000 points and 200 bytes are there"):
+        ul.read(put(afm_files.jpk(claimed=2_000_000_000)))
+    with pytest.raises(ul.FileFormatError, match="claims '1e9' points"):
+        ul.read(put(afm_files.jpk(claimed="1e9")))
     circle = {
         "segments/0/segment-header.properties": (
             b"nominal.base-calibration-slot=volts",
             b"nominal.base-calibration-slot=nominal",
         )
     }
-    with pytest.raises(FileFormatError, match="lead in a circle"):
-        read(put(files.changed_archive(afm_files.jpk(), circle)))
+    with pytest.raises(ul.FileFormatError, match="lead in a circle"):
+        ul.read(put(files.changed_archive(afm_files.jpk(), circle)))
 
 
 def test_hdf5_of_afmformats(put):
-    curves = read_all(put(afm_files.hdf5(3)))
+    curves = ul.read_all(put(afm_files.hdf5(3)))
     assert len(curves) == 3
     height, force = afm_files.approach()
     np.testing.assert_allclose(curves[1].loading().depth, -(height + force / afm_files.STIFFNESS), rtol=1e-12)
 
 
 def test_tab_of_afmformats(put):
-    curve = read(put(afm_files.tab()))
+    curve = ul.read(put(afm_files.tab()))
     height, force = afm_files.approach()
     np.testing.assert_array_equal(curve.loading().depth, -(height + force / afm_files.STIFFNESS))
     np.testing.assert_array_equal(curve.unloading().force, force[::-1])
     assert curve.metadata["spring_constant"] == afm_files.STIFFNESS
     # Older versions wrote whether a row is of the second segment.
     old = afm_files.tab().replace(b"\t0\n", b"\tFalse\n").replace(b"\t1\n", b"\tTrue\n")
-    np.testing.assert_array_equal(read(put(old)).segment, curve.segment)
-    paused = read(put(afm_files.tab(("pause", "extend", "pause", "retract"))))
+    np.testing.assert_array_equal(ul.read(put(old)).segment, curve.segment)
+    paused = ul.read(put(afm_files.tab(("pause", "extend", "pause", "retract"))))
     assert list(paused.segment) == list(np.repeat(("hold", "loading", "hold", "unloading"), afm_files.POINTS))
-    with pytest.raises(FileFormatError, match="no column 'force' or no height; it has 'strain'"):
-        read(put(afm_files.tab().replace(b"# force\theight (measured)\tsegment", b"# strain\tb\tc")))
+    with pytest.raises(ul.FileFormatError, match="no column 'force' or no height; it has 'strain'"):
+        ul.read(put(afm_files.tab().replace(b"# force\theight (measured)\tsegment", b"# strain\tb\tc")))
 
 
 def test_a_foreign_hdf5_is_not_called_damaged(tmp_path):
@@ -648,60 +648,60 @@ def test_a_foreign_hdf5_is_not_called_damaged(tmp_path):
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["experiment/stress"] = [1.0, 2.0]
     with pytest.raises(
-        FileFormatError, match=r"layout not known here \(it holds 'experiment'\).*Export"
+        ul.FileFormatError, match=r"layout not known here \(it holds 'experiment'\).*Export"
     ) as told:
-        read(tmp_path / "other.h5")
+        ul.read(tmp_path / "other.h5")
     assert "damaged" not in str(told.value)
 
 
 def test_igor_waves(put):
-    curve = read(put(afm_files.igor()))
+    curve = ul.read(put(afm_files.igor()))
     height, force = afm_files.approach()
     np.testing.assert_allclose(curve.force, force, rtol=1e-12)
     np.testing.assert_allclose(curve.depth, -(height + force / afm_files.STIFFNESS), rtol=1e-12)
     content = bytearray(afm_files.igor())
     content[132:136] = (0x7FFFFFFF).to_bytes(4, "little")  # times 3 columns
-    with pytest.raises(FileFormatError, match="claims 6442450941"):
-        read(put(bytes(content)))
+    with pytest.raises(ul.FileFormatError, match="claims 6442450941"):
+        ul.read(put(bytes(content)))
 
 
 def test_afm_workshop_side_by_side_and_its_missing_stiffness(put):
     path = put(files.workshop())
-    bare = read(path)
+    bare = ul.read(path)
     assert "still holds the bending of the cantilever" in bare.metadata["notes"][0]
     assert len(bare.loading()) == len(bare.unloading()) == 60
     assert (np.diff(bare.loading().depth) > 0).all()
-    given = read(path, calibration={"spring_constant": "0.1 N/m"})
+    given = ul.read(path, calibration={"spring_constant": "0.1 N/m"})
     np.testing.assert_allclose(bare.depth - given.depth, given.force / 0.1, atol=1e-15)
 
 
 def test_afm_workshop_keeps_its_own_calibration_beside_the_one_given(put):
     header = "Light Lever Gain, mV/nm:\t20.0\r\nForce Constant, nN/nm:\t0.08\r\n"
     path = put(files.workshop(header, "T-B(V)"))
-    own = read(path)
+    own = ul.read(path)
     assert own.metadata["sensitivity"] == pytest.approx(50e-9, rel=1e-12)  # 20 mV/nm is 50 nm/V
     assert np.ptp(own.loading().force) == pytest.approx(2.0 * 50e-9 * 0.08, rel=1e-3)
-    given = read(path, calibration={"spring_constant": "0.1 N/m", "sensitivity": "60 nm/V"})
+    given = ul.read(path, calibration={"spring_constant": "0.1 N/m", "sensitivity": "60 nm/V"})
     assert given.metadata["spring_constant"] == 0.1
     assert given.metadata["file_spring_constant"] == 0.08
     assert given.metadata["file_sensitivity"] == pytest.approx(50e-9, rel=1e-12)
     unset = header.replace("20.0", "1").replace("0.08", "1")
-    given = read(
+    given = ul.read(
         put(files.workshop(unset, "T-B(V)")),
         calibration={"spring_constant": "0.1 N/m", "sensitivity": "60 nm/V"},
     )
     assert "file_sensitivity" not in given.metadata  # 1 stands for "not set"
-    with pytest.raises(InputError, match="holds forces, not volts"):
-        read(put(files.workshop()), calibration={"sensitivity": "60 nm/V"})
+    with pytest.raises(ul.InputError, match="holds forces, not volts"):
+        ul.read(put(files.workshop()), calibration={"sensitivity": "60 nm/V"})
 
 
 def test_ntmdt_takes_a_current_sensitivity(put):
     path = put(files.ntmdt())
-    with pytest.raises(InputError, match=r"'60 nm/nA'"):
-        read(path)
-    with pytest.raises(InputError, match="takes no sensitivity"):  # per volt would be wrong by 1e9
-        read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"})
-    curve = read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/nA"})
+    with pytest.raises(ul.InputError, match=r"'60 nm/nA'"):
+        ul.read(path)
+    with pytest.raises(ul.InputError, match="takes no sensitivity"):  # per volt would be wrong by 1e9
+        ul.read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"})
+    curve = ul.read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/nA"})
     assert np.ptp(curve.force) == pytest.approx(1.5 * 60e-9 * 0.04, rel=0.03)  # 1.5 nA of signal
     assert curve.loading().depth[-1] > curve.loading().depth[0]
 
@@ -713,15 +713,15 @@ def test_a_table_of_good_cells_is_converted_in_one_go(tmp_path, monkeypatch):
     path.write_text("depth (um),force (mN)\n" + "\n".join(rows))
     with monkeypatch.context() as patch:
         patch.setattr("underlay.data.readers._text._number", None)
-        plain = read(path)
+        plain = ul.read(path)
     path.write_text("depth (um),force (mN)\n" + "\n".join([*rows, "4.0,"]))
-    with pytest.warns(UnderlayWarning, match="1 of 41 points left out"):
-        careful = read(path)
+    with pytest.warns(ul.UnderlayWarning, match="1 of 41 points left out"):
+        careful = ul.read(path)
     np.testing.assert_array_equal(careful.depth, plain.depth)
     np.testing.assert_array_equal(careful.force, plain.force)
 
 
 def test_a_table_of_afmformats_without_its_first_mark_is_refused(put):
     text = "# BEGIN METADATA of another kind\n# END METADATA\n# force\theight (measured)\n1\t2\n"
-    with pytest.raises(FileFormatError, match="no line '# BEGIN METADATA'"):
-        read(put(text.encode()), format="afm")
+    with pytest.raises(ul.FileFormatError, match="no line '# BEGIN METADATA'"):
+        ul.read(put(text.encode()), format="afm")

@@ -8,11 +8,9 @@ import pytest
 import underlay as ul
 from support import chiaro_sample, real_data
 from support.real_data import real_file
-from underlay.data.contact_point import find_contact
-from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
+from underlay.data.quality import DOUBTFUL, GOOD, REFUSED
 from underlay.data.readers._source import load
 from underlay.data.readers.jpk import read_jpk
-from underlay.errors import InputError
 
 SAMPLE = Path(__file__).resolve().parents[1] / "data_samples" / "chiaro_cell_indentation.csv"
 # The instrument's own Hertz result, in the header of the file: E[eff] = E/(1-nu^2), in Pa.
@@ -24,7 +22,7 @@ INSTRUMENT = 156.009
 
 def reduced_modulus(curve, free):
     scene = ul.Scene(ul.Paraboloid(curve.metadata["indenter_radius"]), ul.Layer(ul.Isotropic(500.0, 0.5)))
-    start = find_contact(curve).depth
+    start = ul.find_contact(curve).depth
     scene = ul.Scene(scene.indenter, scene.layer, None, ul.Instrument(contact_depth=start))
     fit = ul.fit(ul.Problem(scene, curve.loading(), dict.fromkeys(("layer.E", *free))))
     return fit.values["layer.E"] / (1.0 - 0.5**2), fit
@@ -74,7 +72,7 @@ def test_chiaro_depth_closes_with_the_files_own_indentation():
     assert len(curve) == 13827
     assert curve.depth.max() - curve.metadata["software_contact_depth"] == pytest.approx(12.97e-6, rel=1e-3)
     assert curve.metadata["notes"] == ()
-    contact = find_contact(curve)
+    contact = ul.find_contact(curve)
     assert abs(contact.depth - curve.metadata["software_contact_depth"]) < 2.0 * contact.uncertainty
 
 
@@ -114,7 +112,7 @@ def test_mach1_modulus_of_the_good_location(locations, substrate, expected, free
 
 
 def test_mach1_verdicts(locations):
-    verdicts = [check_quality(curve) for curve in locations]
+    verdicts = [ul.check_quality(curve) for curve in locations]
     assert [quality.verdict for quality in verdicts] == [GOOD, DOUBTFUL, DOUBTFUL]
     # The authors found exponents of 2.0 and 0.74 there; the deeper half gives these.
     assert verdicts[1].exponent == pytest.approx(2.0, abs=0.25)
@@ -124,7 +122,7 @@ def test_mach1_verdicts(locations):
 
 def test_mach1_ball_is_too_deep_for_a_paraboloid(locations):
     scene = ul.Scene(ul.Paraboloid(0.15e-3), ul.Layer(ul.Isotropic(1e5, 0.5)))
-    reasons = check_quality(locations[0], scene).reasons
+    reasons = ul.check_quality(locations[0], scene).reasons
     assert any(reason.startswith("depth/radius 1.4") for reason in reasons)
 
 
@@ -138,7 +136,7 @@ def test_mach1_relaxation_at_the_end_of_300_s(locations):
 
 def test_mach1_ramps_in_air_are_refused():
     for curve in ul.read_all(real_file(real_data.NO_CONTACT)):
-        quality = check_quality(curve)
+        quality = ul.check_quality(curve)
         assert quality.verdict == REFUSED
         assert "no contact" in quality.reasons[0]
 
@@ -161,7 +159,7 @@ def test_jpk_approach_and_retract():
     curve = ul.read(real_file(real_data.JPK))
     assert [len(curve.loading()), len(curve.hold()), len(curve.unloading())] == [2000, 0, 2000]
     assert curve.metadata["spring_constant"] == pytest.approx(0.0434937, rel=1e-5)
-    assert find_contact(curve).uncertainty < 50e-9
+    assert ul.find_contact(curve).uncertainty < 50e-9
 
 
 def test_jpk_creep_has_a_pause():
@@ -177,7 +175,7 @@ def test_afm_workshop_side_by_side():
 
 def test_ntmdt_decimal_comma():
     path = real_file(real_data.NTMDT)
-    with pytest.raises(InputError, match="does not hold its calibration"):
+    with pytest.raises(ul.InputError, match="does not hold its calibration"):
         ul.read(path)
     curve = ul.read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/nA"})
     assert len(curve.loading()) == len(curve.unloading()) == 822
@@ -195,7 +193,7 @@ def test_hysitron_hld():
         [9.0, 11.3], abs=0.3
     )
     # A pop-in at 8 s halves the force for a moment.
-    assert any("slipped or the sample broke" in reason for reason in check_quality(curve).reasons)
+    assert any("slipped or the sample broke" in reason for reason in ul.check_quality(curve).reasons)
 
 
 def test_hysitron_load_control():

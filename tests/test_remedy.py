@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.errors import InputError, ParameterError
 from underlay.report import words
 
 E, H, C = "layer.E", "layer.thickness", "instrument.contact_depth"
@@ -83,14 +82,14 @@ def test_the_nearest_tip_that_is_enough_is_named(fit):
 
 
 def test_what_cannot_be_advised_is_said(fit):
-    with pytest.raises(ParameterError, match="must be a fitted parameter of layer or substrate"):
+    with pytest.raises(ul.ParameterError, match="must be a fitted parameter of layer or substrate"):
         ul.remedy(fit, C)
     joint = ul.fit(ul.Problem.joint([pressed(2e-4, 1), pressed(1e-3, 2)], [E, H, C], [E, H], NOISE))
-    with pytest.raises(InputError, match="of one curve; this one is of 2"):
+    with pytest.raises(ul.InputError, match="of one curve; this one is of 2"):
         ul.remedy(joint, H)
     cone = ul.Scene(ul.Cone(np.deg2rad(70.0)), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
     curve = ul.synthesize(cone, np.linspace(0.0, 1e-4, 50), ul.Noise(force=1e-6), 0)
-    with pytest.raises(ParameterError, match="another radius, which Cone"):
+    with pytest.raises(ul.ParameterError, match="another radius, which Cone"):
         ul.remedy(ul.fit(ul.Problem(cone, curve, [E])), E)
 
 

@@ -16,7 +16,6 @@ from support.inverse import ambiguous
 from support.real_data import real_file
 from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
 from underlay.data.curve import recorded
-from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
 from underlay.inference.priors import Truncated
 from underlay.inference.profiling.profile_result import Interval
 from underlay.report import labels, maps, tables, words
@@ -322,9 +321,9 @@ def test_map_reads_back_and_a_curve_is_no_map(map_page, tmp_path):
     wrong = tmp_path / "x.csv"
     wrong.write_text("name,path,x,y,status,verdict\n")
     assert not maps.is_map(wrong)
-    with pytest.raises(FileFormatError, match="no column 'reason'"):
+    with pytest.raises(ul.FileFormatError, match="no column 'reason'"):
         maps.read_map(wrong)
-    with pytest.raises(FileAccessError):
+    with pytest.raises(ul.FileAccessError):
         maps.is_map(tmp_path / "none.csv")
 
 
@@ -363,7 +362,7 @@ def test_report_of_a_joint_posterior_shows_every_scene(tmp_path):
 
 def test_report_of_another_problem_is_refused(tmp_path):
     _, posterior = small_posterior()
-    with pytest.raises(InputError, match="the problem frees"):
+    with pytest.raises(ul.InputError, match="the problem frees"):
         ul.report(posterior, tmp_path / "x.html", problem=cartilage())
 
 
@@ -371,7 +370,7 @@ def test_report_of_another_problem_is_refused(tmp_path):
     ("what", "match"), [("a result", "of a Fit, a Posterior or a map"), (None, "HTML file")]
 )
 def test_bad_requests(tmp_path, what, match):
-    with pytest.raises(InputError, match=match):
+    with pytest.raises(ul.InputError, match=match):
         ul.report(what, tmp_path / ("r.html" if what else "r.pdf"))
 
 
@@ -386,13 +385,13 @@ def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.startswith(("nbclient", "nbformat", "nbconvert"))]:
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.setattr(builtins, "__import__", missing)
-    with pytest.raises(MissingExtraError, match=r"pip install 'underlay\[report\]'"):
+    with pytest.raises(ul.MissingExtraError, match=r"pip install 'underlay\[report\]'"):
         ul.report(ul.fit(cartilage()), tmp_path / "r.html")
 
 
 def test_a_failing_cell_is_one_clear_line(tmp_path):
     notebook = make_notebook(filled("posterior_scene", {}), "x")
-    with pytest.raises(FitError, match=r"the notebook of the report stopped: NameError"):
+    with pytest.raises(ul.FitError, match=r"the notebook of the report stopped: NameError"):
         execute(notebook, tmp_path)
 
 

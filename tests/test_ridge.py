@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+import underlay as ul
 from support.posterior_cases import (
     WHITE,
     baseline_answer,
@@ -20,8 +21,6 @@ from support.posterior_cases import (
 )
 from support.posterior_quadrature import reference
 from support.random_posteriors import random_problem
-from underlay.errors import FileFormatError, FitError, InputError, UnderlayWarning
-from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
 from underlay.inference.ridge.importance import (
     Proposal,
     aimed,
@@ -48,12 +47,10 @@ from underlay.inference.ridge.mixture import LEVELS, Mixture, WeightedDraws, par
 from underlay.inference.sampling import weighted as opinions
 from underlay.inference.sampling.convergence import effective_size
 from underlay.inference.sampling.counted import CountedDensity
-from underlay.inference.sampling.model_comparison import compare_models
-from underlay.inference.sampling.posterior import Posterior, arviz_library
-from underlay.inference.sampling.run import IndependenceMove, sample
+from underlay.inference.sampling.posterior import arviz_library
+from underlay.inference.sampling.run import IndependenceMove
 from underlay.inference.sampling.weighted import Ridges
 from underlay.report.posterior_tables import posterior_diagnostics_table
-from underlay.scene.noise import Noise
 
 
 class Known:
@@ -83,7 +80,14 @@ def found(density, starts, seed=0):
 
 
 @pytest.mark.parametrize(
-    "prior", [LogUniform(1e4, 1e8), Normal(1e6, 2e5), LogNormal(1e6, 0.5), HalfNormal(1e6), Uniform(1e5, 5e6)]
+    "prior",
+    [
+        ul.LogUniform(1e4, 1e8),
+        ul.Normal(1e6, 2e5),
+        ul.LogNormal(1e6, 0.5),
+        ul.HalfNormal(1e6),
+        ul.Uniform(1e5, 5e6),
+    ],
 )
 def test_the_prior_is_a_standard_normal(prior):
     problem = halfspace_problem().revised(free={"layer.E": prior})
@@ -103,7 +107,7 @@ def test_the_prior_is_a_standard_normal(prior):
 
 def test_the_evidence_of_a_linear_problem_is_known():
     """Readings with a normal baseline are a normal vector: sigma^2 I + tau^2 1 1'."""
-    posterior = sample(baseline_problem(), walkers=16)
+    posterior = ul.sample(baseline_problem(), walkers=16)
     curve = halfspace_curve()
     residuals = curve.force - (baseline_problem().members[0].model(np.zeros(1)))
     covariance = WHITE**2 * np.eye(len(curve)) + 1e-10
@@ -116,7 +120,7 @@ def test_the_evidence_of_a_linear_problem_is_known():
 def test_the_evidence_and_the_quantiles_are_those_of_quadrature():
     problem = halfspace_problem()
     answer = reference(problem)
-    posterior = sample(problem, method="importance")
+    posterior = ul.sample(problem, method="importance")
     value, error = posterior.log_evidence
     assert abs(value - answer.log_evidence) < 4.0 * error + 1e-3
     for name in problem.names:
@@ -448,7 +452,7 @@ def test_what_is_cut_away_is_proposed_to_nobody():
 
 @pytest.fixture(scope="module")
 def posterior():
-    return sample(halfspace_problem(), walkers=16)
+    return ul.sample(halfspace_problem(), walkers=16)
 
 
 def test_the_result_says_how_it_was_found(posterior):
@@ -468,7 +472,7 @@ def test_the_page_tells_it(posterior):
     told = posterior_diagnostics_table(posterior).to_string()
     for words in ("IndependenceMove", "k-hat", "believed", "ln(evidence)", "2.5, 50, 97.5 % quantiles", "+-"):
         assert words in told
-    quick = posterior_diagnostics_table(sample(halfspace_problem(), method="importance")).to_string()
+    quick = posterior_diagnostics_table(ul.sample(halfspace_problem(), method="importance")).to_string()
     assert "no chain" in quick
     assert "R-hat" not in quick
 
@@ -482,7 +486,7 @@ def test_files_of_before_have_none(posterior, tmp_path):
     for later in ("method", "effective", "quantile_errors", "moves", "importance", "weighted"):
         del about["diagnostics"][later]
     np.savez_compressed(path, about=np.array(json.dumps(about)), **arrays)
-    loaded = Posterior.load(path)
+    loaded = ul.Posterior.load(path)
     assert loaded.log_evidence is None
     assert loaded.diagnostics.rhat == posterior.diagnostics.rhat
     assert "no mixture was found" in posterior_diagnostics_table(loaded).to_string()
@@ -490,10 +494,10 @@ def test_files_of_before_have_none(posterior, tmp_path):
 
 def test_a_resumed_chain_goes_on_with_its_mixture(posterior, tmp_path, monkeypatch):
     path = tmp_path / "chain.h5"
-    with pytest.warns(UnderlayWarning, match="not converged"):
-        sample(halfspace_problem(), walkers=16, max_steps=60, backend=path)
+    with pytest.warns(ul.UnderlayWarning, match="not converged"):
+        ul.sample(halfspace_problem(), walkers=16, max_steps=60, backend=path)
     monkeypatch.setattr(Ridges, "seek", None)  # nothing is looked for again
-    resumed = sample(halfspace_problem(), walkers=16, backend=path, resume=True)
+    resumed = ul.sample(halfspace_problem(), walkers=16, backend=path, resume=True)
     np.testing.assert_array_equal(resumed.chain, posterior.chain)
     assert resumed.log_evidence == posterior.log_evidence
     assert resumed.diagnostics.importance.optima == 1
@@ -501,13 +505,13 @@ def test_a_resumed_chain_goes_on_with_its_mixture(posterior, tmp_path, monkeypat
 
 def test_a_chain_of_before_goes_on_without(tmp_path):
     path = tmp_path / "chain.h5"
-    with pytest.warns(UnderlayWarning, match="not converged"):
-        sample(halfspace_problem(), walkers=16, max_steps=30, backend=path)
+    with pytest.warns(ul.UnderlayWarning, match="not converged"):
+        ul.sample(halfspace_problem(), walkers=16, max_steps=30, backend=path)
     with h5py.File(path, "r+") as file:
         del file["proposal"]
         file.attrs["format"] = "underlay chain 1"
-    with pytest.warns(UnderlayWarning, match="not converged after 60 steps"):
-        resumed = sample(halfspace_problem(), walkers=16, max_steps=60, backend=path, resume=True)
+    with pytest.warns(ul.UnderlayWarning, match="not converged after 60 steps"):
+        resumed = ul.sample(halfspace_problem(), walkers=16, max_steps=60, backend=path, resume=True)
     assert "IndependenceMove" not in resumed.diagnostics.moves
     assert resumed.diagnostics.importance is None
 
@@ -515,18 +519,18 @@ def test_a_chain_of_before_goes_on_without(tmp_path):
 @pytest.mark.parametrize("spoilt", ["count", "weight", "parameters"])
 def test_a_damaged_mixture_is_refused(tmp_path, spoilt):
     path = tmp_path / "chain.h5"
-    with pytest.warns(UnderlayWarning, match="not converged"):
-        sample(halfspace_problem(), walkers=16, max_steps=20, backend=path)
+    with pytest.warns(ul.UnderlayWarning, match="not converged"):
+        ul.sample(halfspace_problem(), walkers=16, max_steps=20, backend=path)
     with h5py.File(path, "r+") as file:
         file["proposal"][{"count": 0, "parameters": 1, "weight": 4}[spoilt]] = -2.5
-    with pytest.raises(FileFormatError, match="mixture"):
-        sample(halfspace_problem(), walkers=16, backend=path, resume=True)
+    with pytest.raises(ul.FileFormatError, match="mixture"):
+        ul.sample(halfspace_problem(), walkers=16, backend=path, resume=True)
 
 
 def test_models_are_compared_by_their_evidence(posterior):
-    other = halfspace_problem(noise=Noise(force=1.3 * WHITE))
-    table = compare_models(
-        {"as it is": (halfspace_problem(), posterior), "louder": (other, sample(other, walkers=16))}
+    other = halfspace_problem(noise=ul.Noise(force=1.3 * WHITE))
+    table = ul.compare_models(
+        {"as it is": (halfspace_problem(), posterior), "louder": (other, ul.sample(other, walkers=16))}
     )
     odds = table.loc["as it is", "log_evidence"] - table.loc["louder", "log_evidence"]
     assert table["probability"].sum() == pytest.approx(1.0)
@@ -534,22 +538,22 @@ def test_models_are_compared_by_their_evidence(posterior):
     # 40 readings told that they scatter 1.3 times as much: n (ln 1.3 - (1 - 1/1.69) / 2) = 2.3 on average, +- 1.8.
     assert -2.0 < odds < 7.0
     # An evidence under a prior that is none compares with no other.
-    unknown = halfspace_problem(noise=Noise())
-    table = compare_models(
-        {"a": (halfspace_problem(), posterior), "b": (unknown, sample(unknown, walkers=16))}
+    unknown = halfspace_problem(noise=ul.Noise())
+    table = ul.compare_models(
+        {"a": (halfspace_problem(), posterior), "b": (unknown, ul.sample(unknown, walkers=16))}
     )
     assert table["probability"].isna().all()
 
 
 def test_it_is_kept_with_the_posterior(posterior, tmp_path):
     posterior.save(tmp_path / "posterior.npz")
-    loaded = Posterior.load(tmp_path / "posterior.npz")
+    loaded = ul.Posterior.load(tmp_path / "posterior.npz")
     assert loaded.diagnostics == posterior.diagnostics
     assert loaded.log_evidence == posterior.log_evidence
 
 
 def test_weighted_draws_alone(posterior):
-    quick = sample(halfspace_problem(), method="importance")
+    quick = ul.sample(halfspace_problem(), method="importance")
     d = quick.diagnostics
     assert quick.converged
     assert d.method == "importance"
@@ -563,7 +567,7 @@ def test_weighted_draws_alone(posterior):
         ratio = quick.of(name).std() / posterior.of(name).std()
         assert ratio == pytest.approx(1.0, abs=0.15)
     # The same seed, the same draws.
-    again = sample(halfspace_problem(), method="importance")
+    again = ul.sample(halfspace_problem(), method="importance")
     np.testing.assert_array_equal(again.chain, quick.chain)
 
 
@@ -572,8 +576,8 @@ def test_weighted_draws_that_are_not_accepted_say_why(monkeypatch):
         self.proposal = _narrow(self)
 
     monkeypatch.setattr(Ridges, "seek", seek)
-    with pytest.raises(FitError, match=r"not accepted: .*k-hat.*take the sampler emcee"):
-        sample(halfspace_problem(), method="importance")
+    with pytest.raises(ul.FitError, match=r"not accepted: .*k-hat.*take the sampler emcee"):
+        ul.sample(halfspace_problem(), method="importance")
 
 
 def _narrow(ridges):
@@ -589,8 +593,8 @@ def _narrow(ridges):
     ],
 )
 def test_bad_methods(options, message):
-    with pytest.raises(InputError, match=message):
-        sample(halfspace_problem(), **options)
+    with pytest.raises(ul.InputError, match=message):
+        ul.sample(halfspace_problem(), **options)
 
 
 def test_a_disagreement_is_said(monkeypatch):
@@ -602,7 +606,7 @@ def test_a_disagreement_is_said(monkeypatch):
 
     monkeypatch.setattr(Ridges, "draws", shifted)
     with pytest.warns(UserWarning, match=r"weighted draws disagree: .*quantile of layer\.E by"):
-        posterior = sample(halfspace_problem(), walkers=16)
+        posterior = ul.sample(halfspace_problem(), walkers=16)
     assert not posterior.converged
     assert posterior.log_evidence is None
     assert posterior.diagnostics.importance.disagreement
@@ -617,7 +621,7 @@ def test_draws_are_weighted_ones_where_a_chain_agrees(posterior):
     assert max(max(errors) for errors in d.quantile_errors.values()) == d.importance.quantile_error <= 0.035
     assert posterior.chain.shape[1:] == (16, 2)
     # A chain that is asked for is one, and needs more steps to know as much as it must.
-    chain = sample(halfspace_problem(), walkers=16, method="emcee")
+    chain = ul.sample(halfspace_problem(), walkers=16, method="emcee")
     assert not chain.diagnostics.weighted
     assert chain.diagnostics.steps > d.steps
     off = np.quantile(posterior.samples, LEVELS, axis=0) - np.quantile(chain.samples, LEVELS, axis=0)
@@ -628,11 +632,11 @@ def test_draws_are_weighted_ones_where_a_chain_agrees(posterior):
 def test_a_chain_whose_weights_fall_goes_on_until_it_knows_by_itself(posterior, monkeypatch):
     """Weights are relied on before a chain can tell of what they miss; that it does so is feigned."""
     monkeypatch.setattr(opinions, "leak_of", lambda *_: 0.5)
-    refused = sample(halfspace_problem(), walkers=16)
+    refused = ul.sample(halfspace_problem(), walkers=16)
     assert "hardly reaches" in refused.diagnostics.importance.refused
     assert refused.converged
     assert not refused.diagnostics.weighted
-    chain = sample(halfspace_problem(), walkers=16, method="emcee")
+    chain = ul.sample(halfspace_problem(), walkers=16, method="emcee")
     assert posterior.diagnostics.steps < refused.diagnostics.steps
     # Checks come at other steps, 15 % apart; an error that falls below its bound and rises again may pass one of
     # the chain's and fail the other's next: then there are two steps of 15 % between them.
@@ -677,7 +681,7 @@ def test_a_mixture_that_is_no_good_costs_the_evidence_and_not_the_chain(monkeypa
     monkeypatch.setattr(Ridges, "seek", spoilt)
     # The others do it all: with the share they have beside a good mixture five times the steps are needed.
     monkeypatch.setattr("underlay.inference.sampling.run._INDEPENDENT", 0.1)
-    posterior = sample(halfspace_problem(), walkers=16)
+    posterior = ul.sample(halfspace_problem(), walkers=16)
     assert posterior.converged
     assert posterior.log_evidence is None
     assert "k-hat" in posterior.diagnostics.importance.refused
@@ -686,13 +690,13 @@ def test_a_mixture_that_is_no_good_costs_the_evidence_and_not_the_chain(monkeypa
 def test_without_a_mixture_the_chain_is_the_old_one(monkeypatch):
     monkeypatch.setattr(opinions, "judged", None)
     monkeypatch.setattr("underlay.inference.sampling.weighted.learn", lambda *_, **__: None)
-    posterior = sample(halfspace_problem(), walkers=16)
+    posterior = ul.sample(halfspace_problem(), walkers=16)
     assert posterior.converged
     assert posterior.diagnostics.importance is None
     assert posterior.log_evidence is None
     assert "IndependenceMove" not in posterior.diagnostics.moves
-    with pytest.raises(FitError, match="no ridge was found"):
-        sample(halfspace_problem(), method="importance")
+    with pytest.raises(ul.FitError, match="no ridge was found"):
+        ul.sample(halfspace_problem(), method="importance")
 
 
 def test_a_target_is_the_posterior():
@@ -711,9 +715,9 @@ def test_a_target_is_the_posterior():
 def test_noise_that_is_a_parameter_has_a_known_evidence():
     """One parameter more whose prior is narrow: the evidence is that of the problem in which it is known."""
     known = halfspace_problem()
-    free = {**known.free, "noise.force": LogNormal(WHITE, 1e-3)}
-    wider = known.revised(free=free, noise=Noise(force=WHITE))
-    one, other = (sample(p, method="importance").log_evidence for p in (known, wider))
+    free = {**known.free, "noise.force": ul.LogNormal(WHITE, 1e-3)}
+    wider = known.revised(free=free, noise=ul.Noise(force=WHITE))
+    one, other = (ul.sample(p, method="importance").log_evidence for p in (known, wider))
     assert abs(one.value - other.value) < 4.0 * np.hypot(one.error, other.error) + 1e-3
     assert len(list(itertools.chain(one, other))) == 4
 

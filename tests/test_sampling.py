@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import underlay as ul
 from support.posterior_cases import (
     WHITE,
     barely_touched_problem,
@@ -24,17 +25,14 @@ from support.posterior_cases import (
     halfspace_problem,
     halfspace_scene,
 )
-from underlay.errors import InputError, UnderlayWarning
-from underlay.inference.priors import Flat, LogUniform, Normal, Uniform
-from underlay.inference.problem import Problem
+from underlay.inference.priors import Flat
 from underlay.inference.ridge.importance import leak_of_walk
 from underlay.inference.sampling import run as sampling
 from underlay.inference.sampling import weighted
 from underlay.inference.sampling.convergence import autocorrelation_time, effective_size
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.diagnostics import INFORMED, NOT_INFORMED
-from underlay.inference.sampling.run import moves, sample
-from underlay.scene.noise import Noise
+from underlay.inference.sampling.run import moves
 
 TESTS = Path(__file__).parent
 
@@ -55,14 +53,14 @@ def kept(tmp_path_factory):
 @pytest.fixture(scope="module")
 def plain(kept):
     """The posterior of the half-space: a chain that converges, kept in a file."""
-    return sample(halfspace_problem(), walkers=8, backend=kept)
+    return ul.sample(halfspace_problem(), walkers=8, backend=kept)
 
 
 # --- the distribution -------------------------------------------------------------------------------------
 
 
 def test_the_posterior_is_the_known_one_and_another_is_told_apart():
-    posterior = sample(baseline_problem(), walkers=16)
+    posterior = ul.sample(baseline_problem(), walkers=16)
     assert posterior.converged
     draws = posterior.of("instrument.baseline")
     assert distance_p_value(draws, stats.norm(*baseline_answer())) > 0.01
@@ -106,9 +104,11 @@ def variance_errors(move, correlation, dimensions=4, steps=3000):
 def test_unknown_noise_is_integrated_out():
     """A mean with unknown noise has Student's distribution."""
     curve = halfspace_curve(points=9)
-    problem = Problem(halfspace_scene(), curve, {"instrument.baseline": Uniform(-1e-2, 1e-2)}, Noise())
+    problem = ul.Problem(
+        halfspace_scene(), curve, {"instrument.baseline": ul.Uniform(-1e-2, 1e-2)}, ul.Noise()
+    )
     # Student's tails at 8 degrees of freedom and a normal's are told apart by some tens of thousands of draws.
-    posterior = sample(problem, walkers=256)
+    posterior = ul.sample(problem, walkers=256)
     residual = curve.force - halfspace_scene().with_values({"instrument.baseline": 0.0}).force(curve.depth)
     exact = stats.t(df=8, loc=residual.mean(), scale=residual.std(ddof=1) / 3.0)
     draws = posterior.of("instrument.baseline")
@@ -118,8 +118,8 @@ def test_unknown_noise_is_integrated_out():
 
 def test_noise_as_a_parameter_is_found():
     curve = halfspace_curve(points=200)
-    free = {"layer.E": LogUniform(1e4, 1e8), "noise.force": LogUniform(1e-7, 1e-3)}
-    posterior = sample(Problem(halfspace_scene(), curve, free, Noise()), walkers=16)
+    free = {"layer.E": ul.LogUniform(1e4, 1e8), "noise.force": ul.LogUniform(1e-7, 1e-3)}
+    posterior = ul.sample(ul.Problem(halfspace_scene(), curve, free, ul.Noise()), walkers=16)
     draws = posterior.samples["noise.force"]
     # Its relative standard deviation is 1 / sqrt(2 n) = 5 %.
     assert draws.std() / WHITE == pytest.approx(0.05, rel=0.2)
@@ -128,13 +128,13 @@ def test_noise_as_a_parameter_is_found():
 
 
 def test_the_same_seed_gives_the_same_chain():
-    with pytest.warns(UnderlayWarning, match="not converged"):
-        runs = [sample(baseline_problem(), walkers=8, max_steps=60, rng=seed) for seed in (5, 5, 6)]
+    with pytest.warns(ul.UnderlayWarning, match="not converged"):
+        runs = [ul.sample(baseline_problem(), walkers=8, max_steps=60, rng=seed) for seed in (5, 5, 6)]
     np.testing.assert_array_equal(runs[0].chain, runs[1].chain)
     assert runs[0].chain.shape != runs[2].chain.shape or (runs[0].chain != runs[2].chain).any()
     assert runs[0].diagnostics.seed == 5
-    with pytest.warns(UnderlayWarning, match="not converged"):
-        unseeded = sample(baseline_problem(), walkers=8, max_steps=60, rng=np.random.default_rng(5))
+    with pytest.warns(ul.UnderlayWarning, match="not converged"):
+        unseeded = ul.sample(baseline_problem(), walkers=8, max_steps=60, rng=np.random.default_rng(5))
     assert unseeded.diagnostics.seed is None
 
 
@@ -148,7 +148,7 @@ def test_walkers_start_wider_than_the_posterior_and_the_start_is_forgotten(monke
     start_walkers = sampling.start_walkers
     monkeypatch.setattr(sampling, "start_walkers", recorded)
     problem = halfspace_problem()
-    posterior = sample(problem, walkers=64)
+    posterior = ul.sample(problem, walkers=64)
     scaled = np.array(
         [
             problem.vector(dict(zip(problem.names, row, strict=True)))
@@ -165,7 +165,7 @@ def test_walkers_start_wider_than_the_posterior_and_the_start_is_forgotten(monke
 
 
 def test_a_thick_layer_barely_touched_tells_nothing_of_its_thickness():
-    posterior = sample(barely_touched_problem(), walkers=16)
+    posterior = ul.sample(barely_touched_problem(), walkers=16)
     assert posterior.converged
     summary = posterior.summary()
     assert summary.loc["layer.thickness", "informed"] == NOT_INFORMED == "not informed by these data"
@@ -183,8 +183,8 @@ def test_a_thick_layer_barely_touched_tells_nothing_of_its_thickness():
 
 
 def test_too_few_steps_are_said_to_be_too_few():
-    with pytest.warns(UnderlayWarning, match="not converged after 60 steps.*take more steps"):
-        posterior = sample(halfspace_problem(), walkers=8, max_steps=60)
+    with pytest.warns(ul.UnderlayWarning, match="not converged after 60 steps.*take more steps"):
+        posterior = ul.sample(halfspace_problem(), walkers=8, max_steps=60)
     assert not posterior.converged
     assert "not converged" in posterior.diagnostics.reason
     assert posterior.diagnostics.steps == 60
@@ -203,13 +203,15 @@ def test_a_converged_chain_met_the_rule(plain):
 
 def test_a_chain_ends_by_itself_where_a_step_takes_long(monkeypatch):
     monkeypatch.setattr(sampling, "_MOST_SECONDS", 0.0)
-    with pytest.warns(UnderlayWarning, match="stopped, 0 s of processor time being used up, after 100 steps"):
-        cut = sample(halfspace_problem(), walkers=8, method="emcee")
+    with pytest.warns(
+        ul.UnderlayWarning, match="stopped, 0 s of processor time being used up, after 100 steps"
+    ):
+        cut = ul.sample(halfspace_problem(), walkers=8, method="emcee")
     assert not cut.converged
     assert len(cut.samples) > 100
     # A number of steps that is asked for is made.
-    with pytest.warns(UnderlayWarning, match="not converged after 110 steps"):
-        sample(halfspace_problem(), walkers=8, max_steps=110, method="emcee")
+    with pytest.warns(ul.UnderlayWarning, match="not converged after 110 steps"):
+        ul.sample(halfspace_problem(), walkers=8, max_steps=110, method="emcee")
 
 
 def test_an_interrupt_keeps_what_there_is(monkeypatch):
@@ -223,8 +225,8 @@ def test_an_interrupt_keeps_what_there_is(monkeypatch):
             raise KeyboardInterrupt
 
     monkeypatch.setattr(sampling._Run, "_keep", interrupted)
-    with pytest.warns(UnderlayWarning, match="interrupted after 120 steps"):
-        posterior = sample(halfspace_problem(), walkers=8, method="emcee")
+    with pytest.warns(ul.UnderlayWarning, match="interrupted after 120 steps"):
+        posterior = ul.sample(halfspace_problem(), walkers=8, method="emcee")
     assert not posterior.converged
     assert posterior.diagnostics.steps == 120
     assert len(posterior.samples) > 100
@@ -241,7 +243,7 @@ def failing(problem, edge, *, how):
         values = works(vectors)
         bad = problem.physical(vectors)[..., 0] > edge
         if how == "raises" and bad.any():
-            raise InputError("no law there")
+            raise ul.InputError("no law there")
         return np.where(bad, np.nan if how == "nan" else -np.inf, values)
 
     problem.log_posterior = log_posterior
@@ -256,8 +258,8 @@ def test_failed_evaluations_are_counted_reported_and_impossible(how, plain):
     problem = failing(halfspace_problem(), edge, how=how)
     # A batch in which one set raises is asked again set by set: a short chain is enough to see them counted.
     how_long = {"method": "emcee", "max_steps": 200} if how == "raises" else {}
-    with pytest.warns(UnderlayWarning) as caught:
-        posterior = sample(problem, walkers=8, **how_long)
+    with pytest.warns(ul.UnderlayWarning) as caught:
+        posterior = ul.sample(problem, walkers=8, **how_long)
     details = posterior.diagnostics
     assert posterior.samples["layer.E"].max() <= edge
     assert 0.01 * details.evaluations < details.failures < details.evaluations
@@ -276,18 +278,18 @@ def test_a_good_model_fails_nowhere(plain):
 
 
 def test_a_chain_stopped_and_resumed_is_the_chain_never_stopped(tmp_path):
-    whole = sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3)
+    whole = ul.sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3)
     # Before it is judged first, and shortly before it was judged last: there it may be good enough already.
     for number, stop in enumerate((90, whole.diagnostics.steps - 3)):
         path = tmp_path / f"chain{number}.h5"
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnderlayWarning)
-            stopped = sample(halfspace_problem(), walkers=8, max_steps=stop, rng=3, backend=path)
+            warnings.simplefilter("ignore", ul.UnderlayWarning)
+            stopped = ul.sample(halfspace_problem(), walkers=8, max_steps=stop, rng=3, backend=path)
         assert stopped.diagnostics.steps == stop
-        resumed = sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
+        resumed = ul.sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
         assert resumed.diagnostics.steps == whole.diagnostics.steps
         np.testing.assert_array_equal(resumed.chain, whole.chain)
-        again = sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
+        again = ul.sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
         np.testing.assert_array_equal(resumed.chain, again.chain)
 
 
@@ -306,7 +308,7 @@ def test_a_run_that_is_resumed_decides_what_it_would_have_decided(tmp_path, monk
 
     def run(most, **kept):
         judged.clear()
-        return sample(halfspace_problem(), walkers=8, max_steps=most, rng=3, **kept), judged.copy()
+        return ul.sample(halfspace_problem(), walkers=8, max_steps=most, rng=3, **kept), judged.copy()
 
     monkeypatch.setattr(sampling, "judge", noted)
     first = run(4000)[0].diagnostics.steps
@@ -317,7 +319,7 @@ def test_a_run_that_is_resumed_decides_what_it_would_have_decided(tmp_path, monk
     for number, stop in enumerate((100, first + 3)):
         path = tmp_path / f"chain{number}.h5"
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnderlayWarning)
+            warnings.simplefilter("ignore", ul.UnderlayWarning)
             run(stop, backend=path)
         resumed, again = run(4000, backend=path, resume=True)
         assert again == decided
@@ -328,13 +330,13 @@ def test_a_chain_after_declined_weights_is_the_same_when_resumed(tmp_path, monke
     """What declined them took of the chance that the answer is resampled with."""
     monkeypatch.setattr(weighted, "leak_of_walk", lambda *given: 1.0 + 0.0 * leak_of_walk(*given))
     monkeypatch.setattr(weighted, "_AVERAGED_ERROR", 0.03)
-    problem = Problem(halfspace_scene(), halfspace_curve(), {"layer.E": LogUniform(1e4, 1e8)})
-    whole = sample(problem, walkers=8, max_steps=4000, rng=3)
+    problem = ul.Problem(halfspace_scene(), halfspace_curve(), {"layer.E": ul.LogUniform(1e4, 1e8)})
+    whole = ul.sample(problem, walkers=8, max_steps=4000, rng=3)
     assert whole.diagnostics.weighted
     path = tmp_path / "chain.h5"
-    with pytest.warns(UnderlayWarning, match="not converged"):
-        sample(problem, walkers=8, max_steps=20, rng=3, backend=path)
-    resumed = sample(problem, walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
+    with pytest.warns(ul.UnderlayWarning, match="not converged"):
+        ul.sample(problem, walkers=8, max_steps=20, rng=3, backend=path)
+    resumed = ul.sample(problem, walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
     np.testing.assert_array_equal(resumed.chain, whole.chain)
 
 
@@ -361,8 +363,8 @@ def test_kill_9_loses_nothing(tmp_path):
             told = int(process.stdout.readline())
         os.kill(process.pid, signal.SIGKILL)
         told = max([told, *(int(line) for line in process.stdout.read().split())])
-    with pytest.warns(UnderlayWarning, match="not converged"):
-        posterior = sample(
+    with pytest.warns(ul.UnderlayWarning, match="not converged"):
+        posterior = ul.sample(
             halfspace_problem(),
             walkers=8,
             max_steps=told + 1,
@@ -376,8 +378,10 @@ def test_kill_9_loses_nothing(tmp_path):
         stored = kept.chain
     # What was stored is the chain of a run that was never killed.
     reference = tmp_path / "reference.h5"
-    with pytest.warns(UnderlayWarning, match="not converged"):
-        sample(halfspace_problem(), walkers=8, max_steps=told + 1, rng=3, backend=reference, method="emcee")
+    with pytest.warns(ul.UnderlayWarning, match="not converged"):
+        ul.sample(
+            halfspace_problem(), walkers=8, max_steps=told + 1, rng=3, backend=reference, method="emcee"
+        )
     with sampling.ChainFile.resume(reference, ("layer.E", "instrument.contact_depth"), (told + 1, 8)) as (
         _,
         kept,
@@ -390,21 +394,21 @@ def test_kill_9_loses_nothing(tmp_path):
 def test_a_chain_of_another_problem_is_refused(kept, what):
     other = {
         "curve": halfspace_problem(halfspace_curve(seed=2)),
-        "noise": halfspace_problem(noise=Noise(force=1.1 * WHITE)),
-        "prior": Problem(
+        "noise": halfspace_problem(noise=ul.Noise(force=1.1 * WHITE)),
+        "prior": ul.Problem(
             halfspace_scene(),
             halfspace_curve(),
-            {"layer.E": Normal(1e6, 1e4), "instrument.contact_depth": Uniform(-1e-5, 1e-5)},
-            Noise(force=WHITE),
+            {"layer.E": ul.Normal(1e6, 1e4), "instrument.contact_depth": ul.Uniform(-1e-5, 1e-5)},
+            ul.Noise(force=WHITE),
         ),
     }[what]
-    with pytest.raises(InputError, match="the chain of another problem"):
-        sample(other, walkers=8, backend=kept, resume=True)
+    with pytest.raises(ul.InputError, match="the chain of another problem"):
+        ul.sample(other, walkers=8, backend=kept, resume=True)
 
 
 def test_resume_begins_where_there_is_nothing_yet(tmp_path):
     path = tmp_path / "chain.h5"
-    posterior = sample(baseline_problem(), walkers=8, backend=path, resume=True)
+    posterior = ul.sample(baseline_problem(), walkers=8, backend=path, resume=True)
     assert posterior.converged
     assert path.exists()
 
@@ -413,16 +417,16 @@ def test_resume_begins_where_there_is_nothing_yet(tmp_path):
 
 
 def test_an_improper_prior_is_refused():
-    problem = Problem(halfspace_scene(), halfspace_curve(), {"layer.E": None}, Noise(force=WHITE))
+    problem = ul.Problem(halfspace_scene(), halfspace_curve(), {"layer.E": None}, ul.Noise(force=WHITE))
     assert isinstance(problem.priors["layer.E"], Flat)
-    with pytest.raises(InputError, match=r"the prior of layer\.E is improper.*LogUniform"):
-        sample(problem)
+    with pytest.raises(ul.InputError, match=r"the prior of layer\.E is improper.*LogUniform"):
+        ul.sample(problem)
 
 
 def test_a_best_fit_without_a_law_is_refused(monkeypatch):
     monkeypatch.setattr(CountedDensity, "__call__", lambda _, vectors: np.full(len(vectors), -np.inf))
-    with pytest.raises(InputError, match="no contact law exists at the best fit"):
-        sample(halfspace_problem())
+    with pytest.raises(ul.InputError, match="no contact law exists at the best fit"):
+        ul.sample(halfspace_problem())
 
 
 @pytest.mark.parametrize(
@@ -436,17 +440,17 @@ def test_a_best_fit_without_a_law_is_refused(monkeypatch):
     ],
 )
 def test_bad_options(options, message):
-    with pytest.raises(InputError, match=message):
-        sample(halfspace_problem(), **options)
+    with pytest.raises(ul.InputError, match=message):
+        ul.sample(halfspace_problem(), **options)
 
 
 # --- people -----------------------------------------------------------------------------------------------
 
 
 def test_silent_when_not_a_terminal_and_talking_when_asked(capfd):
-    sample(baseline_problem(), walkers=8)
+    ul.sample(baseline_problem(), walkers=8)
     assert capfd.readouterr() == ("", "")
-    sample(baseline_problem(), walkers=8, progress=True)
+    ul.sample(baseline_problem(), walkers=8, progress=True)
     out, err = capfd.readouterr()
     assert out == ""
     assert "effective samples" in err

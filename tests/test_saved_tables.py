@@ -10,9 +10,8 @@ import zipfile
 import numpy as np
 import pytest
 
+import underlay as ul
 from support.compound_file import xls
-from underlay.data.readers import read
-from underlay.errors import FileFormatError
 
 POINTS = 60
 DEPTH = np.linspace(0.0, 10.0, POINTS)  # um
@@ -66,8 +65,10 @@ def test_a_packed_curve_says_how_to_unpack_it(packed, told, in_zip, put):
         with zipfile.ZipFile(content, "w") as archive:
             archive.writestr("curve.csv.packed", packed)
         packed = content.getvalue()
-    with pytest.raises(FileFormatError, match=rf"{told}, which is not read here: unpack it, or pack .*\.zip"):
-        read(put(packed))
+    with pytest.raises(
+        ul.FileFormatError, match=rf"{told}, which is not read here: unpack it, or pack .*\.zip"
+    ):
+        ul.read(put(packed))
 
 
 @pytest.mark.parametrize("order", ["le", "be"])
@@ -80,7 +81,7 @@ def test_utf_16_without_its_mark_is_read(order, unit, in_zip, put):
         with zipfile.ZipFile(content, "w") as archive:
             archive.writestr("curve.csv", coded)
         coded = content.getvalue()
-    is_whole(read(put(coded)))
+    is_whole(ul.read(put(coded)))
 
 
 # --- quoted numbers
@@ -94,15 +95,15 @@ def quoted(separator, names='"depth (um)"{}"force (mN)"'):
 @pytest.mark.parametrize("separator", [";", ",", "\t"])
 @pytest.mark.parametrize("names", ['"depth (um)"{}"force (mN)"', "depth (um){}force (mN)"])
 def test_decimal_commas_in_quotes_are_decimals(separator, names, put):
-    is_whole(read(put(quoted(separator, names=names))))
+    is_whole(ul.read(put(quoted(separator, names=names))))
 
 
 def test_a_comma_in_quotes_that_may_be_of_thousands_is_refused(put):
     rows = "\n".join(f'"{1000 + 10 * i:,}",{i}' for i in range(40))
     with pytest.raises(
-        FileFormatError, match=r"'depth \(nm\)': the comma of '1,000' may be of a decimal or of"
+        ul.FileFormatError, match=r"'depth \(nm\)': the comma of '1,000' may be of a decimal or of"
     ):
-        read(put(f"depth (nm),force (uN)\n{rows}"))
+        ul.read(put(f"depth (nm),force (uN)\n{rows}"))
 
 
 # --- results, a row for each test
@@ -151,11 +152,11 @@ def test_a_table_of_results_is_no_curve(without, order, told, kind, put):
     text = "\n".join(";".join(row) for row in rows)
     path = put(text if kind == "csv" else xls({"Results": rows}), f"summary.{kind}")
     with pytest.raises(
-        FileFormatError, match=f"is a table of results, a row for each test.*: {told}. Export the"
+        ul.FileFormatError, match=f"is a table of results, a row for each test.*: {told}. Export the"
     ):
-        read(path)
+        ul.read(path)
     # Who knows better names both columns.
-    named = read(path, columns={"depth": "h (um)", "force": "F (mN)"})
+    named = ul.read(path, columns={"depth": "h (um)", "force": "F (mN)"})
     np.testing.assert_allclose(np.sort(named.force), np.sort(PEAK_FORCE.round(3)) * 1e-3, rtol=1e-9)
 
 
@@ -179,8 +180,8 @@ def test_a_table_of_results_without_names_is_no_curve(head, spread, told, put):
         f"{70 + i % 3};{f:.3f};{d:.3f}" + (f";{i + 1}" if spread is None else "")
         for i, (f, d) in enumerate(zip(forces, depths, strict=True))
     ]
-    with pytest.raises(FileFormatError, match=f"is a table of results.* and {told}"):
-        read(put("\n".join([head, *rows])))
+    with pytest.raises(ul.FileFormatError, match=f"is a table of results.* and {told}"):
+        ul.read(put("\n".join([head, *rows])))
 
 
 def test_a_curve_that_carries_its_modulus_and_its_clock_is_no_table_of_results(put):
@@ -193,7 +194,7 @@ def test_a_curve_that_carries_its_modulus_and_its_clock_is_no_table_of_results(p
         for i, (d, f) in enumerate(zip(depth, force, strict=True))
     ]
     head = "Clock,Date,h (um),F (mN),E (GPa),Stage,t (s)\n"
-    curve = read(put(head + "\n".join(rows)))
+    curve = ul.read(put(head + "\n".join(rows)))
     np.testing.assert_allclose(curve.depth, depth * 1e-6, atol=1e-11, rtol=0)
 
 
@@ -203,14 +204,14 @@ def test_a_curve_that_carries_its_modulus_and_its_clock_is_no_table_of_results(p
 def test_a_second_column_that_may_be_the_force_or_the_depth_is_noted(put):
     rows = "\n".join(f"{d:.4f},{d / 2:.4f},{f:.5f},{2 * f:.5f}" for d, f in zip(DEPTH, FORCE, strict=True))
     path = put("Displacement (um),depth (um),load (mN),force (mN)\n" + rows)
-    depth, force = read(path).metadata["notes"]
+    depth, force = ul.read(path).metadata["notes"]
     assert depth.startswith(
         "the depth is read from 'depth (um)'; not read: 'Displacement (um)', which may be one"
     )
     assert force.startswith(
         "the force is read from 'force (mN)'; not read: 'load (mN)', which may be one too"
     )
-    chosen = read(path, columns={"depth": "Displacement", "force": "load"})
+    chosen = ul.read(path, columns={"depth": "Displacement", "force": "load"})
     is_whole(chosen)
     assert chosen.metadata["notes"] == ()
 
@@ -222,8 +223,8 @@ def test_tests_one_below_the_other_are_noted_and_segments_whose_time_begins_agai
         )
 
     head, way_in, way_out = "h (um),F (mN),t (s)\n", rows(DEPTH, FORCE), rows(DEPTH[::-1], FORCE[::-1])
-    (note,) = read(put(head + 3 * way_in)).metadata["notes"]
+    (note,) = ul.read(put(head + 3 * way_in)).metadata["notes"]
     assert note.startswith(
         "time and depth begin again in row 61 of the table: the file looks like 3 tests one below"
     )
-    assert read(put(head + way_in + way_out)).metadata["notes"] == ()
+    assert ul.read(put(head + way_in + way_out)).metadata["notes"] == ()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.errors import InputError, ParameterError
 from underlay.scene.instrument import Baseline, ContactDepth, Frame
 from underlay.scene.parameters import kind_of
 
@@ -47,7 +46,7 @@ def test_values_are_replaced_in_a_new_scene():
     [("layer.e", "layer.E"), ("layer.thicknes", "layer.thickness"), ("substrate.E", "layer.E")],
 )
 def test_unknown_path_names_the_nearest(path, nearest):
-    with pytest.raises(ParameterError, match=f"did you mean '{nearest}'"):
+    with pytest.raises(ul.ParameterError, match=f"did you mean '{nearest}'"):
         CARTILAGE.with_values({path: 1.0})
 
 
@@ -84,7 +83,7 @@ def test_a_scene_cannot_be_changed():
     ],
 )
 def test_bad_scenes(make, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ul.InputError, match=message):
         make()
 
 

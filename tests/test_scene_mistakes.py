@@ -10,7 +10,6 @@ import pytest
 
 import underlay as ul
 from underlay.cli.new_scene import new_scene
-from underlay.errors import InputError, ParameterError, RangeError, UnderlayWarning, UnitError
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.kernel.kernel import u_rule
 from underlay.scene.scene_file import read_scene_file
@@ -50,36 +49,41 @@ def write(tmp_path, text):
 @pytest.mark.parametrize(
     ("old", "new", "error", "message"),
     [
-        ('thickness = "1.5 mm"', "", InputError, "a layer on a substrate needs its thickness"),
-        ("thickness =", "thicknes =", InputError, r"did you mean thickness\? allowed: E, nu, thickness"),
-        ("E = ", "youngs_modulus = ", InputError, r"\[layer\] has no 'youngs_modulus'; did you mean E\?"),
-        ("nu = 0.45", "poisson_ratio = 0.45", InputError, r"did you mean nu\?"),
-        ('radius = "0.5 mm"', 'diameter = "1 mm"', InputError, r"did you mean radius \(half of it\)\?"),
-        ('radius = "0.5 mm"', 'R = "1 mm"', InputError, r"did you mean radius\?"),
-        ("compliance =", "spring_constant =", InputError, r"did you mean compliance \(its inverse\)\?"),
-        ("rigid = true", "Rigid = true", InputError, r"did you mean rigid\?"),
-        ("[noise]", "[nose]", InputError, r"unknown section \[nose\]; did you mean noise\?"),
-        ("layer.E =", "layer.modulus =", ParameterError, r"did you mean 'layer\.E'\?"),
-        ("layer.E =", "layer.poisson =", ParameterError, r"did you mean 'layer\.nu'\?"),
+        ('thickness = "1.5 mm"', "", ul.InputError, "a layer on a substrate needs its thickness"),
+        ("thickness =", "thicknes =", ul.InputError, r"did you mean thickness\? allowed: E, nu, thickness"),
+        ("E = ", "youngs_modulus = ", ul.InputError, r"\[layer\] has no 'youngs_modulus'; did you mean E\?"),
+        ("nu = 0.45", "poisson_ratio = 0.45", ul.InputError, r"did you mean nu\?"),
+        ('radius = "0.5 mm"', 'diameter = "1 mm"', ul.InputError, r"did you mean radius \(half of it\)\?"),
+        ('radius = "0.5 mm"', 'R = "1 mm"', ul.InputError, r"did you mean radius\?"),
+        ("compliance =", "spring_constant =", ul.InputError, r"did you mean compliance \(its inverse\)\?"),
+        ("rigid = true", "Rigid = true", ul.InputError, r"did you mean rigid\?"),
+        ("[noise]", "[nose]", ul.InputError, r"unknown section \[nose\]; did you mean noise\?"),
+        ("layer.E =", "layer.modulus =", ul.ParameterError, r"did you mean 'layer\.E'\?"),
+        ("layer.E =", "layer.poisson =", ul.ParameterError, r"did you mean 'layer\.nu'\?"),
         (
             "layer.E =",
             "E =",
-            ParameterError,
+            ul.ParameterError,
             r"\[fit\] E: say of which part of the scene; write layer\.E = \{",
         ),
-        ("layer.E =", "modulus =", ParameterError, r"write layer\.E = \{"),
-        ("layer.E =", "radius =", ParameterError, r"write indenter\.radius = \{"),
-        ('"1.5 mm"', '"1,5 mm"', UnitError, r"\[layer\] thickness: write the number with a point: '1\.5 mm'"),
-        ('"0.4 MPa"', '"0.4 Mpa"', UnitError, r"unknown unit 'Mpa' for a pressure; did you mean MPa\?"),
-        ('"0.4 MPa"', "nan", UnitError, r"\[layer\] E: a pressure must be finite"),
-        ('"0.4 MPa"', '"nan MPa"', UnitError, r"\[layer\] E: a pressure must be given as '0\.4 MPa'"),
-        ("nu = 0.45", "nu = nan", UnitError, r"\[layer\] nu: .* must be finite"),
-        ('shape = "sphere"\n', "", InputError, r"\[indenter\] needs 'shape'"),
-        ('shape = "sphere"', 'shape = "spheer"', InputError, r"not known; did you mean sphere\?"),
+        ("layer.E =", "modulus =", ul.ParameterError, r"write layer\.E = \{"),
+        ("layer.E =", "radius =", ul.ParameterError, r"write indenter\.radius = \{"),
+        (
+            '"1.5 mm"',
+            '"1,5 mm"',
+            ul.UnitError,
+            r"\[layer\] thickness: write the number with a point: '1\.5 mm'",
+        ),
+        ('"0.4 MPa"', '"0.4 Mpa"', ul.UnitError, r"unknown unit 'Mpa' for a pressure; did you mean MPa\?"),
+        ('"0.4 MPa"', "nan", ul.UnitError, r"\[layer\] E: a pressure must be finite"),
+        ('"0.4 MPa"', '"nan MPa"', ul.UnitError, r"\[layer\] E: a pressure must be given as '0\.4 MPa'"),
+        ("nu = 0.45", "nu = nan", ul.UnitError, r"\[layer\] nu: .* must be finite"),
+        ('shape = "sphere"\n', "", ul.InputError, r"\[indenter\] needs 'shape'"),
+        ('shape = "sphere"', 'shape = "spheer"', ul.InputError, r"not known; did you mean sphere\?"),
         (
             'shape = "sphere"',
             'shape = "berkovich"',
-            InputError,
+            ul.InputError,
             "shape berkovich needs nothing else; remove radius",
         ),
     ],
@@ -91,7 +95,7 @@ def test_each_mistake_is_told_what_was_meant(tmp_path, old, new, error, message)
 
 
 def test_a_decimal_comma_that_is_no_number_stays_what_it_was(tmp_path):
-    with pytest.raises(UnitError, match="unknown unit ',5,2 mm'"):
+    with pytest.raises(ul.UnitError, match="unknown unit ',5,2 mm'"):
         read_scene_file(write(tmp_path, SCENE.replace('"1.5 mm"', '"1,5,2 mm"')))
 
 
@@ -100,7 +104,9 @@ def test_a_decimal_comma_that_is_no_number_stays_what_it_was(tmp_path):
 )
 def test_pyramids_are_their_equivalent_cones_and_that_is_said(tmp_path, run, name, cone):
     path = write(tmp_path, SCENE.replace('shape = "sphere"\nradius = "0.5 mm"', f'shape = "{name}"'))
-    with pytest.warns(UnderlayWarning, match=f"{name} tip is taken as the cone of the same projected area"):
+    with pytest.warns(
+        ul.UnderlayWarning, match=f"{name} tip is taken as the cone of the same projected area"
+    ):
         assert ul.load_scene(path).indenter == cone
     code, out, err = run("effects", path, "--max-depth", "10 um")
     assert code == 0, err
@@ -108,7 +114,7 @@ def test_pyramids_are_their_equivalent_cones_and_that_is_said(tmp_path, run, nam
 
 
 def test_a_layer_on_a_substrate_has_a_thickness_in_python_too():
-    with pytest.raises(InputError, match=r"needs its thickness: give layer\.thickness"):
+    with pytest.raises(ul.InputError, match=r"needs its thickness: give layer\.thickness"):
         ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)), ul.RIGID)
     half_space = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)))
     assert half_space.contact_law(1e-5).method == "halfspace"
@@ -122,7 +128,7 @@ def test_bounds_of_the_contact_without_a_start_take_the_data_s(tmp_path):
     assert 5e-6 < problem.base_scenes[0].instrument.contact_depth < 3e-5
     # A start that is stated stays, and is refused where it is outside the bounds.
     path.write_text(path.read_text() + '\n[instrument]\ncontact_depth = "0 um"\n', encoding="utf-8")
-    with pytest.raises(InputError, match="outside its bounds"):
+    with pytest.raises(ul.InputError, match="outside its bounds"):
         ul.load_problem(SAMPLES / "cartilage_on_bone.csv", path)
 
 
@@ -270,9 +276,9 @@ SLOW = ul.TransverselyIsotropic(E=1e6, E_axial=1e8, nu=0.3, nu_axial=0.2, G_axia
 
 def test_a_layer_whose_displacements_hardly_decay_is_refused_before_it_is_computed():
     # E_axial/E = 100 and G/E = 0.01 made 9417 x 7160 nodes a contact radius at a/h = 10: 4 GB, over a minute.
-    with pytest.raises(RangeError, match=r"nodes at a/h = .*E_axial and G_axial"):
+    with pytest.raises(ul.RangeError, match=r"nodes at a/h = .*E_axial and G_axial"):
         ul.contact_law(ul.FlatPunch(1e-2), ul.Layer(SLOW, 1e-3), ul.RIGID, max_depth=1e-4, solver="exact")
-    with pytest.raises(RangeError, match="nodes"):
+    with pytest.raises(ul.RangeError, match="nodes"):
         ul.contact_law(ul.Paraboloid(1e-2), ul.Layer(SLOW, 1e-3), ul.RIGID, max_depth=1e-3)
     small = ul.contact_law(ul.FlatPunch(1e-4), ul.Layer(SLOW, 1e-3), ul.RIGID, max_depth=1e-5, solver="exact")
     assert small.force(1e-5) > 0.0
@@ -283,13 +289,13 @@ def test_a_batch_that_does_not_fit_into_memory_is_refused():
         E=1e6, E_axial=1e7, nu=0.3, nu_axial=0.2, G_axial=1e5
     ).plane_constants
     # It would be 4e8 numbers; set by set each contact radius holds 5e4 of them.
-    with pytest.raises(RangeError, match="one set of materials at a time"):
+    with pytest.raises(ul.RangeError, match="one set of materials at a time"):
         ExactBatch.compile(ul.Paraboloid(1e-3), constants, None, thickness=1e-3, max_depth=4e-3, rtol=1e-6)
 
 
 def test_a_kernel_of_millions_of_nodes_is_refused_before_it_is_computed():
     stiff_in_shear = ul.TransverselyIsotropic(E=1e6, E_axial=1e6, nu=0.5, nu_axial=0.5, G_axial=1e18)
-    with pytest.raises(RangeError, match="the kernel of this layer takes"):
+    with pytest.raises(ul.RangeError, match="the kernel of this layer takes"):
         u_rule(stiff_in_shear.plane_constants, None, 0.0, 1e-15, power=4)
     nodes, _ = u_rule(ul.Isotropic(1e6, 0.5).plane_constants, None, 20.0, 1e-12)
     assert nodes.size < 1000

@@ -6,7 +6,6 @@ import pytest
 
 import underlay as ul
 from support.maps import FREE
-from underlay.errors import RangeError, UnderlayWarning
 from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.contact_law import DeeperThanLayer
 from underlay.mechanics.exact.batch import ExactBatch
@@ -30,7 +29,7 @@ def law_to_the_end(nu, thickness, ratio, rtol):
     contact = (BALL, layer(nu, thickness), base(ratio))
     try:
         return ul.contact_law(*contact, max_depth=9.0 * R, solver=ul.Exact(rtol))
-    except RangeError as error:
+    except ul.RangeError as error:
         named = error.max_depth * (1.0 - rtol)
         return ul.contact_law(*contact, max_depth=named, solver=ul.Exact(rtol))
 
@@ -61,7 +60,7 @@ def test_a_sphere_is_right_to_the_depth_it_names(nu, thickness, ratio):
     ("depth", "nu", "thickness", "end"), [(1.2, 0.5, 1 / 3, 1.08), (2.0, 0.3, 1 / 3, 1.82)]
 )
 def test_beyond_the_equator_of_a_thin_layer_is_refused(depth, nu, thickness, end):
-    with pytest.raises(RangeError, match=r"end of the indenter's shape") as caught:
+    with pytest.raises(ul.RangeError, match=r"end of the indenter's shape") as caught:
         ul.contact_law(BALL, layer(nu, thickness), ul.RIGID, max_depth=depth * R, solver="exact")
     assert caught.value.max_depth == pytest.approx(end * R, rel=0.01)
 
@@ -95,12 +94,12 @@ def test_an_asymptotic_radius_does_not_pass_the_sphere():
     radius = law.contact_radius(np.linspace(0.01, 1.0 - 1e-9, 50) * deepest)
     assert radius.max() <= R
     if law.max_radius_depth < law.max_depth:
-        with pytest.raises(RangeError, match="end of the indenter's shape"):
+        with pytest.raises(ul.RangeError, match="end of the indenter's shape"):
             law.contact_radius(0.5 * (law.max_radius_depth + law.max_depth))
 
 
 def test_a_published_sphere_deeper_than_its_radius_is_flagged():
-    with pytest.warns(UnderlayWarning, match="d/R is 1.5"):
+    with pytest.warns(ul.UnderlayWarning, match="d/R is 1.5"):
         law = ul.contact_law(BALL, layer(0.5, 10.0), ul.RIGID, max_depth=1.5 * R, solver="garcia2018")
     assert any("d/R" in str(entry) for entry in law.warnings)
     assert law.contact_radius(1.5 * R) > R

@@ -14,7 +14,6 @@ import pytest
 
 import underlay as ul
 from underlay.mechanics.exact.law import exact_law
-from underlay.mechanics.kernel import StackKernel, SubstrateKernel
 from underlay.mechanics.kernel.recursion import Recursion
 from underlay.mechanics.kernel.stack import sheets_of
 from underlay.scene.effects import effect_sizes
@@ -90,31 +89,31 @@ PAIRS = [
 @pytest.mark.parametrize(("layer", "base"), PAIRS, ids=range(len(PAIRS)))
 @pytest.mark.parametrize("cuts", [(1.0,), (0.25, 0.5, 0.25), (0.5, 0.5), (0.125,) * 8])
 def test_equal_layers_are_one_layer(layer, base, cuts):
-    stack = StackKernel(tuple(ul.Layer(layer, t) for t in cuts), base)
-    whole = SubstrateKernel(layer, base).one_minus_L(U)
+    stack = ul.StackKernel(tuple(ul.Layer(layer, t) for t in cuts), base)
+    whole = ul.SubstrateKernel(layer, base).one_minus_L(U)
     np.testing.assert_allclose(stack.one_minus_L(U * cuts[0]), whole, rtol=1e-12, atol=2e-13)
 
 
 def test_a_layer_like_its_base_or_without_thickness_disappears():
     top, base = ul.Layer(ul.Isotropic(1.0, 0.4), 1.0), ul.Isotropic(0.05, 0.3)
-    whole = SubstrateKernel(top.material, base).one_minus_L(U)
-    merged = StackKernel((top, ul.Layer(base, 0.7)), base).one_minus_L(U)
+    whole = ul.SubstrateKernel(top.material, base).one_minus_L(U)
+    merged = ul.StackKernel((top, ul.Layer(base, 0.7)), base).one_minus_L(U)
     np.testing.assert_allclose(merged, whole, rtol=1e-12, atol=1e-13)
-    gone = StackKernel((top, ul.Layer(ul.Isotropic(3.0, 0.2), 1e-14)), base).one_minus_L(U)
+    gone = ul.StackKernel((top, ul.Layer(ul.Isotropic(3.0, 0.2), 1e-14)), base).one_minus_L(U)
     np.testing.assert_allclose(gone, whole, rtol=1e-12, atol=1e-12)
 
 
 def test_a_thick_layer_is_all_there_is():
     layers = (ul.Layer(ul.Isotropic(1.0, 0.4), 1.0), ul.Layer(ul.Isotropic(9.0, 0.3), 400.0))
-    deep = StackKernel(layers, ul.RIGID).one_minus_L(FIVE)
-    whole = SubstrateKernel(layers[0].material, layers[1].material).one_minus_L(FIVE)
+    deep = ul.StackKernel(layers, ul.RIGID).one_minus_L(FIVE)
+    whole = ul.SubstrateKernel(layers[0].material, layers[1].material).one_minus_L(FIVE)
     np.testing.assert_allclose(deep, whole, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", STACKS)
 def test_limits_of_the_wavenumber(name):
     layers, base = parts(name)
-    kernel = StackKernel(layers, base)
+    kernel = ul.StackKernel(layers, base)
     below = 0.0 if base is ul.RIGID else layers[0].material.theta / base.theta
     assert 1.0 - kernel.one_minus_L(0.0) == pytest.approx(below, rel=1e-13, abs=1e-15)
     assert np.all(kernel.one_minus_L(np.geomspace(1e-9, 40.0, 200)) < 1.0)
@@ -123,13 +122,13 @@ def test_limits_of_the_wavenumber(name):
 
 def test_springs_go_from_slip_to_bond():
     layer = ul.Layer(ul.Isotropic(2.0, 0.4), 0.5)
-    lower = StackKernel((replace(layer, bond="slip"),), ul.RIGID).one_minus_L(FIVE)
-    upper = SubstrateKernel(layer.material, ul.RIGID).one_minus_L(FIVE)
+    lower = ul.StackKernel((replace(layer, bond="slip"),), ul.RIGID).one_minus_L(FIVE)
+    upper = ul.SubstrateKernel(layer.material, ul.RIGID).one_minus_L(FIVE)
     for stiffness, expected, rtol in ((0.0, lower, 1e-14), (1e-9, lower, 1e-8), (1e13, upper, 1e-11)):
         bond = ul.Spring(shear=stiffness)
-        got = StackKernel((replace(layer, bond=bond),), ul.RIGID).one_minus_L(FIVE)
+        got = ul.StackKernel((replace(layer, bond=bond),), ul.RIGID).one_minus_L(FIVE)
         np.testing.assert_allclose(got, expected, rtol=rtol)
-    between = StackKernel((replace(layer, bond=ul.Spring(shear=3.0)),), ul.RIGID).one_minus_L(FIVE)
+    between = ul.StackKernel((replace(layer, bond=ul.Spring(shear=3.0)),), ul.RIGID).one_minus_L(FIVE)
     assert np.all((lower < between) & (between < upper))
 
 
@@ -139,9 +138,9 @@ def test_a_thin_soft_glue_is_a_spring():
     confined = 1e-3 * 0.7 / (1.3 * 0.4)
     errors = []
     for t in (1e-2, 5e-3):
-        real = StackKernel((ul.Layer(film, 1.0), ul.Layer(glue, t)), base).one_minus_L(FIVE)
+        real = ul.StackKernel((ul.Layer(film, 1.0), ul.Layer(glue, t)), base).one_minus_L(FIVE)
         bond = ul.Spring(normal=confined / t, shear=1e-3 / 2.6 / t)
-        spring = StackKernel((ul.Layer(film, 1.0, bond=bond),), base).one_minus_L(FIVE)
+        spring = ul.StackKernel((ul.Layer(film, 1.0, bond=bond),), base).one_minus_L(FIVE)
         errors.append(np.abs(spring - real).max())
     assert errors[0] < 2e-3
     assert errors[0] / errors[1] > 1.8
@@ -153,7 +152,7 @@ def test_a_thin_soft_glue_is_a_spring():
 @pytest.mark.parametrize("name", KERNELS)
 def test_kernels_of_stacks(name):
     expected = np.array(KERNELS[name].split(), dtype=float)
-    np.testing.assert_allclose(StackKernel(*parts(name)).one_minus_L(FIVE), expected, rtol=1e-12)
+    np.testing.assert_allclose(ul.StackKernel(*parts(name)).one_minus_L(FIVE), expected, rtol=1e-12)
 
 
 def transfer_matrix(name, u):
@@ -184,7 +183,7 @@ def test_the_recursion_keeps_its_digits_where_it_changes_form(name):
     """A layer goes from its series to its waves at v sigma = 0.6, the one on top at u = 0.3."""
     u = np.array([1e-3, 0.03, 0.1, 0.15, 0.2, 0.299, 0.301, 0.599, 0.601, 1.3, 12.0])
     expected = np.array([transfer_matrix(name, one) for one in u])
-    np.testing.assert_allclose(StackKernel(*parts(name)).one_minus_L(u), expected, rtol=1e-13)
+    np.testing.assert_allclose(ul.StackKernel(*parts(name)).one_minus_L(u), expected, rtol=1e-13)
 
 
 @pytest.mark.parametrize("name", ["A", "F"])
@@ -199,12 +198,12 @@ def test_many_stacks_go_up_together(name):
     for row, scale in zip(together, scales[:, 0], strict=True):
         own = [replace(layers[0], bond="slip")]
         own += [replace(layer, thickness=layer.thickness * scale) for layer in layers[1:]]
-        np.testing.assert_allclose(row, StackKernel(tuple(own), base).one_minus_L(U[1:]), rtol=1e-13)
+        np.testing.assert_allclose(row, ul.StackKernel(tuple(own), base).one_minus_L(U[1:]), rtol=1e-13)
 
 
 @pytest.mark.parametrize("name", MOMENTS)
 def test_moments_of_stacks(name):
-    np.testing.assert_allclose(StackKernel(*parts(name)).coefficients(2), MOMENTS[name], rtol=1e-11)
+    np.testing.assert_allclose(ul.StackKernel(*parts(name)).coefficients(2), MOMENTS[name], rtol=1e-11)
 
 
 @pytest.mark.parametrize("line", CONTACTS.strip().splitlines())
@@ -226,7 +225,7 @@ def test_smooth_base():
     """L = 2 sinh^2 u/(sinh 2u + 2u) for every nu; a_0 is AtomicJ's 1.16758 for a layer free to slip."""
     u = np.array([1e-3, 0.1, 0.4, 0.6, 1.0, 3.0, 8.0])
     for nu in (0.0, 0.3, 0.5):
-        kernel = StackKernel((ul.Layer(ul.Isotropic(7.0, nu), 2.0, bond="slip"),), ul.RIGID)
+        kernel = ul.StackKernel((ul.Layer(ul.Isotropic(7.0, nu), 2.0, bond="slip"),), ul.RIGID)
         L = 2.0 * np.sinh(u) ** 2 / (np.sinh(2.0 * u) + 2.0 * u)
         np.testing.assert_allclose(1.0 - kernel.one_minus_L(u), L, rtol=1e-12)
         a_0 = float(kernel.coefficients(1)[0])
@@ -439,7 +438,7 @@ def test_bad_scene_files_are_refused(tmp_path, text, message):
 def test_slip_under_slip_is_held_by_symmetry():
     """No translation is left in an axisymmetric contact: two faces that slip are no mechanism."""
     slippery = ul.Layer(ul.Isotropic(1e4, 0.5), 1e-4, bond="slip")
-    kernel = StackKernel((slippery, slippery), ul.RIGID)
+    kernel = ul.StackKernel((slippery, slippery), ul.RIGID)
     L = 1.0 - kernel.one_minus_L(np.geomspace(1e-8, 1.0, 50))
     assert np.all(L > 0.0)
     law = ul.contact_law(ul.FlatPunch(1e-4), slippery, ul.Stack([slippery]), max_depth=1e-6)

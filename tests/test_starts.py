@@ -5,14 +5,12 @@ import pytest
 
 import underlay as ul
 from support.inverse import exact_curve, layer_on, measured, problem
-from underlay.data.curve import Curve
 from underlay.inference.answer_cost import plain_hertz_fit
-from underlay.inference.least_squares import fit, fitting
+from underlay.inference.least_squares import fitting
 from underlay.inference.least_squares.candidates import candidates
 from underlay.inference.least_squares.scan import Landscape, scan
 from underlay.inference.least_squares.scan_curve import Blocks, blocked_objective
 from underlay.inference.least_squares.settle import settle
-from underlay.inference.problem import Problem
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
 BASELINE = "instrument.baseline"
@@ -21,7 +19,7 @@ BASELINE = "instrument.baseline"
 @pytest.mark.parametrize("points", [20, 32, 33, 1000])
 def test_blocks_are_the_medians_or_averages_of_neighbours(points):
     rng = np.random.default_rng(points)
-    curve = Curve(rng.permutation(np.linspace(0.0, 1.0, points)), rng.standard_normal(points))
+    curve = ul.Curve(rng.permutation(np.linspace(0.0, 1.0, points)), rng.standard_normal(points))
     order = np.argsort(curve.depth)
     groups = np.array_split(order, min(32, points))
     for middle, averages in ((np.median, False), (np.mean, True)):
@@ -33,7 +31,7 @@ def test_blocks_are_the_medians_or_averages_of_neighbours(points):
 
 def test_averages_of_a_parabola_are_brought_onto_it():
     depth = np.sort(np.random.default_rng(0).uniform(-1.0, 2.0, 1000))
-    curve = Curve(depth, 3.0 * depth**2 - depth + 0.5)
+    curve = ul.Curve(depth, 3.0 * depth**2 - depth + 0.5)
     averages = Blocks.of(curve, 32, averages=True)
     on_it = 3.0 * averages.depth**2 - averages.depth + 0.5
     # Curvature adds 3 var(w), with 31 points over a thirty-second of the range; the parabola found is that to
@@ -78,7 +76,7 @@ def test_linear_parameters_are_at_their_best_wherever_it_is_asked():
 def test_a_rough_fit_ends_within_a_fraction_of_a_standard_error(base):
     scene = layer_on(base)
     p = problem(scene, [E, H, C], measured(scene, points=1000))
-    found = fit(p)
+    found = ul.fit(p)
     deviation = np.sqrt(np.diag(found.scaled_covariance))
     (rough,) = candidates(blocked_objective(p, robust=False), [found.vector + np.array([0.4, 0.3, 0.01])])
     # Averages of 31 points lose little of what 1000 tell; the law is coarse to 1e-3 of the force.
@@ -88,7 +86,7 @@ def test_a_rough_fit_ends_within_a_fraction_of_a_standard_error(base):
 def test_one_place_is_kept_once():
     scene = layer_on(ul.RIGID)
     p = problem(scene, [E, H, C])
-    start = fit(p).vector
+    start = ul.fit(p).vector
     near = [
         start + offset for offset in (np.zeros(3), np.array([0.05, 0.04, 0.0]), np.array([-0.1, -0.1, 0.0]))
     ]
@@ -99,7 +97,7 @@ def test_one_place_is_kept_once():
 def test_the_scan_finds_the_thickness_between_those_that_it_tries(base):
     scene = layer_on(base)
     start = scene.with_values({E: 1e2 * scene.parameters[E], H: 3.0 * scene.parameters[H]})
-    p = Problem(start, exact_curve(scene), [E, H, C])
+    p = ul.Problem(start, exact_curve(scene), [E, H, C])
     best = p.values(scan(p)[0].vector)
     # Those that it tries are 0.54 apart in the logarithm, so without looking between them it is up to 0.27 off; a
     # parabola leaves the third power of that.
@@ -109,7 +107,7 @@ def test_the_scan_finds_the_thickness_between_those_that_it_tries(base):
 def test_a_valley_aslant_the_ratios_is_one_start():
     scene = layer_on(ul.Isotropic(1e7, 0.3))
     start = scene.with_values({E: 3e6, H: 3e-4, BASE: 1e8})
-    landscape = Landscape.of(Problem(start, exact_curve(scene), [E, H, C, BASE]))
+    landscape = Landscape.of(ul.Problem(start, exact_curve(scene), [E, H, C, BASE]))
     # One beside the other, each ratio's column has a lowest thickness of its own.
     lowest = landscape.misfit.argmin(axis=0)
     assert len(set(lowest.tolist())) > 2
@@ -120,7 +118,7 @@ def test_a_valley_aslant_the_ratios_is_one_start():
 def test_the_scan_agrees_with_a_base_that_is_known(modulus):
     scene = layer_on(ul.Isotropic(modulus, 0.3))
     start = scene.with_values({E: 1e3 * scene.parameters[E]})
-    p = Problem(start, exact_curve(scene), [E, C])
+    p = ul.Problem(start, exact_curve(scene), [E, C])
     best = p.values(scan(p)[0].vector)
     # Between ratios up to seven apart the straight line in ln k is off by a few tens of per cent, that in
     # -ln(1 + 1/k) by a few.
@@ -190,5 +188,5 @@ def test_beside_a_start_that_explains_the_data_far_worse_ones_are_not_searched_f
     best = min(optimum.objective.square(optimum.vector) for optimum in below)
     assert quick.statistics.chi_square <= best * (1.0 + 1e-6)
     wavy = curve.force + 0.03 * np.ptp(curve.force) * np.sin(4e5 * curve.depth)
-    fitting.quick_fit(problem(scene, [E, H, C, BASE], Curve(curve.depth, wavy)))
+    fitting.quick_fit(problem(scene, [E, H, C, BASE], ul.Curve(curve.depth, wavy)))
     assert asked

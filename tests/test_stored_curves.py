@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+import underlay as ul
 from studies.stored_curves import RTOL
-from underlay.errors import LawError
 from underlay.mechanics.body import isotropic_constants, transversely_isotropic_constants
 from underlay.mechanics.exact import stored_curves as module
 from underlay.mechanics.exact.contact_problem import ContactProblem, known_curve
@@ -18,7 +18,6 @@ from underlay.mechanics.exact.stored_curves import (
     StoredCurves,
     stored_curves,
 )
-from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import LayerKernel
 
 
@@ -34,7 +33,7 @@ def random_bodies(count):
 
 def solved(body, rtol=RTOL):
     """Solved where so much accuracy is asked for, else stored."""
-    return known_curve(ContactProblem.of(PowerLaw(EXPONENT, 1.0), 1.0, body), TOP, rtol)
+    return known_curve(ContactProblem.of(ul.PowerLaw(EXPONENT, 1.0), 1.0, body), TOP, rtol)
 
 
 def test_what_is_stored_is_what_is_solved():
@@ -101,10 +100,10 @@ def test_a_stale_file_is_refused(monkeypatch, tmp_path):
     kept = StoredCurves(*np.load(FILE, allow_pickle=False).tolist())
     monkeypatch.setattr(module, "_MADE_FOR", (*module._MADE_FOR[:-1], 29))
     np.save(path, np.load(FILE, allow_pickle=False))
-    with pytest.raises(LawError, match="install underlay again"):
+    with pytest.raises(ul.LawError, match="install underlay again"):
         StoredCurves.read()
     np.save(path, kept.series)
-    with pytest.raises(LawError, match="does not hold"):
+    with pytest.raises(ul.LawError, match="does not hold"):
         StoredCurves.read()
 
 

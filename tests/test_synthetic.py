@@ -4,16 +4,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from underlay.data.synthetic import Disturbances, simulate, synthesize
-from underlay.errors import InputError
-from underlay.mechanics.body import Layer
-from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic
-from underlay.scene.instrument import Instrument
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
+import underlay as ul
 
-BARE = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5)), instrument=Instrument(contact_depth=2e-6))
+BARE = ul.Scene(
+    ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)), instrument=ul.Instrument(contact_depth=2e-6)
+)
 SCENE = BARE.with_values({"instrument.baseline": 1e-4, "instrument.baseline_slope": 3.0})
 DEPTH = np.linspace(-2e-5, 1e-4, 4001)
 CLEAN = SCENE.force(DEPTH)
@@ -27,7 +22,7 @@ def variance_p_value(sample, variance):
 
 
 def test_simulate_is_the_scene():
-    curve = simulate(SCENE, DEPTH, time=np.arange(DEPTH.size))
+    curve = ul.simulate(SCENE, DEPTH, time=np.arange(DEPTH.size))
     np.testing.assert_array_equal(curve.depth, DEPTH)
     np.testing.assert_array_equal(curve.force, CLEAN)
     np.testing.assert_array_equal(curve.time, np.arange(DEPTH.size))
@@ -35,7 +30,7 @@ def test_simulate_is_the_scene():
 
 
 def test_every_effect_is_off_unless_named():
-    curve = synthesize(SCENE, DEPTH)
+    curve = ul.synthesize(SCENE, DEPTH)
     np.testing.assert_allclose(curve.force, CLEAN, rtol=1e-13, atol=1e-18)
     np.testing.assert_array_equal(curve.depth, DEPTH)
     assert curve.time is None
@@ -53,14 +48,14 @@ def test_every_effect_is_off_unless_named():
 
 
 def everything(rng):
-    noise = Noise(force=1e-6, relative=0.01, correlation_time=0.1, depth=1e-8)
-    return synthesize(
+    noise = ul.Noise(force=1e-6, relative=0.01, correlation_time=0.1, depth=1e-8)
+    return ul.synthesize(
         SCENE,
         DEPTH,
         noise,
         rng,
         sampling_rate=50.0,
-        disturbances=Disturbances(drift=1e-6, outliers=0.01, outlier_sd=1e-4, quantisation=1e-7),
+        disturbances=ul.Disturbances(drift=1e-6, outliers=0.01, outlier_sd=1e-4, quantisation=1e-7),
     )
 
 
@@ -83,13 +78,13 @@ def test_a_generator_moves_on_and_leaves_no_seed():
 
 
 def test_an_effect_leaves_the_draws_of_the_others_alone():
-    plain = synthesize(SCENE, DEPTH, Noise(force=1e-6), 5)
-    more = synthesize(
+    plain = ul.synthesize(SCENE, DEPTH, ul.Noise(force=1e-6), 5)
+    more = ul.synthesize(
         SCENE,
         DEPTH,
-        Noise(force=1e-6, depth=1e-8),
+        ul.Noise(force=1e-6, depth=1e-8),
         5,
-        disturbances=Disturbances(outliers=0.02, outlier_sd=1e-3),
+        disturbances=ul.Disturbances(outliers=0.02, outlier_sd=1e-3),
     )
     untouched = more.force == plain.force
     assert 0.97 < untouched.mean() < 0.99
@@ -98,13 +93,13 @@ def test_an_effect_leaves_the_draws_of_the_others_alone():
 @pytest.mark.parametrize(
     ("noise", "variance"),
     [
-        (Noise(force=2e-6), np.full(DEPTH.size, 4e-12)),
-        (Noise(force=1e-6, relative=0.03), 1e-12 + (0.03 * CONTACT) ** 2),
-        (Noise(relative=0.03), (0.03 * CONTACT) ** 2),
+        (ul.Noise(force=2e-6), np.full(DEPTH.size, 4e-12)),
+        (ul.Noise(force=1e-6, relative=0.03), 1e-12 + (0.03 * CONTACT) ** 2),
+        (ul.Noise(relative=0.03), (0.03 * CONTACT) ** 2),
     ],
 )
 def test_force_noise_has_the_variance_asked(noise, variance):
-    residual = synthesize(SCENE, DEPTH, noise, 21).force - CLEAN
+    residual = ul.synthesize(SCENE, DEPTH, noise, 21).force - CLEAN
     noisy = variance > 0.0
     # Where proportional noise is alone, points before contact are exact up to the rounding of the baseline.
     np.testing.assert_allclose(residual[~noisy], 0.0, atol=1e-18)
@@ -116,8 +111,8 @@ def test_force_noise_has_the_variance_asked(noise, variance):
 
 @pytest.mark.parametrize("tau", [0.02, 0.2])
 def test_correlation_is_that_asked(tau):
-    noise = Noise(force=1e-6, correlation_time=tau)
-    curve = synthesize(SCENE, DEPTH, noise, 3, sampling_rate=100.0)
+    noise = ul.Noise(force=1e-6, correlation_time=tau)
+    curve = ul.synthesize(SCENE, DEPTH, noise, 3, sampling_rate=100.0)
     z = (curve.force - CLEAN) / 1e-6
     for lag in (1, 2, 5):
         expected = np.exp(-lag / 100.0 / tau)
@@ -129,21 +124,21 @@ def test_correlation_is_that_asked(tau):
 
 
 def test_depth_noise_moves_the_reported_depth_and_acts_through_the_stiffness():
-    curve = synthesize(SCENE, DEPTH, Noise(depth=2e-8), 8)
+    curve = ul.synthesize(SCENE, DEPTH, ul.Noise(depth=2e-8), 8)
     np.testing.assert_allclose(curve.force, CLEAN, rtol=1e-13, atol=1e-18)
     shift = (curve.depth - DEPTH) / 2e-8
     assert variance_p_value(shift, 1.0) > 0.01
     deep = DEPTH > 2e-5
     law = SCENE.contact_law(1e-4)
     as_force = (curve.force - SCENE.force(curve.depth) + 3.0 * (curve.depth - DEPTH))[deep]
-    sigma = Noise(force=0.0, depth=2e-8).sigma(CONTACT[deep], law.stiffness(DEPTH[deep] - 2e-6))
+    sigma = ul.Noise(force=0.0, depth=2e-8).sigma(CONTACT[deep], law.stiffness(DEPTH[deep] - 2e-6))
     # First order: the second-order term is 2e-8 / (4 * 2e-5) of the first, far below the 2 % of the test.
     assert variance_p_value(as_force / sigma, 1.0) > 0.01
 
 
 def test_depth_noise_is_correlated_too():
-    noise = Noise(depth=2e-8, correlation_time=0.5)
-    curve = synthesize(SCENE, DEPTH, noise, 4, sampling_rate=100.0)
+    noise = ul.Noise(depth=2e-8, correlation_time=0.5)
+    curve = ul.synthesize(SCENE, DEPTH, noise, 4, sampling_rate=100.0)
     z = (curve.depth - DEPTH) / 2e-8
     assert variance_p_value(noise.whiten(z, curve.time), 1.0) > 0.01
     assert np.corrcoef(z[:-1], z[1:])[0, 1] > 0.95
@@ -151,14 +146,16 @@ def test_depth_noise_is_correlated_too():
 
 def test_drift_is_linear_in_time():
     time = np.cumsum(np.random.default_rng(0).uniform(0.1, 1.0, DEPTH.size))
-    curve = synthesize(SCENE, DEPTH, time=time, disturbances=Disturbances(drift=2e-7))
+    curve = ul.synthesize(SCENE, DEPTH, time=time, disturbances=ul.Disturbances(drift=2e-7))
     np.testing.assert_allclose(curve.force - CLEAN, 2e-7 * (time - time[0]), rtol=1e-12, atol=1e-17)
 
 
 def test_quantisation_rounds_last_and_adds_the_variance_of_a_step():
     step = 5e-6
-    curve = synthesize(SCENE, DEPTH, Noise(force=2e-5), 2, disturbances=Disturbances(quantisation=step))
-    unrounded = synthesize(SCENE, DEPTH, Noise(force=2e-5), 2)
+    curve = ul.synthesize(
+        SCENE, DEPTH, ul.Noise(force=2e-5), 2, disturbances=ul.Disturbances(quantisation=step)
+    )
+    unrounded = ul.synthesize(SCENE, DEPTH, ul.Noise(force=2e-5), 2)
     np.testing.assert_allclose(curve.force / step, np.round(curve.force / step), atol=1e-9)
     error = curve.force - unrounded.force
     assert np.abs(error).max() <= 0.5 * step * (1 + 1e-9)
@@ -167,7 +164,7 @@ def test_quantisation_rounds_last_and_adds_the_variance_of_a_step():
 
 
 def test_outliers_are_as_many_and_as_large_as_asked():
-    curve = synthesize(SCENE, DEPTH, rng=6, disturbances=Disturbances(outliers=0.1, outlier_sd=1e-3))
+    curve = ul.synthesize(SCENE, DEPTH, rng=6, disturbances=ul.Disturbances(outliers=0.1, outlier_sd=1e-3))
     error = curve.force - CLEAN
     hit = np.abs(error) > 1e-12
     assert stats.binomtest(int(hit.sum()), DEPTH.size, 0.1).pvalue > 0.01
@@ -175,16 +172,16 @@ def test_outliers_are_as_many_and_as_large_as_asked():
 
 
 def test_sampling_rate_sets_the_clock():
-    curve = synthesize(SCENE, DEPTH, sampling_rate=250.0)
+    curve = ul.synthesize(SCENE, DEPTH, sampling_rate=250.0)
     np.testing.assert_allclose(np.diff(curve.time), 0.004, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"noise": Noise()}, r"noise\.force is unknown"),
-        ({"noise": Noise(force=1e-6, correlation_time=0.1)}, "needs the times"),
-        ({"disturbances": Disturbances(drift=1e-6)}, "needs the times"),
+        ({"noise": ul.Noise()}, r"noise\.force is unknown"),
+        ({"noise": ul.Noise(force=1e-6, correlation_time=0.1)}, "needs the times"),
+        ({"disturbances": ul.Disturbances(drift=1e-6)}, "needs the times"),
         ({"sampling_rate": 0.0}, "sampling_rate must be positive"),
         ({"sampling_rate": 1.0, "time": DEPTH}, "not both"),
         ({"time": [0.0, 1.0]}, "time has 2 points and depth 4001"),
@@ -193,8 +190,8 @@ def test_sampling_rate_sets_the_clock():
     ],
 )
 def test_bad_input(options, message):
-    with pytest.raises(InputError, match=message):
-        synthesize(SCENE, DEPTH, **options)
+    with pytest.raises(ul.InputError, match=message):
+        ul.synthesize(SCENE, DEPTH, **options)
 
 
 @pytest.mark.parametrize(
@@ -208,11 +205,11 @@ def test_bad_input(options, message):
     ],
 )
 def test_bad_disturbances(numbers, message):
-    with pytest.raises(InputError, match=message):
-        Disturbances(**numbers)
+    with pytest.raises(ul.InputError, match=message):
+        ul.Disturbances(**numbers)
 
 
 @pytest.mark.parametrize("depth", [[], [[0.0, 1.0]], 1.0])
 def test_depth_is_one_column(depth):
-    with pytest.raises(InputError, match="depth must be a list"):
-        simulate(SCENE, depth)
+    with pytest.raises(ul.InputError, match="depth must be a list"):
+        ul.simulate(SCENE, depth)

@@ -3,25 +3,20 @@
 import numpy as np
 import pytest
 
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.contact import Contact
+import underlay as ul
 from underlay.mechanics.exact.curve_family import RigidBase
 from underlay.mechanics.exact.tip_law import tip_laws
-from underlay.mechanics.exact_solvers import Exact
-from underlay.mechanics.indenters import Sphere
-from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.solvers import contact_law
 
 
 @pytest.mark.parametrize("thickness", [0.5, 5.0, 60.0, 623.4, 1e5])
 def test_the_table_reaches_or_declines(thickness):
     """At 623 radii the points beyond the end of the shape fell on one another."""
-    body = Layer(Isotropic(1.0, 0.45), thickness)
+    body = ul.Layer(ul.Isotropic(1.0, 0.45), thickness)
     for depth in (0.01, 0.1, 0.6):
-        contact = Contact.of(Sphere(1.0), body, RIGID)
+        contact = ul.Contact.of(ul.Sphere(1.0), body, ul.RIGID)
         (law,) = tip_laws([contact], RigidBase(0.45), None, [depth], 1e-6)
         if law is None:
             continue
-        exact = contact_law(Sphere(1.0), body, RIGID, max_depth=depth, solver=Exact(1e-10))
+        exact = ul.contact_law(ul.Sphere(1.0), body, ul.RIGID, max_depth=depth, solver=ul.Exact(1e-10))
         w = np.geomspace(1e-3 * depth, depth, 7)
         assert np.allclose(law.force(w), exact.force(w), rtol=1e-6, atol=0.0)

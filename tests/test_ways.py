@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
+import underlay as ul
 from support.user_scenes import user_test
 from support.worlds import Clean, disturbed
 from underlay.inference.least_squares import fitting
 from underlay.inference.least_squares.engine import Ahead
 from underlay.inference.least_squares.fitting import Ways, quick_fit
-from underlay.inference.problem import Problem
-from underlay.scene.noise import Noise
 
 WAY = np.array([[0.0, 0.0], [3.0, -1.0], [6.0, -2.0]])
 ALONG = np.array([1.5, -0.5])
@@ -64,7 +63,7 @@ def relaxing(seed):
     clean = Clean.of(scene, depth, points)
     curve = disturbed(clean, "relaxation", rng, noise)
     free = ("layer.E", "layer.thickness", "instrument.contact_depth")
-    return Problem(scene, curve, dict.fromkeys(free), Noise(force=noise * clean.top))
+    return ul.Problem(scene, curve, dict.fromkeys(free), ul.Noise(force=noise * clean.top))
 
 
 def test_joined_searches_spare_models_and_lose_no_optimum(monkeypatch):

@@ -19,7 +19,6 @@ from underlay._csv import csv_text, unguarded
 from underlay._files import replacing, require_own_folder, write_atomic
 from underlay._text import comment_line, guarded_cell, one_line, unguarded_cell
 from underlay.data.export import curve_csv, write_curves
-from underlay.errors import FileAccessError
 from underlay.inference.batch.results_table import Layout, to_frame, write_table
 from underlay.report import maps
 
@@ -103,9 +102,9 @@ def test_a_folder_of_inputs_that_leads_elsewhere_is_refused(tmp_path):
     (tmp_path / "home").mkdir()
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "page.inputs").symlink_to(tmp_path / "home")
-    with pytest.raises(FileAccessError, match="a link to another place"):
+    with pytest.raises(ul.FileAccessError, match="a link to another place"):
         require_own_folder(tmp_path / "out" / "page.inputs")
-    with pytest.raises(FileAccessError, match="a link to another place"):
+    with pytest.raises(ul.FileAccessError, match="a link to another place"):
         ul.report(pd.DataFrame({"name": ["a"]}), tmp_path / "out" / "page.html")
     assert list((tmp_path / "home").iterdir()) == []
 
@@ -115,7 +114,7 @@ def test_a_run_never_begins_through_a_link(tmp_path):
     scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID)
     curve = ul.synthesize(scene, np.linspace(0, 5e-5, 40), noise=ul.Noise(force=1e-4), rng=0)
     (tmp_path / "map.csv.journal").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(FileAccessError, match="cannot open"):
+    with pytest.raises(ul.FileAccessError, match="cannot open"):
         ul.fit_many([curve], scene, {"layer.E": (1e4, 1e8)}, workers=0, output=tmp_path / "map.csv")
     precious = tmp_path / "precious"
     precious.write_text("x")
@@ -132,9 +131,9 @@ def test_what_is_no_file_is_not_replaced(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     (tmp_path / "folder.csv").mkdir()
     for name in ("pipe.csv", "folder.csv"):
-        with pytest.raises(FileAccessError, match=f"cannot write .*{name}"):
+        with pytest.raises(ul.FileAccessError, match=f"cannot write .*{name}"):
             write_atomic(tmp_path / name, "x")
-    with pytest.raises(FileAccessError, match="no regular file"):
+    with pytest.raises(ul.FileAccessError, match="no regular file"):
         write_atomic("/dev/null", "x")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.csv", "pipe.csv"]
 
@@ -150,7 +149,7 @@ def test_a_write_that_fails_leaves_the_old_file_alone(tmp_path):
 
     with pytest.raises(KeyError):
         broken(KeyError())
-    with pytest.raises(FileAccessError, match=r"cannot write .*: No space"):
+    with pytest.raises(ul.FileAccessError, match=r"cannot write .*: No space"):
         broken(OSError(28, "No space left on device"))
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]

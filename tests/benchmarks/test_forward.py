@@ -7,15 +7,18 @@ one run. Nothing here asserts seconds.
 import numpy as np
 import pytest
 
+import underlay as ul
 from support.laws import exact_law
-from underlay.mechanics.body import RIGID, Layer, isotropic_constants
+from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic
 
-SHAPE = Paraboloid(1e-3)
-LAYER = Layer(Isotropic(3e6, 0.5), 1e-3)
-BASES = {"rigid": RIGID, "ten times stiffer": Isotropic(3e7, 0.3), "ten times softer": Isotropic(3e5, 0.3)}
+SHAPE = ul.Paraboloid(1e-3)
+LAYER = ul.Layer(ul.Isotropic(3e6, 0.5), 1e-3)
+BASES = {
+    "rigid": ul.RIGID,
+    "ten times stiffer": ul.Isotropic(3e7, 0.3),
+    "ten times softer": ul.Isotropic(3e5, 0.3),
+}
 # On the rigid base the largest depth gives a/h = 2.
 DEEPEST = 1.8e-3
 SETS = 256
@@ -48,7 +51,7 @@ def test_exact_from_cold(benchmark, base):
 
 @pytest.mark.parametrize("count", [10, 100, 1000, 10_000, 100_000, 1_000_000])
 def test_exact_with_the_curve_held(benchmark, count):
-    law, w = exact_law(SHAPE, LAYER, RIGID, max_depth=DEEPEST, rtol=1e-6), depths(count)
+    law, w = exact_law(SHAPE, LAYER, ul.RIGID, max_depth=DEEPEST, rtol=1e-6), depths(count)
     benchmark(law.force, w)
 
 

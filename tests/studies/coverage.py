@@ -46,11 +46,7 @@ from pathlib import Path
 import numpy as np
 
 import underlay as ul
-from underlay.data.synthetic import synthesize
-from underlay.inference.least_squares import fit
-from underlay.inference.problem import Problem
-from underlay.inference.profiles import delta_chi_square_at, interval_threshold, p_value_at, profile
-from underlay.scene.noise import Noise
+from underlay.inference.profiles import delta_chi_square_at, interval_threshold, p_value_at
 
 LEVEL = 0.95
 DRAWS = 99
@@ -118,14 +114,14 @@ class Case:
         scene = self.scene
         depth, time = np.linspace(-5e-5, DEPTH, POINTS), np.linspace(0.0, 1.0, POINTS)
         white, relative, tau = NOISES[self.noise]
-        noise = Noise(white * float(scene.force(DEPTH)), relative, tau)
+        noise = ul.Noise(white * float(scene.force(DEPTH)), relative, tau)
         rng = np.random.default_rng([seed, replica])
-        curve = synthesize(scene, depth, time=time, noise=noise, rng=rng)
+        curve = ul.synthesize(scene, depth, time=time, noise=noise, rng=rng)
         # White noise is fitted with its size unknown, as most curves are; the others with their numbers.
-        told = Noise(noise.force / understated, relative / understated, tau)
+        told = ul.Noise(noise.force / understated, relative / understated, tau)
         model = None if self.fitted_as == "white" else told
         start = scene.with_values({"layer.E": 3e6, "instrument.contact_depth": 0.0})
-        return fit(Problem(start, curve, self.names, noise=model))
+        return ul.fit(ul.Problem(start, curve, self.names, noise=model))
 
 
 def all_cases():
@@ -156,7 +152,7 @@ def run(case, replicas, seed=0, *, hull=False):
             inside[name] += held
             # The hull holds what is not rejected: only for the others the profile has to be walked.
             if hull:
-                between[name] += held or _is_between(profile(found, name).interval(LEVEL), truth[name])
+                between[name] += held or _is_between(ul.profile(found, name).interval(LEVEL), truth[name])
         doubled += bool(found.alternatives)
         warned += any(warning.code == "correlated-residuals" for warning in found.warnings)
     return {

@@ -17,10 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from underlay.inference.least_squares import fit
-from underlay.inference.problem import Problem
-from underlay.mechanics.body import Layer, isotropic_constants
-from underlay.mechanics.contact import Contact
+import underlay as ul
+from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.exact.curve_family import (
     Cell,
     IsotropicPair,
@@ -30,12 +28,9 @@ from underlay.mechanics.exact.curve_family import (
 )
 from underlay.mechanics.exact.family_law import side_by_side
 from underlay.mechanics.exact.master_curve import Factor, polynomial
-from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic
 from underlay.report import bench_fits
-from underlay.scene.noise import Noise
 
-BASE = Isotropic(3e7, 0.3)
+BASE = ul.Isotropic(3e7, 0.3)
 FREE = ("layer.E", "layer.thickness", "instrument.contact_depth")
 CONTACTS, RATIOS = np.linspace(-0.2, 0.9, 12), np.array([0.02, 0.2, 1.5, 10.0, 100.0])
 SHARES, RADII = np.linspace(0.0, 1.0, 9), (4.6, 0.06)
@@ -43,7 +38,7 @@ LOOSE, FINE = 1e-3, 1e-6
 REACH = np.array([2.5, 0.6, 0.6])
 PAIR, RADIUS = IsotropicPair(0.5, 0.3), 1e-3
 THETA = float(isotropic_constants(1.0, 0.5).theta)
-REFERENCE = Contact.of(Paraboloid(RADIUS), Layer(Isotropic(3e6, 0.5), 1e-3), BASE)
+REFERENCE = ul.Contact.of(ul.Paraboloid(RADIUS), ul.Layer(ul.Isotropic(3e6, 0.5), 1e-3), BASE)
 
 
 class Tables:
@@ -227,11 +222,13 @@ def main():
     parser.add_argument("--output", type=Path, default=Path(__file__).with_suffix(".json"))
     arguments = parser.parse_args()
     depth = np.linspace(1.8e-6, 1.8e-3, 1000)
-    scene, curve, noise = bench_fits._measured(BASE, depth, Paraboloid(RADIUS))
+    scene, curve, noise = bench_fits._measured(BASE, depth, ul.Paraboloid(RADIUS))
     start = scene.with_values({path: scene.parameters[path] * bench_fits._WRONG[path] for path in FREE})
     calls = {
         "unit": bench_fits.hertz_fit(BASE)(depth),
-        "fit": lambda: fit(Problem(start, curve, FREE, noise=Noise(force=noise.force), solver="exact")),
+        "fit": lambda: ul.fit(
+            ul.Problem(start, curve, FREE, noise=ul.Noise(force=noise.force), solver="exact")
+        ),
         "bare": lambda: bare_fit(curve.depth, curve.force, noise.force),
     }
     there = calls["fit"]()

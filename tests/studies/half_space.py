@@ -33,7 +33,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import underlay as ul
 from support.user_scenes import user_test
 from support.worlds import Clean, assumed, disturbed
-from underlay.inference.from_files import load_problem
 from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.headline.plain import quadratic_interval
 from underlay.inference.misfit.averaging import average
@@ -98,7 +97,7 @@ def left_out(world, seed, count):
 
 def real_curve():
     """One row per prior."""
-    problem = load_problem(SAMPLES / "chiaro_cell_indentation.csv", SAMPLES / "chiaro_cell.toml")
+    problem = ul.load_problem(SAMPLES / "chiaro_cell_indentation.csv", SAMPLES / "chiaro_cell.toml")
     fit = ul.fit(problem)
     entry, usual = fit.names.index(E), Sizes.of(problem)
     beside = {"jump and creep": {}, "neither": {"smooth": 1.0, "level": 1.0, "jumps": (), "ramps": ()}}

@@ -25,7 +25,6 @@ import numpy as np
 
 import underlay as ul
 from underlay.data.export import curve_csv
-from underlay.mechanics.contact_law import ContactLaw
 
 RADIUS, NU = 5e-4, 0.45
 SCENE = ul.Scene(ul.Paraboloid(RADIUS), ul.Layer(ul.Isotropic(1e6, NU), 1.5e-3), ul.RIGID)
@@ -72,7 +71,7 @@ class Sites:
         self.modulus = 1e6 * 10.0 ** rng.uniform(-0.3, 0.3, count)
         self.contact = rng.uniform(-5e-6, 5e-6, count)
         self.depth = np.linspace(-2e-5, 8e-5, points)
-        self._law: ContactLaw = SCENE.contact_law(1e-3, **EXACT)
+        self._law: ul.ContactLaw = SCENE.contact_law(1e-3, **EXACT)
 
     def force(self, index: int) -> np.ndarray:
         """Force (N) of a site, by the similarity of paraboloids: P(w; h) = h^3 F(w / h^2)."""

@@ -46,20 +46,16 @@ sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent.parent / "src")]
 
 from sampling_speed import layered  # noqa: E402  # after the path is set
 
+import underlay as ul  # noqa: E402
 from support.posterior_quadrature import LEVELS, reference  # noqa: E402
 from support.random_posteriors import random_problem  # noqa: E402
-from underlay.errors import FitError, UnderlayError  # noqa: E402
 from underlay.inference.from_files import problem_from, read_for, weak_bounds  # noqa: E402
 from underlay.inference.ridge.importance import weigh  # noqa: E402
 from underlay.inference.ridge.march import PriorNormal  # noqa: E402
 from underlay.inference.ridge.mixture import WeightedDraws  # noqa: E402
 from underlay.inference.sampling import run as moves  # noqa: E402
 from underlay.inference.sampling.convergence import tail_size  # noqa: E402
-from underlay.inference.sampling.counted import (  # noqa: E402
-    CountedDensity,
-    marginalised,
-)
-from underlay.inference.sampling.run import sample  # noqa: E402
+from underlay.inference.sampling.counted import CountedDensity  # noqa: E402
 from underlay.inference.sampling.weighted import Ridges  # noqa: E402
 from underlay.scene.scene_file import read_scene_file  # noqa: E402
 
@@ -79,7 +75,7 @@ def without_mixture(problem, steps):
 
     Ridges.seek = only_the_fit
     try:
-        return sample(problem, max_steps=steps, method="emcee")
+        return ul.sample(problem, max_steps=steps, method="emcee")
     finally:
         Ridges.seek = learn
 
@@ -113,7 +109,7 @@ def timed(function, *arguments, **options):
 
 
 def benchmark(old_steps, rounds):
-    sample(layered(), max_steps=100)  # what is loaded once
+    ul.sample(layered(), max_steps=100)  # what is loaded once
     answer = reference(layered())
     table = {
         "load before": os.getloadavg()[0],
@@ -121,8 +117,8 @@ def benchmark(old_steps, rounds):
     }
     kinds = {
         f"moves of before, {old_steps} steps": lambda p, _: without_mixture(p, old_steps),
-        "by default": lambda p, seed: sample(p, rng=seed),
-        "weighted draws alone": lambda p, seed: sample(p, rng=seed, method="importance"),
+        "by default": lambda p, seed: ul.sample(p, rng=seed),
+        "weighted draws alone": lambda p, seed: ul.sample(p, rng=seed, method="importance"),
     }
     before, *now = kinds
     for seed in range(rounds):
@@ -149,7 +145,7 @@ COLUMNS = (
 
 def one(seed):
     problem = random_problem(seed)
-    posterior, seconds = timed(sample, problem)
+    posterior, seconds = timed(ul.sample, problem)
     answer = reference(problem, _KEPT)
     rows = off(posterior, answer)
     worst = max(rows, key=lambda name: np.abs(rows[name]).max())
@@ -186,7 +182,7 @@ def random(count, first):
             continue
         try:
             row = one(seed)
-        except (FitError, UnderlayError) as error:
+        except (ul.FitError, ul.UnderlayError) as error:
             row = dict.fromkeys(COLUMNS, "") | {"seed": seed, "reason": f"{type(error).__name__}: {error}"}
         with path.open("a", newline="", encoding="utf-8") as file:
             csv.DictWriter(file, COLUMNS).writerow(row)
@@ -194,14 +190,14 @@ def random(count, first):
 
 
 def pairs(seeds):
-    sample(random_problem(0), max_steps=100)  # what is loaded once
+    ul.sample(random_problem(0), max_steps=100)  # what is loaded once
     path = RESULTS / "posterior_pairs.csv"
     kept, rows = moves._INDEPENDENT, pd.read_csv(path).to_dict("records") if path.exists() else []
     for seed in seeds:
         row = {"seed": seed}
         for share in (0.6, 0.8):
             moves._INDEPENDENT = share
-            posterior, seconds = timed(sample, random_problem(seed))
+            posterior, seconds = timed(ul.sample, random_problem(seed))
             row |= {f"seconds_{share}": round(seconds, 2), f"steps_{share}": posterior.diagnostics.steps}
         moves._INDEPENDENT = kept
         rows = [known for known in rows if known["seed"] != seed] + [row]
@@ -234,7 +230,7 @@ def averaged(seeds):
 
 def averaged_row(problem, quantiles, method, seed):
     """One answer against quantiles (parameters, levels)."""
-    posterior, seconds = timed(sample, problem, rng=seed, method=method, progress=False)
+    posterior, seconds = timed(ul.sample, problem, rng=seed, method=method, progress=False)
     exact = SimpleNamespace(quantiles=dict(zip(problem.names, np.array(quantiles), strict=True)))
     rows = off(posterior, exact)
     return {
@@ -252,7 +248,7 @@ def averaged_row(problem, quantiles, method, seed):
 
 def long_run(problem):
     """Weighted draws of a mixture of another seed, half as wide again."""
-    posed = marginalised(problem)
+    posed = ul.marginalised(problem)
     ridges = Ridges(posed, CountedDensity(posed), np.random.default_rng(99))
     ridges.seek()
     mixture, rng = ridges.mixture.widened(1.5), np.random.default_rng(98)

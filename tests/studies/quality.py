@@ -23,14 +23,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import underlay as ul
 from support.quality_kinds import KINDS, example
 from support.user_scenes import user_test
-from underlay.data.quality import GOOD, REFUSED, check_quality
+from underlay.data.quality import GOOD, REFUSED
 
 FREE = ["layer.E", "instrument.contact_depth", "instrument.baseline"]
 
 
 def judged(scene, curve):
     """Words of the curve's quality and of its fit, and the z of the contact found, whose truth is zero."""
-    quality = check_quality(curve, scene)
+    quality = ul.check_quality(curve, scene)
     contact = quality.contact
     z = np.nan if contact is None else contact.depth / contact.uncertainty
     if quality.verdict == REFUSED:

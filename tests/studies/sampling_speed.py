@@ -25,41 +25,32 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent.parent / "src")]
 
-from underlay.data.synthetic import synthesize  # noqa: E402
-from underlay.inference.priors import LogUniform, Uniform  # noqa: E402
-from underlay.inference.problem import Problem  # noqa: E402
+import underlay as ul  # noqa: E402
 from underlay.inference.sampling.convergence import autocorrelation_time  # noqa: E402
-from underlay.inference.sampling.run import sample  # noqa: E402
-from underlay.mechanics.body import Layer  # noqa: E402
-from underlay.mechanics.indenters import Paraboloid  # noqa: E402
-from underlay.mechanics.materials import Isotropic  # noqa: E402
-from underlay.mechanics.solvers import Auto  # noqa: E402
-from underlay.scene.noise import Noise  # noqa: E402  # after the path is set
-from underlay.scene.scene import Scene  # noqa: E402
 
 WALKERS, STEPS, POINTS, ROUNDS = 64, 2000, 500, 3
-SOLVER = Auto(1e-4)
+SOLVER = ul.Auto(1e-4)
 
 
 def layered():
-    scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5), 5e-4), Isotropic(1e7, 0.4))
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 5e-4), ul.Isotropic(1e7, 0.4))
     depth = np.linspace(-1e-5, 1e-4, POINTS)
-    noise = Noise(force=0.01 * float(scene.force(1e-4, solver=SOLVER)))
-    curve = synthesize(scene, depth, noise, 1, solver=SOLVER)
+    noise = ul.Noise(force=0.01 * float(scene.force(1e-4, solver=SOLVER)))
+    curve = ul.synthesize(scene, depth, noise, 1, solver=SOLVER)
     free = {
-        "layer.E": LogUniform(1e4, 1e8),
-        "layer.thickness": LogUniform(1e-4, 5e-3),
-        "substrate.E": LogUniform(1e5, 1e9),
-        "instrument.contact_depth": Uniform(-1e-5, 1e-5),
+        "layer.E": ul.LogUniform(1e4, 1e8),
+        "layer.thickness": ul.LogUniform(1e-4, 5e-3),
+        "substrate.E": ul.LogUniform(1e5, 1e9),
+        "instrument.contact_depth": ul.Uniform(-1e-5, 1e-5),
     }
-    return Problem(scene, curve, free, noise, solver=SOLVER)
+    return ul.Problem(scene, curve, free, noise, solver=SOLVER)
 
 
 def ours(steps=STEPS):
     begin = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # so few steps have not converged, and this is not asked here
-        posterior = sample(layered(), walkers=WALKERS, max_steps=steps)
+        posterior = ul.sample(layered(), walkers=WALKERS, max_steps=steps)
     seconds = time.process_time() - begin
     details = posterior.diagnostics
     time_per_step = seconds / details.steps

@@ -17,10 +17,6 @@ from pathlib import Path
 import numpy as np
 
 import underlay as ul
-from underlay.data.synthetic import synthesize
-from underlay.inference.least_squares import fit
-from underlay.inference.problem import Problem
-from underlay.scene.noise import Noise
 
 BASE = "substrate.E"
 FREE = ("layer.E", "layer.thickness", "instrument.contact_depth")
@@ -47,8 +43,8 @@ def random_scene(rng):
     wrong = (modulus * 10.0 ** rng.uniform(-3, 3), thickness * 10.0 ** rng.uniform(-1, 1), 0.0)
     start = scene.with_values(dict(zip(FREE, wrong, strict=True)))
     readings = np.linspace(contact - 0.4 * depth, contact + depth, 150)
-    noise = Noise(force=NOISE * float(scene.force(readings[-1])))
-    return scene, start, synthesize(scene, readings, noise=noise, rng=rng)
+    noise = ul.Noise(force=NOISE * float(scene.force(readings[-1])))
+    return scene, start, ul.synthesize(scene, readings, noise=noise, rng=rng)
 
 
 def random_base(rng):
@@ -58,11 +54,11 @@ def random_base(rng):
         scene, start, curve = random_scene(rng)
     modulus = 20.0 * scene.parameters["layer.E"] * 10.0 ** rng.uniform(-2.5, 0.5)
     scene = scene.with_values({BASE: modulus})
-    noise = Noise(force=NOISE * float(scene.force(curve.depth[-1])))
+    noise = ul.Noise(force=NOISE * float(scene.force(curve.depth[-1])))
     return (
         scene,
         start.with_values({BASE: modulus * 10.0 ** rng.uniform(-2.0, 2.0)}),
-        synthesize(scene, curve.depth, noise=noise, rng=rng),
+        ul.synthesize(scene, curve.depth, noise=noise, rng=rng),
     )
 
 
@@ -76,8 +72,8 @@ def missed(scenes, seed=0, *, base_free=False):
     found, truth = {}, {}
     for number in range(scenes):
         scene, start, curve = (random_base if base_free else random_scene)(rng)
-        at_truth = fit(Problem(scene, curve, free), start="given")
-        from_wrong = fit(Problem(start, curve, free))
+        at_truth = ul.fit(ul.Problem(scene, curve, free), start="given")
+        from_wrong = ul.fit(ul.Problem(start, curve, free))
         square = [float(np.square(result.residuals[0]).sum()) for result in (from_wrong, at_truth)]
         rise = (square[0] / square[1] - 1.0) * at_truth.statistics.chi_square
         if abs(rise) > TOLERANCE:

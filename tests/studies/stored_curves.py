@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+import underlay as ul
 from underlay.mechanics.exact.contact_problem import ContactProblem, solve_curve
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.stored_curves import EXPONENT, TOP, StoredCurves, grid
-from underlay.mechanics.indenters import PowerLaw
 
 # A thirtieth of what the series leave out.
 RTOL = 1e-5
@@ -19,7 +19,7 @@ RTOL = 1e-5
 def solved():
     """Return what the file holds."""
     bodies, varpi = grid()
-    tip = PowerLaw(EXPONENT, 1.0)
+    tip = ul.PowerLaw(EXPONENT, 1.0)
     found = [[solve_curve(ContactProblem.of(tip, 1.0, body), TOP, RTOL) for body in row] for row in bodies]
     # One polynomial per factor is for curves that do not jump.
     assert not any(one.curve.jumps for row in found for one in row)

@@ -12,23 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from underlay.data.synthetic import synthesize
-from underlay.errors import UnderlayWarning
+import underlay as ul
 from underlay.inference.design.identifiability import information, prior_information
-from underlay.inference.priors import LogNormal, LogUniform, Normal
-from underlay.inference.problem import Problem
-from underlay.inference.sampling.run import sample
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.solvers import Auto
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
 
 #: Draws a true value is ranked among: ranks are 0 .. DRAWS, in BINS bins of equal width.
 DRAWS = 99
 BINS = 20
-SOLVER = Auto(1e-4)
+SOLVER = ul.Auto(1e-4)
 
 
 @dataclass(frozen=True)
@@ -36,14 +26,14 @@ class Case:
     """One scene of the study: what is free, with its prior, and what disturbs the force."""
 
     title: str
-    scene: Scene
+    scene: ul.Scene
     depth: np.ndarray
     free: dict
-    noise: Noise
+    noise: ul.Noise
     sampling_rate: float = 100.0
 
     def problem(self, curve, noise=None):
-        return Problem(self.scene, curve, self.free, noise or self.noise, solver=SOLVER)
+        return ul.Problem(self.scene, curve, self.free, noise or self.noise, solver=SOLVER)
 
     def generator(self, seed):
         """Chance of one replica: scenes do not share theirs."""
@@ -58,68 +48,68 @@ class Case:
             **{path.partition(".")[2]: value for path, value in truth.items() if path.startswith("noise.")},
         )
         scene = self.scene.with_values(numbers)
-        return synthesize(scene, self.depth, noise, rng, sampling_rate=self.sampling_rate, solver=SOLVER)
+        return ul.synthesize(scene, self.depth, noise, rng, sampling_rate=self.sampling_rate, solver=SOLVER)
 
 
 def cases():
     """The scenes of the study by name."""
     depth = np.linspace(-5e-6, 1e-4, 50)
-    tip = Paraboloid(1e-3)
-    contact = {"instrument.contact_depth": Normal(0.0, 1e-6)}
-    soft, layer = Isotropic(1e5, 0.45), Layer(Isotropic(1e6, 0.45), 5e-4)
+    tip = ul.Paraboloid(1e-3)
+    contact = {"instrument.contact_depth": ul.Normal(0.0, 1e-6)}
+    soft, layer = ul.Isotropic(1e5, 0.45), ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4)
     return {
         "half-space": Case(
             "gel without an end",
-            Scene(tip, Layer(soft)),
+            ul.Scene(tip, ul.Layer(soft)),
             depth,
-            {"layer.E": LogNormal(1e5, 0.5), **contact, "noise.force": LogNormal(5e-5, 0.3)},
-            Noise(),
+            {"layer.E": ul.LogNormal(1e5, 0.5), **contact, "noise.force": ul.LogNormal(5e-5, 0.3)},
+            ul.Noise(),
         ),
         "rigid base": Case(
             "cartilage on bone",
-            Scene(tip, layer, RIGID),
+            ul.Scene(tip, layer, ul.RIGID),
             depth,
-            {"layer.E": LogNormal(1e6, 0.5), "layer.thickness": LogNormal(5e-4, 0.3), **contact},
-            Noise(force=2e-3, relative=0.01),
+            {"layer.E": ul.LogNormal(1e6, 0.5), "layer.thickness": ul.LogNormal(5e-4, 0.3), **contact},
+            ul.Noise(force=2e-3, relative=0.01),
         ),
         "elastic base": Case(
             "layer on a softer or stiffer base, its thickness measured by a needle",
-            Scene(tip, layer, Isotropic(3e6, 0.45)),
+            ul.Scene(tip, layer, ul.Isotropic(3e6, 0.45)),
             depth,
             {
-                "layer.E": LogNormal(1e6, 0.5),
-                "layer.thickness": Normal(5e-4, 2.5e-5),
-                "substrate.E": LogNormal(3e6, 0.8),
+                "layer.E": ul.LogNormal(1e6, 0.5),
+                "layer.thickness": ul.Normal(5e-4, 2.5e-5),
+                "substrate.E": ul.LogNormal(3e6, 0.8),
                 **contact,
             },
-            Noise(force=2e-3),
+            ul.Noise(force=2e-3),
         ),
         "long-tailed thickness": Case(
             "a layer of which hardly more is known than its order of magnitude",
-            Scene(tip, layer, RIGID),
+            ul.Scene(tip, layer, ul.RIGID),
             depth,
-            {"layer.E": LogNormal(1e6, 0.5), "layer.thickness": LogNormal(5e-4, 0.6), **contact},
-            Noise(force=2e-3, relative=0.01),
+            {"layer.E": ul.LogNormal(1e6, 0.5), "layer.thickness": ul.LogNormal(5e-4, 0.6), **contact},
+            ul.Noise(force=2e-3, relative=0.01),
         ),
         "open base": Case(
             "a base that may be as good as rigid",
-            Scene(tip, layer, Isotropic(1e8, 0.3)),
+            ul.Scene(tip, layer, ul.Isotropic(1e8, 0.3)),
             depth,
-            {"layer.E": LogNormal(1e6, 0.5), "substrate.E": LogUniform(3e5, 3e10), **contact},
-            Noise(force=2e-3),
+            {"layer.E": ul.LogNormal(1e6, 0.5), "substrate.E": ul.LogUniform(3e5, 3e10), **contact},
+            ul.Noise(force=2e-3),
         ),
         "correlated": Case(
             "cartilage on bone, correlated noise of unknown size, an uncertain tip",
-            Scene(tip, layer, RIGID),
+            ul.Scene(tip, layer, ul.RIGID),
             depth,
             {
-                "layer.E": LogNormal(1e6, 0.5),
-                "layer.thickness": Normal(5e-4, 2.5e-5),
-                "indenter.radius": Normal(1e-3, 2e-5),
-                "noise.force": LogNormal(2e-3, 0.3),
-                "noise.correlation_time": LogNormal(0.03, 0.4),
+                "layer.E": ul.LogNormal(1e6, 0.5),
+                "layer.thickness": ul.Normal(5e-4, 2.5e-5),
+                "indenter.radius": ul.Normal(1e-3, 2e-5),
+                "noise.force": ul.LogNormal(2e-3, 0.3),
+                "noise.correlation_time": ul.LogNormal(0.03, 0.4),
             },
-            Noise(correlation_time=0.03),
+            ul.Noise(correlation_time=0.03),
         ),
     }
 
@@ -134,8 +124,8 @@ def replica(case, seed, *, walkers=32, max_steps=8000, understated=1.0):
     noise = case.noise if understated == 1.0 else replace(case.noise, force=case.noise.force / understated)
     with warnings.catch_warnings():
         # A chain that did not meet the stop rule is counted, not hidden.
-        warnings.simplefilter("ignore", UnderlayWarning)
-        posterior = sample(case.problem(curve, noise), walkers=walkers, max_steps=max_steps, rng=rng)
+        warnings.simplefilter("ignore", ul.UnderlayWarning)
+        posterior = ul.sample(case.problem(curve, noise), walkers=walkers, max_steps=max_steps, rng=rng)
     rows = {}
     for name in posterior.names:
         draws = posterior.of(name).ravel()

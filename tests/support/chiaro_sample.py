@@ -7,8 +7,7 @@ is tests/data/fmt-chiaro-txt_AEBP1_Indentation_002.zip of the source distributio
 import sys
 from pathlib import Path
 
-from underlay.data.curve import Curve
-from underlay.data.readers import read
+import underlay as ul
 
 STEP = 5
 
@@ -32,7 +31,7 @@ time (s),depth (nm),force (nN),segment
 """
 
 
-def sample_text(curve: Curve) -> str:
+def sample_text(curve: ul.Curve) -> str:
     """Text of the sample made from the curve of the published file."""
     kept = curve.select(slice(None, None, STEP))
     rows = (
@@ -46,4 +45,4 @@ def sample_text(curve: Curve) -> str:
 
 if __name__ == "__main__":
     sys.stdout.reconfigure(encoding="utf-8", newline="\n")
-    sys.stdout.write(sample_text(read(Path(sys.argv[1]))))
+    sys.stdout.write(sample_text(ul.read(Path(sys.argv[1]))))

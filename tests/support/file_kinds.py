@@ -10,20 +10,14 @@ from typing import Any
 
 import numpy as np
 
+import underlay as ul
 from support import afm_files, instrument_files, microscope_files
 from support.posterior_cases import halfspace_curve, halfspace_problem, halfspace_scene
 from underlay.cli.report import _read_record
 from underlay.data.export import write_curves
-from underlay.data.readers import read_all
-from underlay.errors import UnderlayWarning
-from underlay.inference.batch.fit_many import fit_many
 from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.batch.model import MapOptions
-from underlay.inference.least_squares import fit
 from underlay.inference.sampling.chain_file import ChainFile
-from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.run import sample
 from underlay.report import maps
 from underlay.scene.scene_file import read_scene_file
 
@@ -65,14 +59,14 @@ def _curves(folder):
     }
     source = folder / "seed.csv"
     source.write_bytes(files["csv"])
-    curves = read_all(source)
+    curves = ul.read_all(source)
     for ending, name in ((".json", "json"), (".h5", "hdf5"), (".csv", "csv exported")):
         files[name] = write_curves(curves, folder / f"out{ending}").read_bytes()
     for name, content in sorted(files.items()):
         # By its content, and by the reader it was made for, past the recognition.
         for wanted in (None, FORMAT_OF[name.split()[0]]):
             keywords = {"calibration": CALIBRATION} if name == "afm ntmdt" else {}
-            yield Seed("curve", name, ".dat", content, partial(read_all, format=wanted, **keywords))
+            yield Seed("curve", name, ".dat", content, partial(ul.read_all, format=wanted, **keywords))
 
 
 def _scenes(_):
@@ -90,22 +84,22 @@ def _manifests(_):
 
 
 def _records(folder):
-    result = fit(halfspace_problem(_read_curve(folder)))
+    result = ul.fit(halfspace_problem(_read_curve(folder)))
     yield Seed("fit record", "fit", ".json", result.to_json(folder / "x.fit.json").read_bytes(), _read_record)
 
 
 def _read_curve(folder):
     """A curve that has a file, as those of records have."""
     path = write_curves([halfspace_curve(points=40)], folder / "curve.csv")
-    return read_all(path)[0]
+    return ul.read_all(path)[0]
 
 
 def _posteriors(folder):
     path = folder / "posterior.npz"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnderlayWarning)  # so few steps do not converge
+        warnings.simplefilter("ignore", ul.UnderlayWarning)  # so few steps do not converge
         few = {"walkers": 16, "max_steps": 60, "rng": 1, "progress": False}
-        sample(halfspace_problem(halfspace_curve(points=20)), **few).save(path)
+        ul.sample(halfspace_problem(halfspace_curve(points=20)), **few).save(path)
     yield Seed("posterior", "posterior", ".npz", path.read_bytes(), _read_posterior)
     # Uncompressed, so that damage reaches the numbers and the document.
     with np.load(path) as file:
@@ -114,7 +108,7 @@ def _posteriors(folder):
 
 
 def _read_posterior(path):
-    posterior = Posterior.load(path)
+    posterior = ul.Posterior.load(path)
     repr(posterior)
     posterior.summary(derived=True)
     return posterior
@@ -139,13 +133,13 @@ def _maps(folder):
     curves = [
         halfspace_curve(points=20, seed=number).with_metadata(name=f"site {number}") for number in range(3)
     ]
-    fit_many(
+    ul.fit_many(
         curves,
         halfspace_scene(),
         {"layer.E": (1e4, 1e8)},
         output=folder / "map.csv",
         workers=1,
-        options=MapOptions(progress=False),
+        options=ul.MapOptions(progress=False),
     )
     yield Seed("map", "csv", ".csv", (folder / "map.csv").read_bytes(), _read_map)
     maps.read_map(folder / "map.csv").to_parquet(folder / "map.parquet")

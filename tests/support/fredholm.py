@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from underlay.mechanics.kernel import SubstrateKernel
+import underlay as ul
 
 # Geometric convergence: 13 nodes give 1e-10 at a/h = 3 on a rigid base (the worst here); 24 leave nothing.
 NODES = 24
@@ -45,7 +45,7 @@ def u_rule(finest=1e-6, end=40.0, order=24, longest=2.0):
 
 def bonded_kernel(layer, substrate):
     """1 - L(u) of a layer bonded to `substrate`, from the library."""
-    return SubstrateKernel(layer, substrate).one_minus_L
+    return ul.SubstrateKernel(layer, substrate).one_minus_L
 
 
 def frictionless_kernel(u):

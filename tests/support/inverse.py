@@ -3,10 +3,6 @@
 import numpy as np
 
 import underlay as ul
-from underlay.data.curve import Curve
-from underlay.data.synthetic import synthesize
-from underlay.inference.problem import Problem
-from underlay.scene.noise import Noise
 
 #: Of the largest force.
 NOISE = 0.01
@@ -26,21 +22,25 @@ def measured(scene, *, points=300, depth=1.5e-4, level=NOISE, rng=0, first=-3e-5
     """A curve of `scene` with white noise of `level` times its largest force, or other noise."""
     readings = np.linspace(first, depth, points)
     peak = float(np.ptp(scene.force(readings)))
-    return synthesize(
-        scene, readings, time=np.linspace(0.0, 1.0, points), noise=Noise(force=level * peak, **noise), rng=rng
+    return ul.synthesize(
+        scene,
+        readings,
+        time=np.linspace(0.0, 1.0, points),
+        noise=ul.Noise(force=level * peak, **noise),
+        rng=rng,
     )
 
 
 def exact_curve(scene, *, points=100, depth=1.5e-4, first=-3e-5):
     """The curve of `scene` without noise."""
     readings = np.linspace(first, depth, points)
-    return Curve(readings, scene.force(readings), time=np.linspace(0.0, 1.0, points))
+    return ul.Curve(readings, scene.force(readings), time=np.linspace(0.0, 1.0, points))
 
 
 def problem(scene, free, curve=None, **options):
     """A problem whose curve was made from its own scene; its noise is stated to be white, of unknown size."""
-    options = {"noise": Noise()} | options
-    return Problem(scene, measured(scene) if curve is None else curve, free, **options)
+    options = {"noise": ul.Noise()} | options
+    return ul.Problem(scene, measured(scene) if curve is None else curve, free, **options)
 
 
 def ambiguous(**options):

@@ -4,8 +4,6 @@ import numpy as np
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
-from underlay.inference.priors import Normal
-from underlay.scene.noise import Noise
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
 #: Base, what is free, and what the noise has beside its size.
@@ -13,7 +11,7 @@ CASES = {
     "rigid": (ul.RIGID, [E, H, C], {}),
     "known base": (ul.Isotropic(4e6, 0.3), [E, H, C], {}),
     "base": (ul.Isotropic(4e6, 0.3), [E, BASE, C, "instrument.baseline"], {}),
-    "prior": (ul.RIGID, {E: None, H: Normal(5e-4, 2e-5), C: None}, {}),
+    "prior": (ul.RIGID, {E: None, H: ul.Normal(5e-4, 2e-5), C: None}, {}),
     "relative": (ul.RIGID, [E, C], {"relative": 0.01}),
     "correlated": (ul.RIGID, [E, H, C], {"correlation_time": 0.01}),
 }
@@ -25,5 +23,5 @@ def posed(case):
     scene = layer_on(base, baseline=2e-3)
     curve = measured(scene, level=0.003, **more)
     return problem(
-        scene, free, curve, noise=Noise(force=0.003 * float(np.ptp(scene.force(curve.depth))), **more)
+        scene, free, curve, noise=ul.Noise(force=0.003 * float(np.ptp(scene.force(curve.depth))), **more)
     )

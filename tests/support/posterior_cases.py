@@ -2,34 +2,27 @@
 
 import numpy as np
 
-from underlay.data.synthetic import synthesize
-from underlay.inference.priors import LogUniform, Normal, Uniform
-from underlay.inference.problem import Problem
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.solvers import Auto
-from underlay.scene.instrument import Instrument
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
+import underlay as ul
 
 WHITE = 2e-5
 
 
 def halfspace_scene():
-    instrument = Instrument(contact_depth=2e-6, baseline=1e-5)
-    return Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45)), instrument=instrument)
+    instrument = ul.Instrument(contact_depth=2e-6, baseline=1e-5)
+    return ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)), instrument=instrument)
 
 
 def halfspace_curve(points=40, seed=1, noise=WHITE):
     depth = np.linspace(-1e-5, 5e-5, points)
-    return synthesize(halfspace_scene(), depth, Noise(force=noise), seed, sampling_rate=100.0)
+    return ul.synthesize(halfspace_scene(), depth, ul.Noise(force=noise), seed, sampling_rate=100.0)
 
 
 def baseline_problem(noise=WHITE):
     """One linear parameter, known white noise, normal prior: the posterior is normal and known."""
-    prior = Normal(0.0, 1e-5)
-    return Problem(halfspace_scene(), halfspace_curve(), {"instrument.baseline": prior}, Noise(force=noise))
+    prior = ul.Normal(0.0, 1e-5)
+    return ul.Problem(
+        halfspace_scene(), halfspace_curve(), {"instrument.baseline": prior}, ul.Noise(force=noise)
+    )
 
 
 def baseline_answer(noise=WHITE):
@@ -42,16 +35,16 @@ def baseline_answer(noise=WHITE):
 
 def halfspace_problem(curve=None, noise=None):
     """E and contact point of a half-space."""
-    free = {"layer.E": LogUniform(1e4, 1e8), "instrument.contact_depth": Uniform(-1e-5, 1e-5)}
-    return Problem(halfspace_scene(), curve or halfspace_curve(), free, noise or Noise(force=WHITE))
+    free = {"layer.E": ul.LogUniform(1e4, 1e8), "instrument.contact_depth": ul.Uniform(-1e-5, 1e-5)}
+    return ul.Problem(halfspace_scene(), curve or halfspace_curve(), free, noise or ul.Noise(force=WHITE))
 
 
 def barely_touched_problem():
     """A thick layer on a rigid base at a/h = 0.05, its thickness known to 5 % from a needle."""
     thickness, radius = 1e-3, 1e-3
     depth = np.linspace(0.0, (0.05 * thickness) ** 2 / radius, 60)
-    scene = Scene(Paraboloid(radius), Layer(Isotropic(1e6, 0.5), thickness), RIGID)
-    noise = Noise(force=0.01 * float(scene.force(depth)[-1]))
-    curve = synthesize(scene, depth, noise, 3)
-    free = {"layer.E": LogUniform(1e4, 1e8), "layer.thickness": Normal(thickness, 0.05 * thickness)}
-    return Problem(scene, curve, free, noise, solver=Auto(1e-4))
+    scene = ul.Scene(ul.Paraboloid(radius), ul.Layer(ul.Isotropic(1e6, 0.5), thickness), ul.RIGID)
+    noise = ul.Noise(force=0.01 * float(scene.force(depth)[-1]))
+    curve = ul.synthesize(scene, depth, noise, 3)
+    free = {"layer.E": ul.LogUniform(1e4, 1e8), "layer.thickness": ul.Normal(thickness, 0.05 * thickness)}
+    return ul.Problem(scene, curve, free, noise, solver=ul.Auto(1e-4))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import interpolate, special
 
-from underlay.inference.priors import Normal, Uniform
+import underlay as ul
 
 E_PATH, E2_PATH, H_PATH = "layer.E", "substrate.E", "layer.thickness"
 CONTACT, BASELINE = "instrument.contact_depth", "instrument.baseline"
@@ -102,9 +102,9 @@ class Quadrature:
         mean, precision = 0.0, 0.0
         if baseline:
             prior = self.priors[BASELINE]
-            if isinstance(prior, Normal):
+            if isinstance(prior, ul.Normal):
                 mean, precision = prior.mean, prior.sd**-2
-            elif not isinstance(prior, Uniform):
+            elif not isinstance(prior, ul.Uniform):
                 raise TypeError(prior)
         else:
             mean = float(self.member.base[BASELINE])

@@ -12,11 +12,8 @@ from itertools import pairwise, product
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+import underlay as ul
 from support.fredholm import bonded_kernel, flat_punch, power_law
-from underlay.mechanics.body import RIGID
-from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid
-from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.published import published_corrections
 from underlay.mechanics.published.correction import ELASTIC, LayerContact
 
 # Contact radii a/h at which the exact problem is solved: the answers are smooth between them. The first
@@ -41,12 +38,12 @@ def exact_factor(kernel, kind):
 def contact_of(kind, *, nu=0.5, nu_base=0.5, ratio=np.inf, size=None, thickness=1.0):
     """A contact of unit thickness; `size` is R/h or a/h."""
     tip = {
-        "sphere": lambda: Paraboloid(size or 1.0),
-        "cone": lambda: Cone(np.arctan(size or 1.0)),
-        "flat punch": lambda: FlatPunch(size or 1.0),
+        "sphere": lambda: ul.Paraboloid(size or 1.0),
+        "cone": lambda: ul.Cone(np.arctan(size or 1.0)),
+        "flat punch": lambda: ul.FlatPunch(size or 1.0),
     }[kind]()
-    base = None if ratio == np.inf else Isotropic(ratio, nu_base)
-    return LayerContact(indenter=tip, thickness=thickness, layer=Isotropic(1.0, nu), base=base)
+    base = None if ratio == np.inf else ul.Isotropic(ratio, nu_base)
+    return LayerContact(indenter=tip, thickness=thickness, layer=ul.Isotropic(1.0, nu), base=base)
 
 
 def contact_for(correction, values, size=1.0):
@@ -66,7 +63,7 @@ def factor_of(correction, contact, sizes):
 
 def _punch_factor(correction, contact, size):
     punch = LayerContact(
-        indenter=FlatPunch(size * contact.thickness),
+        indenter=ul.FlatPunch(size * contact.thickness),
         thickness=contact.thickness,
         layer=contact.layer,
         base=contact.base,
@@ -89,7 +86,7 @@ def remeasure(correction):
     for index in product(*(range(nodes.size) for nodes in table.nodes)):
         values = [float(nodes[i]) for nodes, i in zip(table.nodes, index, strict=True)]
         contact = contact_for(correction, values)
-        exact = exact_factor(bonded_kernel(contact.layer, contact.base or RIGID), correction.indenter)
+        exact = exact_factor(bonded_kernel(contact.layer, contact.base or ul.RIGID), correction.indenter)
         edges = np.append(0.0, table.variable)
         so_far = 0.0
         for column, (start, end) in enumerate(pairwise(edges)):
@@ -112,7 +109,7 @@ def rounded_up(fraction):
 
 
 def main():
-    for correction in published_corrections():
+    for correction in ul.published_corrections():
         table = correction.measured_error
         worst = remeasure(correction)
         lines = [

@@ -2,15 +2,7 @@
 
 import numpy as np
 
-from underlay.data.synthetic import synthesize
-from underlay.inference.priors import LogNormal, LogUniform, Normal, Uniform
-from underlay.inference.problem import Problem
-from underlay.mechanics.body import RIGID, Layer
-from underlay.mechanics.indenters import Cone, Paraboloid
-from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.solvers import Auto
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
+import underlay as ul
 
 CONTACT, BASELINE = "instrument.contact_depth", "instrument.baseline"
 #: What is free, with the base it needs: two to five parameters.
@@ -37,26 +29,26 @@ def random_problem(seed):
     wide = 10.0 ** rng.uniform(-0.9, 0.4)
     deep = h * 10.0 ** rng.uniform(-1.7, -0.8)
     if rng.random() < 0.7:
-        tip = Paraboloid((wide * h) ** 2 / deep)
+        tip = ul.Paraboloid((wide * h) ** 2 / deep)
     else:
-        tip = Cone(float(np.arctan(min(wide * h / deep, 60.0))))
+        tip = ul.Cone(float(np.arctan(min(wide * h / deep, 60.0))))
     nu = rng.uniform(0.2, 0.48)
     ratio = 10.0 ** rng.uniform(-1.0, 2.0)
-    substrate = {"rigid": RIGID, "none": None, "elastic": Isotropic(E * ratio, 0.3)}[base]
-    layer = Layer(Isotropic(E, nu)) if base == "none" else Layer(Isotropic(E, nu), h)
-    scene = Scene(tip, layer, substrate)
+    substrate = {"rigid": ul.RIGID, "none": None, "elastic": ul.Isotropic(E * ratio, 0.3)}[base]
+    layer = ul.Layer(ul.Isotropic(E, nu)) if base == "none" else ul.Layer(ul.Isotropic(E, nu), h)
+    scene = ul.Scene(tip, layer, substrate)
     depth = np.linspace(-0.1 * deep, deep, int(rng.integers(60, 400)))
-    largest = float(scene.force(np.array([deep]), solver=Auto(1e-4))[0])
-    noise = Noise(force=largest * 10.0 ** rng.uniform(-3.0, -1.5))
-    curve = synthesize(scene, depth, noise, rng, solver=Auto(1e-4))
+    largest = float(scene.force(np.array([deep]), solver=ul.Auto(1e-4))[0])
+    noise = ul.Noise(force=largest * 10.0 ** rng.uniform(-3.0, -1.5))
+    curve = ul.synthesize(scene, depth, noise, rng, solver=ul.Auto(1e-4))
     priors = {
-        "layer.E": LogUniform(E / 100.0, E * 100.0),
-        "layer.thickness": LogUniform(h / 8.0, h * 8.0)
+        "layer.E": ul.LogUniform(E / 100.0, E * 100.0),
+        "layer.thickness": ul.LogUniform(h / 8.0, h * 8.0)
         if rng.random() < 0.6
-        else LogNormal(h * np.exp(rng.normal(0.0, 0.1)), 0.3),
-        "layer.nu": Uniform(0.05, 0.49),
-        "substrate.E": LogUniform(E * ratio / 300.0, E * ratio * 300.0),
-        CONTACT: Uniform(-0.1 * deep, 0.1 * deep),
-        BASELINE: Normal(0.0, 3.0 * noise.force),
+        else ul.LogNormal(h * np.exp(rng.normal(0.0, 0.1)), 0.3),
+        "layer.nu": ul.Uniform(0.05, 0.49),
+        "substrate.E": ul.LogUniform(E * ratio / 300.0, E * ratio * 300.0),
+        CONTACT: ul.Uniform(-0.1 * deep, 0.1 * deep),
+        BASELINE: ul.Normal(0.0, 3.0 * noise.force),
     }
-    return Problem(scene, curve, {name: priors[name] for name in free}, noise, solver=Auto(1e-4))
+    return ul.Problem(scene, curve, {name: priors[name] for name in free}, noise, solver=ul.Auto(1e-4))

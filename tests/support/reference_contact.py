@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from underlay.mechanics.kernel import SubstrateKernel
+import underlay as ul
 
 
 def dyadic_rule(lowest=2.0**-40, highest=48.0, widest=1.0, per_panel=16):
@@ -26,7 +26,7 @@ def dyadic_rule(lowest=2.0**-40, highest=48.0, widest=1.0, per_panel=16):
 def moments(layer, substrate, count=3):
     """a_0, a_1, ... of (1.8) by the same quadrature."""
     u, weight = dyadic_rule()
-    values = weight * SubstrateKernel(layer, substrate).one_minus_L(u)
+    values = weight * ul.SubstrateKernel(layer, substrate).one_minus_L(u)
     a, factor = [], 1.0
     for m in range(count):
         factor *= -1.0 / (2 * m) ** 2 if m else 1.0
@@ -50,7 +50,7 @@ def solve(indenter, radius, thickness, layer, substrate, nodes=40):
     """Solve for one contact radius; for a flat punch the depth is 1."""
     eps = radius / thickness
     u, wu = dyadic_rule(widest=min(1.0, 1.0 / eps))
-    wu = wu * SubstrateKernel(layer, substrate).one_minus_L(u)
+    wu = wu * ul.SubstrateKernel(layer, substrate).one_minus_L(u)
     x, w = np.polynomial.legendre.leggauss(nodes)
     x, w = 0.5 * (x + 1.0), 0.5 * w
     points = np.append(x, 1.0)

@@ -15,16 +15,16 @@ from typing import Any
 
 import mpmath as mp
 
+import underlay as ul
 from underlay.mechanics.body import Rigid
-from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 
 #: Digits that are left after the growth of exp(k h A) has taken its share.
 DIGITS = 50
 
 
-def compliance_matrix(material: Isotropic | TransverselyIsotropic) -> tuple[Any, Any]:
+def compliance_matrix(material: ul.Isotropic | ul.TransverselyIsotropic) -> tuple[Any, Any]:
     """Strains (rr, tt, zz) from stresses, and the shear compliance 1/G'; the doubles given are exact."""
-    if isinstance(material, Isotropic):
+    if isinstance(material, ul.Isotropic):
         E, nu = mp.mpf(material.E), mp.mpf(material.nu)
         E_axial, nu_axial, shear = E, nu, 2 * (1 + nu) / E
     else:
@@ -35,7 +35,7 @@ def compliance_matrix(material: Isotropic | TransverselyIsotropic) -> tuple[Any,
     return mp.matrix([[1 / E, -nu / E, cross], [-nu / E, 1 / E, cross], [cross, cross, 1 / E_axial]]), shear
 
 
-def system_matrix(material: Isotropic | TransverselyIsotropic) -> Any:
+def system_matrix(material: ul.Isotropic | ul.TransverselyIsotropic) -> Any:
     """A of y' = k A y: the compliance is inverted in the plane only, so nu = 0.5 is no special case."""
     compliance, shear = compliance_matrix(material)
     in_plane = compliance[:2, :2] ** -1
@@ -81,7 +81,7 @@ def _minor(space: Any, i: int, j: int) -> Any:
 class TransferMatrixKernel:
     """L(u) of one pair; `digits` 50 hold after cancellation."""
 
-    def __init__(self, layer: Isotropic | TransverselyIsotropic, substrate: Any) -> None:
+    def __init__(self, layer: ul.Isotropic | ul.TransverselyIsotropic, substrate: Any) -> None:
         self.layer, self.substrate = layer, substrate
         self._parts: dict[int, tuple[Any, Any, Any]] = {}
         with mp.workdps(DIGITS):

@@ -5,9 +5,9 @@ import time
 from functools import partial
 from unittest import mock
 
+import underlay as ul
 from underlay.app import results as posterior
 from underlay.app.tasks import Analyst
-from underlay.errors import InputError
 
 # Steps of a sampler after which there is a posterior.
 ENOUGH = 20
@@ -22,10 +22,10 @@ class Tasks:
         return f"{self.word} {more}"
 
     def refuse(self, _tell):
-        raise InputError("depth must be positive")
+        raise ul.InputError("depth must be positive")
 
     def refuse_in_python(self, _tell):
-        raise InputError("the series ends there; use solver='exact'")
+        raise ul.InputError("the series ends there; use solver='exact'")
 
     def break_down(self, _tell):
         raise ZeroDivisionError("division by zero")
