@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import underlay as ul
 from support import file_kinds
 
 HERE = Path(__file__).resolve().parent
@@ -51,7 +52,7 @@ def test_the_harness_sees_what_it_looks_for(fuzz, tmp_path):
         raise ZeroDivisionError
 
     def talkative(_):
-        raise fuzz.UnderlayError("x" * 5000)
+        raise ul.UnderlayError("x" * 5000)
 
     tally = fuzz.Tally(fuzz.Watch())
     for number, read in enumerate((bad, talkative)):

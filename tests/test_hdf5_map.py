@@ -100,11 +100,13 @@ def test_what_is_no_such_file_is_left_to_the_readers(tmp_path):
 def test_a_file_is_opened_once_for_the_curves_that_follow_each_other(path, monkeypatch):
     times = []
     monkeypatch.setattr(_hdf5, "opened", lambda file: times.append(file) or _door.opened(file))
-    one_by_one = [read_from_map(place) for place in curves_of_map(path)]
+    places = list(curves_of_map(path))
+    times.clear()
+    one_by_one = [read_from_map(place) for place in places]
     assert len(times) == len(one_by_one)
     times.clear()
     with KeptOpen() as kept:
-        together = [read_from_map(kept_open(place, kept)) for place in curves_of_map(path)]
+        together = [read_from_map(kept_open(place, kept)) for place in places]
     assert len(times) == 1
     for alone, one in zip(one_by_one, together, strict=True):
         assert alone.metadata == one.metadata

@@ -245,6 +245,11 @@ class Problem:
         return not (self.noise_is_stated or self.noise_entries)
 
     @property
+    def adheres(self) -> bool:
+        """Whether something adheres in the test of any curve."""
+        return any(member.scene.adhesion is not None for member in self.members)
+
+    @property
     def start(self) -> FloatArray:
         """Scaled coordinates of the scene's own numbers, (k,)."""
         return np.zeros(len(self.coordinates))

@@ -215,11 +215,7 @@ def determined(problem: Problem) -> Problem:
 
     Raises as `quick_fit` does.
     """
-    return quick_fit(problem).problem if _sticks(problem) else problem
-
-
-def _sticks(problem: Problem) -> bool:
-    return any(member.scene.adhesion is not None for member in problem.members)
+    return quick_fit(problem).problem if problem.adheres else problem
 
 
 def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
@@ -234,7 +230,7 @@ def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
             return _judged(lmfit, [alone], began)
         places = _descend(problem, [place for place, _ in starts], robust=robust) or places
     found = _settled(problem, lmfit, places, began)
-    if _sticks(problem):
+    if problem.adheres:
         return _without_undetermined(found, lmfit, began)
     return found
 

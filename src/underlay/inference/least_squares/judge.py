@@ -155,7 +155,7 @@ def judge(
             *too_deep(problem, physical),
             *against_priors(problem, physical),
             *over_correlated(objective.noise.models, whitened),
-            *about_adhesion(problem, vector),
+            *(about_adhesion(problem, vector) if problem.adheres else ()),
             *about_relaxation(problem, vector),
             *warnings_of(problem, laws, reasons, bounds_hit, covariance, related, statistics, alternatives),
         ),
