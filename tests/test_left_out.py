@@ -13,8 +13,8 @@ from scipy import optimize
 
 import underlay as ul
 from underlay.data.export import curve_csv
-from underlay.inference.misfit.known_error import KnownError, Pressed
-from underlay.inference.misfit.left_out import LeftOut, left_out
+from underlay.inference.uncertainty.known_errors import KnownError, Pressed
+from underlay.inference.uncertainty.known_errors import LeftOut, left_out
 from underlay.mechanics.discrepancy import finite_strain_excess, friction_in_large_strains, why_unmeasured
 from underlay.report import words
 from underlay.report.limits import model_limits

@@ -18,11 +18,11 @@ from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, Place, descend
 from underlay.inference.misfit.drift import DRIFTS, FADING, SMOOTH, drift_shares
 from underlay.inference.misfit.evidence import Evidence
-from underlay.inference.misfit.known_error import KnownError, Pressed
-from underlay.inference.misfit.known_errors import known_errors
+from underlay.inference.uncertainty.known_errors import KnownError, Pressed
+from underlay.inference.uncertainty.known_errors import known_errors
 from underlay.inference.misfit.linearised import Linearised, Part
 from underlay.inference.misfit.mixture import Mixture
-from underlay.inference.misfit.paraboloid_for_sphere import paraboloid_for_sphere
+from underlay.inference.uncertainty.known_errors import paraboloid_for_sphere
 from underlay.inference.misfit.shapes import acting_columns
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley

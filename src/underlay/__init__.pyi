@@ -59,7 +59,7 @@ from .inference.pointwise.modulus import (
     PointwiseModulus as PointwiseModulus,
     pointwise_modulus as pointwise_modulus,
 )
-from .inference.misfit.as_parameters import free_model_error as free_model_error
+from .inference.uncertainty.known_errors import free_model_error as free_model_error
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
 from .inference.priors import (

@@ -17,7 +17,7 @@ import pandas as pd
 from scipy import special
 
 import underlay as ul
-from underlay.inference.misfit import left_out
+from underlay.inference.uncertainty import known_errors as left_out
 from underlay.inference.misfit.blocked import Blocked
 
 RESULTS = Path(__file__).parent / "results"

@@ -20,7 +20,7 @@ import pandas as pd
 import underlay as ul
 from underlay.inference.headline.averaged import averaged_interval
 from underlay.inference.misfit.averaging import average
-from underlay.inference.misfit.left_out import left_out
+from underlay.inference.uncertainty.known_errors import left_out
 
 RESULT = Path(__file__).parent / "results" / "left_out_terms.csv"
 TRUTH = {"layer.E": 6.2e5, "layer.thickness": 1.35e-3}

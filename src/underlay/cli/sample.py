@@ -67,8 +67,8 @@ def sample(
     Example: `underlay sample curve.csv --scene scene.toml --output results --max-steps 400`
     """
     from underlay.inference.from_files import problem_from, read_for, weak_bounds
-    from underlay.inference.misfit.as_parameters import free_model_error
     from underlay.inference.sampling.run import sample as sample_posterior
+    from underlay.inference.uncertainty.known_errors import free_model_error
     from underlay.report.posterior_tables import posterior_table, prior_table
     from underlay.report.words import longer_intervals
     from underlay.scene.scene_file import read_scene_file

@@ -10,8 +10,8 @@ import numpy as np
 from underlay._arrays import ArrayLike
 from underlay._text import one_line
 from underlay.inference.headline.known_inputs import FORCE
-from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.sizes import shape_parameters
+from underlay.inference.uncertainty.known_errors import known_errors
 from underlay.report.intervals import (
     Estimate,
     doubts_of_curves,

@@ -17,9 +17,8 @@ from underlay.inference.headline.derived import derived_interval
 from underlay.inference.least_squares.fit_result import AllowedFor, Fit, StatedInterval
 from underlay.inference.misfit.averaging import Averaged, average
 from underlay.inference.misfit.blocked import Blocked
-from underlay.inference.misfit.known_error import KnownError
-from underlay.inference.misfit.left_out import LeftOut, left_out
 from underlay.inference.misfit.sizes import Sizes
+from underlay.inference.uncertainty.known_errors import KnownError, LeftOut, left_out
 from underlay.scene.scene import Scene
 
 __all__ = ["Widened", "widened", "wider_interval"]

@@ -10,12 +10,11 @@ from __future__ import annotations
 import json
 import math
 import os
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,6 +22,7 @@ import pandas as pd
 from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.data.curve import Curve
+from underlay.errors import InputError
 from underlay.inference.citation.used import of_fit, used_by
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
 from underlay.inference.least_squares.lmfit_bridge import METHODS, Minimiser
@@ -30,6 +30,7 @@ from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import InstrumentModulus, instrument_moduli, provenance
 from underlay.inference.problem import Problem
+from underlay.inference.uncertainty.answer import Advice, Answer, Follows, Interval, States
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
 from underlay.scene.noise import NoiseModel
@@ -38,162 +39,11 @@ from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
 __all__ = [
-    "AllowedFor",
     "Alternative",
     "Fit",
     "FitStatistics",
     "FitWarning",
-    "Follows",
-    "StatedBonds",
-    "StatedInterval",
-    "Statements",
-    "Verdict",
 ]
-
-#: Quantities (draws, n) that follow from parameters (draws, k), SI.
-Follows: TypeAlias = Callable[[FloatArray], FloatArray]
-
-
-@dataclass(frozen=True)
-class StatedInterval:
-    """The interval of a parameter, the one that every headline, table, page and file prints.
-
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    level : float
-        Confidence, e.g. 0.95.
-    value : float
-        What stands in the middle (SI): the optimum of the fit, or the median where noise and misfit are averaged
-        over, which may lie elsewhere.
-    low, high : float
-        Ends (SI); -inf or inf where the data leave that side open.
-    kind : str
-        Why this wide: ``"quadratic"`` (the standard error, which was checked at both ends), ``"profile"``
-        (likelihood profile), ``"averaged"`` (over what the residuals may be), ``"averaged profile"`` (the same, and
-        as far as the profile under the most likely noise reaches), ``"with model error"`` (with what the law leaves
-        out as well).
-    """
-
-    name: str
-    level: float
-    value: float
-    low: float
-    high: float
-    kind: str
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the data leave a side open."""
-        return math.isinf(self.low) or math.isinf(self.high)
-
-    def __contains__(self, value: float) -> bool:
-        return self.low <= value <= self.high
-
-
-@dataclass(frozen=True)
-class AllowedFor:
-    """What a law leaves out, and what became of it in the interval with model error.
-
-    Parameters
-    ----------
-    allowed : tuple of str
-        What that interval allows for.
-    negligible : tuple of str
-        What would move no parameter by a tenth of its standard error.
-    unknown : tuple of str
-        What cannot be allowed for, and why.
-    declared : tuple of str
-        What the scene says, and the interval believes.
-    """
-
-    allowed: tuple[str, ...] = ()
-    negligible: tuple[str, ...] = ()
-    unknown: tuple[str, ...] = ()
-    declared: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class StatedBonds:
-    """What a curve says with a face bonded, and with it free to slip, where nobody knows which it is.
-
-    Parameters
-    ----------
-    face : str
-        The layer whose lower face it is: ``"layer"``, ``"substrate.layers[0]"``, ...
-    bonded, slipping : mapping of name to StatedInterval
-        From the noise, at 95 %.
-    difference : float
-        AIC of the slipping face above that of the bonded one: negative where the data speak for slip.
-    """
-
-    face: str
-    bonded: Mapping[str, StatedInterval]
-    slipping: Mapping[str, StatedInterval]
-    difference: float
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether a fit is to be believed.
-
-    Parameters
-    ----------
-    word : str
-        ``"good"``, ``"doubtful"`` or ``"model wrong"``.
-    reasons : tuple of str
-        Why, in words; empty where it is good.
-
-    A verdict equals its word: ``fit.verdict == "good"``.
-    """
-
-    word: str
-    reasons: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        return f"{self.word}: {'; '.join(self.reasons)}" if self.reasons else self.word
-
-    def __eq__(self, other: object) -> bool:
-        if isinstance(other, str):
-            return self.word == other
-        return isinstance(other, Verdict) and (self.word, self.reasons) == (other.word, other.reasons)
-
-    def __hash__(self) -> int:
-        return hash(self.word)
-
-
-class Statements(ABC):
-    """What can be stated of one fit; computed when it is asked for, and once."""
-
-    @abstractmethod
-    def interval(self, name: str, level: float, *, model_error: bool) -> StatedInterval:
-        """Interval of a parameter; raises InputError for a name or a level that is none."""
-
-    @abstractmethod
-    def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Lower ends, middles and upper ends, (n,), of quantities that follow from the parameters."""
-
-    @property
-    @abstractmethod
-    def allowed_for(self) -> AllowedFor:
-        """What the interval with model error allows for."""
-
-    @property
-    @abstractmethod
-    def bonds(self) -> Sequence[StatedBonds]:
-        """What each bond gives, of every face of which nobody knows how it holds."""
-
-    @property
-    @abstractmethod
-    def verdict(self) -> Verdict:
-        """Whether the fit is to be believed."""
-
-    @property
-    @abstractmethod
-    def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
-        """d ln(value) / d ln(input), by fitted parameter and by number taken as known."""
-
 
 @dataclass(frozen=True)
 class FitWarning:
@@ -327,7 +177,7 @@ class Fit:
     whitened: tuple[FloatArray, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
-    state: Callable[[Fit], Statements] = field(repr=False)
+    state: Callable[[Fit], States] = field(repr=False)
     alternatives: tuple[Alternative, ...] = ()
     _lmfit: Any = field(default=None, repr=False)
 
@@ -345,49 +195,71 @@ class Fit:
         return Minimiser(method if method in METHODS else METHODS[0])(objective, self.vector).result
 
     @cached_property
-    def _statements(self) -> Statements:
+    def statement(self) -> States:
+        """What the fit says of itself: its likelihood, its answers, its verdict."""
         return self.state(self)
 
-    def interval(self, name: str, level: float = 0.95, *, model_error: bool = False) -> StatedInterval:
-        """Return the interval of a parameter: the one that every headline, table, page and file prints.
+    def answer(self, name: str, level: float = 0.95) -> Answer:
+        """Return the answer of one quantity: the number that every screen, table, page and file prints.
 
-        Where the noise was stated it is the quadratic one if the profile agrees with it at both ends, else the
-        profile's. Without a stated noise correlated noise, a drifting law and a jump at contact are weighed and
-        averaged over (see `inference/misfit`). Where the curve rules a half-space out, the base below it is
-        unknown, and where a curve is disturbed, a thickness that is fitted takes that up: there the interval leaves
-        out less than its level says, as a posterior's does. It is computed when first asked for, and kept.
+        Its value is the one with which the model describes the fitted range (least squares). The statistical part is
+        from noise and misfit that the curve shows, the systematic part from inputs and from what the model leaves
+        out; `Answer.budget` lists them. It is computed when first asked for, and kept.
 
         Parameters
         ----------
         name : str
-            One of `names` or of `derived`.
+            One of `names`, or a quantity that follows from them, such as those of `derived`.
         level : float, default 0.95
-            Confidence.
-        model_error : bool, default False
-            Whether to allow for what the law leaves out, friction and finite strain, and for a bond that nobody
-            knows as well; see `allowed_for`.
+            Confidence of its intervals.
 
         Returns
         -------
-        StatedInterval
+        Answer
             Its ends are infinite where the data leave them open.
 
         Raises
         ------
         InputError
-            If the name is not fitted, or the level is not between 0 and 0.999.
+            If the name is not fitted and does not follow, or the level is not between 0 and 0.999.
         """
-        return self._statements.interval(name, level, model_error=model_error)
+        return self.statement.answer(name, level)
 
     @property
-    def allowed_for(self) -> AllowedFor:
-        """What `interval` allows for with ``model_error=True``, and what it cannot allow for."""
-        return self._statements.allowed_for
+    def answers(self) -> pd.DataFrame:
+        """All answers, one a row: value, ends, ends of both parts (SI) and the unit."""
+        rows = {}
+        for name in (*self.names, *self.derived):
+            known = self.answer(name)
+            rows[name] = (
+                known.value, known.low, known.high, known.statistical.low, known.statistical.high,
+                known.systematic.low, known.systematic.high, known.unit,
+            )
+        columns = ["value", "low", "high", "stat low", "stat high", "syst low", "syst high", "unit"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
 
-    @property
-    def bonds(self) -> Sequence[StatedBonds]:
-        """What each bond gives, of every face that a scene calls unknown: both are fitted when this is read."""
-        return self._statements.bonds
+    def interval(self, name: str, level: float = 0.95, *, part: str = "combined") -> Interval:
+        """Return an interval of a quantity: of both parts together, or of one; see `answer`.
+
+        Parameters
+        ----------
+        name : str
+            As in `answer`.
+        level : float, default 0.95
+            Confidence.
+        part : {"combined", "statistical", "systematic"}
+            Which.
+
+        Raises
+        ------
+        InputError
+            As `answer` does, or if there is no such part.
+        """
+        known = self.answer(name, level)
+        parts = {"combined": known.interval, "statistical": known.statistical, "systematic": known.systematic}
+        if part not in parts:
+            raise InputError(f"unknown part {part!r:.60}; known: {', '.join(parts)}")
+        return parts[part]
 
     def band(self, of: Follows, level: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, each (n,), of positive quantities that follow from the parameters.
@@ -405,17 +277,17 @@ class Fit:
         InputError
             If `level` is none, or `of` gives no such quantities.
         """
-        return self._statements.band(of, level)
+        return self.statement.band(of, level)
 
     @property
-    def verdict(self) -> Verdict:
-        """``"good"``, ``"doubtful"`` or ``"model wrong"``, with reasons."""
-        return self._statements.verdict
+    def verdict(self) -> Advice:
+        """``"good"``, ``"check"`` or ``"reject"``, with reason, likely cause and next step."""
+        return self.statement.verdict
 
     @property
     def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
         """d ln(value) / d ln(input): by fitted parameter, and by number of the scene taken as known."""
-        return self._statements.sensitivity
+        return self.statement.sensitivity
 
     @cached_property
     def diagnostics(self) -> tuple[ResidualDiagnostics, ...]:
@@ -524,10 +396,8 @@ class Fit:
     def used(self) -> dict[str, str]:
         """What to cite: keys of works, with what each was used for; see `underlay cite`."""
         formats = [str(curve.metadata.get("format", "")) for curve in self.curves]
-        told = [self.interval(name) for name in self.names]
-        return used_by([self.statistics.law_method], self.scenes, formats) | of_fit(
-            robust=self.statistics.robust != "none", averaged=any(entry.kind == "averaged" for entry in told)
-        )
+        robust, open_ = self.statistics.robust != "none", self.problem.noise_is_open
+        return used_by([self.statistics.law_method], self.scenes, formats) | of_fit(robust=robust, averaged=open_)
 
     def _strong_correlations(self) -> list[str]:
         frame = self.correlations
@@ -550,12 +420,7 @@ class Fit:
         document = {
             "values": dict(self.values),
             "stderr": dict(self.stderr),
-            "intervals": {name: asdict(self.interval(name)) for name in (*self.names, *self.derived)},
-            "intervals_with_model_error": {
-                name: asdict(self.interval(name, model_error=True)) for name in (*self.names, *self.derived)
-            },
-            "allowed_for": asdict(self.allowed_for),
-            "bonds": [asdict(told) for told in self.bonds],
+            "answers": {name: self.answer(name).as_dict() for name in (*self.names, *self.derived)},
             "verdict": asdict(self.verdict),
             "sensitivity": {name: dict(row) for name, row in self.sensitivity.items()},
             "names": list(self.names),

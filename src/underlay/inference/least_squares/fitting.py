@@ -20,6 +20,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from underlay._threads import one_thread
 from underlay.errors import FitError, InputError
 from underlay.inference.least_squares.candidates import EXPLAINED, candidates
 from underlay.inference.least_squares.engine import Ahead
-from underlay.inference.least_squares.fit_result import Fit, Statements
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import judge
 from underlay.inference.least_squares.lmfit_bridge import METHODS, Minimiser
 from underlay.inference.least_squares.models import LOSSES
@@ -38,6 +39,7 @@ from underlay.inference.least_squares.scan import LIKELY, Start, scan
 from underlay.inference.least_squares.scan_curve import blocked_objective, power_law_objective
 from underlay.inference.least_squares.settle import Optimum, confirmed, settle
 from underlay.inference.problem import Problem
+from underlay.inference.uncertainty.answer import States
 from underlay.mechanics.solvers import Exact
 from underlay.scene.noise import NoiseModel
 
@@ -330,11 +332,11 @@ def _on_a_plateau(best: Optimum) -> bool:
     return bool(((columns * columns).sum(axis=0) < 1.0).any())
 
 
-def _stated(found: Fit) -> Statements:
+def _stated(found: Fit) -> States:
     # Most fits of a map are never asked; what answers is loaded with the first that is.
-    from underlay.inference.headline.statements import Headline  # noqa: PLC0415
+    from underlay.inference.uncertainty.statement import Statement  # noqa: PLC0415
 
-    return Headline(found, fit)
+    return Statement(found, partial(quick_fit, start="given"))
 
 
 def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) -> Sequence[FloatArray]:

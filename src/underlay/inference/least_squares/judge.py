@@ -21,7 +21,6 @@ from underlay.inference.least_squares.fit_result import (
     Fit,
     FitStatistics,
     FitWarning,
-    Statements,
 )
 from underlay.inference.least_squares.fit_warnings import (
     against_priors,
@@ -33,6 +32,7 @@ from underlay.inference.least_squares.models import robust_inflation
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.settle import Optimum, noise_covariance
 from underlay.inference.problem import Problem
+from underlay.inference.uncertainty.answer import States
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
@@ -100,7 +100,7 @@ def judge(
     others: Sequence[FloatArray] = (),
     *,
     seconds: float,
-    state: Callable[[Fit], Statements],
+    state: Callable[[Fit], States],
 ) -> Fit:
     """Make the result of a fit from where it ended.
 

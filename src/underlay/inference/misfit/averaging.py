@@ -24,13 +24,13 @@ from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, descend
 from underlay.inference.misfit.drift import DRIFTS
-from underlay.inference.misfit.known_error import KnownError
 from underlay.inference.misfit.linearised import Linearised
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.shapes import JUMPS, ramp_column
 from underlay.inference.misfit.sizes import Sizes, shape_parameters
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.problem import Problem
+from underlay.inference.uncertainty.known_errors import KnownError
 
 __all__ = ["Averaged", "average"]
 

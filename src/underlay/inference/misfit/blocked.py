@@ -17,14 +17,13 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.misfit.drift import deepest_of
-from underlay.inference.misfit.known_error import KnownError, Pressed
-from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.linearised import Linearised, Part
 from underlay.inference.misfit.shapes import Shapes
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
+from underlay.inference.uncertainty.known_errors import KnownError, Pressed, known_errors
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
 from underlay.scene.instrument import Chain, ContactDepth, Frame

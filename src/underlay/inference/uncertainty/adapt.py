@@ -1,0 +1,163 @@
+"""Draws that follow what they have found: where a posterior is flat in two directions, no one ridge holds it.
+
+Adaptive multiple importance sampling (Cornuet et al. 2012, doi:10.1111/j.1467-9469.2011.00756.x): each round draws
+from Student kernels about the draws so far, each as wide as its neighbours lie; all draws of all rounds are weighed
+with the mixture of everything they were drawn from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import gammaln, logsumexp
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.mixture import pareto_shape
+
+__all__ = ["Kernels", "Pool"]
+
+_KERNELS, _NEIGHBOURS = 32, 0.12  # how many; share of the weight that makes a kernel's width
+_FREEDOM, _WIDER = 5.0, 1.1
+_FEWEST = 60.0  # effective draws that kernels are placed by: weights are made even until they are
+_ROOTS = np.geomspace(1.0, 0.05, 24)
+
+
+@dataclass(frozen=True, eq=False)
+class Kernels:
+    """Student kernels, equally likely: centres (c, q), factors (c, q, q) of their covariances, in entries (q,)."""
+
+    entries: FloatArray
+    centres: FloatArray
+    factors: FloatArray
+
+    @classmethod
+    def about(
+        cls, draws: FloatArray, log_weights: FloatArray, entries: FloatArray, rng: np.random.Generator
+    ) -> Kernels:
+        """Kernels about weighted draws (n, k)."""
+        weights = _evened(log_weights)
+        points = draws[:, entries]
+        middle = weights @ points
+        off = points - middle
+        whole = np.linalg.cholesky(_regular(off.T @ (off * weights[:, None])))
+        standard = np.linalg.solve(whole, off.T).T
+        places = (np.arange(_KERNELS) + rng.uniform()) / _KERNELS
+        chosen = np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)
+        factors = [_local(standard, weights, standard[i]) for i in chosen]
+        return cls(entries, points[chosen], _WIDER * whole @ np.array(factors))
+
+    def draw(self, count: int, rest: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Vectors (count, k); what has no kernel is `rest` (k,)."""
+        own = np.arange(count) % len(self.centres)
+        z = rng.standard_normal((count, len(self.entries)))
+        z *= np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, count))[:, None]
+        vectors = np.tile(rest, (count, 1))
+        vectors[:, self.entries] = self.centres[own] + np.einsum("nij,nj->ni", self.factors[own], z)
+        return vectors
+
+    def log_density(self, vectors: FloatArray) -> FloatArray:
+        """Log-density (n,) of vectors (n, k)."""
+        q = len(self.entries)
+        inverse = np.linalg.inv(self.factors)
+        off = vectors[:, None, self.entries] - self.centres
+        z = np.einsum("cij,ncj->nci", inverse, off, optimize=True)
+        log_det = np.log(np.abs(np.diagonal(self.factors, axis1=1, axis2=2))).sum(axis=1)
+        constant = (
+            gammaln(0.5 * (_FREEDOM + q)) - gammaln(0.5 * _FREEDOM) - 0.5 * q * np.log(_FREEDOM * np.pi)
+        )
+        told = constant - log_det - 0.5 * (_FREEDOM + q) * np.log1p((z * z).sum(axis=2) / _FREEDOM)
+        return np.asarray(logsumexp(told, axis=1) - np.log(len(self.centres)))
+
+
+def _local(standard: FloatArray, weights: FloatArray, centre: FloatArray) -> FloatArray:
+    """Factor (q, q) of the covariance of the nearest neighbours of a point, in standard coordinates."""
+    square = ((standard - centre) ** 2).sum(axis=1)
+    order = np.argsort(square)
+    last = int(np.searchsorted(np.cumsum(weights[order]), _NEIGHBOURS)) + 1
+    near = order[: max(last, 4 * standard.shape[1])]
+    own = weights[near] / weights[near].sum()
+    off = standard[near] - own @ standard[near]
+    return np.linalg.cholesky(_regular(off.T @ (off * own[:, None])))
+
+
+def _regular(covariance: FloatArray) -> FloatArray:
+    floor = 1e-6 * np.diagonal(covariance) + np.finfo(float).tiny
+    return covariance + np.diag(floor)
+
+
+def _evened(log_weights: FloatArray) -> FloatArray:
+    """Weights (n,) raised to the power, 1 or less, at which enough of them count."""
+    for power in _ROOTS:
+        told = power * log_weights
+        weights = np.exp(told - logsumexp(told))
+        if 1.0 / float(weights @ weights) >= _FEWEST:
+            break
+    return np.asarray(weights)
+
+
+@dataclass(eq=False)
+class Pool:
+    """Draws of all rounds, their log-density, and everything they were drawn from.
+
+    Parameters
+    ----------
+    target : callable
+        Log-density (n,) of vectors (n, k).
+    vectors, levels : FloatArray
+        Draws (n, k) so far, and their log-density (n,).
+    sources : list
+        Log-densities that draws came from, and how many each gave.
+    """
+
+    target: Callable[[FloatArray], FloatArray]
+    vectors: FloatArray
+    levels: FloatArray
+    sources: list[tuple[Callable[[FloatArray], FloatArray], int]] = field(default_factory=list)
+    proposed: list[FloatArray] = field(default_factory=list)
+
+    @classmethod
+    def begin(
+        cls,
+        target: Callable[[FloatArray], FloatArray],
+        source: Callable[[FloatArray], FloatArray],
+        vectors: FloatArray,
+    ) -> Pool:
+        """Pool of the draws (n, k) of one source."""
+        return cls(target, vectors, target(vectors), [(source, len(vectors))], [source(vectors)])
+
+    def add(self, source: Callable[[FloatArray], FloatArray], vectors: FloatArray) -> None:
+        """Add the draws of a further source."""
+        self.proposed = [
+            np.concatenate((told, known(vectors)))
+            for told, (known, _) in zip(self.proposed, self.sources, strict=True)
+        ]
+        self.vectors = np.vstack((self.vectors, vectors))
+        self.levels = np.concatenate((self.levels, self.target(vectors)))
+        self.sources.append((source, len(vectors)))
+        self.proposed.append(source(self.vectors))
+
+    @property
+    def log_weights(self) -> FloatArray:
+        """(n,), not normalised."""
+        counts = np.array([count for _, count in self.sources], dtype=np.float64)
+        shares = np.log(counts / counts.sum())
+        return np.asarray(self.levels - logsumexp(np.array(self.proposed) + shares[:, None], axis=0))
+
+    @property
+    def weights(self) -> FloatArray:
+        """(n,), summing to 1."""
+        told = self.log_weights
+        return np.asarray(np.exp(told - logsumexp(told)))
+
+    @property
+    def effective(self) -> float:
+        """Kish's effective number of draws."""
+        weights = self.weights
+        return 1.0 / float(weights @ weights)
+
+    @property
+    def pareto(self) -> float:
+        """Pareto k of the weights."""
+        return pareto_shape(self.log_weights)

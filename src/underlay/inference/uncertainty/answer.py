@@ -1,0 +1,219 @@
+"""The number of one quantity as people read it: a value, how sure it is, and what makes it unsure.
+
+Everything that is printed of a fit, a posterior, a row of a map or a film is an `Answer`. Its two parts are at the
+same confidence and add in quadrature, in the logarithm of quantities that are positive by nature.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import pandas as pd
+
+from underlay._arrays import FloatArray
+
+__all__ = ["Advice", "Answer", "Contribution", "Follows", "Interval", "States"]
+
+#: Quantities (draws, n) that follow from parameters (draws, k), SI.
+Follows: TypeAlias = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An interval of one quantity.
+
+    Parameters
+    ----------
+    name : str
+        The quantity.
+    level : float
+        Confidence, e.g. 0.95.
+    value : float
+        The quantity's value (SI).
+    low, high : float
+        Ends (SI); -inf or inf where the data leave that side open.
+    """
+
+    name: str
+    level: float
+    value: float
+    low: float
+    high: float
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the data leave a side open."""
+        return math.isinf(self.low) or math.isinf(self.high)
+
+    def __contains__(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """One row of an uncertainty budget.
+
+    Parameters
+    ----------
+    source : str
+        Path of an input (``"indenter.radius"``), or a name: ``"noise and misfit"``, ``"force"``, ``"friction"``.
+    size : str
+        How uncertain the source is, at 95 %, as people write it; empty where its effect alone is known.
+    origin : str
+        ``"given"`` (stated for this test), ``"assumed"`` (nobody stated it), ``"seen"`` (in the curve) or
+        ``"model"`` (what the contact model leaves out).
+    low, high : float
+        How far it alone moves the quantity down and up (SI, both zero or more); infinite where that side is open.
+    share : float
+        Of the variance of the quantity.
+    """
+
+    source: str
+    size: str
+    origin: str
+    low: float
+    high: float
+    share: float
+
+    @property
+    def half_width(self) -> float:
+        """The larger of the two."""
+        return max(self.low, self.high)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The number of one quantity as people read it.
+
+    Parameters
+    ----------
+    name : str
+        A parameter, or what follows from parameters.
+    value : float
+        The value with which the model describes the fitted range (SI).
+    low, high : float
+        Ends of the combined interval (SI); -inf or inf where the data leave that side open.
+    level : float
+        Confidence of all intervals here.
+    unit : str
+        SI unit; empty for a pure number.
+    statistical, systematic : Interval
+        From noise and misfit that the curve shows; from inputs, and from what the model leaves out.
+    contributions : sequence of Contribution
+        The budget's rows, largest first.
+    notes : tuple of str
+        Rules that acted on the value, in words.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    level: float
+    unit: str
+    statistical: Interval
+    systematic: Interval
+    contributions: Sequence[Contribution]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def interval(self) -> Interval:
+        """The combined interval."""
+        return Interval(self.name, self.level, self.value, self.low, self.high)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the data leave a side open."""
+        return self.interval.is_open
+
+    @property
+    def budget(self) -> pd.DataFrame:
+        """The rows as a table: source, size, origin, contribution (SI, the larger side), low, high, share."""
+        rows = [
+            (row.source, row.size, row.origin, row.half_width, row.low, row.high, row.share)
+            for row in self.contributions
+        ]
+        columns = ["source", "size", "origin", "contribution", "low", "high", "share"]
+        return pd.DataFrame(rows, columns=columns)
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain values, for files."""
+        return {
+            "value": self.value,
+            "low": self.low,
+            "high": self.high,
+            "level": self.level,
+            "unit": self.unit,
+            "statistical": {"low": self.statistical.low, "high": self.statistical.high},
+            "systematic": {"low": self.systematic.low, "high": self.systematic.high},
+            "budget": self.budget.to_dict("records"),
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True)
+class Advice:
+    """A judgement in words: what is the case, its likeliest cause, and what to do next.
+
+    Parameters
+    ----------
+    word : str
+        ``"good"``, ``"check"`` or ``"reject"``; an advice equals its word.
+    reason : str
+        One clause.
+    cause, next : str
+        One sentence each; empty where the word is good.
+    setting : tuple of (str, str)
+        The step as data: a key of the scene file and its value; empty where it is none.
+    others : tuple of Advice
+        What else was found, less grave.
+    """
+
+    word: str
+    reason: str
+    cause: str = ""
+    next: str = ""
+    setting: tuple[str, str] | tuple[()] = ()
+    others: tuple[Advice, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.word}: {self.reason}"
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, str):
+            return self.word == other
+        return isinstance(other, Advice) and (self.word, self.reason, self.others) == (
+            other.word,
+            other.reason,
+            other.others,
+        )
+
+    def __hash__(self) -> int:
+        return hash(self.word)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Every reason, the gravest first; none where all is good."""
+        own = () if self.word == "good" else (self.reason,)
+        return (*own, *(other.reason for other in self.others))
+
+
+class States(Protocol):
+    """What a fit says of itself; `statement.Statement` is the one there is."""
+
+    def answer(self, name: str, level: float = 0.95) -> Answer:
+        """The answer of a quantity."""
+
+    def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Lower ends, middles and upper ends, (n,), of quantities that follow from the parameters."""
+
+    @property
+    def verdict(self) -> Advice:
+        """Whether the fit can be used."""
+
+    @property
+    def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
+        """d ln(value) / d ln(input), by fitted number and by input."""

@@ -1,0 +1,333 @@
+"""The systematic part: how far every uncertain input, and all that a model leaves out, moves the fitted numbers.
+
+A source adds a force to the readings that the fit takes for the sample's. To first order the scaled vector answers
+by least squares in the metric of the noise (`Likelihood.moved`); where that goes far the curve is fitted again
+with the input moved. A source of several independent shapes has a row of moves for each; each row is a pair, down and up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import FitError, InputError, UnderlayError
+from underlay.inference.problem import Problem
+from underlay.inference.uncertainty.inputs import DEPTH, FORCE, HEIGHTS, SPRING_CONSTANT, Input, inputs_of
+from underlay.inference.uncertainty.known_errors import KnownError, Pressed, known_errors, left_out
+from underlay.mechanics.profile import Profile
+from underlay.scene.instrument import ContactDepth, Frame
+from underlay.scene.scene import has_face, unknown_faces, with_bond
+
+if TYPE_CHECKING:
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.model.forward import Reading
+    from underlay.inference.model.members import Member
+
+__all__ = ["LAW", "Moved", "Refit", "Source", "sensitivities", "sources_of"]
+
+#: Shift (k,) of the scaled vector that forces (N), one array a curve, make.
+Moved: TypeAlias = Callable[[Sequence[FloatArray]], FloatArray]
+#: Fits a problem, begun at the values of its scenes.
+Refit: TypeAlias = Callable[[Problem], "Fit"]
+#: The general error of a contact law.
+LAW = "contact model"
+_NORMAL_95 = 1.96
+# Sections of a scene whose numbers act on a curve.
+_ACTING = ("indenter.", "layer.", "substrate.", "instrument.compliance", "adhesion.", "history.")
+# Standard, at full depth, of the law's own error: an assumption, marked as such. At 3 % it alone makes 7.4 to 8.4 %
+# of a modulus with the contact free, and drowns clean data.
+_LAW_SIZE = 0.01
+# In scaled coordinates: what moves a number by less is taken to first order (an error of half its square, 1 %).
+_STRAIGHT = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One source of a systematic error.
+
+    Parameters
+    ----------
+    name, size, origin : str
+        As in `Contribution`.
+    moves : FloatArray
+        How far the scaled vector goes, (rows, 2, k): rows are independent, each has two sides.
+    """
+
+    name: str
+    size: str
+    origin: str
+    moves: FloatArray
+
+
+def sources_of(
+    fit: Fit, moved: Callable[[Sequence[FloatArray]], FloatArray], refit: Refit
+) -> tuple[Source, ...]:
+    """Every source of a fit that moves something.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    moved : callable
+        Shift (k,) of the scaled vector that forces (N), one array a curve, make; to first order.
+    refit : callable
+        For what moves it far, and for another bond.
+    """
+    if getattr(fit.problem.base_scenes[0], "uncertainties", None) == "none":
+        return ()
+    readings = [member.reading(fit.problem.physical(fit.vector)) for member in fit.problem.members]
+    budget = _Budget(fit, moved, refit, readings)
+    return tuple(source for source in budget.sources() if np.any(source.moves))
+
+
+@dataclass(frozen=True, eq=False)
+class _Budget:
+    """A fit, and its readings at the optimum."""
+
+    fit: Fit
+    moved: Moved
+    refit: Refit
+    readings: Sequence[Reading]
+
+    def sources(self) -> Iterator[Source]:
+        """All of them: inputs, what the model leaves out, the bond."""
+        yield from self._inputs()
+        yield self._law()
+        yield from self._left_out()
+        yield from self._bonds()
+
+    # --- inputs -------------------------------------------------------------------------------------------
+    def _inputs(self) -> Iterator[Source]:
+        """Inputs of all curves: one of the same name and size is wrong alike in all of them."""
+        problem = self.fit.problem
+        free = {coordinate.path for coordinate in problem.coordinates}
+        told: dict[tuple[str, str], dict[int, Input]] = {}
+        for i, member in enumerate(problem.members):
+            for entry in inputs_of(member.scene, member.curve, free):
+                told.setdefault((entry.source, entry.size), {})[i] = entry
+        slopes = _input_slopes(self.fit, {source for source, _ in told} & set(self.fit.scene.parameters))
+        for (source, size), entries in told.items():
+            first = next(iter(entries.values()))
+            moves = self._of_input(source, entries, slopes)
+            if moves is not None:
+                yield Source(source, size, first.origin, moves)
+
+    def _of_input(
+        self, source: str, entries: dict[int, Input], slopes: dict[str, list[FloatArray]]
+    ) -> FloatArray | None:
+        """Moves (1, 2, k) of one input; None where it cannot act."""
+        if source not in {FORCE, SPRING_CONSTANT, DEPTH, HEIGHTS} and source not in slopes:
+            return None
+        sides = []
+        for sign in (-1.0, 1.0):
+            amounts = [
+                sign * (entries[i].up if sign > 0.0 else entries[i].down) if i in entries else 0.0
+                for i in range(len(self.readings))
+            ]
+            columns = [self._column(source, i, amount, slopes) for i, amount in enumerate(amounts)]
+            # Were the input so much larger, the same readings would come from another sample.
+            near = -self.moved(columns)
+            far = bool((np.abs(near) > _STRAIGHT).any()) and source in slopes
+            sides.append(self._moved_input(source, amounts, near) if far else near)
+        return np.array([sides])
+
+    def _column(self, source: str, i: int, amount: float, slopes: dict[str, list[FloatArray]]) -> FloatArray:
+        """Force (N) that curve `i` would show more, were the input larger by `amount`."""
+        member, reading = self.fit.problem.members[i], self.readings[i]
+        if amount == 0.0:
+            return np.zeros(len(member.force))
+        if source in {FORCE, SPRING_CONSTANT}:
+            # A force scale that is larger makes the same sample read less.
+            return -amount * member.force
+        kept = _kept(self.fit, i, reading)
+        if source == DEPTH:
+            return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
+        if source == HEIGHTS:
+            return _of_heights(self.fit, i, amount) - reading.force
+        return amount * slopes[source][i]
+
+    def _moved_input(self, source: str, amounts: Sequence[float], near: FloatArray) -> FloatArray:
+        """Shift of the optimum when the curve is fitted again with the input moved; `near` where it cannot be."""
+        fit = self.fit
+        try:
+            scenes = [
+                scene.with_values({source: scene.parameters[source] + amount}) if amount else scene
+                for scene, amount in zip(fit.scenes, amounts, strict=True)
+            ]
+            again = self.refit(fit.problem.revised(scenes=scenes, noise=fit.noises))
+        except (InputError, FitError):
+            return near
+        return fit.problem.vector(again.values) - fit.vector
+
+    # --- what the model leaves out ------------------------------------------------------------------------
+    def _law(self) -> Source:
+        """A relative error of the force that grows with the contact: shapes s and s^2, s = sqrt(w / w_max)."""
+        rows = []
+        for power in (1, 2):
+            columns = []
+            for i, reading in enumerate(self.readings):
+                w = np.maximum(_penetration(self.fit, i, reading), 0.0)
+                s = np.sqrt(w / max(float(w.max()), 1e-300))
+                columns.append(_kept(self.fit, i, reading) * reading.contact * s**power)
+            shift = self.moved([_NORMAL_95 * _LAW_SIZE / np.sqrt(2.0) * column for column in columns])
+            rows.append([-shift, shift])
+        return Source(
+            LAW, f"± {100.0 * _NORMAL_95 * _LAW_SIZE:.2g} % at full depth", "assumed", np.array(rows)
+        )
+
+    def _left_out(self) -> Iterator[Source]:
+        """Errors with a known shape: friction, finite strain, a paraboloid for a sphere."""
+        errors: dict[str, KnownError] = {}
+        for scene, curve in zip(self.fit.problem.base_scenes, self.fit.curves, strict=True):
+            deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)
+            found = (*left_out(scene, deepest).errors, *known_errors([scene]))
+            errors |= {error.words: error for error in found}
+        for error in errors.values():
+            try:
+                columns = [
+                    _kept(self.fit, i, reading) * error.column(_pressed(self.fit, i, reading))
+                    for i, reading in enumerate(self.readings)
+                ]
+            except InputError:
+                # The error was not measured at this test's numbers: the report says which are not known.
+                continue
+            shift = self.moved(columns)
+            spread = _NORMAL_95 * error.deviation
+            yield Source(
+                error.words,
+                "",
+                "model",
+                np.array([[-(error.mean - spread) * shift, -(error.mean + spread) * shift]]),
+            )
+
+    def _bonds(self) -> Iterator[Source]:
+        """A face of which nobody knows how it holds, free to slip."""
+        problem = self.fit.problem
+        for face in dict.fromkeys(face for scene in problem.base_scenes for face in unknown_faces(scene)):
+            scenes = [
+                with_bond(scene, face, "slip") if has_face(scene, face) else scene
+                for scene in problem.base_scenes
+            ]
+            try:
+                again = self.refit(problem.revised(scenes=scenes))
+            except (InputError, FitError):
+                continue
+            move = problem.vector(again.values) - self.fit.vector
+            yield Source(
+                f"bond of {face}", "bonded to slipping", "model", np.array([[np.zeros_like(move), move]])
+            )
+
+
+def _input_slopes(fit: Fit, paths: set[str]) -> dict[str, list[FloatArray]]:
+    """d force / d input (SI), one array (n,) a curve, by path; what cannot act in this scene is left out."""
+    together = _slopes_of(fit, sorted(paths))
+    if together is not None or not paths:
+        return together or {}
+    found: dict[str, list[FloatArray]] = {}
+    for path in sorted(paths):
+        found |= _slopes_of(fit, [path]) or {}
+    return found
+
+
+def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | None:
+    """The same of these together; None where one of them cannot act, or its neighbours are no scene."""
+    if not paths:
+        return {}
+    free = {**fit.problem.free, **dict.fromkeys(paths)}
+    scenes = list(fit.scenes)
+    try:
+        problem = fit.problem.revised(free=free, scenes=scenes, noise=fit.noises)
+        physical = problem.physical(problem.start)
+        jacobians = [member.jacobian(physical, rough=True)[1] for member in problem.members]
+    except UnderlayError:
+        return None
+    found = {}
+    for path in paths:
+        entries = [member.entries.get(path) for member in problem.members]
+        found[path] = [
+            np.zeros(len(jacobian)) if entry is None else jacobian[:, entry]
+            for entry, jacobian in zip(entries, jacobians, strict=True)
+        ]
+    return found
+
+
+def _values(fit: Fit, i: int) -> dict[str, float]:
+    return fit.problem.members[i].values_at(fit.problem.physical(fit.vector))
+
+
+def _compliance(fit: Fit, i: int) -> float:
+    """What gives way in series with the contact (m/N): frame and lever."""
+    values = _values(fit, i)
+    return float(values[Frame.path] + fit.problem.members[i].forward.lever_compliances(values))
+
+
+def _kept(fit: Fit, i: int, reading: Reading) -> FloatArray:
+    """Share (n,) of a change of the contact force that a reading shows: 1 / (1 + C dP/dw)."""
+    return np.asarray(1.0 / (1.0 + _compliance(fit, i) * reading.stiffness))
+
+
+def _penetration(fit: Fit, i: int, reading: Reading) -> FloatArray:
+    """Depth of the tip (m), (n,), negative before contact."""
+    forward = fit.problem.members[i].forward
+    gone = _values(fit, i)[ContactDepth.path] + _compliance(fit, i) * reading.contact
+    return np.asarray(forward.depth - gone)
+
+
+def _pressed(fit: Fit, i: int, reading: Reading) -> Pressed:
+    """The test of one curve at the optimum, as a known error asks for it."""
+    member, values = fit.problem.members[i], _values(fit, i)
+    depth = _penetration(fit, i, reading)
+    deepest = max(float(depth.max()), 0.0)
+    scene = fit.scenes[i]
+    return Pressed(
+        values,
+        member.forward.law(values, deepest),
+        depth,
+        reading.contact,
+        reading.stiffness,
+        made=lambda: scene,
+        by=lambda solver: scene.elastic.contact_law(deepest, solver=solver),
+    )
+
+
+def _of_heights(fit: Fit, i: int, share: float) -> FloatArray:
+    """Reading (N) of one curve were all heights of its tip larger by a share."""
+    scenes = list(fit.scenes)
+    tip = scenes[i].indenter
+    if not isinstance(tip, Profile):
+        return fit.problem.members[i].reading(fit.problem.physical(fit.vector)).force
+    scenes[i] = replace(scenes[i], indenter=Profile(tip.r, (1.0 + share) * tip.height))
+    member: Member = fit.problem.revised(scenes=scenes, noise=fit.noises).members[i]
+    return member.reading(fit.problem.physical(fit.vector)).force
+
+
+def sensitivities(fit: Fit, moved: Moved) -> dict[str, dict[str, float]]:
+    """d ln(value) / d ln(input) of every fitted number that is positive by nature.
+
+    Returns
+    -------
+    dict of dict of float
+        By fitted number, then by the path of the input, or `FORCE`: the scale of all forces. Inputs that are zero,
+        infinite or cannot act are left out, as are numbers on a bound.
+    """
+    problem = fit.problem
+    free = {coordinate.path for coordinate in problem.coordinates}
+    known = {path: value for path, value in fit.scene.parameters.items() if path.startswith(_ACTING)}
+    paths = {path for path, value in known.items() if path not in free and value and math.isfinite(value)}
+    shifts = {
+        path: -moved([known[path] * column for column in columns])
+        for path, columns in _input_slopes(fit, paths).items()
+    }
+    shifts[FORCE] = moved([member.force for member in problem.members])
+    left_out = {*fit.no_error_bars, *fit.bounds_hit}
+    shown = [
+        i
+        for i, coordinate in enumerate(problem.coordinates)
+        if coordinate.scale is None and i not in problem.noise_entries and coordinate.name not in left_out
+    ]
+    return {fit.names[i]: {path: float(shift[i]) for path, shift in shifts.items()} for i in shown}

@@ -1,0 +1,120 @@
+"""Shapes that a curve may have beside its law: misfit smooth in depth, a step about contact, a ramp of the record.
+
+Each family is a few columns whose amplitudes are normal; `hypotheses` says of which size.
+
+    misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error, and a local shift of depth, which is
+             what a gradual contact looks like; both with correlation exp(-|dv| / 0.5), six columns each
+    step     eight steps about contact, each a ramp .02 to .05 of the depth wide: sharp ones make a likelihood rugged
+    ramp     the baseline of the record, straight in time
+    line     fringes or vibration: sine and cosine of the frequency that the residual has most of
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.tree import Tangent
+
+__all__ = ["FAMILIES", "LINE", "Columns", "smooth_basis"]
+
+_LENGTH, _RANK, _GRID = 0.5, 6, 201
+_PLACES = np.array([-0.15, -0.1, -0.06, -0.03, -0.01, 0.01, 0.04, 0.08])
+_WIDTHS = np.array([0.05, 0.045, 0.035, 0.025, 0.02, 0.025, 0.035, 0.05])
+_SLOWEST, _FREQUENCIES = (
+    1.25,
+    96,
+)  # periods in the record that a line has at least; frequencies that are tried
+FAMILIES = ("relative", "shift", "line")
+LINE = FAMILIES.index("line")
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Everything a curve's rows are weighed with, in units of the rows.
+
+    Parameters
+    ----------
+    values : FloatArray
+        (n, m): d force / d vector (k of them), then steps, ramp, misfits, and the residual last.
+    law, step, ramp, residual : slice
+        Where they stand.
+    families : tuple of slice
+        Each misfit's, and the line's.
+    v : FloatArray
+        sqrt(w / w_max), (n,); zero before contact.
+    """
+
+    values: FloatArray
+    law: slice
+    step: slice
+    ramp: slice
+    families: tuple[slice, ...]
+    residual: slice
+    v: FloatArray
+
+    @classmethod
+    def of(cls, tangent: Tangent, measured: FloatArray) -> Columns:
+        """Columns at a vector whose model is `tangent`, for the rows measured (n,)."""
+        v = _root_depth(tangent.penetration)
+        n, residual = len(measured), measured - tangent.force
+        parts = [
+            tangent.columns,
+            _steps(tangent.penetration),
+            np.linspace(-1.0, 1.0, n)[:, None],
+            *_misfits(tangent, v),
+            _line(residual, tangent.columns),
+            residual[:, None],
+        ]
+        ends = np.cumsum([0, *(part.shape[1] for part in parts)])
+        places = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        law, step, ramp, *families, last = places
+        return cls(np.hstack(parts), law, step, ramp, tuple(families), last, v)
+
+
+def _misfits(tangent: Tangent, v: FloatArray) -> list[FloatArray]:
+    """Columns (n, rank) of each family of misfit, of unit size where P, or dP/dw, is largest."""
+    basis = smooth_basis(v)
+    return [basis * (a / np.abs(a).max())[:, None] for a in (tangent.contact, tangent.stiffness)]
+
+
+def smooth_basis(v: FloatArray) -> FloatArray:
+    """Columns (n, rank) whose squares sum to 1 or a little less: a stationary process on 0 <= v <= 1."""
+    place = np.clip(v, 0.0, 1.0) * (_GRID - 1)
+    low = np.minimum(place.astype(int), _GRID - 2)
+    table, share = _eigenvectors(), (place - low)[:, None]
+    return np.asarray(table[low] * (1.0 - share) + table[low + 1] * share)
+
+
+@lru_cache(maxsize=1)
+def _eigenvectors() -> FloatArray:
+    v = np.linspace(0.0, 1.0, _GRID)
+    values, vectors = np.linalg.eigh(np.exp(-np.abs(v[:, None] - v) / _LENGTH))
+    return np.asarray(vectors[:, : -_RANK - 1 : -1] * np.sqrt(values[: -_RANK - 1 : -1]))
+
+
+def _root_depth(penetration: FloatArray) -> FloatArray:
+    deepest = max(float(penetration.max()), np.finfo(float).tiny)
+    return np.sqrt(np.clip(penetration / deepest, 0.0, 1.0))
+
+
+def _steps(penetration: FloatArray) -> FloatArray:
+    deepest = max(float(penetration.max()), np.finfo(float).tiny)
+    rise = (penetration[:, None] / deepest - _PLACES) / _WIDTHS + 0.5
+    return np.asarray(np.clip(rise, 0.0, 1.0) / len(_PLACES) ** 0.5)
+
+
+def _line(residual: FloatArray, law: FloatArray) -> FloatArray:
+    """Sine and cosine (n, 2) of the frequency that takes most of the residual (n,) beside the law (n, k)."""
+    n = len(residual)
+    frequencies = np.geomspace(_SLOWEST, 0.45 * n, _FREQUENCIES)
+    phase = 2.0 * np.pi * frequencies * (np.arange(n)[:, None] + 0.5) / n
+    q, _ = np.linalg.qr(law)
+    sine, cosine = (wave - q @ (q.T @ wave) for wave in (np.sin(phase), np.cos(phase)))
+    a, b, c = ((x * y).sum(axis=0) for x, y in ((sine, sine), (cosine, cosine), (sine, cosine)))
+    s, t = residual @ sine, residual @ cosine
+    best = int(np.argmax((b * s * s - 2.0 * c * s * t + a * t * t) / np.maximum(a * b - c * c, 1e-9 * n * n)))
+    return np.column_stack((np.sin(phase[:, best]), np.cos(phase[:, best])))

@@ -1,0 +1,239 @@
+"""The log-density of the scaled vector, far from the optimum as near it: what ridge and emcee both draw from.
+
+    p(theta) = prior(theta) sum_m w_m p_m(theta),    p_m = Student(t(theta); 0, V_m) |H_m|
+
+with the moments t of `moments` as the model itself has them, not linearised. Where white noise with or without a
+step or a ramp is all there is, nothing is lost by the whole sum of squares in their place.
+
+A disturbance as large as the force must not make a modulus of zero likely: what is free is asked by the logarithm of
+the size of the contact force. With rho = (P, P_0) / (P_0, P_0), P_0 the force at least squares, the model
+
+    F* = F - P + P_0 ln rho + P / rho
+
+is F to first order, and as far from P_0 at a tenth of it as at ten times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.moments import CurveMoments
+from underlay.inference.uncertainty.tree import CurveModel, Tangent, log_posterior, log_prior, scales_force
+
+if TYPE_CHECKING:
+    from underlay.inference.uncertainty.likelihood import CurveState, Likelihood
+
+__all__ = ["Density", "Local", "Place"]
+
+_SINGULAR = 1e-11  # added to the diagonal of a matrix scaled to ones: a direction that is hardly there
+
+
+class Place(NamedTuple):
+    """One curve linearised at a vector: F_0 - F* (n,), and d F* / d vector (n, k)."""
+
+    fallen: FloatArray
+    columns: FloatArray
+
+
+class Local(NamedTuple):
+    """Every hypothesis about a vector: ln (w_m p_m) (m,), what it is at most (m,), gradient and curvature.
+
+    Gradient (m, k) and curvature (m, k, k) are those of half a sum of squares, without the prior's.
+    """
+
+    level: FloatArray
+    best: FloatArray
+    pull: FloatArray
+    normal: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class DensityCurve:
+    """One curve of a density: its model, moments, and the forces at least squares, (n,)."""
+
+    model: CurveModel
+    moments: CurveMoments
+    contact: FloatArray
+    force: FloatArray
+    acts: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, state: CurveState, vector: FloatArray, bends: FloatArray | None) -> DensityCurve:
+        """Curve at the optimum `vector` (k,), with moments of the law and of `bends` (n, p)."""
+        moments = CurveMoments.of(state.columns, state.hypotheses, state.table, state.growth, bends)
+        contact, force, _ = state.model.forces(vector[None])
+        return cls(state.model, moments, contact[0], force[0], scales_force(state.model.problem))
+
+    def fallen(self, vectors: FloatArray) -> FloatArray:
+        """F_0 - F* (sets, n); NaN where there is no law, or none that presses."""
+        contact, force, possible = self.model.forces(vectors)
+        size = contact @ self.contact / (self.contact @ self.contact)
+        size = np.where(possible & (size > 0.0), size, np.nan)[:, None]
+        return np.asarray(self.force - (force - contact) - self.contact * np.log(size) - contact / size)
+
+    def place(self, tangent: Tangent) -> Place | None:
+        """The same for one vector, and its derivatives; None where nothing presses."""
+        square, contact = float(self.contact @ self.contact), tangent.pressing
+        rest = tangent.force - contact
+        size = float(contact @ self.contact) / square
+        if not size > 0.0:
+            return None
+        pressing = np.where(self.acts, tangent.columns, 0.0)
+        grows = self.contact @ pressing / square
+        columns = tangent.columns - pressing + pressing / size
+        columns += np.outer(self.contact / size - contact / size**2, grows)
+        return Place(self.force - rest - self.contact * np.log(size) - contact / size, columns)
+
+
+@dataclass(frozen=True, eq=False)
+class Density:
+    """Log-density of scaled vectors; see the module.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        Whose curves and hypotheses these are.
+    curves : tuple of DensityCurve
+        One each.
+    kept : ndarray of int
+        Entries that act on some curve.
+    height : FloatArray
+        ln (w_m p_m) at its highest, (m,).
+    precision : FloatArray
+        Inverse of V_m, (m, k, k).
+    """
+
+    likelihood: Likelihood
+    curves: tuple[DensityCurve, ...]
+    kept: NDArray[np.intp]
+    height: FloatArray
+    precision: FloatArray
+
+    @classmethod
+    def of(cls, likelihood: Likelihood, bends: Sequence[FloatArray] | None = None) -> Density:
+        """Density whose moments are those of the law and, of each curve, `bends` (n, p)."""
+        vector, kept = likelihood.fit.vector, likelihood.entries
+        curves = tuple(
+            DensityCurve.of(state, vector, None if bends is None else bends[i])
+            for i, state in enumerate(likelihood.states)
+        )
+        rows = likelihood.combined.rows
+        information, covariance = (
+            sum(getattr(curve.moments, what)[row] for curve, row in zip(curves, rows, strict=True))
+            for what in ("information", "covariance")
+        )
+        information, covariance = (part[:, kept[:, None], kept] for part in (information, covariance))
+        scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        outer = scale[:, :, None] * scale[:, None, :]
+        scaled = covariance / outer + _SINGULAR * np.eye(len(kept))
+        precision = np.linalg.inv(scaled) / outer
+        height = np.log(likelihood.combined.weights) + np.linalg.slogdet(information)[1]
+        height -= 0.5 * np.linalg.slogdet(scaled)[1] + np.log(scale).sum(axis=1)
+        return cls(likelihood, curves, kept, height, precision)
+
+    def log(self, vectors: FloatArray) -> FloatArray:
+        """Log-density (sets,) at scaled vectors (sets, k); -inf outside the bounds and where no law is."""
+        problem = self.likelihood.fit.problem
+        if not problem.noise_is_open:
+            return log_posterior(problem, vectors)
+        found = log_prior(problem, vectors)
+        inside = np.flatnonzero(np.isfinite(found))
+        if not inside.size:
+            return found
+        fallen = [curve.fallen(vectors[inside]) for curve in self.curves]
+        fine = np.all([np.isfinite(own).all(axis=1) for own in fallen], axis=0)
+        found[inside[~fine]] = -np.inf
+        if fine.any():
+            found[inside[fine]] += logsumexp(self.levels([own[fine] for own in fallen]), axis=1)
+        return found
+
+    def levels(self, fallen: Sequence[FloatArray]) -> FloatArray:
+        """Every hypothesis' ln (w_m p_m), (sets, m), where the curves' models have fallen so far, (sets, n) each."""
+        freedom, k = self.likelihood.freedom, len(self.kept)
+        t = self._moments(fallen)
+        square = np.einsum("smi,mij,smj->sm", t, self.precision, t, optimize=True)
+        whole = self._whole
+        if whole.any():
+            square[:, whole] = self._rises(fallen[0])[:, whole]
+        found = self.height - 0.5 * (freedom + k) * np.log1p(square / freedom)
+        for curve, row, own in zip(self.curves, self.likelihood.combined.rows, fallen, strict=True):
+            if curve.moments.bends:
+                found -= np.where(whole, 0.0, _bend_losses(curve.moments, row, own, freedom))
+        return np.asarray(found)
+
+    def local(self, places: Sequence[Place]) -> Local:
+        """Every hypothesis about a vector where the curves are at these places."""
+        fallen = [place.fallen[None] for place in places]
+        t = self._moments(fallen)[0]
+        turns = np.zeros_like(self.precision)
+        pull, normal = np.zeros_like(t), np.zeros_like(self.precision)
+        for curve, row, place in zip(self.curves, self.likelihood.combined.rows, places, strict=True):
+            own, law = curve.moments, place.columns[:, self.kept]
+            turns += np.swapaxes(own.coefficients[row][:, :, self.kept], 1, 2) @ (own.basis.T @ law)
+            if own.bends:
+                bends = own.basis[:, -own.bends :]
+                bent = bends.T @ law
+                weighted = own.bend_precision[row] @ bent
+                pull += np.einsum("mpk,p->mk", weighted, own.bend_offset + bends.T @ place.fallen)
+                normal += bent.T @ weighted
+        weighted = self.precision @ turns
+        pull += np.einsum("mik,mi->mk", weighted, t)
+        normal += np.swapaxes(turns, 1, 2) @ weighted
+        for one in np.flatnonzero(self._whole):
+            pull[one], normal[one] = self._whole_slopes(int(one), places[0])
+        return Local(self.levels(fallen)[0], self.height, pull, normal)
+
+    @property
+    def _whole(self) -> NDArray[np.bool_]:
+        """Which hypotheses are asked whole, (m,): of one curve alone; of several least squares sets the weights."""
+        whole = self.curves[0].moments.is_whole[self.likelihood.combined.rows[0]]
+        return whole & (len(self.curves) == 1)
+
+    def _moments(self, fallen: Sequence[FloatArray]) -> FloatArray:
+        """Moments t, (sets, m, k)."""
+        parts = []
+        for curve, row, own in zip(self.curves, self.likelihood.combined.rows, fallen, strict=True):
+            moments = curve.moments
+            projected = np.tensordot(own @ moments.basis, moments.coefficients[row][:, :, self.kept], (1, 1))
+            parts.append(projected + moments.offset[row][:, self.kept])
+        return np.asarray(sum(parts))
+
+    def _rises(self, fallen: FloatArray) -> FloatArray:
+        """Rise (sets, m) of the one curve's sum of squares above the tangent's least, over the noise's variance."""
+        own = self.curves[0].moments
+        rows = fallen + own.residual
+        information, offset = own.information[:, self.kept[:, None], self.kept], own.offset[:, self.kept]
+        solved = np.linalg.solve(information, offset[..., None])[..., 0]
+        least = _squares(own, own.residual[None])[0] - (offset * solved).sum(axis=1)
+        return np.asarray(np.maximum((_squares(own, rows) - least) / own.variance, 0.0))
+
+    def _whole_slopes(self, one: int, place: Place) -> tuple[FloatArray, FloatArray]:
+        """Gradient (k,) and curvature (k, k) of half the sum of squares of a hypothesis asked whole."""
+        own, law = self.curves[0].moments, place.columns[:, self.kept]
+        taken = own.basis @ own.taken[one]
+        left = law - taken @ (taken.T @ law)
+        return left.T @ (place.fallen + own.residual) / own.variance[one], left.T @ law / own.variance[one]
+
+
+def _squares(moments: CurveMoments, rows: FloatArray) -> FloatArray:
+    """Sums of squares (sets, m) of rows (sets, n) less what each hypothesis' step and ramp take."""
+    taken = np.tensordot(rows @ moments.basis, moments.taken, (1, 1))
+    return np.asarray((rows * rows).sum(axis=1)[:, None] - (taken * taken).sum(axis=2))
+
+
+def _bend_losses(
+    moments: CurveMoments, row: NDArray[np.intp], fallen: FloatArray, freedom: float
+) -> FloatArray:
+    """How much less likely the bends' moments are than at least squares, (sets, m)."""
+    precision, p = moments.bend_precision[row], moments.bends
+    here = moments.bend_offset + fallen @ moments.basis[:, -p:]
+    square = np.einsum("si,mij,sj->sm", here, precision, here, optimize=True)
+    before = np.einsum("i,mij,j->m", moments.bend_offset, precision, moments.bend_offset)
+    return np.asarray(0.5 * (freedom + p) * (np.log1p(square / freedom) - np.log1p(before / freedom)))

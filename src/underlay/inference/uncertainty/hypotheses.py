@@ -1,0 +1,264 @@
+"""What disturbs a curve: noise, misfit, step and ramp of every size, weighed by the restricted likelihood.
+
+With the amplitudes of the columns integrated out under normal priors, the law's own columns J under a flat one, and
+the size s of the white noise under 1/s,
+
+    -2 ln L = (n - k) ln S + ln det V + ln det N,
+
+V the noise in units of s^2, N the normal matrix of columns and law, S the whitened sum of squares that they leave.
+Nothing is tested and nothing chosen: what weighs more than 0.4 % is kept and averaged. Priors of none: at .5 clean
+intervals are 1.5 times white's, at .8 1.1 times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.columns import FAMILIES, LINE, Columns
+from underlay.inference.uncertainty.noise import NoiseTable, cosines
+
+__all__ = ["Hypotheses", "weigh", "white"]
+
+IntArray = NDArray[np.intp]
+
+_NONE = 0.8  # prior of no misfit, of no step, of no ramp, each
+_MISFITS = (1.0, 5.0, 25.0, 125.0, 600.0)  # standard deviations of the columns, in those of the white noise
+_STEPS, _RAMPS = (2.0, 10.0, 50.0), (3.0, 30.0)
+_LARGEST = 0.5  # of the peak force: no misfit explains the curve itself
+_TRIED = 100.0  # frequencies of a line that the data tell apart
+_KEPT, _MOST = 4e-3, 30
+_SINGULAR = 1e-6  # of the largest: a direction that these data do not have
+_HOPELESS = 12.0  # nats that a noise may lie behind with a fifth of the choices, to be tried with all
+
+
+@dataclass(frozen=True, eq=False)
+class Hypotheses:
+    """What may disturb one curve, heaviest first; every array (m,).
+
+    Parameters
+    ----------
+    weight : FloatArray
+        Probability, summing to 1.
+    variance : FloatArray
+        Of the white noise, in units of the rows^2.
+    noise : IntArray
+        Row of the `NoiseTable`; 0 is white.
+    family : IntArray
+        Of misfit, or the line; -1 is none.
+    misfit, step, ramp : FloatArray
+        Standard deviations of the columns' amplitudes, in those of the white noise; 0 is none.
+    is_short : ndarray of bool
+        As in the `NoiseTable`.
+    """
+
+    weight: FloatArray
+    variance: FloatArray
+    noise: IntArray
+    family: IntArray
+    misfit: FloatArray
+    step: FloatArray
+    ramp: FloatArray
+    is_short: NDArray[np.bool_]
+
+    @property
+    def corrects(self) -> NDArray[np.bool_]:
+        """Whether a step or a ramp is taken out of the value, (m,): not beside correlated noise or a misfit."""
+        alone = self.is_short & (self.family < 0)
+        return np.asarray(alone & ((self.step > 0.0) | (self.ramp > 0.0)))
+
+    @property
+    def misfits(self) -> NDArray[np.bool_]:
+        """Whether the law is off, (m,)."""
+        return np.asarray((self.family >= 0) & (self.family != LINE))
+
+    def probability(self, which: NDArray[np.bool_]) -> float:
+        """Weight of some of them, (m,)."""
+        return float(self.weight[which].sum())
+
+    def sizes(self, columns: Columns, one: int) -> FloatArray:
+        """Standard deviations (m,) of the amplitudes of `columns` under hypothesis `one`, in those of the noise."""
+        sizes = np.zeros(columns.values.shape[1])
+        sizes[columns.step], sizes[columns.ramp] = self.step[one], self.ramp[one]
+        if self.family[one] >= 0:
+            sizes[columns.families[self.family[one]]] = self.misfit[one]
+        return sizes
+
+
+def white(columns: Columns, variance: float | None) -> Hypotheses:
+    """White noise and nothing else, of this variance, or of that which the law leaves."""
+    if variance is None:
+        basis = _basis(columns)
+        variance = _white_left(columns, basis) / (len(basis) - basis.shape[1])
+    none, zero = np.zeros(1), np.zeros(1, dtype=np.intp)
+    return Hypotheses(np.ones(1), np.array([variance]), zero, zero - 1, none, none, none, zero == 0)
+
+
+def weigh(
+    columns: Columns, table: NoiseTable, growth: FloatArray, top: float, least_variance: float
+) -> Hypotheses:
+    """Weigh every hypothesis on one linearisation.
+
+    Parameters
+    ----------
+    columns : Columns
+        Of n rows.
+    table : NoiseTable
+        Noises of n rows.
+    growth : FloatArray
+        Variance of the rows beside the noise's own, (n,).
+    top : float
+        Largest contact force, in units of the rows.
+    least_variance : float
+        That the white noise has at least.
+    """
+    basis = _basis(columns)
+    freedom = len(basis) - basis.shape[1]
+    scale = _scale(columns, (_white_left(columns, basis) / freedom) ** 0.5)
+    gram, log_det = _projected_grams(columns, table, growth, basis, scale)
+    rows = np.arange(len(log_det))
+    for choices in (_choices(coarse=True), _choices(coarse=False)):
+        squares, own = _by_family(columns, gram[rows], choices)
+        likely = -0.5 * (freedom * np.log(squares) + own + log_det[rows, None])
+        likely += table.log_prior[rows, None] + choices.log_prior
+        likely += np.where(choices.misfit * scale > _LARGEST * top, -np.inf, 0.0)
+        if choices.is_coarse:
+            rows = np.flatnonzero(likely.max(axis=1) > likely.max() - _HOPELESS)
+    variance = np.maximum(squares / freedom * scale**2, least_variance)
+    return _kept(likely, variance, choices, rows, table.is_short)
+
+
+@dataclass(frozen=True, eq=False)
+class _Choices:
+    """Every misfit with every step and every ramp, each (choices,)."""
+
+    family: IntArray
+    misfit: FloatArray
+    step: FloatArray
+    ramp: FloatArray
+    log_prior: FloatArray
+    is_coarse: bool
+
+
+@lru_cache(maxsize=2)
+def _choices(*, coarse: bool) -> _Choices:
+    sizes = _MISFITS[1::2] if coarse else _MISFITS
+    misfits = [(-1, 0.0)] + [(f, a) for f in range(len(FAMILIES)) for a in sizes]
+    last = slice(1, None, 2) if coarse else slice(None)
+    rows = [(*m, s, r) for m in misfits for s in (0.0, *_STEPS[last]) for r in (0.0, *_RAMPS[last])]
+    family, misfit, step, ramp = np.array(rows).T
+
+    def prior(size: FloatArray, count: int) -> FloatArray:
+        return np.log(np.where(size > 0.0, (1.0 - _NONE) / count, _NONE))
+
+    log_prior = prior(misfit, len(misfits) - 1) + prior(step, len(_STEPS)) + prior(ramp, len(_RAMPS))
+    # The line's frequency is the best of as many as it could have: that is no evidence for it.
+    log_prior += np.where(family == LINE, -np.log(_TRIED), 0.0)
+    return _Choices(family.astype(np.intp), misfit, step, ramp, log_prior, coarse)
+
+
+def _basis(columns: Columns) -> FloatArray:
+    """Orthonormal columns (n, k) of what the law's tangent tells apart on this curve."""
+    law = columns.values[:, columns.law]
+    norms = np.linalg.norm(law, axis=0)
+    u, sizes, _ = np.linalg.svd(law[:, norms > 0.0] / norms[norms > 0.0], full_matrices=False)
+    return np.asarray(u[:, sizes > _SINGULAR * sizes[0]])
+
+
+def _white_left(columns: Columns, basis: FloatArray) -> float:
+    """Sum of squares that the law's tangent leaves of the residual."""
+    residual = columns.values[:, columns.residual.start]
+    return float(np.square(residual - basis @ (basis.T @ residual)).sum())
+
+
+def _scale(columns: Columns, left: float) -> float:
+    """Deviation of the rows by second differences of the residual: sizes of columns are in it.
+
+    At least a thousandth of the deviation that the law has `left`.
+    """
+    residual = columns.values[:, columns.residual.start]
+    second = np.median(np.abs(np.diff(residual, 2))) / (0.6745 * 6.0**0.5)
+    return max(float(second), 1e-3 * left, np.finfo(float).tiny)
+
+
+def _by_family(columns: Columns, gram: FloatArray, choices: _Choices) -> tuple[FloatArray, FloatArray]:
+    """Sums of squares and ln det N of every noise, whose `gram` (noises, m, m) this is, and choice."""
+    squares = np.empty((len(gram), len(choices.misfit)))
+    log_det = np.empty_like(squares)
+    first = columns.step.start
+    steps, ramps = columns.step.stop - first, columns.ramp.stop - first
+    for family in (-1, *range(len(FAMILIES))):
+        which = np.flatnonzero(choices.family == family)
+        place = columns.families[family] if family >= 0 else slice(first, first)
+        used = np.array([*range(ramps), *range(place.start - first, place.stop - first), gram.shape[1] - 1])
+        sizes = np.ones((len(which), len(used)))
+        sizes[:, :steps] = choices.step[which, None]
+        sizes[:, steps:ramps] = choices.ramp[which, None]
+        sizes[:, ramps:-1] = choices.misfit[which, None]
+        squares[:, which], log_det[:, which] = _left(gram[:, used[:, None], used], sizes)
+    return squares, log_det
+
+
+def _projected_grams(
+    columns: Columns, table: NoiseTable, growth: FloatArray, basis: FloatArray, scale: float
+) -> tuple[FloatArray, FloatArray]:
+    """Gram matrices (noises, m, m) of steps, ramp, misfits and residual beside the law, and ln det V N_law."""
+    others = columns.values[:, columns.step.start :].copy()
+    others[:, -1] /= scale
+    gram = grams(cosines(np.hstack((basis, others)) / np.sqrt(growth)[:, None]), 1.0 / table.spectra)
+    k = basis.shape[1]
+    lower = np.linalg.cholesky(gram[:, :k, :k])
+    across = np.linalg.solve(lower, gram[:, :k, k:])
+    log_det = np.log(table.spectra).sum(axis=1) + np.log(growth).sum()
+    log_det += 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+    return gram[:, k:, k:] - np.swapaxes(across, 1, 2) @ across, log_det
+
+
+def grams(coefficients: FloatArray, weights: FloatArray) -> FloatArray:
+    """Gram matrices (sets, m, m) of columns (n, m) under weights (sets, n): one matrix product."""
+    i, j = np.triu_indices(coefficients.shape[1])
+    products = weights @ (coefficients[:, i] * coefficients[:, j])
+    gram = np.empty((len(weights), coefficients.shape[1], coefficients.shape[1]))
+    gram[:, i, j] = products
+    gram[:, j, i] = products
+    return gram
+
+
+def _left(gram: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What columns of these sizes leave of the residual, the last one, and ln det of their normal matrix.
+
+    The residual is a row of the Cholesky factor: its last pivot squared is what is left, and nothing is solved.
+    """
+    normal = gram[:, None] * (sizes[:, :, None] * sizes[:, None, :])
+    diagonal = np.arange(sizes.shape[1])
+    normal[:, :, diagonal[:-1], diagonal[:-1]] += 1.0
+    pivots = np.diagonal(np.linalg.cholesky(normal), axis1=2, axis2=3)
+    return pivots[..., -1] ** 2, 2.0 * np.log(pivots[..., :-1]).sum(axis=-1)
+
+
+def _kept(
+    likely: FloatArray,
+    variance: FloatArray,
+    choices: _Choices,
+    rows: IntArray,
+    is_short: NDArray[np.bool_],
+) -> Hypotheses:
+    weight = np.exp(likely - likely.max()).ravel()
+    weight /= weight.sum()
+    kept = np.argsort(-weight)[:_MOST]
+    kept = kept[weight[kept] > _KEPT]
+    noise, choice = np.divmod(kept, likely.shape[1])
+    return Hypotheses(
+        weight[kept] / weight[kept].sum(),
+        variance.ravel()[kept],
+        rows[noise],
+        choices.family[choice],
+        choices.misfit[choice],
+        choices.step[choice],
+        choices.ramp[choice],
+        is_short[rows[noise]],
+    )

@@ -1,0 +1,147 @@
+"""How well the inputs of a test are known: what was stated for it, and what is assumed where nobody stated anything.
+
+All sizes are at 95 %. Those that are assumed are what laboratories and makers commonly quote (a cantilever's spring
+constant by the thermal method 10 to 20 %: Hutter & Bechhoefer 1993, doi:10.1063/1.1143970, te Riet et al. 2011,
+doi:10.1016/j.ultramic.2011.09.012; the rest: conventions, marked as assumed wherever they are printed).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+
+from underlay.data.curve import Curve
+from underlay.mechanics.profile import Profile
+from underlay.scene.parameters import kind_of
+from underlay.scene.scene import Scene
+from underlay.units import format_quantity
+
+__all__ = ["DEPTH", "FORCE", "HEIGHTS", "SPRING_CONSTANT", "Input", "inputs_of"]
+
+#: Inputs that are no number of a scene: scales of all forces, depths, and heights of a measured tip.
+FORCE, DEPTH, SPRING_CONSTANT, HEIGHTS = "force", "depth", "spring_constant", "indenter.heights"
+_GIVEN, _ASSUMED = "given", "assumed"
+_NORMAL_95 = 1.96
+# Assumed, relative, 95 %.
+_FORCE, _SPRING, _DEPTH = 0.02, 0.2, 0.01
+# A tip is "large" from 0.1 mm on: ground and measured spheres; below, sizes of beads and etched tips.
+_LARGE_TIP, _RADIUS_LARGE, _RADIUS_SMALL, _HEIGHTS = 1e-4, 0.02, 0.04, 0.02
+_THICKNESS, _SUBSTRATE_MODULUS, _AXIAL_SHEAR = 0.05, 0.10, 0.20
+# Assumed, absolute, 95 %: Poisson's ratios, an angle of one degree.
+_NU, _NU_AXIAL, _HALF_ANGLE = 0.04, 0.05, math.radians(1.0)
+_INCOMPRESSIBLE, _NEARLY = 0.5, 0.02
+
+
+@dataclass(frozen=True)
+class Input:
+    """A number of a test that was taken as known.
+
+    Parameters
+    ----------
+    source : str
+        Path of the scene, or `FORCE`, `DEPTH`, `SPRING_CONSTANT`, `HEIGHTS`.
+    down, up : float
+        How far it may be below and above what was entered, 95 %: SI for a path, a share otherwise.
+    size : str
+        The same as people write it.
+    origin : str
+        ``"given"`` or ``"assumed"``.
+    """
+
+    source: str
+    down: float
+    up: float
+    size: str
+    origin: str
+
+
+def inputs_of(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Input, ...]:
+    """The uncertain inputs of one test; a number that is free is none.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test; its `uncertainties` are what was stated.
+    curve : Curve
+        What was measured; its metadata may say how well a cantilever is calibrated.
+    free : collection of str
+        Paths that are fitted.
+    """
+    stated = getattr(scene, "uncertainties", None)
+    if stated == "none":
+        return ()
+    told: Mapping[str, float] = stated if isinstance(stated, Mapping) else {}
+    found = [*_instrument(curve, told, free), *_numbers(scene, told, free), *_measured_tip(scene, told)]
+    return tuple(entry for entry in found if entry.down > 0.0 or entry.up > 0.0)
+
+
+def _instrument(curve: Curve, told: Mapping[str, float], free: Collection[str]) -> Iterator[Input]:
+    """Scales of force and depth, which act on every reading."""
+    has_lever = "spring_constant" in curve.metadata or SPRING_CONSTANT in told
+    of_force = SPRING_CONSTANT if has_lever and FORCE not in told else FORCE
+    if not any(path.startswith("lever.") for path in free):
+        assumed = _spring(curve) if of_force == SPRING_CONSTANT else (_FORCE, _ASSUMED)
+        yield _share(of_force, told, *assumed)
+    yield _share(DEPTH, told, _DEPTH, _ASSUMED)
+
+
+def _spring(curve: Curve) -> tuple[float, str]:
+    """How well a file says that its spring constant is known; else what is assumed."""
+    own = curve.metadata.get("spring_constant_uncertainty")
+    return (_NORMAL_95 * own, _GIVEN) if isinstance(own, float) and own > 0.0 else (_SPRING, _ASSUMED)
+
+
+def _share(source: str, told: Mapping[str, float], assumed: float, origin: str) -> Input:
+    size = told.get(source, assumed)
+    return Input(source, size, size, _percent(size), _GIVEN if source in told else origin)
+
+
+def _numbers(scene: Scene, told: Mapping[str, float], free: Collection[str]) -> Iterator[Input]:
+    for path, value in scene.parameters.items():
+        if path in free or not math.isfinite(value):
+            continue
+        if path in told:
+            down, up = _kept(path, value, told[path], told[path])
+            yield Input(path, down, up, f"± {format_quantity(told[path], kind_of(path))}", _GIVEN)
+        elif (assumed := _assumed(path, value)) is not None:
+            down, up = _kept(path, value, *assumed[:2])
+            yield Input(path, down, up, assumed[2], _ASSUMED)
+
+
+def _measured_tip(scene: Scene, told: Mapping[str, float]) -> Iterator[Input]:
+    """The heights of a measured tip, all wrong by one share: they are no number of the scene."""
+    if isinstance(scene.indenter, Profile):
+        yield _share(HEIGHTS, told, _HEIGHTS, _ASSUMED)
+
+
+def _assumed(path: str, value: float) -> tuple[float, float, str] | None:
+    """How far a number may be below and above, and that in words; None where nothing is assumed of it."""
+    section, _, name = path.rpartition(".")
+    of_tip, of_base = section == "indenter", section.startswith("substrate")
+    if name == "nu":
+        return (_NEARLY, 0.0, f"-{_NEARLY:g}") if value == _INCOMPRESSIBLE else (_NU, _NU, f"± {_NU:g}")
+    if name == "nu_axial":
+        return _NU_AXIAL, _NU_AXIAL, f"± {_NU_AXIAL:g}"
+    if of_tip and name == "half_angle":
+        return _HALF_ANGLE, _HALF_ANGLE, "± 1 deg"
+    shares = {
+        "radius": (of_tip, _RADIUS_LARGE if value >= _LARGE_TIP else _RADIUS_SMALL),
+        "thickness": (True, _THICKNESS),
+        "G_axial": (True, _AXIAL_SHEAR),
+        "E": (of_base, _SUBSTRATE_MODULUS),
+        "E_axial": (of_base, _SUBSTRATE_MODULUS),
+    }
+    acts, share = shares.get(name, (False, 0.0))
+    return (share * value, share * value, _percent(share)) if acts else None
+
+
+def _kept(path: str, value: float, down: float, up: float) -> tuple[float, float]:
+    """The same, cut where the number would be none: a Poisson's ratio ends at one half."""
+    if path.endswith(".nu"):
+        up = min(up, max(_INCOMPRESSIBLE - value, 0.0))
+    return down, up
+
+
+def _percent(share: float) -> str:
+    return f"± {100.0 * share:.2g} %"

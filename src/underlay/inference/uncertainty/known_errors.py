@@ -1,0 +1,347 @@
+"""Errors that a contact law is known to have, of a size that is only roughly known.
+
+An error that the contact law is known to have, of a size that is only roughly known.
+
+A paraboloid stands for a sphere, a frictionless law for a tip that sticks, small strains for finite ones: the
+shape of such an error over the depth can be computed, its size is uncertain, and no residual tells it from another
+thickness. It enters a fit as a column with a prior,
+
+    reading = F(theta) + sum_i amplitude_i column_i(theta) + ...,   amplitude_i ~ N(mean_i, deviation_i^2),
+
+solved for together with the parameters and averaged over (`competition.py`): the interval of every parameter
+is as wide as the error makes it, and a mean that is not zero moves its middle.
+
+To add one, write a module with a column and a function that says for which scenes it counts, and name that function
+in `known_errors.py`:
+
+    def _column(test: Pressed) -> FloatArray:
+        return 0.05 * test.force * test.law.contact_radius(test.depth) / test.values["indenter.radius"]
+
+    def soft_tip(scene: Scene) -> KnownError | None:
+        if not isinstance(scene.indenter, Sphere):
+            return None
+        return KnownError("the tip gives way", _column, mean=1.0, deviation=0.5)
+
+A column is the force (N) that the error adds to the law at amplitude one, smooth in depth and zero up to contact.
+It follows the present law: depths, contact radii and forces are those of the vector at hand, and it is asked again
+wherever the fit goes. Where the error is known only up to a sign take mean 0; where theory gives its size, mean 1
+and the share by which theories differ. Curves of a joint fit share the amplitude of an error, by its words.
+
+The error of a paraboloid that stands for a sphere.
+
+A tip whose shape is higher by df(r) presses, at the same depth and to first order, with a force that is lower by
+its mean under the pressure of a flat punch of the contact radius times the stiffness dP/dw (the contact's edge
+carries no pressure, so its motion counts in second order). A sphere is higher than its paraboloid r^2 / (2 R) by
+r^4 / (8 R^3), and under the punch on a half-space, p ~ (a^2 - r^2)^(-1/2), the mean of r^4 is 8 a^4 / 15:
+
+    P_sphere - P_paraboloid = - dP/dw a^4 / (15 R^3).
+
+Under the uniform pressure of a thin compressible layer it is a^4 / (24 R^3), under the parabola of a thin
+incompressible one a^4 / (48 R^3): an amplitude of 0.3 to 1, or 0 where the tip is a paraboloid after all.
+
+The known errors of a scene's law: every kind there is, asked in turn.
+
+Friction and finite strain: errors of a law whose scene does not say that they are absent.
+
+Friction lies between none and full, and real friction between a law without it and one without slip (they bracket
+it to 0.03 %): a share of their difference, any between 0 and 1, here a normal distribution. Finite strain has a
+measured shape (`mechanics/finite_strain`) and a size that depends on a strain energy nobody knows: 1 +- 0.5.
+
+The two are not a sum: what friction adds in large strains alone has a measured shape too, and a size between a part
+taken off (nu = 0.3) and nearly all of it added (nu = 0.49).
+
+What laws leave out as parameters of a problem, with the priors of the interval with model error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay._given import require_given
+from underlay.errors import InputError
+from underlay.inference.priors import Normal
+from underlay.inference.problem import Problem
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.discrepancy import (
+    finite_strain_excess,
+    friction_in_large_strains,
+    require_measured,
+    why_unmeasured,
+)
+from underlay.mechanics.indenters import Paraboloid
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import Exact, Stuck
+from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
+from underlay.scene.scene import Scene
+
+__all__ = ["BOTH", "FINITE_STRAIN", "FRICTION", "KINDS", "Column", "KnownError", "LeftOut", "Pressed", "free_model_error", "known_errors", "left_out", "paraboloid_for_sphere"]
+
+@dataclass(frozen=True)
+class Pressed:
+    """A test at the present values of its parameters.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Every number of the scene (SI), by its path.
+    law : ContactLaw
+        Its law.
+    depth : FloatArray
+        Indentation depth w (m), (n,), negative before contact.
+    force, stiffness : FloatArray
+        Contact force P (N) of the law and dP/dw (N/m), each (n,).
+    made : callable
+        Makes the scene of the values.
+    by : callable
+        Law of the same contact by another solver, kept from one call to the next as the law's own is.
+    """
+
+    values: Mapping[str, float]
+    law: ContactLaw
+    depth: FloatArray
+    force: FloatArray
+    stiffness: FloatArray
+    made: Callable[[], Scene]
+    by: Callable[[Solver], ContactLaw]
+
+    @cached_property
+    def scene(self) -> Scene:
+        """With those values; made when it is asked for, since a column is asked at every step of a search."""
+        return self.made()
+
+
+#: Force (N), (n,), that an error of amplitude one adds.
+Column: TypeAlias = Callable[[Pressed], FloatArray]
+
+
+@dataclass(frozen=True)
+class KnownError:
+    """An error of the law with a known shape and a prior of its size.
+
+    Parameters
+    ----------
+    words : str
+        What it is, to complete "the intervals allow for ...".
+    column : callable
+        Force (N) at amplitude one, (n,), of a `Pressed`.
+    mean, deviation : float
+        Of the normal prior of the amplitude; the deviation positive.
+    told : tuple of str
+        What people are told that it is part of; by default its words.
+
+    Raises
+    ------
+    InputError
+        If the deviation is not positive.
+    """
+
+    words: str
+    column: Column
+    mean: float = 0.0
+    deviation: float = 1.0
+    told: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse a prior that is none."""
+        if not self.deviation > 0.0:
+            raise InputError(
+                f"deviation of {self.words!r} must be positive; got {self.deviation!r}: an error of exactly known "
+                "size belongs into the law"
+            )
+
+
+def paraboloid_for_sphere(scene: Scene) -> KnownError | None:
+    """Return the error of a paraboloid; none for other tips."""
+    if not isinstance(scene.indenter, Paraboloid):
+        return None
+    return KnownError("a tip that is a sphere, not a paraboloid", _column)
+
+
+def _column(test: Pressed) -> FloatArray:
+    a = test.law.contact_radius(test.depth)
+    return -test.stiffness * a**4 / (15.0 * test.values["indenter.radius"] ** 3)
+
+
+#: Say of a scene which error its law has, or that it has none of this kind.
+KINDS: Sequence[Callable[[Scene], KnownError | None]] = (paraboloid_for_sphere,)
+
+
+def known_errors(scenes: Sequence[Scene]) -> tuple[KnownError, ...]:
+    """Return the errors that the laws of these scenes have, each once."""
+    found: dict[str, KnownError] = {}
+    for scene in scenes:
+        for kind in KINDS:
+            error = kind(scene)
+            if error is not None:
+                found.setdefault(error.words, error)
+    return tuple(found.values())
+
+
+FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large strains"
+
+
+# Of the share of full friction. A flat prior between none and full has its ends outside every 95 % interval, and a
+# tip that slides and one that sticks are both common: there it covers 75 % where this covers 92 (a modulus at 0.3 %
+# noise; 84 to 87 and 90 to 92 with the thickness free), for intervals up to 1.4 times as long
+# (tests/studies/friction_prior.py).
+_SHARE = 0.35
+
+
+# What the columns are computed to: they are known to a tenth at best.
+_RTOL = 1e-4
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What the law of a scene leaves out.
+
+    Parameters
+    ----------
+    errors : tuple of KnownError
+        What can be computed of it.
+    unknown : tuple of str
+        What cannot, and why.
+    declared : tuple of str
+        What the scene says.
+    """
+
+    errors: tuple[KnownError, ...] = ()
+    unknown: tuple[str, ...] = ()
+    declared: tuple[str, ...] = ()
+
+
+def left_out(scene: Scene, depth: float) -> LeftOut:
+    """Say what the law of a scene leaves out for depths up to `depth` (m).
+
+    Raises
+    ------
+    InputError
+        If the scene asks for finite strain where it was not measured.
+    """
+    if scene.discrepancy is not None:
+        return LeftOut(declared=("the sizes of friction and finite strain",))
+    parts = (_friction(scene), _finite_strain(scene, depth), _both(scene, depth))
+    return LeftOut(*(tuple(entry for part in parts for entry in getattr(part, name)) for name in _FIELDS))
+
+
+_FIELDS = ("errors", "unknown", "declared")
+
+
+def _friction(scene: Scene) -> LeftOut:
+    if scene.friction != "unknown":
+        return LeftOut(declared=(f'friction = "{scene.friction}"',))
+    if scene.adhesion is not None or scene.memory is not None:
+        return LeftOut(unknown=(f"{FRICTION} beside adhesion or relaxation",))
+    return LeftOut((KnownError(FRICTION, _stuck_less_free, mean=0.5, deviation=_SHARE),))
+
+
+def _stuck_less_free(test: Pressed) -> FloatArray:
+    sticks, free = _forces(test)
+    return np.asarray(test.force * (np.divide(sticks, free, out=np.ones_like(free), where=free > 0.0) - 1.0))
+
+
+def _forces(test: Pressed) -> tuple[FloatArray, FloatArray]:
+    """With a tip that sticks and with one that slides (N), both by solvers of their own."""
+    inside = np.maximum(test.depth, 0.0)
+    return test.by(Stuck(_RTOL)).force(inside), test.by(Exact(_RTOL)).force(inside)
+
+
+def _both(scene: Scene, depth: float) -> LeftOut:
+    unknown = scene.friction == "unknown" and scene.finite_strain is not False
+    if not unknown or scene.adhesion is not None or scene.memory is not None:
+        return LeftOut()
+    if why_unmeasured(scene.contact, depth):
+        return LeftOut()
+    told = (FRICTION, FINITE_STRAIN)
+    return LeftOut((KnownError(BOTH, _stuck_in_large_strains, mean=0.25, deviation=0.5, told=told),))
+
+
+def _stuck_in_large_strains(test: Pressed) -> FloatArray:
+    sticks, free = _forces(test)
+    further = friction_in_large_strains(test.scene.contact, sticks, free, test.depth)
+    return np.asarray(test.force * further)
+
+
+def _finite_strain(scene: Scene, depth: float) -> LeftOut:
+    if scene.finite_strain is False:
+        return LeftOut(declared=("finite_strain = false",))
+    why = why_unmeasured(scene.contact, depth)
+    if scene.adhesion is not None or scene.memory is not None:
+        why = "measured without adhesion and relaxation"
+    if not why:
+        return LeftOut((KnownError(FINITE_STRAIN, _excess, mean=1.0, deviation=0.5),))
+    if scene.finite_strain:
+        require_measured(scene.contact, depth)
+    return LeftOut(unknown=(f"{FINITE_STRAIN} is beyond what is known here ({why})",))
+
+
+def _excess(test: Pressed) -> FloatArray:
+    inside = np.maximum(test.depth, 0.0)
+    excess = finite_strain_excess(test.scene.contact, inside, test.law.contact_radius(inside))
+    return np.asarray(test.force * excess)
+
+
+_PATHS = {FRICTION: FRICTION_PATH, FINITE_STRAIN: FINITE_STRAIN_PATH, BOTH: BOTH_PATH}
+
+
+def free_model_error(problem: Problem) -> Problem:
+    """Free the sizes of friction and finite strain, as far as the scenes leave them unknown: for a posterior.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its scenes say nothing, or not everything, of friction and finite strain.
+
+    Returns
+    -------
+    Problem
+        The same with ``discrepancy.friction``, the share of full friction, ``discrepancy.finite_strain``, over
+        that of a neo-Hookean layer, and ``discrepancy.friction_in_large_strains``, what friction adds to finite
+        strain alone, over a measured shape, as parameters, shared by all curves, with the priors of
+        ``fit.interval(name, model_error=True)``: Normal(0.5, 0.35), Normal(1, 0.5) and Normal(0.25, 0.5).
+
+    Raises
+    ------
+    InputError
+        If nothing is unknown that could be freed, with the reasons.
+
+    Examples
+    --------
+    >>> import numpy as np, underlay as ul
+    >>> ball = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.49), 1e-3), ul.RIGID)
+    >>> curve = ul.simulate(ball, np.linspace(0.0, 1e-4, 50))
+    >>> problem = ul.Problem(ball, curve, {"layer.E": ul.LogUniform(1e5, 1e7)}, ul.Noise(force=1e-4))
+    >>> ul.free_model_error(problem).names
+    ('layer.E', 'discrepancy.friction', 'discrepancy.finite_strain', 'discrepancy.friction_in_large_strains')
+    """
+    require_given(problem, "problem", Problem)
+    parts = [
+        left_out(scene, max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0))
+        for scene, curve in zip(problem.base_scenes, problem.curves, strict=True)
+    ]
+    # What is unknown of one curve alone is not known of the specimen: only what all have is freed.
+    known = set(_PATHS).intersection(*({error.words for error in part.errors} for part in parts))
+    errors = {error.words: error for error in parts[0].errors if error.words in known}
+    if not errors:
+        why = dict.fromkeys(words for part in parts for words in (*part.unknown, *part.declared))
+        raise InputError(f"no size of friction or finite strain can be freed here: {'; '.join(why)}")
+    means = {words: errors[words].mean if words in errors else 0.0 for words in _PATHS}
+    told = Discrepancy(means[FRICTION], means[FINITE_STRAIN], means[BOTH])
+    scenes = [
+        replace(scene, discrepancy=told, friction="unknown", finite_strain=None)
+        for scene in problem.base_scenes
+    ]
+    priors = {_PATHS[words]: Normal(error.mean, error.deviation) for words, error in errors.items()}
+    return Problem.joint(
+        list(zip(scenes, problem.curves, strict=True)),
+        {**problem.free, **priors},
+        [*problem.shared, *(priors if len(scenes) > 1 else ())],
+        problem.noise,
+        solver=problem.solver,
+    )

@@ -1,0 +1,118 @@
+"""The reading where the force is straight in what is free: a mixture of Student distributions, in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.hypotheses import Hypotheses
+from underlay.inference.uncertainty.mixture import mixture_quantiles
+from underlay.inference.uncertainty.moments import CurveMoments
+
+__all__ = ["Combined", "Mixture", "combine", "linear_mixture"]
+
+_SINGULAR = 1e-12  # added to the diagonal of a matrix scaled to ones
+_JOINT = 48  # combinations of the curves' hypotheses that stand for all of them
+
+
+@dataclass(frozen=True, eq=False)
+class Combined:
+    """Hypotheses of all curves together: one of each curve's in every row of `chosen`, (m, curves)."""
+
+    chosen: NDArray[np.intp]
+    weights: FloatArray
+
+    @property
+    def rows(self) -> list[NDArray[np.intp]]:
+        """Each curve's hypotheses, (m,) each."""
+        return list(self.chosen.T)
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """Student distributions of the scaled vector: weights (m,), means (m, k), covariances (m, k, k), freedom."""
+
+    weights: FloatArray
+    means: FloatArray
+    covariances: FloatArray
+    freedom: float
+
+    def quantiles(self, index: int, shares: FloatArray) -> FloatArray:
+        """Quantiles (q,) of one entry at `shares` (q,)."""
+        deviations = np.sqrt(np.maximum(self.covariances[:, index, index], 0.0))
+        return mixture_quantiles(self.means[:, index], deviations, self.weights, self.freedom, shares)
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations (k,) of the whole mixture about its mean."""
+        off = self.means - self.weights @ self.means
+        own = np.diagonal(self.covariances, axis1=1, axis2=2)
+        return np.sqrt(np.maximum(self.weights @ (own + off * off), 0.0))
+
+    def draws(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Equally likely vectors (count, k)."""
+        own = rng.choice(len(self.weights), count, p=self.weights)
+        factors = np.array([_root(C) for C in self.covariances])
+        z = rng.standard_normal((count, self.means.shape[1]))
+        z *= np.sqrt(self.freedom / rng.chisquare(self.freedom, count))[:, None]
+        return self.means[own] + np.einsum("nij,nj->ni", factors[own], z)
+
+
+def combine(hypotheses: Sequence[Hypotheses]) -> Combined:
+    """Hypotheses of one curve as they are; of several, combinations that are equally likely.
+
+    Each curve's come in proportion to their weights, in an order of its own (a fixed one: a reading is repeated).
+    """
+    if len(hypotheses) == 1:
+        own = hypotheses[0].weight
+        return Combined(np.arange(len(own))[:, None], own)
+    rng = np.random.default_rng(len(hypotheses))
+    places = (np.arange(_JOINT) + 0.5) / _JOINT
+    chosen = [
+        np.searchsorted(np.cumsum(own.weight), rng.permutation(places) * (1 - 1e-12)) for own in hypotheses
+    ]
+    return Combined(np.column_stack(chosen), np.full(_JOINT, 1.0 / _JOINT))
+
+
+def linear_mixture(
+    moments: Sequence[CurveMoments],
+    combined: Combined,
+    vector: FloatArray,
+    free: NDArray[np.bool_],
+    freedom: float,
+    prior_precision: FloatArray,
+) -> Mixture:
+    """Mixture about the optimum `vector` (k,); what is not `free` (k,) is held there.
+
+    `prior_precision` (k,) is what priors say, in the scaled vector: zero where they say nothing.
+    """
+    kept = np.flatnonzero(free)
+    rows = combined.rows
+    information, covariance, offset = (
+        sum(getattr(own, what)[row] for own, row in zip(moments, rows, strict=True))
+        for what in ("information", "covariance", "offset")
+    )
+    information = information[:, kept[:, None], kept]
+    gain = _inverses(information + np.diag(prior_precision[kept]))
+    count, k = len(combined.weights), len(vector)
+    means, covariances = np.tile(vector, (count, 1)), np.zeros((count, k, k))
+    means[:, kept] += np.einsum("mij,mj->mi", gain, offset[:, kept])
+    own = covariance[:, kept[:, None], kept] + np.diag(prior_precision[kept])
+    covariances[:, kept[:, None], kept] = gain @ own @ np.swapaxes(gain, 1, 2)
+    return Mixture(combined.weights, means, covariances, freedom)
+
+
+def _inverses(matrices: FloatArray) -> FloatArray:
+    """Inverses (m, k, k) of symmetric matrices, of which directions may hardly be there."""
+    scale = np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))
+    outer = scale[:, :, None] * scale[:, None, :]
+    return np.asarray(np.linalg.inv(matrices / outer + _SINGULAR * np.eye(matrices.shape[1])) / outer)
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,0 +1,146 @@
+"""What an estimate rests on: the moments Q'r that least squares sets to zero, and how they scatter.
+
+Least squares solves J'r = 0, r the rows less the model. Whatever the disturbance, the likelihood of these moments
+t(theta) alone,
+
+    t ~ N(0, V),   V = s^2 Q'(noise + columns of misfit, step, ramp and line) Q,
+
+has its top where least squares has its own: disturbances widen and never move a value. Linearised it is the
+sandwich H^-1 V H^-1, H = Q'J. Q is J, and where nothing is present but a step or a ramp, J with these taken out:
+there, and there alone, they correct the value.
+
+Far along a ridge, k moments forget what the curve's shape says. Further moments X'r remember it, X the bends of the
+ridge, orthogonal to J; they do not move the top either.
+
+All moments are combinations of the projections of r on one basis of a curve: law, step, ramp, bends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.columns import Columns
+from underlay.inference.uncertainty.hypotheses import Hypotheses, grams
+from underlay.inference.uncertainty.noise import NoiseTable, cosines
+
+__all__ = ["CurveMoments"]
+
+
+@dataclass(frozen=True, eq=False)
+class CurveMoments:
+    """Moments of one curve under each of its m hypotheses.
+
+    Parameters
+    ----------
+    basis : FloatArray
+        Law (k columns), step, ramp, bends: (n, q).
+    residual : FloatArray
+        Rows less the model at least squares, (n,).
+    coefficients : FloatArray
+        Q on the basis, (m, q, k).
+    information, covariance : FloatArray
+        H = Q'J and V, (m, k, k).
+    offset : FloatArray
+        Q'r at least squares where a step or a ramp corrects it, else zero, (m, k).
+    taken : FloatArray
+        What step and ramp take of a sum of squares, r'r - |taken' basis' r|^2, (m, q, steps); zero without them.
+    is_whole : ndarray of bool
+        Whether white noise, step and ramp are all there is, (m,): then sums of squares lose nothing.
+    variance : FloatArray
+        Of the white noise, (m,).
+    bends : int
+        How many.
+    bend_precision : FloatArray
+        Inverse covariance of X'r, (m, p, p).
+    bend_offset : FloatArray
+        X'r at least squares, (p,).
+    """
+
+    basis: FloatArray
+    residual: FloatArray
+    coefficients: FloatArray
+    information: FloatArray
+    covariance: FloatArray
+    offset: FloatArray
+    taken: FloatArray
+    is_whole: NDArray[np.bool_]
+    variance: FloatArray
+    bends: int
+    bend_precision: FloatArray
+    bend_offset: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        columns: Columns,
+        hypotheses: Hypotheses,
+        table: NoiseTable,
+        growth: FloatArray,
+        bends: FloatArray | None = None,
+    ) -> CurveMoments:
+        """Moments on the linearisation whose columns these are; `bends` (n, p) are orthogonal to the law's."""
+        n, k, m = len(columns.values), columns.law.stop, len(hypotheses.weight)
+        bends = np.zeros((n, 0)) if bends is None else bends
+        p, shapes = bends.shape[1], columns.ramp.stop
+        values = np.hstack((columns.values, bends))
+        plain, residual = values.T @ values, values[:, columns.residual.start]
+        coefficients = np.zeros((m, values.shape[1], k))
+        coefficients[:, :k] = np.eye(k)
+        taken = np.zeros((m, values.shape[1], shapes - k))
+        sizes = np.array([hypotheses.sizes(columns, one) for one in range(m)])
+        for one in np.flatnonzero((hypotheses.step > 0.0) | (hypotheses.ramp > 0.0)):
+            taken[one, k:shapes] = _taking(plain[k:shapes, k:shapes], sizes[one, k:shapes])
+        corrects = np.flatnonzero(hypotheses.corrects)
+        coefficients[corrects] -= taken[corrects] @ (np.swapaxes(taken[corrects], 1, 2) @ plain[:, :k])
+        bend = np.eye(values.shape[1])[:, columns.values.shape[1] :]
+        spread = _spread(values, plain, sizes, hypotheses, table, growth)
+        offset = np.zeros((m, k))
+        offset[corrects] = np.swapaxes(coefficients[corrects], 1, 2) @ plain[:, columns.residual.start]
+        kept = np.r_[:shapes, columns.values.shape[1] : values.shape[1]]
+        return cls(
+            basis=values[:, kept],
+            residual=residual,
+            coefficients=coefficients[:, kept],
+            information=np.swapaxes(coefficients, 1, 2) @ plain[:, :k],
+            covariance=_quadratic(spread, coefficients),
+            offset=offset,
+            taken=taken[:, kept],
+            is_whole=(hypotheses.noise == 0) & (hypotheses.family < 0) & (np.ptp(growth) == 0.0),
+            variance=hypotheses.variance,
+            bends=p,
+            bend_precision=np.linalg.inv(_quadratic(spread, np.broadcast_to(bend, (m, *bend.shape)))),
+            bend_offset=bends.T @ residual,
+        )
+
+
+def _taking(gram: FloatArray, sizes: FloatArray) -> FloatArray:
+    """T (q, q) with which (I + Z Z')^-1 = I - Z T T' Z', Z columns of these sizes whose Gram matrix is `gram`."""
+    active = np.flatnonzero(sizes)
+    scaled = gram[active[:, None], active] * sizes[active] * sizes[active, None]
+    found = np.zeros_like(gram)
+    root = np.linalg.inv(np.linalg.cholesky(scaled + np.eye(len(active)))).T
+    found[active[:, None], active] = sizes[active, None] * root
+    return found
+
+
+def _spread(
+    values: FloatArray,
+    plain: FloatArray,
+    sizes: FloatArray,
+    hypotheses: Hypotheses,
+    table: NoiseTable,
+    growth: FloatArray,
+) -> FloatArray:
+    """Covariances (m, q, q) of the projections of the disturbances on all columns."""
+    used, place = np.unique(hypotheses.noise, return_inverse=True)
+    noisy = grams(cosines(values * np.sqrt(growth)[:, None]), table.spectra[used])[place]
+    along = plain[None, :, : sizes.shape[1]] * sizes[:, None, :]
+    return np.asarray(hypotheses.variance[:, None, None] * (noisy + along @ np.swapaxes(along, 1, 2)))
+
+
+def _quadratic(form: FloatArray, columns: FloatArray) -> FloatArray:
+    return np.asarray(np.swapaxes(columns, 1, 2) @ form @ columns)

@@ -1,0 +1,112 @@
+"""Noise of equally spaced rows whose covariance a cosine transform makes diagonal.
+
+A reflecting Ornstein-Uhlenbeck process is diagonal in the DCT-II: with white noise of variance 1 and a correlated
+part of variance g and correlation time tau (in rows),
+
+    lambda_k = 1 + g (1 - rho^2) / ((1 - rho)^2 + rho mu_k),  mu_k = 4 sin^2(pi k / 2n),  rho = exp(-1 / tau),
+
+so that any number of noises is one matrix product. Slow wiggles of the baseline are a spectrum too: that of a
+Matern 3/2 process of a tenth of the record and more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct, idct
+
+from underlay._arrays import FloatArray
+
+__all__ = ["NoiseTable", "cosines", "from_cosines", "growth", "noise_table", "white_table"]
+
+_CORRELATED = 0.2  # prior of correlated noise
+_SLOW = 0.1  # prior of wiggles
+_SIZES = (0.3, 3.0, 30.0, 300.0)  # variances of the correlated part, of the white part's
+_WIGGLES = (9.0, 90.0, 900.0)  # variances of the wiggles
+_WIGGLE_LENGTHS = (0.1, 0.4, 1.6)  # of the record
+_TIMES = 6
+_SHORT = 3.0  # variance up to which noise correlated over two rows is as good as white
+_GROWTHS = np.concatenate(([0.0], np.geomspace(0.1, 300.0, 30)))
+_GAIN = 3.0  # nats from which noise that grows is seen
+_OVERLAP = 1.94  # second differences of white noise count for so much fewer
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseTable:
+    """Noises that a row's disturbances may have, in units of the white part's variance.
+
+    Parameters
+    ----------
+    spectra : FloatArray
+        Variances lambda of the cosine coefficients, (noises, n); the first noise is white.
+    log_prior : FloatArray
+        (noises,).
+    is_short : ndarray of bool
+        Which hardly reach from row to row: white, or correlated over two rows and no larger than that, (noises,).
+    """
+
+    spectra: FloatArray
+    log_prior: FloatArray
+    is_short: NDArray[np.bool_]
+
+
+def cosines(columns: FloatArray) -> FloatArray:
+    """Cosine coefficients of columns (n, m): orthonormal DCT-II down each."""
+    return np.asarray(dct(columns, axis=0, norm="ortho"))
+
+
+def from_cosines(coefficients: FloatArray) -> FloatArray:
+    """Columns (n, m) of their coefficients."""
+    return np.asarray(idct(coefficients, axis=0, norm="ortho"))
+
+
+def white_table(n: int) -> NoiseTable:
+    """White noise of n rows alone, for noise that is stated."""
+    return NoiseTable(np.ones((1, n)), np.zeros(1), np.ones(1, dtype=bool))
+
+
+def noise_table(n: int) -> NoiseTable:
+    """All noises of n rows."""
+    white, correlated, wiggles = np.ones((1, n)), _ornstein_uhlenbeck(n), _matern(n)
+    shares = [1.0 - _CORRELATED - _SLOW] + [_CORRELATED / len(correlated)] * len(correlated)
+    shares += [_SLOW / len(wiggles)] * len(wiggles)
+    short = np.zeros(len(shares), dtype=bool)
+    # The shortest time of each of the sizes that are no larger than the white part.
+    short[[0, *(1 + i * _TIMES for i, g in enumerate(_SIZES) if g <= _SHORT)]] = True
+    return NoiseTable(np.vstack((white, correlated, wiggles)), np.log(shares), short)
+
+
+def _ornstein_uhlenbeck(n: int) -> FloatArray:
+    mu = 4.0 * np.sin(0.5 * np.pi * np.arange(n) / n) ** 2
+    rho = np.exp(-1.0 / np.geomspace(2.0, 3.0 * n, _TIMES))[:, None]
+    shapes = (1.0 - rho**2) / ((1.0 - rho) ** 2 + rho * mu)
+    return np.concatenate([1.0 + g * shapes for g in _SIZES])
+
+
+def _matern(n: int) -> FloatArray:
+    """Spectra of Matern 3/2 processes, scaled to variance 1: its mean over k is that of a row."""
+    frequency = np.pi * np.arange(n) * np.array(_WIGGLE_LENGTHS)[:, None] / 3.0**0.5
+    shapes = 1.0 / (1.0 + frequency**2) ** 2
+    shapes *= n / shapes.sum(axis=1, keepdims=True)
+    return np.concatenate([1.0 + size * shapes for size in _WIGGLES])
+
+
+def growth(residual: FloatArray, stiffness: FloatArray) -> FloatArray:
+    """Variances (n,) of the rows where the noise grows with the stiffness dP/dw, of mean 1; ones where none is seen.
+
+    Second differences of the residual (n,), blind to what is smooth, say how much: their likelihood must gain.
+    """
+    if len(residual) < 60:
+        return np.ones(len(residual))
+    square = np.diff(residual, 2) ** 2
+    share = stiffness / stiffness.max()
+    variances = (1.0 + _GROWTHS[:, None] * share[1:-1]) ** 2
+    told = len(square) * np.log((square / variances).mean(axis=1)) + np.log(variances).sum(axis=1)
+    told = -0.5 * told / _OVERLAP - 2.0 * np.log1p(np.log1p(_GROWTHS))
+    best = int(np.argmax(told))
+    if not told[best] - told[0] > _GAIN:
+        return np.ones(len(residual))
+    variance = (1.0 + _GROWTHS[best] * share) ** 2
+    return np.asarray(variance / variance.mean())

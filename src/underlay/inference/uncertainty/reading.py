@@ -1,0 +1,156 @@
+"""What is read from a likelihood: an interval of one number, draws of all of them, how far to trust them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.linear import Mixture
+from underlay.inference.uncertainty.mixture import weighted_quantiles
+
+if TYPE_CHECKING:
+    from underlay.inference.uncertainty.likelihood import Likelihood
+    from underlay.inference.uncertainty.ridge import Ridge
+    from underlay.inference.uncertainty.seen import Seen
+
+__all__ = ["DrawnReading", "LinearReading", "Reading"]
+
+_DRAWS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Reading(ABC):
+    """Intervals and draws of the scaled vector of a fit.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+        What is read.
+    """
+
+    likelihood: Likelihood
+
+    @property
+    def seen(self) -> tuple[Seen, ...]:
+        """What is seen of each curve."""
+        return self.likelihood.seen
+
+    @property
+    def value(self) -> FloatArray:
+        """Scaled vector (k,) of least squares."""
+        return np.asarray(self.likelihood.fit.vector)
+
+    @property
+    def corrected(self) -> FloatArray:
+        """The same less what a step or a ramp does to it where these weigh more than a half, (k,)."""
+        return self.value + self._correction
+
+    @cached_property
+    def _correction(self) -> FloatArray:
+        """Mean move (k,) of the hypotheses in which a step or a ramp alone is present, where they outweigh others."""
+        mixture = self.likelihood.mixture
+        moves = mixture.means - self.value
+        acts = np.any(moves != 0.0, axis=1)
+        share = float(mixture.weights[acts].sum())
+        if share <= 0.5:
+            return np.zeros(len(self.value))
+        return np.asarray(mixture.weights[acts] @ moves[acts] / share)
+
+    @abstractmethod
+    def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
+        """Ends of one entry of the scaled vector; infinite where the curve leaves an end open."""
+
+    @property
+    @abstractmethod
+    def draws(self) -> FloatArray:
+        """Scaled vectors (m, k)."""
+
+    @property
+    @abstractmethod
+    def weights(self) -> FloatArray:
+        """Weights (m,) of the draws, summing to 1."""
+
+    @property
+    def pareto(self) -> float:
+        """Pareto k of the weights; above 0.7 the draws are not to be trusted: ask emcee (`log_density`)."""
+        return 0.0
+
+    @property
+    @abstractmethod
+    def deviations(self) -> FloatArray:
+        """Standard deviations (k,) of the scaled vector."""
+
+    def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
+        """As `Likelihood.moved`."""
+        return self.likelihood.moved(columns)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearReading(Reading):
+    """In closed form: the force is straight in what is free."""
+
+    mixture: Mixture
+    rng: np.random.Generator
+
+    def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
+        """As `Reading.interval`; open where the entry does not act."""
+        if not self.deviations[index] > 0.0:
+            return -np.inf, np.inf
+        low, high = self.mixture.quantiles(index, np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level]))
+        return float(low), float(high)
+
+    @cached_property
+    def draws(self) -> FloatArray:
+        """As `Reading.draws`."""
+        return self.mixture.draws(_DRAWS, self.rng)
+
+    @property
+    def weights(self) -> FloatArray:
+        """As `Reading.weights`."""
+        return np.full(_DRAWS, 1.0 / _DRAWS)
+
+    @cached_property
+    def deviations(self) -> FloatArray:
+        """As `Reading.deviations`."""
+        return self.mixture.deviations
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnReading(Reading):
+    """By weighted draws along the ridge."""
+
+    ridge: Ridge
+
+    def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
+        """As `Reading.interval`; open where the likelihood at a bound, or without end, is not below the level's."""
+        shares = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
+        low, high = weighted_quantiles(self.draws[:, index], self.weights, shares)
+        open_low, open_high = self.ridge.open_ends(index, level)
+        return (-np.inf if open_low else float(low)), (np.inf if open_high else float(high))
+
+    @property
+    def draws(self) -> FloatArray:
+        """As `Reading.draws`."""
+        return self.ridge.draws
+
+    @property
+    def weights(self) -> FloatArray:
+        """As `Reading.weights`."""
+        return self.ridge.weights
+
+    @property
+    def pareto(self) -> float:
+        """As `Reading.pareto`."""
+        return self.ridge.pareto
+
+    @cached_property
+    def deviations(self) -> FloatArray:
+        """As `Reading.deviations`."""
+        off = self.draws - self.weights @ self.draws
+        return np.sqrt(self.weights @ (off * off))

@@ -1,0 +1,279 @@
+"""The reading where the force is not straight in what is free: weighted draws along the ridge.
+
+Nodes by a walk from the optimum, at each of them what every hypothesis says of the others (`walk`, `proposal`);
+draws from their interpolation, weighed by the density itself (`density`); further rounds where one ridge does not
+hold them (`adapt`). Interval, posterior, map row and corner plot are read from these draws; Pareto's k says whether
+they can be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri, logsumexp
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.adapt import Kernels, Pool
+from underlay.inference.uncertainty.density import Density
+from underlay.inference.uncertainty.proposal import Proposal, conditionals
+from underlay.inference.uncertainty.tree import noise_entries, straight
+from underlay.inference.uncertainty.walk import Node, Path, bends_of, walk
+
+if TYPE_CHECKING:
+    from underlay.inference.uncertainty.likelihood import Likelihood
+
+__all__ = ["Ridge", "Ridges", "draw"]
+
+_DRAWS, _ROUNDS = 1000, 6
+_TRUSTED, _ENOUGH = 0.7, 300.0  # Pareto k; effective draws
+_SECOND = 0.02  # weight from which hypotheses that correct the value have a ridge of their own
+_LEAST = 0.01  # share of draws that a hypothesis gets
+_BINS = 24
+_HELD = 1e-9  # deviation below which an entry was held, on a bound
+
+
+@dataclass(frozen=True, eq=False)
+class Ridge:
+    """Weighted draws.
+
+    Parameters
+    ----------
+    draws, weights : FloatArray
+        Scaled vectors (m, k); (m,), summing to 1.
+    pareto, effective : float
+        Pareto k of the weights; their effective number.
+    coordinate : int
+        The entry along which the ridge was walked.
+    ends : tuple of float
+        Log of the density at the first and at the last node of any ridge, the others integrated out, less its top.
+    bounds : FloatArray
+        (k, 2).
+    rounds : int
+        Further rounds of draws.
+    failed : int
+        Draws inside the bounds for which there was no law.
+    """
+
+    draws: FloatArray
+    weights: FloatArray
+    pareto: float
+    effective: float
+    coordinate: int
+    ends: tuple[float, float]
+    bounds: FloatArray
+    rounds: int
+    failed: int
+
+    def open_ends(self, index: int, level: float) -> tuple[bool, bool]:
+        """Whether the likelihood at the ends of entry `index` is within the level's drop of its top.
+
+        The end is a bound, or where a walk stopped that has none.
+        """
+        drop = 0.5 * float(chdtri(1.0, 1.0 - level))
+        low, high = (self._at_bound(index, side, drop) for side in (0, 1))
+        if index == self.coordinate:
+            return low or self.ends[0] > -drop, high or self.ends[1] > -drop
+        return low, high
+
+    def _at_bound(self, index: int, side: int, drop: float) -> bool:
+        """The same by the density of the draws in the bin at a bound; a priori it is even between bounds."""
+        values, bound = self.draws[:, index], self.bounds[index, side]
+        if not np.isfinite(bound):
+            return False
+        width = 6.0 * float(np.sqrt(self.weights @ (values - self.weights @ values) ** 2)) / _BINS
+        bins = np.floor(np.abs(values - bound) / max(width, 1e-300))
+        near = bins < 2 * _BINS
+        density = np.bincount(bins[near].astype(int), weights=self.weights[near], minlength=1)
+        return bool(density[0] > np.exp(-drop) * density.max() and density[0] > 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Ridges:
+    """What a likelihood's draws begin from: its density, which knows the ridges' bends, and nodes along them.
+
+    Parameters
+    ----------
+    density : Density
+        Of the scaled vector.
+    coordinate : int
+        The entry along which ridges were walked.
+    groups : sequence of sequence of int
+        Hypotheses that share a ridge.
+    nodes : sequence of sequence of Node
+        Each group's, in order of the coordinate.
+    """
+
+    density: Density
+    coordinate: int
+    groups: Sequence[Sequence[int]]
+    nodes: Sequence[Sequence[Node]]
+
+    @classmethod
+    def of(cls, likelihood: Likelihood) -> Ridges:
+        """Walk the ridge of the entry least fixed.
+
+        Raises
+        ------
+        RuntimeError
+            If no ridge could be walked.
+        """
+        groups = _groups(likelihood)
+        for coordinate in _coordinates(likelihood):
+            density, nodes = _paths(likelihood, coordinate, groups)
+            if min(len(own) for own in nodes) > 1:
+                return cls(density, coordinate, groups, nodes)
+        raise RuntimeError("no ridge could be walked from the optimum of a fit")
+
+    @property
+    def proposals(self) -> list[Proposal]:
+        """One a group."""
+        low, high = self.density.likelihood.fit.problem.bounds[self.coordinate]
+        return [
+            Proposal.of(self.density, own, self.coordinate, chosen, (float(low), float(high)))
+            for own, chosen in zip(self.nodes, self.groups, strict=True)
+        ]
+
+
+def draw(ridges: Ridges, rng: np.random.Generator) -> Ridge:
+    """Draws along the ridges, and further rounds of them until they can be trusted."""
+    density, proposals = ridges.density, ridges.proposals
+    fit = density.likelihood.fit
+    source = _Together.of(proposals, fit)
+    pool = Pool.begin(density.log, source.log_density, source.draw(_DRAWS, rng))
+    rounds, entries = 0, np.concatenate((density.kept, source.noise))
+    while rounds < _ROUNDS and not (pool.pareto < _TRUSTED and pool.effective > _ENOUGH):
+        kernels = Kernels.about(pool.vectors, pool.log_weights, entries, rng)
+        pool.add(kernels.log_density, kernels.draw(_DRAWS, fit.vector, rng))
+        rounds += 1
+    bounds = fit.problem.bounds
+    inside = ((pool.vectors >= bounds[:, 0]) & (pool.vectors <= bounds[:, 1])).all(axis=1)
+    return Ridge(
+        draws=pool.vectors,
+        weights=pool.weights,
+        pareto=pool.pareto,
+        effective=pool.effective,
+        coordinate=ridges.coordinate,
+        ends=_ends(proposals),
+        bounds=bounds,
+        rounds=rounds,
+        failed=int((inside & ~np.isfinite(pool.levels)).sum()),
+    )
+
+
+def _coordinates(likelihood: Likelihood) -> list[int]:
+    """Entries along which a ridge may be walked, the best first: the least fixed that the force is bent in."""
+    problem, deviations = likelihood.fit.problem, likelihood.mixture.deviations
+    deviations = np.where(deviations > _HELD, deviations, np.inf)
+    bent = [int(i) for i in likelihood.entries if not straight(problem)[i]]
+    base = [i for i in bent if problem.coordinates[i].path == "substrate.E"]
+    order = sorted((i for i in bent if i not in base), key=lambda i: -deviations[i])
+    return [*base, *order] or [int(i) for i in likelihood.entries]
+
+
+def _groups(likelihood: Likelihood) -> list[list[int]]:
+    """Hypotheses that share a ridge: those that leave the value, and those that correct it."""
+    every = list(range(len(likelihood.combined.weights)))
+    if len(likelihood.states) > 1:
+        return [every]
+    own = likelihood.states[0].hypotheses
+    if own.probability(own.corrects) < _SECOND:
+        return [every]
+    return [
+        part
+        for part in (np.flatnonzero(~own.corrects).tolist(), np.flatnonzero(own.corrects).tolist())
+        if part
+    ]
+
+
+def _paths(
+    likelihood: Likelihood, coordinate: int, groups: Sequence[Sequence[int]]
+) -> tuple[Density, list[list[Node]]]:
+    """Walk each group's ridge; the density knows the bends of the first."""
+    plain = Density.of(likelihood)
+    nodes = _walked(plain, coordinate, groups[0])
+    density = Density.of(likelihood, bends_of(nodes, plain))
+    return density, [nodes, *(_walked(density, coordinate, chosen) for chosen in groups[1:])]
+
+
+def _walked(density: Density, coordinate: int, chosen: Sequence[int]) -> list[Node]:
+    likelihood = density.likelihood
+    fit, bounds = likelihood.fit, likelihood.fit.problem.bounds
+    heaviest = chosen[int(np.argmax(likelihood.combined.weights[list(chosen)]))]
+    moments, start = [curve.moments for curve in density.curves], fit.vector
+    misses = [np.zeros_like(own.residual) for own in moments]
+    without = [np.zeros((len(own.residual), 0)) for own in moments]
+    correcting = len(moments) == 1 and bool(likelihood.states[0].hypotheses.corrects[heaviest])
+    if correcting:
+        misses, without = [moments[0].residual], [moments[0].basis @ moments[0].taken[heaviest]]
+        start = _near(fit.vector, likelihood.mixture.means[heaviest])
+    path = Path(density, bounds, misses, without, likelihood.priors)
+    settled = path.settled(start, None) if correcting else None
+
+    def level(node: Node) -> float:
+        found = conditionals(density, [node], coordinate, chosen)[0]
+        return float(logsumexp(found.evidence))
+
+    deviation = float(likelihood.mixture.deviations[coordinate])
+    deviation = deviation if deviation > _HELD else 1.0
+    return walk(path, start if settled is None else settled.vector, coordinate, deviation, level)
+
+
+def _near(vector: FloatArray, other: FloatArray) -> FloatArray:
+    """The other vector (k,), no further than e times in any entry."""
+    step = other - vector
+    return np.asarray(vector + step * min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-300)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Together:
+    """Proposals of several ridges together, each hypothesis in proportion to its evidence.
+
+    Numbers of a stated noise are drawn beside them: normal (middle and factor), by the fit's covariance.
+    """
+
+    proposals: Sequence[Proposal]
+    shares: FloatArray
+    noise: NDArray[np.intp]
+    middle: FloatArray
+    factor: FloatArray
+
+    @classmethod
+    def of(cls, proposals: Sequence[Proposal], fit: Any) -> _Together:
+        noise = noise_entries(fit.problem)
+        own = fit.scaled_covariance[noise[:, None], noise]
+        factor = np.linalg.cholesky(own + 1e-12 * np.eye(len(noise)))
+        told = np.concatenate([own.shares for own in proposals])
+        shares = np.maximum(np.exp(told - logsumexp(told)), _LEAST)
+        return cls(proposals, shares / shares.sum(), noise, fit.vector[noise], factor)
+
+    def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Vectors (count, k)."""
+        places = (np.arange(count) + rng.uniform()) / count
+        own = np.minimum(np.searchsorted(np.cumsum(self.shares), places), len(self.shares) - 1)
+        first, vectors = 0, []
+        for proposal in self.proposals:
+            last = first + len(proposal.shares)
+            vectors.append(proposal.draw(own[(own >= first) & (own < last)] - first, rng))
+            first = last
+        drawn = np.vstack(vectors)
+        drawn[:, self.noise] = self.middle + rng.standard_normal((count, len(self.noise))) @ self.factor.T
+        return drawn
+
+    def log_density(self, vectors: FloatArray) -> FloatArray:
+        """Log-density (n,) of vectors (n, k)."""
+        told = np.hstack([proposal.log_densities(vectors) for proposal in self.proposals])
+        z = np.linalg.solve(self.factor, (vectors[:, self.noise] - self.middle).T)
+        beside = -0.5 * (z * z).sum(axis=0) - np.log(np.diagonal(self.factor)).sum()
+        beside -= 0.5 * len(self.noise) * np.log(2.0 * np.pi)
+        return np.asarray(logsumexp(told + np.log(self.shares), axis=1) + beside)
+
+
+def _ends(proposals: Sequence[Proposal]) -> tuple[float, float]:
+    """Evidence of all hypotheses at the ends of the ridges, less the largest on any."""
+    levels = [[float(logsumexp(node.evidence)) for node in own.nodes] for own in proposals]
+    top = max(max(own) for own in levels)
+    return max(own[0] for own in levels) - top, max(own[-1] for own in levels) - top

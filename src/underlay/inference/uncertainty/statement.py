@@ -1,0 +1,247 @@
+"""What a fit says of itself: the answer of every quantity, and the verdict. Computed when asked for, and once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import special
+
+from underlay._arrays import FloatArray
+from underlay._given import require_level
+from underlay._threads import one_thread
+from underlay.errors import InputError
+from underlay.inference.sampling.derived import derived_quantities, kind_of_quantity
+from underlay.inference.uncertainty.answer import Advice, Answer, Contribution, Follows, Interval
+from underlay.inference.uncertainty.budget import Refit, Source, sensitivities, sources_of
+from underlay.inference.uncertainty.likelihood import Likelihood
+from underlay.inference.uncertainty.mixture import weighted_quantiles
+from underlay.inference.uncertainty.reading import Reading
+from underlay.inference.uncertainty.verdict import verdict_of
+from underlay.scene.parameters import kind_of
+from underlay.units import KINDS
+
+if TYPE_CHECKING:
+    from underlay.inference.least_squares.fit_result import Fit
+
+__all__ = ["NOISE", "Statement"]
+
+#: The source of the statistical part.
+NOISE = "noise and misfit"
+_LEVEL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class _Scale:
+    """The scale on which errors of one quantity add: its scaled coordinate, or its logarithm.
+
+    Parameters
+    ----------
+    name, unit : str
+        The quantity, and its SI unit.
+    value : float
+        Where the fit has it, on the scale.
+    low, high : float
+        Ends of the statistical interval, on the scale.
+    of : callable
+        The scale at scaled vectors (m, k): (m,).
+    physical : callable
+        The quantity (SI) of a number on the scale.
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    of: Callable[[FloatArray], FloatArray]
+    physical: Callable[[float], float]
+
+    def at(self, below: float, above: float) -> tuple[float, float]:
+        """The quantity (SI) so far below and above the value on the scale; an infinite step is an open end."""
+        low = self.physical(self.value - below) if math.isfinite(below) else -math.inf
+        high = self.physical(self.value + above) if math.isfinite(above) else math.inf
+        return low, high
+
+
+@dataclass(frozen=True, eq=False)
+class Statement:
+    """What one fit says of itself.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    refit : callable
+        Fits a problem, begun at the values of its scenes.
+    """
+
+    fit: Fit
+    refit: Refit
+    _answers: dict[tuple[str, float], Answer] = field(default_factory=dict, init=False)
+
+    @cached_property
+    @one_thread()
+    def likelihood(self) -> Likelihood:
+        """The likelihood of the fit's curves."""
+        return Likelihood.of(self.fit)
+
+    @cached_property
+    @one_thread()
+    def reading(self) -> Reading:
+        """What is read from it: intervals and draws."""
+        return self.likelihood.read(0)
+
+    @cached_property
+    @one_thread()
+    def sources(self) -> tuple[Source, ...]:
+        """Sources of the systematic part."""
+        if self.fit.statistics.robust != "none":
+            return ()
+        return sources_of(self.fit, self.likelihood.moved, self.refit)
+
+    @one_thread()
+    def answer(self, name: str, level: float = _LEVEL) -> Answer:
+        """The answer of a parameter or of what follows from parameters; see `Fit.answer`."""
+        require_level(level)
+        key = (name, level)
+        if key not in self._answers:
+            self._answers[key] = self._found(self._scale(name, level), level)
+        return self._answers[key]
+
+    @cached_property
+    @one_thread()
+    def verdict(self) -> Advice:
+        """Whether the fit can be used, why not, and what to do."""
+        return verdict_of(self.fit, self.reading, self.answer)
+
+    @cached_property
+    @one_thread()
+    def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
+        """d ln(value) / d ln(input), by fitted number and by input."""
+        return sensitivities(self.fit, self.likelihood.moved)
+
+    def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Lower ends, middles and upper ends, (n,), of quantities that follow; see `Fit.band`."""
+        require_level(level)
+        physical = self.fit.problem.physical(np.vstack([self.reading.corrected, self.reading.draws]))
+        found = np.asarray(of(physical), dtype=np.float64)
+        if found.ndim != 2 or len(found) != len(physical):
+            raise InputError(
+                "of must be a function that takes parameters (draws, k), SI, and gives quantities (draws, n), a "
+                f"row per draw, such as lambda p: p[:, :1]; at {len(physical)} draws it gave shape {found.shape}"
+            )
+        tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
+        ends = np.array([weighted_quantiles(column, self.reading.weights, tails) for column in found[1:].T])
+        return ends[:, 0], found[0], ends[:, 1]
+
+    # --- one quantity -------------------------------------------------------------------------------------
+    def _scale(self, name: str, level: float) -> _Scale:
+        if name in self.fit.names:
+            return self._of_parameter(name, level)
+        return self._of_derived(name, level)
+
+    def _of_parameter(self, name: str, level: float) -> _Scale:
+        index = self.fit.names.index(name)
+        coordinate, reading = self.fit.problem.coordinates[index], self.reading
+        low, high = reading.interval(index, level)
+        return _Scale(
+            name,
+            KINDS[kind_of(name)].si,
+            float(reading.corrected[index]),
+            low,
+            high,
+            of=lambda q: q[:, index],
+            physical=lambda q: float(coordinate.physical(q)),
+        )
+
+    def _of_derived(self, name: str, level: float) -> _Scale:
+        problem, reading = self.fit.problem, self.reading
+
+        def of(q: FloatArray) -> FloatArray:
+            found = derived_quantities(problem, problem.physical(q))
+            if name not in found:
+                free, derived = ", ".join(self.fit.names), ", ".join(found)
+                raise InputError(
+                    f"{name!r} is not free here; free are {free}; from these follow {derived or 'none'}"
+                )
+            return np.log(found[name])
+
+        draws = of(reading.draws)
+        tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
+        low, high = weighted_quantiles(draws, reading.weights, tails)
+        value = float(of(reading.corrected[None])[0])
+        return _Scale(name, KINDS[kind_of_quantity(name)].si, value, float(low), float(high), of, math.exp)
+
+    def _found(self, scale: _Scale, level: float) -> Answer:
+        """Both parts in quadrature on the scale, and what each source has of them."""
+        below, above = max(scale.value - scale.low, 0.0), max(scale.high - scale.value, 0.0)
+        times = float(special.ndtri(0.5 + 0.5 * level) / special.ndtri(0.5 + 0.5 * _LEVEL))
+        arms = {source: times * self._arms(scale, source) for source in self.sources}
+        systematic = np.sqrt(sum((own * own for own in arms.values()), np.zeros(2)))
+        low, high = scale.at(math.hypot(below, systematic[0]), math.hypot(above, systematic[1]))
+        value = scale.physical(scale.value)
+        rows = [self._row(scale, NOISE, "", "seen", np.array([below, above]), (below, above, systematic))]
+        rows += [
+            self._row(scale, source.name, source.size, source.origin, own, (below, above, systematic))
+            for source, own in arms.items()
+        ]
+        rows.sort(key=lambda row: -row.share)
+        return Answer(
+            scale.name,
+            value,
+            low,
+            high,
+            level,
+            scale.unit,
+            Interval(scale.name, level, value, *scale.at(below, above)),
+            Interval(scale.name, level, value, *scale.at(*systematic)),
+            tuple(rows),
+            self._notes(scale),
+        )
+
+    def _arms(self, scale: _Scale, source: Source) -> FloatArray:
+        """How far a source moves the scale down and up, (2,): rows of it are independent."""
+        at = self.reading.corrected
+        ends = scale.of((at + source.moves).reshape(-1, len(at))).reshape(-1, 2) - scale.value
+        down, up = np.maximum(-ends.min(axis=1), 0.0), np.maximum(ends.max(axis=1), 0.0)
+        return np.sqrt(np.array([down @ down, up @ up]))
+
+    def _row(
+        self,
+        scale: _Scale,
+        source: str,
+        size: str,
+        origin: str,
+        own: FloatArray,
+        parts: tuple[float, float, FloatArray],
+    ) -> Contribution:
+        below, above, systematic = parts
+        low, high = scale.at(float(own[0]), float(own[1]))
+        value = scale.physical(scale.value)
+        total = below**2 + above**2 + float(systematic @ systematic)
+        square = float(own @ own)
+        share = 1.0 if not math.isfinite(square) else square / total if 0.0 < total < math.inf else 0.0
+        return Contribution(source, size, origin, value - low, high - value, share)
+
+    def _notes(self, scale: _Scale) -> tuple[str, ...]:
+        """Rules that moved the value."""
+        notes = []
+        plain = float(scale.of(self.fit.vector[None])[0])
+        if plain != scale.value:
+            taken_out = " and ".join(
+                words
+                for words, acts in (
+                    ("a force step at contact", max(seen.step for seen in self.reading.seen) > 0.5),
+                    ("a drifting baseline", max(seen.ramp for seen in self.reading.seen) > 0.5),
+                )
+                if acts
+            )
+            notes.append(
+                f"{taken_out or 'a disturbance'} is taken out; with it in, {scale.physical(plain):.6g}"
+            )
+        return tuple(notes)

@@ -1,0 +1,229 @@
+"""Whether a fit can be used: one word, one clause, the likeliest cause, and the next step.
+
+Judged by what a disturbance does to the number, not by a test: the change of the apparent modulus over the fitted
+range, the force that sets in at contact, the drift of the baseline, all as the likelihood sees them (`Seen`), and by
+the width of the answers. Correlated noise alone is no fault of the model.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from underlay.inference.uncertainty.answer import Advice, Answer
+from underlay.inference.uncertainty.reading import Reading
+from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.uncertainty.seen import Seen
+
+__all__ = ["CHECK", "GOOD", "REJECT", "verdict_of"]
+
+GOOD, CHECK, REJECT = "good", "check", "reject"
+# Changes of the apparent modulus over the range from which on a model is checked, and rejected; and the deviations
+# that a change must stand above: of 2000 clean curves one in a thousand is above by chance.
+_CHANGED, _WRONG, _SURE = math.log(1.10), math.log(1.30), 3.0
+# Share of a misfit that lies in the first fifth of the depth, from which on contact is made gradually.
+_FOOT = 0.7
+# Probabilities from which on a step or a ramp is said, and the shares of the largest force that they must reach.
+_LIKELY, _STEP, _RAMP = 0.9, 0.02, 0.02
+# Share of the variance of one input, and the half width from which on that is worth a word.
+_ONE_INPUT, _WIDE = 0.8, 0.30
+# Ends that are a factor apart: the number is known to a factor only.
+_FACTOR = 2.0
+_WORDS = {
+    "indenter.radius": "the tip radius",
+    "layer.thickness": "the thickness",
+    "layer.nu": "Poisson's ratio",
+}
+
+
+def verdict_of(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Advice:
+    """Judge a fit by what is seen of its curves and by its answers."""
+    found = list(_found(fit, reading, answer))
+    if not found:
+        return Advice(GOOD, f"the model describes the curve{_residuals(fit)}")
+    worst = [entry for entry in found if entry.word == REJECT] or found
+    first = worst[0]
+    others = tuple(entry for entry in found if entry is not first)
+    return Advice(first.word, first.reason, first.cause, first.next, first.setting, others)
+
+
+def _residuals(fit: Fit) -> str:
+    """Residuals as a share of the largest force."""
+    shares = [
+        float((residual @ residual / len(residual)) ** 0.5) / float(abs(curve.force).max())
+        for residual, curve in zip(fit.residuals, fit.curves, strict=True)
+    ]
+    return f" (residuals {100.0 * max(shares):.1g} %)"
+
+
+def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Iterator[Advice]:
+    for i, seen in enumerate(reading.seen):
+        yield from _of_misfit(fit, i, seen)
+    yield from _of_reading(reading)
+    names = [name for name in fit.names if not name.startswith(("noise.", "instrument.", "lever."))]
+    answers = [answer(name) for name in names]
+    yield from _of_bounds(fit)
+    yield from _of_widths(answers)
+    yield from _of_inputs(answers)
+    for i, seen in enumerate(reading.seen):
+        yield from _of_readings(fit, i, seen)
+    yield from _of_warnings(fit)
+
+
+# --- the model ----------------------------------------------------------------------------------------------
+def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
+    """A law that is off by an amount that changes with depth."""
+    change, sure = abs(seen.change), abs(seen.change) > _SURE * seen.change_deviation
+    if not sure or change < _CHANGED:
+        return
+    scene, curve = fit.scenes[i], fit.curves[i]
+    share = f"{100.0 * abs(math.expm1(seen.change)):.0f} %"
+    if seen.foot > _FOOT:
+        yield Advice(
+            CHECK,
+            f"contact is made gradually: the first fifth of the depth is off by {share}",
+            "a rough, tilted or brushy surface",
+            "fit from a fifth of the force on, and report the modulus of that range",
+            ("curve.fit_from", "20 % of force"),
+        )
+        return
+    word = REJECT if change > _WRONG else CHECK
+    stiffer = "stiffer" if seen.change > 0.0 else "softer"
+    if scene.substrate is None and seen.change > 0.0:
+        yield Advice(
+            word,
+            f"the half-space model does not describe the curve: E rises with depth by {share}",
+            "a stiffer base below the layer",
+            "enter thickness and substrate (a rigid base: rigid = true)",
+            ("layer.thickness", "<your thickness>"),
+        )
+        return
+    deepest = format_quantity(0.5 * (float(curve.depth.max()) - scene.instrument.contact_depth), "length")
+    cause = _cause(scene, seen.change)
+    yield Advice(
+        word,
+        f"the curve is {stiffer} at depth than the model, by {share}",
+        cause,
+        f"fit up to half of the depth ({deepest})",
+        ("curve.fit_to", deepest),
+    )
+
+
+def _cause(scene: object, change: float) -> str:
+    memory = getattr(scene, "memory", None)
+    if change > 0.0:
+        return "the sample stiffens with strain, or its base is nearer than entered"
+    if memory is None:
+        return "the sample relaxes while it is loaded, or its base is farther than entered"
+    return "the base is farther than entered, or strains are too large for the model"
+
+
+def _of_reading(reading: Reading) -> Iterator[Advice]:
+    if reading.pareto > 0.7:
+        yield Advice(
+            CHECK,
+            "the intervals rest on few draws",
+            "parameters that trade off along a curved ridge",
+            'sample the posterior: ul.sample(problem, method="emcee")',
+        )
+
+
+# --- the answers --------------------------------------------------------------------------------------------
+def _of_bounds(fit: Fit) -> Iterator[Advice]:
+    for name, bound in fit.bounds_hit.items():
+        yield Advice(
+            CHECK,
+            f"{name} ended on its {bound}",
+            "bounds too narrow, or a number that this curve does not determine",
+            "widen its bounds, or enter its value and leave it out of the fit",
+        )
+
+
+def _of_widths(answers: Sequence[Answer]) -> Iterator[Advice]:
+    for known in answers:
+        if known.is_open:
+            yield Advice(
+                CHECK,
+                f"{known.name} is not determined by this curve",
+                "two quantities trade off along the curve",
+                "enter one of them, or add a curve with a second tip radius",
+            )
+        elif known.low > 0.0 and known.high > _FACTOR * known.low:
+            yield Advice(
+                CHECK,
+                f"{known.name} is known to a factor of {known.high / known.low:.2g} only",
+                _largest(known),
+                "state the largest input's uncertainty if it is smaller, or indent deeper or with a second tip",
+            )
+
+
+def _largest(known: Answer) -> str:
+    first = known.contributions[0]
+    return f"{first.source} makes {100.0 * first.share:.0f} % of the variance"
+
+
+def _of_inputs(answers: Sequence[Answer]) -> Iterator[Advice]:
+    for known in answers:
+        first = known.contributions[0]
+        half = max(known.high - known.value, known.value - known.low)
+        is_input = first.origin in {"given", "assumed"}
+        if known.is_open or not is_input or first.share < _ONE_INPUT or half < _WIDE * abs(known.value):
+            continue
+        what = _WORDS.get(first.source, first.source)
+        yield Advice(
+            CHECK,
+            f"{known.name} rests on {what} that you entered",
+            f"{first.size} in {what} moves it by {100.0 * first.half_width / abs(known.value):.0f} %",
+            f"measure {what} and state its uncertainty",
+        )
+
+
+# --- the readings -------------------------------------------------------------------------------------------
+def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
+    peak = float(abs(fit.curves[i].force).max())
+    if seen.step > _LIKELY and abs(seen.step_force) > _STEP * peak and fit.scenes[i].adhesion is None:
+        yield Advice(
+            CHECK,
+            f"the force jumps at contact by {format_quantity(seen.step_force, 'force')}",
+            "snap-in, adhesion, or drag of the approach",
+            "fit with adhesion, or leave out the first 5 % of the force",
+            ("curve.fit_from", "5 % of force"),
+        )
+    if seen.ramp > _LIKELY and abs(seen.ramp_force) > _RAMP * peak:
+        yield Advice(
+            CHECK,
+            f"the baseline drifts by {format_quantity(seen.ramp_force, 'force')} over the record",
+            "thermal drift, or drag of the approach",
+            "fit a baseline slope",
+            ("fit.instrument.baseline_slope", "{}"),
+        )
+
+
+#: Warnings of a fit that decide whether its numbers can be used: cause and next step.
+_WARNED = {
+    "not-converged": ("the search met no optimum", "give a start nearer to the sample's values"),
+    "law-range": ("the contact model's range ends before the curve", "fit a smaller depth"),
+    "too-deep": ("indentation deeper than the layer is thick", "fit a smaller depth, or a smaller tip"),
+    "file": ("scene file of another test", "enter what the curve's file says"),
+    "over-whitened": ("the stated correlation time is too long", "state a shorter one, or none"),
+    "prior": ("a prior that does not fit this sample, or a model that does not", "check the prior"),
+    "second-optimum": ("two quantities trade off along the curve", "add a curve with a second tip radius"),
+}
+
+
+def _of_warnings(fit: Fit) -> Iterator[Advice]:
+    if fit.alternatives:
+        yield Advice(CHECK, "other values explain the curve as well, or nearly", *_WARNED["second-optimum"])
+    counted = dict(_WARNED)
+    if not fit.problem.noise_is_open:
+        counted["correlated-residuals"] = (
+            "the noise is not as stated",
+            "leave the noise out: what the curve shows is allowed for",
+        )
+    for warning in fit.warnings:
+        if warning.code in counted:
+            yield Advice(CHECK, warning.message, *counted[warning.code])

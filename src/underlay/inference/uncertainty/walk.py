@@ -1,0 +1,158 @@
+"""Nodes along the ridge of a fit: where the others are best while one coordinate goes on.
+
+The path is least squares': at each value of the coordinate the others make the model deviate least from the fitted
+one, or, where a step is taken out, from the rows less the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.density import Density, Place
+from underlay.inference.uncertainty.tree import tangents
+
+__all__ = ["Node", "bends_of", "walk"]
+
+_FIRST, _SHORTEST, _LONGEST = 0.5, 0.1, 1.0  # standard deviations, twice; scaled coordinate
+_MOST, _DROP = 22, 8.0  # nodes to a side; nats below the top where a walk ends
+_STEPS, _SETTLED, _STRIDE = 4, 0.1, 0.7  # Gauss-Newton: how often, until which share of a deviation, how far
+_BENDS, _VISIBLE = 4, 0.3  # bends that are kept; deviations of all rows together from which one shows
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A vector (k,) on a ridge, and the curves linearised there."""
+
+    vector: FloatArray
+    places: Sequence[Place]
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """What a walk keeps to: entries that move, bounds (k, 2), and per curve rows (n, q) that are taken out.
+
+    `misses` are what is left of the rows at least squares, (n,) each: zero where the fitted model is the aim.
+    """
+
+    density: Density
+    bounds: FloatArray
+    misses: Sequence[FloatArray]
+    without: Sequence[FloatArray]
+    priors: FloatArray
+
+    def node(self, vector: FloatArray) -> Node | None:
+        """Linearise at a vector (k,); None where no law is."""
+        found = tangents([curve.model for curve in self.density.curves], vector)
+        if found is None:
+            return None
+        places = [curve.place(own) for curve, own in zip(self.density.curves, found, strict=True)]
+        return Node(vector, places) if all(place is not None for place in places) else None  # type: ignore[arg-type]
+
+    def settled(self, vector: FloatArray, coordinate: int | None) -> Node | None:
+        """Node with the others at their best while `coordinate` is held, from a vector (k,) near it."""
+        node = self.node(vector)
+        for _ in range(_STEPS):
+            if node is None:
+                return None
+            step, deviations = self._step(node, coordinate)
+            step = step * min(1.0, _STRIDE / max(float(np.abs(step).max()), 1e-300))
+            there = np.clip(node.vector + step, self.bounds[:, 0] + 1e-6, self.bounds[:, 1] - 1e-6)
+            if (np.abs(there - node.vector) <= _SETTLED * deviations + 1e-9).all():
+                return node
+            node = self.node(there)
+        return node
+
+    def _step(self, node: Node, coordinate: int | None) -> tuple[FloatArray, FloatArray]:
+        k = len(node.vector)
+        moving = [i for i in self.density.kept if i != coordinate]
+        normal, pull = np.diag(self.priors), self.priors * (self.density.likelihood.fit.vector - node.vector)
+        for place, miss, out in zip(node.places, self.misses, self.without, strict=True):
+            law = place.columns - out @ (out.T @ place.columns)
+            normal = normal + law.T @ place.columns
+            pull = pull + law.T @ (place.fallen + miss)
+        scale = np.sqrt(np.diagonal(normal))[moving]
+        scaled = normal[np.ix_(moving, moving)] / scale / scale[:, None] + 1e-11 * np.eye(len(moving))
+        inverse = np.linalg.inv(scaled) / scale / scale[:, None]
+        step, deviations = np.zeros(k), np.full(k, np.inf)
+        step[moving], deviations[moving] = inverse @ pull[moving], np.sqrt(np.diagonal(inverse))
+        return step, deviations
+
+
+def walk(
+    path: Path, start: FloatArray, coordinate: int, deviation: float, level: Callable[[Node], float]
+) -> list[Node]:
+    """Nodes in order of the coordinate, from `start` (k,) to where `level` has fallen by 8 nats, or to a bound.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no law at the start.
+    """
+    first = path.settled(np.clip(start, path.bounds[:, 0] + 1e-6, path.bounds[:, 1] - 1e-6), coordinate)
+    if first is None:
+        raise RuntimeError("no contact law at the optimum of a fit")
+    top = level(first)
+    sides = []
+    for sign in (-1.0, 1.0):
+        nodes, top = _one_side(path, first, coordinate, sign, deviation, level, top)
+        sides.append(nodes)
+    return [*reversed(sides[0]), first, *sides[1]]
+
+
+def _one_side(
+    path: Path,
+    first: Node,
+    coordinate: int,
+    sign: float,
+    deviation: float,
+    level: Callable[[Node], float],
+    top: float,
+) -> tuple[list[Node], float]:
+    low, high = path.bounds[coordinate] + np.array([1e-6, -1e-6])
+    shortest = min(_SHORTEST * deviation, 0.04)
+    step = float(np.clip(_FIRST * deviation, shortest, 0.25))
+    nodes, before = [], [first.vector]
+    while len(nodes) < _MOST:
+        here = before[-1]
+        ahead = here.copy()
+        if len(before) > 1:
+            ahead += (here - before[-2]) / (here[coordinate] - before[-2][coordinate]) * sign * step
+        ahead[coordinate] = np.clip(here[coordinate] + sign * step, low, high)
+        ahead = np.clip(ahead, path.bounds[:, 0] + 1e-6, path.bounds[:, 1] - 1e-6)
+        if abs(ahead[coordinate] - here[coordinate]) < 1e-9:
+            break
+        node = path.settled(ahead, coordinate)
+        if node is None:
+            if step <= shortest:
+                break
+            step *= 0.5
+            continue
+        nodes.append(node)
+        missed = float(np.abs(np.delete(node.vector - ahead, coordinate)).max(initial=0.0))
+        step = float(
+            np.clip(step * (1.6 if missed < 0.03 else 0.7 if missed > 0.15 else 1.0), shortest, _LONGEST)
+        )
+        told = level(node)
+        top = max(top, told)
+        if told < top - _DROP or not low < node.vector[coordinate] < high:
+            break
+        before.append(node.vector)
+    return nodes, top
+
+
+def bends_of(nodes: Sequence[Node], density: Density) -> list[FloatArray]:
+    """Orthonormal rows (n, p) of each curve in which its model leaves the tangent along the ridge."""
+    found = []
+    for i, curve in enumerate(density.curves):
+        fallen = np.array([node.places[i].fallen for node in nodes]).T
+        law = curve.moments.basis[:, : len(nodes[0].vector)]
+        acting = law[:, np.abs(law).max(axis=0) > 0.0]
+        q, _ = np.linalg.qr(acting)
+        left = fallen - q @ (q.T @ fallen)
+        u, sizes, _ = np.linalg.svd(left, full_matrices=False)
+        found.append(u[:, :_BENDS][:, sizes[:_BENDS] > _VISIBLE])
+    return found
