@@ -45,6 +45,7 @@ __all__ = [
     "FitWarning",
 ]
 
+
 @dataclass(frozen=True)
 class FitWarning:
     """A reservation: `code` for programs, `message` for people."""
@@ -232,8 +233,14 @@ class Fit:
         for name in (*self.names, *self.derived):
             known = self.answer(name)
             rows[name] = (
-                known.value, known.low, known.high, known.statistical.low, known.statistical.high,
-                known.systematic.low, known.systematic.high, known.unit,
+                known.value,
+                known.low,
+                known.high,
+                known.statistical.low,
+                known.statistical.high,
+                known.systematic.low,
+                known.systematic.high,
+                known.unit,
             )
         columns = ["value", "low", "high", "stat low", "stat high", "syst low", "syst high", "unit"]
         return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
@@ -397,7 +404,9 @@ class Fit:
         """What to cite: keys of works, with what each was used for; see `underlay cite`."""
         formats = [str(curve.metadata.get("format", "")) for curve in self.curves]
         robust, open_ = self.statistics.robust != "none", self.problem.noise_is_open
-        return used_by([self.statistics.law_method], self.scenes, formats) | of_fit(robust=robust, averaged=open_)
+        return used_by([self.statistics.law_method], self.scenes, formats) | of_fit(
+            robust=robust, averaged=open_
+        )
 
     def _strong_correlations(self) -> list[str]:
         frame = self.correlations

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 
 from underlay._arrays import FloatArray
@@ -28,13 +29,13 @@ _ROOTS = np.geomspace(1.0, 0.05, 24)
 class Kernels:
     """Student kernels, equally likely: centres (c, q), factors (c, q, q) of their covariances, in entries (q,)."""
 
-    entries: FloatArray
+    entries: NDArray[np.intp]
     centres: FloatArray
     factors: FloatArray
 
     @classmethod
     def about(
-        cls, draws: FloatArray, log_weights: FloatArray, entries: FloatArray, rng: np.random.Generator
+        cls, draws: FloatArray, log_weights: FloatArray, entries: NDArray[np.intp], rng: np.random.Generator
     ) -> Kernels:
         """Kernels about weighted draws (n, k)."""
         weights = _evened(log_weights)
@@ -46,7 +47,7 @@ class Kernels:
         places = (np.arange(_KERNELS) + rng.uniform()) / _KERNELS
         chosen = np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)
         factors = [_local(standard, weights, standard[i]) for i in chosen]
-        return cls(entries, points[chosen], _WIDER * whole @ np.array(factors))
+        return cls(entries, points[chosen], np.asarray(_WIDER * whole @ np.array(factors), dtype=np.float64))
 
     def draw(self, count: int, rest: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Vectors (count, k); what has no kernel is `rest` (k,)."""
@@ -79,7 +80,7 @@ def _local(standard: FloatArray, weights: FloatArray, centre: FloatArray) -> Flo
     near = order[: max(last, 4 * standard.shape[1])]
     own = weights[near] / weights[near].sum()
     off = standard[near] - own @ standard[near]
-    return np.linalg.cholesky(_regular(off.T @ (off * own[:, None])))
+    return np.asarray(np.linalg.cholesky(_regular(off.T @ (off * own[:, None]))), dtype=np.float64)
 
 
 def _regular(covariance: FloatArray) -> FloatArray:

@@ -2,17 +2,20 @@
 
 Each family is a few columns whose amplitudes are normal; `hypotheses` says of which size.
 
-    misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error, and a local shift of depth, which is
-             what a gradual contact looks like; both with correlation exp(-|dv| / 0.5), six columns each
-    step     eight steps about contact, each a ramp .02 to .05 of the depth wide: sharp ones make a likelihood rugged
+    misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error, and a local shift of depth, as a
+             gradual contact makes; both with correlation exp(-|dv| / 0.5), six columns each
+    step     eight steps about contact, each a ramp .02 to .05 of the depth wide: with sharp ones a likelihood is
+             rugged
     ramp     the baseline of the record, straight in time
     line     fringes or vibration: sine and cosine of the frequency that the residual has most of
+    turn     a baseline that turns or has a kink: straight but for one place, where the residual has it
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -28,7 +31,8 @@ _SLOWEST, _FREQUENCIES = (
     1.25,
     96,
 )  # periods in the record that a line has at least; frequencies that are tried
-FAMILIES = ("relative", "shift", "line")
+_TURNS = 24  # places in the record that are tried for a turn
+FAMILIES = ("relative", "shift", "line", "turn")
 LINE = FAMILIES.index("line")
 
 
@@ -43,7 +47,7 @@ class Columns:
     law, step, ramp, residual : slice
         Where they stand.
     families : tuple of slice
-        Each misfit's, and the line's.
+        Each misfit's, then the line's and the turn's.
     v : FloatArray
         sqrt(w / w_max), (n,); zero before contact.
     """
@@ -67,10 +71,11 @@ class Columns:
             np.linspace(-1.0, 1.0, n)[:, None],
             *_misfits(tangent, v),
             _line(residual, tangent.columns),
+            _turn(residual, tangent.columns),
             residual[:, None],
         ]
         ends = np.cumsum([0, *(part.shape[1] for part in parts)])
-        places = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         law, step, ramp, *families, last = places
         return cls(np.hstack(parts), law, step, ramp, tuple(families), last, v)
 
@@ -118,3 +123,14 @@ def _line(residual: FloatArray, law: FloatArray) -> FloatArray:
     s, t = residual @ sine, residual @ cosine
     best = int(np.argmax((b * s * s - 2.0 * c * s * t + a * t * t) / np.maximum(a * b - c * c, 1e-9 * n * n)))
     return np.column_stack((np.sin(phase[:, best]), np.cos(phase[:, best])))
+
+
+def _turn(residual: FloatArray, law: FloatArray) -> FloatArray:
+    """Column (n, 1), 2 |t - t0|, of the turn t0 that takes most of the residual (n,) beside the law (n, k)."""
+    t = np.linspace(0.0, 1.0, len(residual))[:, None]
+    turns = 2.0 * np.abs(t - np.linspace(0.0, 1.0, _TURNS + 2)[1:-1])
+    turns -= turns.mean(axis=0)
+    q, _ = np.linalg.qr(law)
+    left = turns - q @ (q.T @ turns)
+    best = int(np.argmax((residual @ left) ** 2 / np.maximum((left * left).sum(axis=0), 1e-9)))
+    return turns[:, best : best + 1]

@@ -5,8 +5,8 @@
 with the moments t of `moments` as the model itself has them, not linearised. Where white noise with or without a
 step or a ramp is all there is, nothing is lost by the whole sum of squares in their place.
 
-A disturbance as large as the force must not make a modulus of zero likely: what is free is asked by the logarithm of
-the size of the contact force. With rho = (P, P_0) / (P_0, P_0), P_0 the force at least squares, the model
+A disturbance as large as the force must not make a modulus of zero likely: what is free is asked by the logarithm
+of the size of the contact force. With rho = (P, P_0) / (P_0, P_0), P_0 the force at least squares, the model
 
     F* = F - P + P_0 ln rho + P / rho
 
@@ -155,7 +155,7 @@ class Density:
         return found
 
     def levels(self, fallen: Sequence[FloatArray]) -> FloatArray:
-        """Every hypothesis' ln (w_m p_m), (sets, m), where the curves' models have fallen so far, (sets, n) each."""
+        """Every hypothesis' ln (w_m p_m), (sets, m), where the curves' models have fallen (sets, n) each."""
         freedom, k = self.likelihood.freedom, len(self.kept)
         t = self._moments(fallen)
         square = np.einsum("smi,mij,smj->sm", t, self.precision, t, optimize=True)

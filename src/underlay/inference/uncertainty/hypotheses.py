@@ -28,9 +28,10 @@ IntArray = NDArray[np.intp]
 
 _NONE = 0.8  # prior of no misfit, of no step, of no ramp, each
 _MISFITS = (1.0, 5.0, 25.0, 125.0, 600.0)  # standard deviations of the columns, in those of the white noise
+_SHAPES = (1.0, 2.5, 6.0, 15.0, 40.0)  # the same of line and turn, whose size is seen well
 _STEPS, _RAMPS = (2.0, 10.0, 50.0), (3.0, 30.0)
 _LARGEST = 0.5  # of the peak force: no misfit explains the curve itself
-_TRIED = 100.0  # frequencies of a line that the data tell apart
+_TRIED = 50.0  # frequencies of a line, or places of a turn, that the data tell apart
 _KEPT, _MOST = 4e-3, 30
 _SINGULAR = 1e-6  # of the largest: a direction that these data do not have
 _HOPELESS = 12.0  # nats that a noise may lie behind with a fifth of the choices, to be tried with all
@@ -49,7 +50,7 @@ class Hypotheses:
     noise : IntArray
         Row of the `NoiseTable`; 0 is white.
     family : IntArray
-        Of misfit, or the line; -1 is none.
+        Of misfit, or line or turn; -1 is none.
     misfit, step, ramp : FloatArray
         Standard deviations of the columns' amplitudes, in those of the white noise; 0 is none.
     is_short : ndarray of bool
@@ -74,7 +75,7 @@ class Hypotheses:
     @property
     def misfits(self) -> NDArray[np.bool_]:
         """Whether the law is off, (m,)."""
-        return np.asarray((self.family >= 0) & (self.family != LINE))
+        return np.asarray((self.family >= 0) & (self.family < LINE))
 
     def probability(self, which: NDArray[np.bool_]) -> float:
         """Weight of some of them, (m,)."""
@@ -146,18 +147,21 @@ class _Choices:
 
 @lru_cache(maxsize=2)
 def _choices(*, coarse: bool) -> _Choices:
-    sizes = _MISFITS[1::2] if coarse else _MISFITS
-    misfits = [(-1, 0.0)] + [(f, a) for f in range(len(FAMILIES)) for a in sizes]
+    every = [_MISFITS if f < LINE else _SHAPES for f in range(len(FAMILIES))]
+    sizes = [own[1::2] if coarse else own for own in every]
+    misfits: list[tuple[int, float]] = [(-1, 0.0), *((f, a) for f, own in enumerate(sizes) for a in own)]
     last = slice(1, None, 2) if coarse else slice(None)
-    rows = [(*m, s, r) for m in misfits for s in (0.0, *_STEPS[last]) for r in (0.0, *_RAMPS[last])]
-    family, misfit, step, ramp = np.array(rows).T
+    steps, ramps = [0.0, *list(_STEPS)[last]], [0.0, *list(_RAMPS)[last]]
+    rows = [(f, a, s, r) for f, a in misfits for s in steps for r in ramps]
+    table = np.array(rows)
+    family, misfit, step, ramp = (table[:, i] for i in range(4))
 
     def prior(size: FloatArray, count: int) -> FloatArray:
         return np.log(np.where(size > 0.0, (1.0 - _NONE) / count, _NONE))
 
     log_prior = prior(misfit, len(misfits) - 1) + prior(step, len(_STEPS)) + prior(ramp, len(_RAMPS))
-    # The line's frequency is the best of as many as it could have: that is no evidence for it.
-    log_prior += np.where(family == LINE, -np.log(_TRIED), 0.0)
+    # Frequency and turn are the best of as many as they could be: that is no evidence for them.
+    log_prior += np.where(family >= LINE, -np.log(_TRIED), 0.0)
     return _Choices(family.astype(np.intp), misfit, step, ramp, log_prior, coarse)
 
 

@@ -80,7 +80,21 @@ from underlay.mechanics.solvers import Exact, Stuck
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
 from underlay.scene.scene import Scene
 
-__all__ = ["BOTH", "FINITE_STRAIN", "FRICTION", "KINDS", "Column", "KnownError", "LeftOut", "Pressed", "free_model_error", "known_errors", "left_out", "paraboloid_for_sphere"]
+__all__ = [
+    "BOTH",
+    "FINITE_STRAIN",
+    "FRICTION",
+    "KINDS",
+    "Column",
+    "KnownError",
+    "LeftOut",
+    "Pressed",
+    "free_model_error",
+    "known_errors",
+    "left_out",
+    "paraboloid_for_sphere",
+]
+
 
 @dataclass(frozen=True)
 class Pressed:

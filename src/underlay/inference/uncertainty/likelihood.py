@@ -96,7 +96,8 @@ class CurveState:
         noise = from_cosines(coefficients)[:, 0] * np.sqrt(self.growth)
         sizes = own.sizes(self.columns, one)
         amplitudes = sizes * rng.standard_normal(len(sizes))
-        return self.tangent.force + own.variance[one] ** 0.5 * (noise + self.columns.values @ amplitudes)
+        disturbance = own.variance[one] ** 0.5 * (noise + self.columns.values @ amplitudes)
+        return np.asarray(self.tangent.force + disturbance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,9 +206,8 @@ class Likelihood:
     @cached_property
     def determined(self) -> NDArray[np.bool_]:
         """Entries that act on some curve, (k,)."""
-        return np.any(
-            [np.abs(s.columns.values[:, s.columns.law]).max(axis=0) > 0.0 for s in self.states], axis=0
-        )
+        acts = [np.abs(own.columns.values[:, own.columns.law]).max(axis=0) > 0.0 for own in self.states]
+        return np.asarray(np.any(acts, axis=0))
 
     @property
     def entries(self) -> NDArray[np.intp]:

@@ -51,7 +51,7 @@ class Mixture:
         """Standard deviations (k,) of the whole mixture about its mean."""
         off = self.means - self.weights @ self.means
         own = np.diagonal(self.covariances, axis1=1, axis2=2)
-        return np.sqrt(np.maximum(self.weights @ (own + off * off), 0.0))
+        return np.asarray(np.sqrt(np.maximum(self.weights @ (own + off * off), 0.0)))
 
     def draws(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Equally likely vectors (count, k)."""
@@ -59,7 +59,7 @@ class Mixture:
         factors = np.array([_root(C) for C in self.covariances])
         z = rng.standard_normal((count, self.means.shape[1]))
         z *= np.sqrt(self.freedom / rng.chisquare(self.freedom, count))[:, None]
-        return self.means[own] + np.einsum("nij,nj->ni", factors[own], z)
+        return np.asarray(self.means[own] + np.einsum("nij,nj->ni", factors[own], z))
 
 
 def combine(hypotheses: Sequence[Hypotheses]) -> Combined:

@@ -10,7 +10,7 @@ from underlay._arrays import FloatArray
 __all__ = ["mixture_quantiles", "pareto_shape", "weighted_quantiles"]
 
 _GRID, _ROUNDS = 17, 6
-_NORMAL = 300.0  # degrees of freedom from which a Student distribution is taken for a normal one: 1e-3 of a quantile
+_NORMAL = 300.0  # degrees of freedom from which a Student distribution is taken as normal: 1e-3 of a quantile
 
 
 def mixture_quantiles(

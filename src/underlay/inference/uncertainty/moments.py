@@ -112,7 +112,7 @@ class CurveMoments:
             is_whole=(hypotheses.noise == 0) & (hypotheses.family < 0) & (np.ptp(growth) == 0.0),
             variance=hypotheses.variance,
             bends=p,
-            bend_precision=np.linalg.inv(_quadratic(spread, np.broadcast_to(bend, (m, *bend.shape)))),
+            bend_precision=_inverses(_quadratic(spread, np.broadcast_to(bend, (m, *bend.shape)))),
             bend_offset=bends.T @ residual,
         )
 
@@ -144,3 +144,7 @@ def _spread(
 
 def _quadratic(form: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(np.swapaxes(columns, 1, 2) @ form @ columns)
+
+
+def _inverses(matrices: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)

@@ -94,7 +94,7 @@ def _matern(n: int) -> FloatArray:
 
 
 def growth(residual: FloatArray, stiffness: FloatArray) -> FloatArray:
-    """Variances (n,) of the rows where the noise grows with the stiffness dP/dw, of mean 1; ones where none is seen.
+    """Variances (n,) of mean 1 of rows whose noise grows with the stiffness dP/dw; ones where none is seen.
 
     Second differences of the residual (n,), blind to what is smooth, say how much: their likelihood must gain.
     """

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.special import gammaln, logsumexp
 
@@ -54,15 +55,14 @@ def _conditional(
     log_det = -np.linalg.slogdet(scaled)[1] - 2.0 * np.log(scale).sum(axis=1)
     # A straight continuation may promise more than a hypothesis can give.
     gain = np.minimum(0.5 * np.einsum("mi,mi->m", pull, step), _PROMISED)
-    evidence = (
-        np.maximum(np.minimum(local.level[chosen] + gain, local.best[chosen]), local.level[chosen])
-        + 0.5 * log_det
-    )
+    level = local.level[chosen]
+    evidence = np.maximum(np.minimum(level + gain, local.best[chosen]), level) + 0.5 * log_det
     reach = np.maximum(np.abs(step).max(axis=1, initial=0.0), 1e-300)
     step = step * np.minimum(1.0, 1.0 / reach)[:, None]
     symmetric = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
     middle = node.vector[kept][others] + step
-    return Conditional(float(node.vector[coordinate]), evidence, middle, np.linalg.cholesky(symmetric))
+    factors = np.asarray(np.linalg.cholesky(symmetric), dtype=np.float64)
+    return Conditional(float(node.vector[coordinate]), evidence, middle, factors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Proposal:
         What is interpolated.
     """
 
-    entries: FloatArray
+    entries: NDArray[np.intp]
     coordinate: int
     edges: FloatArray
     cells: FloatArray
@@ -119,7 +119,7 @@ class Proposal:
         entries = density.kept[density.kept != coordinate]
         return cls(entries, coordinate, edges, cells, top + log_shares, found, density.likelihood.fit.vector)
 
-    def draw(self, own: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def draw(self, own: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
         """Vectors (n, k) of hypotheses `own` (n,), each a number of these."""
         u = rng.uniform(size=len(own))
         cumulated = np.cumsum(self.cells, axis=1)
@@ -151,7 +151,7 @@ class Proposal:
         across = constant - log_det - 0.5 * (_FREEDOM + q) * np.log1p((z * z).sum(axis=2) / _FREEDOM)
         return np.where(inside[:, None], along + across, -np.inf)
 
-    def _across(self, place: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _across(self, place: FloatArray, own: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Middles (n, h, q) and factors (n, h, q, q) at places (n,) of hypotheses (n, h)."""
         places = np.array([node.place for node in self.nodes])
         middles = self._middles(place, places)

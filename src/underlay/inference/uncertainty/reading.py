@@ -53,7 +53,7 @@ class Reading(ABC):
 
     @cached_property
     def _correction(self) -> FloatArray:
-        """Mean move (k,) of the hypotheses in which a step or a ramp alone is present, where they outweigh others."""
+        """Mean move (k,) of the hypotheses that correct the value, where they outweigh the others."""
         mixture = self.likelihood.mixture
         moves = mixture.means - self.value
         acts = np.any(moves != 0.0, axis=1)

@@ -182,11 +182,8 @@ def _groups(likelihood: Likelihood) -> list[list[int]]:
     own = likelihood.states[0].hypotheses
     if own.probability(own.corrects) < _SECOND:
         return [every]
-    return [
-        part
-        for part in (np.flatnonzero(~own.corrects).tolist(), np.flatnonzero(own.corrects).tolist())
-        if part
-    ]
+    parts = (np.flatnonzero(~own.corrects).tolist(), np.flatnonzero(own.corrects).tolist())
+    return [part for part in parts if part]
 
 
 def _paths(

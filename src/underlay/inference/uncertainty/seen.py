@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.columns import LINE, Columns, smooth_basis
@@ -40,8 +41,9 @@ class Seen:
     foot : float
         Share of the misfit's relative size, squared, in the first fifth of the depth; near 1 where the contact is
         made gradually.
-    step, ramp, line : float
-        Probability of a step of the force at contact, of a ramp of the baseline, of fringes or vibration.
+    step, ramp, line, turn : float
+        Probability of a step of the force at contact, of a ramp of the baseline, of fringes or vibration,
+        of a baseline that turns.
     step_force, ramp_force : float
         Their sizes (N), as far as they are seen: the step across contact, the ramp over the record.
     corrected : float
@@ -59,6 +61,7 @@ class Seen:
     step: float
     ramp: float
     line: float
+    turn: float
     step_force: float
     ramp_force: float
     corrected: float
@@ -104,6 +107,7 @@ def seen_in(
         step=hypotheses.probability(hypotheses.step > 0.0),
         ramp=hypotheses.probability(hypotheses.ramp > 0.0),
         line=hypotheses.probability(hypotheses.family == LINE),
+        turn=hypotheses.probability(hypotheses.family > LINE),
         step_force=float(weight @ steps) * deviation,
         ramp_force=float(weight @ ramps) * deviation,
         corrected=hypotheses.probability(hypotheses.corrects),
@@ -136,7 +140,7 @@ class _Profile:
     """Reads the size and the place of a misfit off its amplitudes."""
 
     columns: Columns
-    inside: FloatArray
+    inside: NDArray[np.intp]
     force: FloatArray
     reads: FloatArray
 

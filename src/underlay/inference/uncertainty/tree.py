@@ -1,4 +1,4 @@
-"""What the rest of the tree answers: one curve's model, its readings taken in blocks, and what is said of its noise.
+"""What the rest of the tree answers: one curve's model, its readings in blocks, and what is said of its noise.
 
 The only file of this room that knows `Problem`, `Member`, `Forward` and `Fit`.
 """
@@ -23,7 +23,7 @@ from underlay.inference.uncertainty.blocks import Blocks, resolution
 __all__ = ["CurveModel", "Tangent", "curve_models"]
 
 _CONTACT, _COMPLIANCE = "instrument.contact_depth", "instrument.compliance"
-#: Numbers in which the force is straight, or nearly so (checked): what acts on the reading, and the layer's modulus.
+#: Numbers in which the force is straight, or nearly so (checked): those of the reading, and the modulus.
 _STRAIGHT = ("layer.E", _CONTACT, "instrument.baseline", "instrument.baseline_slope")
 
 
@@ -114,7 +114,7 @@ class CurveModel:
         )
 
     def forces(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Contact force and instrument's force, (sets, n), at scaled vectors (sets, k), and which exist, (sets,)."""
+        """Contact force and instrument's force, (sets, n), at scaled vectors (sets, k); which exist, (sets,)."""
         values = self.member.values_of(self.problem.physical(vectors))
         found = batched_readings(self.forward, values, len(vectors), stiffness=False)
         return self.answers(found.contact), self.answers(found.force), found.possible
@@ -163,25 +163,21 @@ def _open(fit: Any, i: int) -> CurveModel:
     blocks = Blocks.of(curve.depth, contact)
     depth = blocks.means(curve.depth)
     deviation = float(fit.sigmas[i][0]) / blocks.size**0.5
-    forward, answers = member.forward, lambda a: blocks.means(a) / deviation
+
+    def fold(values: FloatArray) -> FloatArray:
+        return np.asarray(blocks.means(values) / deviation)
+
+    def at_blocks(values: FloatArray) -> FloatArray:
+        return np.asarray(values / deviation)
+
+    forward, answers = member.forward, fold
     if forward.history is None and member.scene.adhesion is None:
-        forward, answers = forward.moved(depth, blocks.means(curve.force)), lambda a: a / deviation
-    fold = lambda a: blocks.means(a) / deviation  # noqa: E731  beside `answers`
+        forward, answers = forward.moved(depth, blocks.means(curve.force)), at_blocks
     # What rounding adds is alike in neighbours: it does not average out within a block.
     least = (resolution(curve.force) / deviation) ** 2 / 12.0
+    force, size = fold(curve.force), blocks.size
     return CurveModel(
-        problem,
-        member,
-        forward,
-        fold,
-        answers,
-        depth,
-        fold(curve.force),
-        deviation,
-        blocks.size,
-        least,
-        True,
-        False,
+        problem, member, forward, fold, answers, depth, force, deviation, size, least, True, False
     )
 
 
@@ -191,7 +187,7 @@ def _stated(fit: Any, i: int) -> CurveModel:
     sigma, time, depth = fit.sigmas[i], member.curve.time, member.curve.depth
 
     def fold(values: FloatArray) -> FloatArray:
-        return noise.whiten(values / sigma, time)
+        return np.asarray(noise.whiten(values / sigma, time))
 
     force = fold(member.curve.force)
     known = not member.scale_is_unknown

@@ -115,7 +115,8 @@ def _one_side(
     low, high = path.bounds[coordinate] + np.array([1e-6, -1e-6])
     shortest = min(_SHORTEST * deviation, 0.04)
     step = float(np.clip(_FIRST * deviation, shortest, 0.25))
-    nodes, before = [], [first.vector]
+    nodes: list[Node] = []
+    before = [first.vector]
     while len(nodes) < _MOST:
         here = before[-1]
         ahead = here.copy()
