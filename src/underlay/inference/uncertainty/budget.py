@@ -16,6 +16,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError, UnderlayError
+from underlay.inference.model.compilation import IN_SERIES
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.inputs import DEPTH, FORCE, HEIGHTS, SPRING_CONSTANT, Input, inputs_of
 from underlay.inference.uncertainty.known_errors import KnownError, Pressed, known_errors, left_out
@@ -78,7 +79,7 @@ def sources_of(
     refit : callable
         For what moves it far, and for another bond.
     """
-    if getattr(fit.problem.base_scenes[0], "uncertainties", None) == "none":
+    if fit.problem.base_scenes[0].uncertainties == "none":
         return ()
     readings = [member.reading(fit.problem.physical(fit.vector)) for member in fit.problem.members]
     budget = _Budget(fit, moved, refit, readings)
@@ -141,10 +142,13 @@ class _Budget:
         member, reading = self.fit.problem.members[i], self.readings[i]
         if amount == 0.0:
             return np.zeros(len(member.force))
+        kept = _kept(self.fit, i, reading)
+        if source == SPRING_CONSTANT and member.curve.metadata.get(IN_SERIES):
+            # The deflection is measured: a stiffer lever presses harder, and bends no more.
+            return -amount * kept * reading.contact
         if source in {FORCE, SPRING_CONSTANT}:
             # A force scale that is larger makes the same sample read less.
             return -amount * member.force
-        kept = _kept(self.fit, i, reading)
         if source == DEPTH:
             return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
         if source == HEIGHTS:
@@ -239,7 +243,7 @@ def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | 
     if not paths:
         return {}
     free = {**fit.problem.free, **dict.fromkeys(paths)}
-    scenes = list(fit.scenes)
+    scenes = [replace(scene, uncertainties=None) for scene in fit.scenes]
     try:
         problem = fit.problem.revised(free=free, scenes=scenes, noise=fit.noises)
         physical = problem.physical(problem.start)

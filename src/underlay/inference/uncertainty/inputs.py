@@ -68,7 +68,7 @@ def inputs_of(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Input,
     free : collection of str
         Paths that are fitted.
     """
-    stated = getattr(scene, "uncertainties", None)
+    stated = scene.uncertainties
     if stated == "none":
         return ()
     told: Mapping[str, float] = stated if isinstance(stated, Mapping) else {}
