@@ -10,7 +10,6 @@ import numpy as np
 from underlay._arrays import ArrayLike
 from underlay._text import one_line
 from underlay.inference.headline.known_inputs import FORCE
-from underlay.inference.misfit.sizes import shape_parameters
 from underlay.inference.uncertainty.known_errors import known_errors
 from underlay.report.intervals import (
     Estimate,
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 __all__ = [
     "headline",
     "known_together",
-    "longer_intervals",
     "noted",
     "posterior_summary",
     "stands_on",
@@ -120,29 +118,11 @@ def stands_on(result: Fit) -> str:
     return ""
 
 
-# Of posteriors in which a drift of the law takes part: the data hold the sum of both far better than the law alone.
+# Of posteriors in which disturbances of a curve take part.
 _LAW_ALONE = (
-    "No noise was stated: it is averaged over, and with it how far the law may drift from the data. Bands of the "
-    "contact law leave that drift out, and are wider than what the data leave open of their sum."
+    "No noise was stated: it is averaged over, and with it all that may disturb the curve. Bands of the contact "
+    "law leave these disturbances out, and are wider than what the data leave open of their sum."
 )
-
-
-def longer_intervals(posterior: Posterior) -> str:
-    """Say that intervals hold more of the draws than their level, and why; empty where they do not."""
-    if posterior.inside(0.95) == 0.95:
-        return ""
-    is_open = posterior.problem is not None and bool(shape_parameters(posterior.problem))
-    why = (
-        "The curve shows more than white noise, and a parameter that is read off its shape takes that up: state "
-        "what you know of it."
-        if is_open
-        else "The curve rules an undisturbed half-space out: say what lies below the layer."
-    )
-    return (
-        f"{why} Until then what is printed as a 95 % interval holds {100.0 * posterior.inside(0.95):.4g} % of "
-        "the draws, as the fit's does, so that it holds the truth as often as it says; bands and regions in "
-        "pictures are of the draws."
-    )
 
 
 def posterior_summary(posterior: Posterior) -> str:
@@ -165,8 +145,6 @@ def posterior_summary(posterior: Posterior) -> str:
     told = [" ".join(parts), f"{state}: {reason}."]
     if posterior.problem is not None and posterior.problem.noise_is_open:
         told.append(_LAW_ALONE)
-    if longer := longer_intervals(posterior):
-        told.append(longer)
     return "\n\n".join(told)
 
 

@@ -402,9 +402,8 @@ def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _
     )
     draws = {name: np.asarray(posterior.samples[name]) for name in problem.names}
     more: dict[str, Any] = {"converged": bool(posterior.converged), "seed": seed}
-    half = 0.5 * posterior.inside(0.95)
     for name, values in draws.items():
-        more[f"{name}.low"], more[f"{name}.high"] = np.quantile(values, [0.5 - half, 0.5 + half]).tolist()
+        more[f"{name}.low"], more[f"{name}.high"] = np.quantile(values, [0.025, 0.975]).tolist()
     return replace(
         outcome,
         values={name: float(np.median(values)) for name, values in draws.items()},
