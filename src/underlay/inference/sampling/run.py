@@ -507,7 +507,8 @@ class _Proposal:
         """Vectors (count, p)."""
         # In an order of chance: draws are stratified, and a walker's are of the whole mixture, not of one stratum.
         own = rng.permutation(self.source.draw(count, rng))
-        near = rng.permutation(self.kernels.draw(count, own[0], rng))
+        whole = len(self.kernels.centres) * -(-count // len(self.kernels.centres))
+        near = rng.permutation(self.kernels.draw(whole, own[0], rng))[:count]
         return np.where(rng.uniform(size=(count, 1)) < 0.5, own, near)
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
