@@ -984,12 +984,12 @@ def marginalised(problem: Problem) -> Problem:
     .. deprecated:: 0.2
         Ask ``fit(problem).statement.likelihood.log_density`` of scaled vectors.
     """
+    require_given(problem, "problem", Problem)
     warnings.warn(
         "marginalised goes with the next version: ask fit(problem).statement.likelihood.log_density",
         DeprecationWarning,
         stacklevel=2,
     )
-    require_given(problem, "problem", Problem)
     if not problem.noise_is_open or problem.likelihood is not None:
         return problem
     return problem.with_likelihood(cast(Any, _Averaged(fit(problem))))
