@@ -144,7 +144,7 @@ Estimator: TypeAlias = Callable[[Case], Estimate | float]
 def whole_model(case: Case) -> Estimate:
     """Fit the scene as it is told, with all that it says of the sample: what `underlay fit` prints."""
     fitted = fit(load_problem(case.curve, case.scene))
-    told = fitted.interval(_MODULUS, model_error=True)
+    told = fitted.answer(_MODULUS)
     return Estimate(told.value, told.low, told.high)
 
 

@@ -165,6 +165,7 @@ def result_rows(result: Fit) -> pd.DataFrame:
     about = pd.DataFrame(rows, index=table.index)
     about.insert(0, "verdict", result.verdict.word)
     about.insert(1, "reasons", one_line("; ".join(result.verdict.reasons)))
+    about.insert(2, "cause", one_line(result.verdict.cause))
     return pd.concat([table, about], axis=1)
 
 
@@ -239,7 +240,7 @@ def _solver(solver: Solver) -> str:
 def _noise(given: Any) -> str:
     """The noise as it was stated; one per curve if several were."""
     if given is None:
-        return "not stated: intervals are averaged over what the residuals may be"
+        return "not stated: what the residuals show is allowed for"
     if isinstance(given, NoiseModel):
         stated = [f"{path} = {number.value:.17g}" for path, number in numbers_of(given, "noise").items()]
         return ", ".join(stated) or repr(given)

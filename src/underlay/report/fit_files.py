@@ -16,7 +16,7 @@ import pandas as pd
 from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay.errors import UnderlayError
-from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus, pointwise_modulus
+from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus, modulus_by_depth
 from underlay.report import plots
 from underlay.report.adhesion_tables import adhesion_frame
 from underlay.report.excel import result_rows
@@ -48,7 +48,7 @@ def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:
     found: list[PointwiseModulus | str] = []
     for curve in range(len(result.curves)):
         try:
-            found.append(pointwise_modulus(result, curve=curve))
+            found.append(modulus_by_depth(result, curve=curve))
         except UnderlayError as error:
             found.append(str(error))
     return found
@@ -112,6 +112,9 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
         result.to_json(folder / f"{stem}.fit.json"),
         plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
     ]
+    by_depth = pointwise_of(result)[0]
+    if isinstance(by_depth, PointwiseModulus):
+        written.append(write_atomic(folder / f"{stem}.depth.csv", csv_text(by_depth.table)))
     if result.scene.memory is not None:
         written.append(plots.save(plots.fit_in_time(result), folder / f"{stem}.time.png"))
     if result.scene.layer.relaxation is not None:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -37,6 +37,9 @@ from underlay.scene.noise import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.inference.pointwise.modulus import PointwiseModulus
 
 __all__ = [
     "Alternative",
@@ -267,6 +270,19 @@ class Fit:
         if part not in parts:
             raise InputError(f"unknown part {part!r:.60}; known: {', '.join(parts)}")
         return parts[part]
+
+    def modulus_by_depth(self, curve: int = 0, points: int = 30, level: float = 0.95) -> PointwiseModulus:
+        """Return E by depth: read from the force, and from its slope, at each depth, with the half-space's beside it.
+
+        See `pointwise_modulus` for parameters and errors.
+        """
+        found: PointwiseModulus = self.statement.modulus_by_depth(curve, points, level)
+        return found
+
+    def refit(self, problem: Problem) -> Fit:
+        """Fit another problem as this one was, begun at the values of its scenes."""
+        found: Fit = self.statement.refit(problem)
+        return found
 
     def band(self, of: Follows, level: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, each (n,), of positive quantities that follow from the parameters.

@@ -57,12 +57,15 @@ class Source:
         As in `Contribution`.
     moves : FloatArray
         How far the scaled vector goes, (rows, 2, k): rows are independent, each has two sides.
+    bias : FloatArray
+        Where its middle lies (k,), seen from the fit's vector: an error whose size is not zero on average.
     """
 
     name: str
     size: str
     origin: str
     moves: FloatArray
+    bias: FloatArray | float = 0.0
 
 
 def sources_of(
@@ -202,11 +205,9 @@ class _Budget:
                 continue
             shift = self.moved(columns)
             spread = _NORMAL_95 * error.deviation
+            # What the law lacks the fit has put into its numbers.
             yield Source(
-                error.words,
-                "",
-                "model",
-                np.array([[-(error.mean - spread) * shift, -(error.mean + spread) * shift]]),
+                error.words, "", "model", np.array([[-spread * shift, spread * shift]]), -error.mean * shift
             )
 
     def _bonds(self) -> Iterator[Source]:

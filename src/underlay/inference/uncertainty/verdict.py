@@ -92,6 +92,15 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
         )
         return
     word = REJECT if change > _WRONG else CHECK
+    if scene.adhesion is not None:
+        yield Advice(
+            word,
+            f"the model of a tip that adheres does not describe the curve{_residuals(fit)}",
+            "E and the work of adhesion trade off; the tip's radius or shape is not as entered",
+            "enter the tip radius from its data sheet, and fit approach and withdrawal together",
+            ("curve.segment", "all"),
+        )
+        return
     stiffer = "stiffer" if seen.change > 0.0 else "softer"
     if scene.substrate is None and seen.change > 0.0:
         yield Advice(
@@ -157,12 +166,14 @@ def _of_widths(answers: Sequence[Answer]) -> Iterator[Advice]:
                 CHECK,
                 f"{known.name} is known to a factor of {known.high / known.low:.2g} only",
                 _largest(known),
-                "state the largest input's uncertainty if it is smaller, or indent deeper or with a second tip",
+                "indent deeper or with a second tip; state an input's uncertainty where it is smaller",
             )
 
 
 def _largest(known: Answer) -> str:
     first = known.contributions[0]
+    if first.origin == "seen":
+        return "noise and misfit of the curve itself"
     return f"{first.source} makes {100.0 * first.share:.0f} % of the variance"
 
 
