@@ -1,8 +1,9 @@
 """The systematic part: how far every uncertain input, and all that a model leaves out, moves the fitted numbers.
 
 A source adds a force to the readings that the fit takes for the sample's. To first order the scaled vector answers
-by least squares in the metric of the noise (`Likelihood.moved`); where that goes far the curve is fitted again
-with the input moved. A source of several independent shapes has a row of moves for each; each row is a pair, down and up.
+by least squares in the metric of the noise (`Likelihood.moved`); where that goes far the curve is fitted again with
+the input moved. A source of several independent shapes has a row of moves for each; each row is a pair, down and
+up.
 """
 
 from __future__ import annotations
@@ -18,7 +19,15 @@ from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError, UnderlayError
 from underlay.inference.model.compilation import IN_SERIES
 from underlay.inference.problem import Problem
-from underlay.inference.uncertainty.inputs import DEPTH, FORCE, HEIGHTS, SPRING_CONSTANT, Input, inputs_of
+from underlay.inference.uncertainty.inputs import (
+    DEPTH,
+    FORCE,
+    HEIGHTS,
+    SENSITIVITY,
+    SPRING_CONSTANT,
+    Input,
+    inputs_of,
+)
 from underlay.inference.uncertainty.known_errors import KnownError, Pressed, known_errors, left_out
 from underlay.mechanics.profile import Profile
 from underlay.scene.instrument import ContactDepth, Frame
@@ -38,6 +47,7 @@ Refit: TypeAlias = Callable[[Problem], "Fit"]
 #: The general error of a contact law.
 LAW = "contact model"
 _NORMAL_95 = 1.96
+_NO_PATHS = {FORCE, SPRING_CONSTANT, SENSITIVITY, DEPTH, HEIGHTS}
 # Sections of a scene whose numbers act on a curve.
 _ACTING = ("indenter.", "layer.", "substrate.", "instrument.compliance", "adhesion.", "history.")
 # Standard, at full depth, of the law's own error: an assumption, marked as such. At 3 % it alone makes 7.4 to 8.4 %
@@ -125,7 +135,7 @@ class _Budget:
         self, source: str, entries: dict[int, Input], slopes: dict[str, list[FloatArray]]
     ) -> FloatArray | None:
         """Moves (1, 2, k) of one input; None where it cannot act."""
-        if source not in {FORCE, SPRING_CONSTANT, DEPTH, HEIGHTS} and source not in slopes:
+        if source not in _NO_PATHS and source not in slopes:
             return None
         sides = []
         for sign in (-1.0, 1.0):
@@ -152,6 +162,10 @@ class _Budget:
         if source in {FORCE, SPRING_CONSTANT}:
             # A force scale that is larger makes the same sample read less.
             return -amount * member.force
+        if source == SENSITIVITY:
+            # Both the force and the bending that was taken off the travel are larger by it.
+            bending = member.force / float(member.curve.metadata.get("spring_constant", math.inf))
+            return -amount * (member.force + kept * reading.stiffness * bending)
         if source == DEPTH:
             return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
         if source == HEIGHTS:
