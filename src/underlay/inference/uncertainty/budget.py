@@ -143,7 +143,10 @@ class _Budget:
                 sign * (entries[i].up if sign > 0.0 else entries[i].down) if i in entries else 0.0
                 for i in range(len(self.readings))
             ]
-            columns = [self._column(source, i, amount, slopes) for i, amount in enumerate(amounts)]
+            columns = [
+                self._column(source, i, amount, slopes) if amount else np.zeros_like(self.readings[i].force)
+                for i, amount in enumerate(amounts)
+            ]
             # Were the input so much larger, the same readings would come from another sample.
             near = -self.moved(columns)
             far = bool((np.abs(near) > _STRAIGHT).any()) and source in slopes
@@ -153,24 +156,22 @@ class _Budget:
     def _column(self, source: str, i: int, amount: float, slopes: dict[str, list[FloatArray]]) -> FloatArray:
         """Force (N) that curve `i` would show more, were the input larger by `amount`."""
         member, reading = self.fit.problem.members[i], self.readings[i]
-        if amount == 0.0:
-            return np.zeros(len(member.force))
+        if source == HEIGHTS:
+            return _of_heights(self.fit, i, amount) - reading.force
+        if source in slopes:
+            return amount * slopes[source][i]
         kept = _kept(self.fit, i, reading)
+        if source == DEPTH:
+            return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
+        # A force scale that is larger makes the same sample read less.
         if source == SPRING_CONSTANT and member.curve.metadata.get(IN_SERIES):
             # The deflection is measured: a stiffer lever presses harder, and bends no more.
             return -amount * kept * reading.contact
-        if source in {FORCE, SPRING_CONSTANT}:
-            # A force scale that is larger makes the same sample read less.
-            return -amount * member.force
         if source == SENSITIVITY:
-            # Both the force and the bending that was taken off the travel are larger by it.
+            # The bending that was taken off the travel is larger by it too.
             bending = member.force / float(member.curve.metadata.get("spring_constant", math.inf))
             return -amount * (member.force + kept * reading.stiffness * bending)
-        if source == DEPTH:
-            return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
-        if source == HEIGHTS:
-            return _of_heights(self.fit, i, amount) - reading.force
-        return amount * slopes[source][i]
+        return -amount * member.force
 
     def _moved_input(self, source: str, amounts: Sequence[float], near: FloatArray) -> FloatArray:
         """Shift of the optimum when the curve is fitted again with the input moved; `near` where it cannot be."""
