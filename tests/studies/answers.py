@@ -8,8 +8,8 @@
 ``results/answers_KIND_FREE.csv`` says how many statistical parts (95 %) hold the truth, how wide they are over that
 of white noise (median and geometric mean), the Winkler score and white's (both of ln of the number), how many
 intervals of white noise hold the truth (the control: it must fail where noise is not white), and the cost in
-milliseconds of processor (median, 90 %). In worlds in which the law is wrong the truth is what the law makes of the curve without its
-white noise. `verdicts` counts what is called check or reject of clean and of correlated curves.
+milliseconds of processor (median, 90 %). In worlds in which the law is wrong the truth is what the law makes of the
+curve without its white noise. `verdicts` counts what is called check or reject of clean and of correlated curves.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def summed(rows):
 
 
 def verdicts(count, seed):
-    """False alarms: what is called check or reject, of clean curves with thickness known and free, and correlated."""
+    """False alarms: what is called check or reject of clean curves, thickness known and free, and of correlated ones."""
     clean = Clean.of(ONE, 1.5e-4, 240)
     for kind, world, keys, share in (
         ("clean, h known", "clean", ("E",), 1.0),
