@@ -142,7 +142,7 @@ def summed(rows):
 
 
 def verdicts(count, seed):
-    """False alarms: what is called check or reject of clean curves, thickness known and free, and of correlated ones."""
+    """What is called check or reject of clean curves, thickness known and free, and of correlated ones."""
     clean = Clean.of(ONE, 1.5e-4, 240)
     for kind, world, keys, share in (
         ("clean, h known", "clean", ("E",), 1.0),

@@ -26,7 +26,7 @@ from underlay.scene.scene_writer import document_text
 from underlay.scene.uncertainties import parted
 from underlay.units import KINDS, parse_quantity
 
-__all__ = ["ADVANCED", "BASES", "ELSEWHERE", "PRESETS", "Draft", "Field", "apart", "preset", "problem_with"]
+__all__ = ["ADVANCED", "BASES", "ELSEWHERE", "PRESETS", "Draft", "Field", "apart", "empty", "preset", "problem_with"]
 
 #: Samples to begin with: name of the file and what it is called.
 PRESETS: Mapping[str, str] = {
@@ -297,6 +297,22 @@ class Draft:
 
     def _is_axial(self, section: str, key: SceneKey) -> bool:
         return key.name in _AXIAL and key.name in self.peek(section)
+
+
+def empty() -> Draft:
+    """Return the form as it begins: what only the user knows, radius, thickness and Poisson's ratio, is not there.
+
+    The layer's modulus is where a search starts, which the data then decide.
+    """
+    return Draft(
+        {
+            "indenter": {"shape": "sphere"},
+            "layer": {"E": "1 MPa"},
+            "substrate": {"rigid": True},
+            "fit": {"layer.E": {"min": "0.1 Pa", "max": "1 TPa"}, "instrument.baseline": {}},
+            "solver": {"rtol": 1e-5},
+        }
+    )
 
 
 def preset(name: str) -> Draft:
