@@ -23,6 +23,7 @@ from underlay.report.labels import label, start
 from underlay.scene.fit_range import Mark
 from underlay.scene.scene_keys import TOP, SceneKey, scene_keys
 from underlay.scene.scene_writer import document_text
+from underlay.scene.uncertainties import parted
 from underlay.units import KINDS, parse_quantity
 
 __all__ = ["ADVANCED", "BASES", "ELSEWHERE", "PRESETS", "Draft", "Field", "apart", "preset", "problem_with"]
@@ -52,13 +53,18 @@ ADVANCED: Mapping[str, str] = {
     "adhesion": "A tip that sticks",
     "discrepancy": "What friction and large strain add, as numbers",
     "instrument": "The instrument",
+    "uncertainties": "How well force, depth and lever are known",
     "lever": "The cantilever",
     "noise": "The noise, where it is known",
     "solver": "The contact law",
 }
 
 
-_FILES, _HANDLES = "step 1, where the file is read", "step 3, the handles of the curve"
+_FILES, _HANDLES, _TEXT = (
+    "step 1, where the file is read",
+    "step 3, the handles of the curve",
+    "the test as text",
+)
 
 
 #: Keys that the form has no field for, and where the page has them.
@@ -73,6 +79,8 @@ ELSEWHERE: Mapping[tuple[str, str], str] = {
     ("curve", "min_depth"): _HANDLES,
     ("curve", "max_depth"): _HANDLES,
     ("instrument", "contact_depth"): _HANDLES,
+    (TOP, "uncertainties"): _TEXT,
+    ("uncertainties", "PATH"): "beside the number itself: 0.02 mm of 1 mm is 1 mm ± 0.02 mm",
 }
 
 
@@ -170,7 +178,9 @@ class Draft:
         table = self.document
         for part in () if section == TOP else section.split("."):
             index, name = _INDEX.search(part), _INDEX.sub("", part)
-            inner: Any = table.setdefault(name, [] if index else {})
+            inner: Any = table.get(name)
+            if not isinstance(inner, dict | list):
+                inner = table[name] = [] if index else {}
             table = inner[int(index[1])] if index else inner
         return table
 
@@ -304,7 +314,7 @@ def apart(text: str, units: tuple[str, ...]) -> tuple[str, str]:
     """
     found = _AMOUNT.fullmatch(text)
     middle = units[len(units) // 2] if units else ""
-    if found is None:
+    if found is None or not any(units):
         return text.strip(), middle
     return found[1], found[2] or middle
 
@@ -320,7 +330,7 @@ def problem_with(text: str, key: SceneKey) -> str:
     try:
         for part in _parts(text):
             if key.kind:
-                parse_quantity(_value(part, key.kind), key.kind)
+                parse_quantity(_value(parted(part)[0], key.kind), key.kind)
             if key.name in _ENDS:
                 Mark.parse(part)
     except (UnitError, InputError) as error:

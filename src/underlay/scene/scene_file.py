@@ -32,9 +32,9 @@ holds, ``bond = "slip"`` or ``bond = { normal = "1 GPa/m", shear = "0 Pa/m" }``:
     thickness = "100 um"
 
 Optional sections: ``[layer.relaxation]``, ``[history]`` and ``[adhesion]`` (model, and its numbers),
-``[instrument]``, ``[solver]`` (name, rtol, order, form), ``[noise]``, ``[curve]`` (which part of which file, and
-column names) and ``[simulate]`` (depths of a made curve). A new indenter, relaxation, history or model of adhesion
-needs no change here.
+``[instrument]``, ``[uncertainties]`` (how well the inputs are known), ``[solver]`` (name, rtol, order, form),
+``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made curve). A
+new indenter, relaxation, history or model of adhesion needs no change here.
 """
 
 from __future__ import annotations
@@ -295,6 +295,7 @@ _SECTIONS = (
     "adhesion",
     "lever",
     "discrepancy",
+    "uncertainties",
     "fit",
     "solver",
     "noise",

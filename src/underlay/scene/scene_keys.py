@@ -69,6 +69,21 @@ _BEFORE_SECTIONS = {
         "unknown",
         "false says that strains are small; unknown or true widens the second interval where its size is known",
     ),
+    "uncertainties": (
+        '"none", or a section',
+        "sizes that are assumed",
+        "how well the inputs are known: [uncertainties]; none takes all for exact",
+    ),
+}
+#: What a scene file says of how well its inputs are known, at 95 %.
+_UNCERTAINTIES = {
+    "PATH": (
+        'in its unit, "2 %" or exact',
+        'of a number of the test; the same may stand beside it: "1 mm +- 0.02 mm", "1 mm ± 2 %", "1 mm exact"',
+    ),
+    "force": ('a share, "2 %"', "of the scale of the force"),
+    "depth": ('a share, "1 %"', "of the scale of the depth"),
+    "spring_constant": ('a share, "10 %"', "of the lever's spring constant"),
 }
 _FIT = {
     "prior": "density of what is known before; bounds alone are a flat one",
@@ -138,6 +153,8 @@ def _all() -> Iterator[SceneKey]:
     yield _choice("adhesion", "model", sorted(sticky))
     for name, adhesion in sorted(sticky.items()):
         yield from _of_class(adhesion, "adhesion", f" ({name})")
+    for key, (takes, meaning) in _UNCERTAINTIES.items():
+        yield SceneKey("uncertainties", key, takes, "assumed", meaning)
     yield from _of_class(Noise, "noise", "")
     for name, field in free_parameter_schema("dimensionless").model_fields.items():
         own = name in ("prior", "relative_sd")

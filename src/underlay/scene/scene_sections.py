@@ -20,13 +20,14 @@ from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
 from underlay.plugins import faults
-from underlay.quantities import Part
+from underlay.quantities import Part, numbers_of
 from underlay.scene.discrepancy import Discrepancy
 from underlay.scene.instrument import Instrument, Lever
 from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.parameters import hint
 from underlay.scene.scene import Scene
 from underlay.scene.scene_schema import SolverSection, ThicknessSection, check, schema_of
+from underlay.scene.uncertainties import rows_of, taken_out
 
 __all__ = ["EQUIVALENT_CONES", "noise_of", "scene_of", "solver_of", "table_of"]
 
@@ -44,7 +45,8 @@ def table_of(document: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
     """Return the test; `stood_in` are numbers of the indenter that the document leaves out."""
-    return Scene(
+    document, beside = taken_out(document)
+    scene = Scene(
         indenter=_indenter({**table_of(document, "indenter"), **stood_in}),
         layer=_layer(table_of(document, "layer")),
         substrate=_substrate(document),
@@ -55,6 +57,9 @@ def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
         discrepancy=_discrepancy(document),
         **_words(document),
     )
+    left_out = tuple(f"indenter.{name}" for name in stood_in)
+    rows = rows_of(document.get("uncertainties"), beside, numbers_of(scene), left_out)
+    return replace(scene, uncertainties=rows)
 
 
 def _discrepancy(document: Mapping[str, Any]) -> Discrepancy | None:

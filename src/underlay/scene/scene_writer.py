@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from underlay.quantities import field_quantities
+from underlay.quantities import field_quantities, numbers_of
+from underlay.scene.uncertainties import StatedUncertainties, table_of
 from underlay.units import KINDS
 
 __all__ = ["document_text", "scene_text"]
@@ -30,6 +31,9 @@ def scene_text(scene: Any) -> str:
     for entry in fields(scene):
         part = getattr(scene, entry.name)
         if entry in words:
+            continue
+        if isinstance(part, StatedUncertainties):
+            document[entry.name] = table_of(part, numbers_of(scene))
             continue
         table = {} if part is None else _section(part)
         if table:

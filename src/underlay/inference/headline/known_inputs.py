@@ -8,6 +8,7 @@ J'r = 0, curvature times residual left out, as in Gauss and Newton. No residual 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -69,10 +70,12 @@ def _force_column(fit: Fit, rows: int) -> FloatArray:
 def _input_columns(fit: Fit) -> dict[str, FloatArray]:
     """d residuals / d ln(input) at the optimum, (n + p,), by path."""
     columns: dict[str, FloatArray] = {}
+    # Here an input is freed on purpose, however well it is known.
+    scenes = [replace(scene, uncertainties=None) for scene in fit.scenes]
     for path in _inputs(fit):
         try:
             problem = fit.problem.revised(
-                free={**fit.problem.free, path: None}, scenes=fit.scenes, noise=fit.noises
+                free={**fit.problem.free, path: None}, scenes=scenes, noise=fit.noises
             )
             columns[path] = _column(problem, fit, path)
         except UnderlayError:

@@ -192,6 +192,7 @@ def compile_members(
         of_noise = of_noises[request.curves[0]]
         for scene, _ in own:
             require_acting(request.path, scene, paths, solver, of_noise)
+            _require_unstated(request.path, scene)
         known = of_noise.get(request.path) or own[0][0].quantities[request.path]
         start = _common_start(request, own, first, of_noise)
         widest = Spans(
@@ -226,6 +227,14 @@ def _noises(noise: NoiseModel | Sequence[NoiseModel | None] | None, count: int) 
         if not isinstance(entry, NoiseModel | None):
             raise InputError(f"noise must be a Noise, another NoiseModel or None; got {entry!r}")
     return [Noise() if entry is None else entry for entry in given]
+
+
+def _require_unstated(path: str, scene: Scene) -> None:
+    """Refuse a number that is both fitted and stated with an uncertainty."""
+    if isinstance(scene.uncertainties, Mapping) and path in scene.uncertainties:
+        raise InputError(
+            f"{path} is free and has an uncertainty: state it as a prior of the fit (Normal) or leave it out of fit"
+        )
 
 
 def _check_tests(tests: Sequence[tuple[Scene, Curve]]) -> None:

@@ -1,0 +1,252 @@
+"""Stated uncertainties of the inputs of a test: how well a radius, a thickness or the force is known.
+
+A scene file says one beside the number it is of, ``radius = "1 mm +- 0.02 mm"``, ``"1 mm ± 2 %"`` or
+``"1 mm exact"``, or in a table of its own::
+
+    [uncertainties]
+    indenter.radius = "0.02 mm"
+    force = "2 %"
+    depth = "1 %"
+    spring_constant = "10 %"
+
+All are half widths of 95 % intervals. ``uncertainties = "none"`` takes every input for exact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from underlay.errors import InputError
+from underlay.quantities import Number
+from underlay.scene.parameters import unknown_parameter
+from underlay.units import KINDS, parse_quantity
+
+__all__ = [
+    "RELATIVE",
+    "Stated",
+    "StatedUncertainties",
+    "checked",
+    "parted",
+    "rows_of",
+    "table_of",
+    "taken_out",
+]
+
+#: Inputs that are no numbers of a scene; their uncertainties are shares.
+RELATIVE = ("force", "depth", "spring_constant")
+#: Parts whose numbers are inputs; those of the instrument but its compliance are seen in the curve.
+_INPUTS = ("indenter.", "layer.", "substrate.", "instrument.compliance", "adhesion.", "history.")
+#: Sections of a scene file in which an uncertainty may stand beside its number.
+_SECTIONS = ("indenter", "layer", "substrate", "instrument", "adhesion", "history", "lever", "discrepancy")
+_SIGNS = ("±", "+/-", "+-")
+_EXACT = "exact"
+
+
+class StatedUncertainties(Mapping[str, float]):
+    """Half widths of 95 % intervals by input, read-only: SI by path, shares by the words of `RELATIVE`."""
+
+    def __init__(self, rows: Mapping[str, float]) -> None:
+        self._rows = dict(rows)
+
+    def __getitem__(self, path: str) -> float:
+        return self._rows[path]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._rows.items()))
+
+    def __repr__(self) -> str:
+        return repr(self._rows)
+
+
+class Stated(NamedTuple):
+    """What a file says of one uncertainty: the text, and where it stands."""
+
+    text: Any
+    place: str
+
+
+def checked(given: object, numbers: Mapping[str, Number]) -> StatedUncertainties | str | None:
+    """Uncertainties of a scene that has these numbers; see `Scene`.
+
+    Those that were checked before, in another scene, lose the rows of numbers that this one has not.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such input; names the nearest one.
+    InputError
+        If an uncertainty is none.
+    """
+    inputs = [path for path, number in numbers.items() if _is_input(path) and math.isfinite(number.value)]
+    known = (*inputs, *RELATIVE)
+    if isinstance(given, StatedUncertainties):
+        rows = {path: size for path, size in given.items() if path in known}
+        return (given if len(rows) == len(given) else StatedUncertainties(rows)) if rows else None
+    if given is None or given == "none":
+        return "none" if given else None
+    if not isinstance(given, Mapping):
+        raise InputError(
+            'uncertainties must be a mapping such as {"indenter.radius": 2e-5, "force": 0.02}, "none" or None; '
+            f"got {given!r:.80}"
+        )
+    for path in given:
+        _require_input(path, known, numbers)
+    return StatedUncertainties({path: _size(path, size, numbers) for path, size in given.items()}) or None
+
+
+def _is_input(path: str) -> bool:
+    return path.startswith(_INPUTS)
+
+
+def _require_input(path: object, known: tuple[str, ...], numbers: Mapping[str, Number]) -> None:
+    if path in known:
+        return
+    if path not in numbers:
+        raise unknown_parameter(str(path), known)
+    if _is_input(str(path)):
+        raise InputError(f"uncertainties: {path} is infinite in this scene; leave its uncertainty out")
+    meant = "spring_constant" if path == "lever.spring_constant" else "a prior under [fit]"
+    raise InputError(f"uncertainties: {path} takes none; how well it is known is said by {meant}")
+
+
+def _size(path: str, given: object, numbers: Mapping[str, Number]) -> float:
+    relative = path in RELATIVE
+    unit = "a share, such as 0.02" if relative else KINDS[numbers[path].quantity.kind].si or "dimensionless"
+    size = float(given) if isinstance(given, int | float) and not isinstance(given, bool) else math.nan
+    if not 0.0 <= size < math.inf:
+        raise InputError(
+            f"uncertainties: {path} must be zero (exact) or more and finite ({unit}); got {given!r:.80}"
+        )
+    if relative and size > 1.0:
+        raise InputError(f'uncertainties: {path} is {unit} or "2 %"; got {given!r:.80}')
+    return size
+
+
+# --- scene files -----------------------------------------------------------------------------------------
+
+
+def taken_out(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Stated]]:
+    """Take the uncertainties that stand beside numbers out of a scene file; return it and them, by path."""
+    found: dict[str, Stated] = {}
+    bare = {
+        name: _bare(entry, name, found) if name in _SECTIONS else entry for name, entry in document.items()
+    }
+    return bare, found
+
+
+def _bare(entry: Any, path: str, found: dict[str, Stated]) -> Any:
+    """A value, section or list without uncertainties, which go to `found`."""
+    if isinstance(entry, Mapping):
+        return {key: _bare(inner, f"{path}.{key}", found) for key, inner in entry.items()}
+    if isinstance(entry, list):
+        return [_bare(inner, f"{path}[{number}]", found) for number, inner in enumerate(entry)]
+    number, size = parted(entry) if isinstance(entry, str) else (entry, None)
+    if size is not None:
+        section, _, key = path.rpartition(".")
+        found[path] = Stated(size, f"[{section}] {key}")
+    return number
+
+
+def parted(text: str) -> tuple[str, str | None]:
+    """A number and the text of its uncertainty; None where none is stated.
+
+    Examples
+    --------
+    >>> parted("1 mm ± 2 %"), parted("0.46 exact"), parted("35 deg")
+    (('1 mm', '2 %'), ('0.46', 'exact'), ('35 deg', None))
+    """
+    for sign in _SIGNS:
+        number, stated, size = text.partition(sign)
+        if stated:
+            return number.strip(), size.strip()
+    words = text.rsplit(maxsplit=1)
+    return (words[0], _EXACT) if len(words) > 1 and words[1] == _EXACT else (text, None)
+
+
+def rows_of(
+    given: Any, beside: Mapping[str, Stated], numbers: Mapping[str, Number], left_out: tuple[str, ...]
+) -> dict[str, float] | str | None:
+    """Uncertainties of a scene of these numbers, from what a scene file says of them.
+
+    Parameters
+    ----------
+    given : object
+        What stands under ``uncertainties``.
+    beside : mapping of path to Stated
+        What stands beside the numbers.
+    numbers : mapping of path to Number
+        The scene's.
+    left_out : tuple of str
+        Paths of numbers that the file of a curve will say.
+    """
+    if given is None or isinstance(given, Mapping):
+        stated = {path: Stated(text, f"[uncertainties] {path}") for path, text in _leaves(given or {}, "")}
+        twice = sorted(stated.keys() & beside.keys())
+        if twice:
+            raise InputError(
+                f"{beside[twice[0]].place}: its uncertainty is stated twice; leave one of them out"
+            )
+        together = {**beside, **stated}
+        checked(dict.fromkeys(together, 0.0), numbers)
+        return {path: _read(path, entry, numbers, left_out) for path, entry in together.items()}
+    if given != "none":
+        raise InputError(
+            f'uncertainties: write uncertainties = "none", or a section [uncertainties]; got {given!r:.60}'
+        )
+    if beside:
+        place = next(iter(beside.values())).place
+        raise InputError(f'{place}: an uncertainty beside uncertainties = "none"; leave one of them out')
+    return "none"
+
+
+def _leaves(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
+    """Values of nested keys, ``layer.E = "10 %"``, by whole paths."""
+    for key, entry in table.items():
+        if isinstance(entry, Mapping):
+            yield from _leaves(entry, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", entry
+
+
+def _read(path: str, stated: Stated, numbers: Mapping[str, Number], left_out: tuple[str, ...]) -> float:
+    """Size of one uncertainty, from its text."""
+    text = stated.text.strip() if isinstance(stated.text, str) else stated.text
+    kind = "dimensionless" if path in RELATIVE else numbers[path].quantity.kind
+    try:
+        if text == _EXACT:
+            return 0.0
+        share = text[:-1].strip() if isinstance(text, str) and text.endswith("%") else None
+        size = parse_quantity(text, kind) if share is None else parse_quantity(share, "dimensionless") / 100.0
+        if share is not None and path not in RELATIVE:
+            size *= _whole(path, numbers, left_out)
+        return _size(path, size, numbers)
+    except InputError as error:
+        raise type(error)(f"{stated.place}: {str(error).removeprefix('uncertainties: ')}") from error
+
+
+def _whole(path: str, numbers: Mapping[str, Number], left_out: tuple[str, ...]) -> float:
+    """Size of the number that a percentage is of."""
+    if path in left_out:
+        raise InputError("a percentage of a number that the file of the curve says; write it with a unit")
+    value = abs(numbers[path].value)
+    if not value:
+        raise InputError("a percentage of zero; write it with a unit, or exact")
+    return value
+
+
+def table_of(rows: Mapping[str, float], numbers: Mapping[str, Number]) -> dict[str, str | float]:
+    """The section of a scene file that says these uncertainties to the last bit."""
+    return {path: _text(path, size, numbers) for path, size in rows.items()}
+
+
+def _text(path: str, size: float, numbers: Mapping[str, Number]) -> str | float:
+    unit = "" if path in RELATIVE else KINDS[numbers[path].quantity.kind].si
+    return (f"{size!r} {unit}" if unit else size) if size else _EXACT
