@@ -235,7 +235,6 @@ DOORS = {
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
-    "report/bench_users": {"read_text", "np.loadtxt"},  # the processor's name; a peer that is timed
     "report/review": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
 }

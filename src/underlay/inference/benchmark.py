@@ -431,7 +431,7 @@ def benchmark(
 ) -> Scores:
     """Score a way from a curve to a modulus on the open benchmark of layered indentation.
 
-    Accuracy is measured here; `underlay bench` measures speed.
+    Accuracy is measured here; `tests/benchmarks/cost.py` measures speed.
 
     Parameters
     ----------
