@@ -234,6 +234,7 @@ DOORS = {
     "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
+    "inference/citation": {"read_text"},  # of the package itself
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
     "report/review": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
