@@ -38,7 +38,6 @@ HOMES = {
     "distributed": ("inference/batch/dask",),
     "matplotlib": ("report/plots", "report/kernel"),
     "pint": ("units",),
-    "pydantic": ("scene/scene_schema",),
     "threadpoolctl": ("_threads",),
     "tomlkit": ("scene/scene_writer",),
     "xlsxwriter": ("report/excel",),
@@ -183,7 +182,7 @@ def test_mechanics_needs_numpy_and_scipy_only():
         "import underlay.mechanics\n"
         "for module in pkgutil.walk_packages(underlay.mechanics.__path__, 'underlay.mechanics.'):\n"
         "    importlib.import_module(module.name)\n"
-        "heavy = {'lmfit', 'matplotlib', 'pandas', 'emcee', 'pint', 'pydantic', 'typer'} & set(sys.modules)\n"
+        "heavy = {'lmfit', 'matplotlib', 'pandas', 'emcee', 'pint', 'typer'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -30,8 +30,8 @@ __all__ = [
     "checked",
     "parted",
     "rows_of",
-    "table_of",
     "taken_out",
+    "written",
 ]
 
 #: Inputs that are no numbers of a scene; their uncertainties are shares.
@@ -242,7 +242,7 @@ def _whole(path: str, numbers: Mapping[str, Number], left_out: tuple[str, ...]) 
     return value
 
 
-def table_of(rows: Mapping[str, float], numbers: Mapping[str, Number]) -> dict[str, str | float]:
+def written(rows: Mapping[str, float], numbers: Mapping[str, Number]) -> dict[str, str | float]:
     """The section of a scene file that says these uncertainties to the last bit."""
     return {path: _text(path, size, numbers) for path, size in rows.items()}
 
