@@ -56,7 +56,7 @@ from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.parameters import fields_meant, hint, kind_of, unknown_parameter
 from underlay.scene.program import SimulatedDepths
 from underlay.scene.scene import Scene
-from underlay.scene.scene_keys import CURVE, SIMULATE, fit_keys, read_table
+from underlay.scene.scene_keys import CurveSection, fit_keys, keys_of, read_table
 from underlay.scene.scene_sections import noise_of, scene_of, solver_of, table_of
 
 __all__ = [
@@ -340,7 +340,7 @@ def _curve(table: Mapping[str, Any]) -> dict[str, Any]:
             "are 'loading', 'unloading' (of an elastic sample), 'all' and 'equilibrium' (the ends of the holds of "
             "a stepwise test)"
         )
-    return read_table("curve", CURVE, table)
+    return read_table("curve", keys_of(CurveSection), table)
 
 
 def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
@@ -369,4 +369,4 @@ def _places(table: Mapping[str, Any], above: str) -> Iterator[str]:
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     if "simulate" not in document:
         return None
-    return SimulatedDepths(**read_table("simulate", SIMULATE, table_of(document, "simulate")))
+    return SimulatedDepths(**read_table("simulate", keys_of(SimulatedDepths), table_of(document, "simulate")))

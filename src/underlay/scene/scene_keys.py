@@ -1,7 +1,7 @@
 """Every key that a scene file may hold: what it takes, what it means, how it is checked, and the list of them all.
 
 Most keys are fields of the dataclasses that a section describes (`keys_of`): what such a key means is the sentence
-of the docstring that declares it. The others are declared here. One declaration serves the reader of scene files,
+of the docstring that declares it. One declaration serves the reader of scene files,
 the list of `underlay keys` and the form of the page.
 
 Pydantic is not asked: it takes 0.09 to 0.14 s to import, a tenth of `underlay fit`, for what `Key.read` says in ten
@@ -13,7 +13,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,22 +26,22 @@ from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
-from underlay.quantities import Part, Quantity, quantity_of
+from underlay.quantities import Part, Quantity, one_of, quantity_of, takes
 from underlay.scene.discrepancy import Discrepancy
 from underlay.scene.fit_range import PRESETS, Mark
 from underlay.scene.instrument import Instrument, Lever
 from underlay.scene.noise import Noise
 from underlay.scene.parameters import hint
+from underlay.scene.program import SimulatedDepths
 from underlay.units import KINDS, parse_quantity
 
 __all__ = [
-    "CURVE",
     "EQUIVALENT_CONES",
-    "SIMULATE",
-    "SOLVER",
     "TOP",
+    "CurveSection",
     "Key",
     "SceneKey",
+    "SolverSection",
     "fit_keys",
     "keys_of",
     "read_table",
@@ -117,8 +117,13 @@ class Key:
 
     @property
     def _asked(self) -> str:
-        ends = isinstance(self.takes, range)
-        return f"{self.told} from {self.takes[0]:,} to {self.takes[-1]:,}" if ends else self.told
+        """What a wrong value is told."""
+        match self.takes:
+            case range():
+                return f"{self.told} from {self.takes[0]:,} to {self.takes[-1]:,}"
+            case tuple() | list():
+                return f"{self.told.partition(' of ')[0]} of {', '.join(map(repr, self.takes))}"
+        return self.told
 
     def listed(self, section: str, name: str, meaning: str = "") -> SceneKey:
         """The key as a row of the list."""
@@ -153,9 +158,10 @@ def keys_of(kind: type[Any]) -> dict[str, Key]:
 
 
 def _taken_by(entry: Any) -> Any:
-    if "words" in entry.metadata:
-        return entry.metadata["words"]
-    return str if entry.type in (str, "str") else quantity_of(entry)
+    for own in ("words", "takes"):
+        if own in entry.metadata:
+            return entry.metadata[own]
+    return str if entry.type in (str, "str", "str | None") else quantity_of(entry)
 
 
 def read_table(
@@ -188,64 +194,87 @@ def read_table(
     return found
 
 
-# --- sections that are no dataclass -------------------------------------------------------------------------
+# --- sections that are no part of a scene --------------------------------------------------------------------
 
-_NUMBER, _LENGTH, _TIME, _SPEED = map(Quantity, ("dimensionless", "length", "time", "speed"))
-#: ``[solver]``: which law, how accurate.
-SOLVER = {
-    "name": Key(str, "auto", "auto, exact, asymptotic, halfspace or the name of a published correction"),
-    "rtol": Key(_NUMBER, 1e-6, "relative error allowed in force, contact radius and stiffness"),
-    "order": Key(range(5), 4, "order of the asymptotic law, 0 to 4"),
-    "form": Key(str, "auto", "form of the asymptotic law: explicit, parametric, compliance or auto"),
-}
+
+@dataclass(frozen=True)
+class SolverSection:
+    """``[solver]``: which law, how accurate.
+
+    Parameters
+    ----------
+    name : str
+        Auto, exact, asymptotic, halfspace or the name of a published correction.
+    rtol : float
+        Relative error allowed in force, contact radius and stiffness.
+    order : int
+        Order of the asymptotic law, 0 to 4.
+    form : str
+        Form of the asymptotic law: explicit, parametric, compliance or auto.
+    """
+
+    name: str = "auto"
+    rtol: float = 1e-6
+    order: int = field(default=4, metadata=takes(range(5)))
+    form: str = "auto"
+
+
 _OVERRULED = [
-    "indenter.radius",
-    "instrument.compliance",
-    "lever.spring_constant",
-    "calibration.spring_constant",
-    "calibration.sensitivity",
-    "imprint",
+    *("indenter.radius", "instrument.compliance", "lever.spring_constant"),
+    *("calibration.spring_constant", "calibration.sensitivity", "imprint"),
 ]
-#: ``[curve]``: which part of which file.
-CURVE = {
-    "file": Key(str, None, "the measured curve, beside the scene file: it says depth and noise"),
-    "format": Key(str, None, "name of the format, where the content does not tell; see underlay formats"),
-    "test": Key(range(1, 10**9), None, "which test of a file of several, from 1"),
-    "segment": Key(("all", "loading", "unloading", "equilibrium"), "loading", "which part is used"),
-    "flip": Key(["depth", "force"], None, 'whose sign is turned: ["force"]; [] says that both are right'),
-    "overrule": Key(_OVERRULED, [], "what is right here where the file of the curve says another number"),
-    "preset": Key(
-        tuple(PRESETS),
-        None,
-        "fit range of an instrument's own software: bioindenter, 10 to 98 % of the force",
-    ),
-    "fit_from": Key(
-        Mark, None, 'where the fit begins: "10 % of force", "5 % of depth", "0.1 radius", "2 um"'
-    ),
-    "fit_to": Key(
-        Mark, None, 'where it ends: "98 % of force", "10 % of thickness"; depths count from contact'
-    ),
-    "columns": Key(dict, None, 'of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }'),
-    "calibration": Key(
-        dict,
-        None,
-        'what an AFM file lacks, or how well it is known: { spring_constant = "0.04 N/m ± 10 %", '
-        'sensitivity = "± 3 %" }',
-    ),
-    "min_depth": Key(_LENGTH, -np.inf, "shallowest reading that is used"),
-    "max_depth": Key(_LENGTH, np.inf, "deepest reading that is used"),
-}
-#: ``[simulate]``: depth readings of a made curve (`SimulatedDepths`).
-SIMULATE = {
-    "max_depth": Key(_LENGTH, meaning="deepest reading"),
-    "start": Key(_LENGTH, 0.0, "first reading"),
-    "points": Key(range(2, 10_000_001), 200, "number of readings"),
-    "duration": Key(_TIME, 1.0, "from first to last; a rate goes before it"),
-    "program": Key(("ramp", "triangle", "steps"), "ramp", "in; in and out; or in by equal steps"),
-    "rate": Key(_SPEED, None, "of every ramp, in place of the duration"),
-    "hold": Key(_TIME, 0.0, "rest at the end of every way in"),
-    "steps": Key(range(1, 1001), 1, 'how many, for program = "steps"'),
-}
+
+
+@dataclass(frozen=True)
+class CurveSection:
+    """``[curve]``: which part of which file.
+
+    Parameters
+    ----------
+    file : str
+        The measured curve, beside the scene file: it says depth and noise.
+    format : str
+        Name of the format, where the content does not tell; see underlay formats.
+    test : int
+        Which test of a file of several, from 1.
+    segment : str
+        Which part is used.
+    flip : list of str
+        Whose sign is turned: ["force"]; [] says that both are right.
+    overrule : list of str
+        What is right here where the file of the curve says another number.
+    preset : str
+        Fit range of an instrument's own software: bioindenter, 10 to 98 % of the force.
+    fit_from : Mark
+        Where the fit begins: "10 % of force", "5 % of depth", "0.1 radius", "2 um".
+    fit_to : Mark
+        Where it ends: "98 % of force", "10 % of thickness"; depths count from contact.
+    columns : dict of str to str
+        Of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }.
+    calibration : dict of str to str
+        What an AFM file lacks, or how well it is known: { spring_constant = "0.04 N/m ± 10 %", sensitivity =
+        "± 3 %" }.
+    min_depth : float
+        Shallowest reading that is used.
+    max_depth : float
+        Deepest reading that is used.
+    """
+
+    file: str | None = None
+    format: str | None = None
+    test: int | None = field(default=None, metadata=takes(range(1, 10**9)))
+    segment: str = field(default="loading", metadata=one_of("all", "loading", "unloading", "equilibrium"))
+    flip: list[str] | None = field(default=None, metadata=takes(["depth", "force"]))
+    overrule: list[str] | None = field(default=None, metadata=takes(_OVERRULED))
+    preset: str | None = field(default=None, metadata=one_of(*PRESETS))
+    fit_from: Mark | None = field(default=None, metadata=takes(Mark))
+    fit_to: Mark | None = field(default=None, metadata=takes(Mark))
+    columns: dict[str, str] | None = field(default=None, metadata=takes(dict))
+    calibration: dict[str, str] | None = field(default=None, metadata=takes(dict))
+    min_depth: float = -np.inf
+    max_depth: float = np.inf
+
+
 _PRIORS = ("uniform", "loguniform", "normal", "lognormal", "halfnormal", "found")
 _OF_ITS_KIND = {
     "min": "lower bound",
@@ -260,7 +289,7 @@ def fit_keys(kind: str) -> dict[str, Key]:
     """The keys of one entry of ``[fit]``, of a parameter of this physical kind."""
     return {
         "prior": Key(_PRIORS, None, "density of what is known before; bounds alone are a flat one"),
-        "relative_sd": Key(_NUMBER, None, "of a lognormal prior, as a share of the median"),
+        "relative_sd": Key(Quantity("dimensionless"), None, "of a lognormal prior, as a share of the median"),
         **{name: Key(Quantity(kind), None, meaning) for name, meaning in _OF_ITS_KIND.items()},
     }
 
@@ -297,29 +326,6 @@ class SceneKey(NamedTuple):
         return self.key.partition(" (")[2].removesuffix(")")
 
 
-_BEFORE_SECTIONS = (
-    SceneKey(TOP, "title", "text", "none", "what reports call the test"),
-    Key(
-        tuple(FRICTIONS),
-        FRICTIONS[0],
-        "under the tip: unknown friction widens the second interval; stuck is solved exactly",
-    ).listed(TOP, "friction"),
-    SceneKey(
-        TOP,
-        "finite_strain",
-        "true or false",
-        "unknown",
-        "false says that strains are small; unknown or true widens the second interval where its size is known",
-        words=("true", "false"),
-    ),
-    SceneKey(
-        TOP,
-        "uncertainties",
-        '"none", or a section',
-        "sizes that are assumed",
-        "how well the inputs are known: [uncertainties]; none takes all for exact",
-    ),
-)
 #: What a scene file says of how well its inputs are known, at 95 %.
 _UNCERTAINTIES = {
     "PATH": (
@@ -339,7 +345,13 @@ def scene_keys() -> list[SceneKey]:
 
 
 def _all() -> Iterator[SceneKey]:
-    yield from _BEFORE_SECTIONS
+    yield SceneKey(TOP, "title", "text", "none", "what reports call the test")
+    friction = "under the tip: unknown friction widens the second interval; stuck is solved exactly"
+    yield Key(tuple(FRICTIONS), FRICTIONS[0], friction).listed(TOP, "friction")
+    strain = "false: strains are small; unknown or true widens the second interval where its size is known"
+    yield Key(bool, "unknown", strain).listed(TOP, "finite_strain")._replace(words=("true", "false"))
+    known = "how well the inputs are known: [uncertainties]; none takes all for exact"
+    yield SceneKey(TOP, "uncertainties", '"none", or a section', "sizes that are assumed", known)
     shapes = (*_own(Indenter), *EQUIVALENT_CONES)
     yield from _family(
         Indenter, "indenter", "the tip; what else it needs is listed by shape", words=sorted(shapes)
@@ -354,20 +366,19 @@ def _all() -> Iterator[SceneKey]:
     stiff = "true for a base that does not deform, in place of its moduli"
     yield Key(bool, "false", stiff).listed("substrate", "rigid")
     yield from _of_material("substrate")
-    for section, kind in (("instrument", Instrument), ("lever", Lever), ("discrepancy", Discrepancy)):
-        yield from _of_class(kind, section)
+    yield from _of_class(Instrument, "instrument")
+    yield from _of_class(Lever, "lever")
+    yield from _of_class(Discrepancy, "discrepancy")
     yield from _family(Adhesion, "adhesion", "how tip and surface stick; without the section they do not")
-    for key, (takes, meaning) in _UNCERTAINTIES.items():
-        yield SceneKey("uncertainties", key, takes, "assumed", meaning)
+    for name, (what, meaning) in _UNCERTAINTIES.items():
+        yield SceneKey("uncertainties", name, what, "assumed", meaning)
     yield from _of_class(Noise, "noise")
     for name, entry in fit_keys("dimensionless").items():
-        row = entry.listed("fit", f"PARAMETER.{name}")
-        yield (
-            row._replace(takes="a quantity of the parameter's kind", kind="") if name in _OF_ITS_KIND else row
-        )
-    for section, keys in (("solver", SOLVER), ("curve", CURVE), ("simulate", SIMULATE)):
-        for name, entry in keys.items():
-            yield entry.listed(section, name)
+        what = "a quantity of the parameter's kind" if name in _OF_ITS_KIND else entry.told
+        yield SceneKey("fit", f"PARAMETER.{name}", what, "none", entry.meaning)
+    yield from _of_class(SolverSection, "solver")
+    yield from _of_class(CurveSection, "curve")
+    yield from _of_class(SimulatedDepths, "simulate")
 
 
 def _of_layer(section: str, bond: str) -> Iterator[SceneKey]:

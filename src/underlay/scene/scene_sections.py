@@ -26,7 +26,7 @@ from underlay.scene.instrument import Instrument, Lever
 from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.parameters import hint
 from underlay.scene.scene import Scene
-from underlay.scene.scene_keys import EQUIVALENT_CONES, SOLVER, keys_of, read_table
+from underlay.scene.scene_keys import EQUIVALENT_CONES, SolverSection, keys_of, read_table
 from underlay.scene.uncertainties import rows_of, taken_out
 
 __all__ = ["noise_of", "scene_of", "solver_of", "table_of"]
@@ -186,7 +186,7 @@ def solver_of(document: Mapping[str, Any]) -> Solver:
             value = table[old]
             said = f'"{value}"' if isinstance(value, str) else value
             raise InputError(f"[solver] {old} is now {new}: write {new} = {said}")
-    stated = {"name": "auto", **read_table("solver", SOLVER, table)}
+    stated = {"name": "auto", **read_table("solver", keys_of(SolverSection), table)}
     solver: Solver = _made(solver_named, "solver", stated)
     return solver
 
