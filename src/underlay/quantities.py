@@ -42,6 +42,7 @@ __all__ = [
     "quantity",
     "quantity_of",
     "replace_values",
+    "takes",
 ]
 
 Whole = TypeVar("Whole")
@@ -113,6 +114,11 @@ def inlined() -> Mapping[str, Any]:
 def one_of(*words: str) -> Mapping[str, Any]:
     """Metadata of a field that is one of these words."""
     return {"words": words}
+
+
+def takes(what: Any) -> Mapping[str, Any]:
+    """Metadata of a field that is a list of some words, a whole number of a range, or another type of its own."""
+    return {"takes": what}
 
 
 def no_number() -> Mapping[str, Any]:

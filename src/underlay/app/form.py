@@ -11,7 +11,7 @@ may stand where is said by `scene_keys`, and whether a whole is possible by `rea
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from underlay.app.labels import comma_problem
 from underlay.errors import InputError, UnitError
 from underlay.report.labels import label, start
 from underlay.scene.fit_range import Mark
+from underlay.scene.scene_file import entries
 from underlay.scene.scene_keys import TOP, SceneKey, scene_keys
 from underlay.scene.scene_writer import document_text
 from underlay.scene.uncertainties import parted
@@ -152,7 +153,7 @@ class Field:
     @property
     def required(self) -> bool:
         """Whether the section needs it."""
-        return not self.key.default and self.key.name != "thickness"
+        return not self.key.default
 
 
 class Draft:
@@ -385,18 +386,4 @@ def _flat(fit: Any) -> dict[str, dict[str, Any]]:
     """What is fitted by whole paths, however the file nests them."""
     if not isinstance(fit, Mapping):
         raise InputError("[fit] must be a section")
-    return dict(_leaves(fit, ""))
-
-
-def _leaves(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    for name, entry in table.items():
-        if (
-            isinstance(entry, Mapping)
-            and entry
-            and all(isinstance(inner, Mapping) for inner in entry.values())
-        ):
-            yield from _leaves(entry, f"{above}{name}.")
-        elif isinstance(entry, Mapping):
-            yield f"{above}{name}", dict(entry)
-        else:
-            raise InputError(f"[fit] {above}{name}: write {above}{name} = {{ min = ..., max = ... }}")
+    return {path: dict(entry) for path, entry in entries(fit)}

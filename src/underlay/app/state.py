@@ -106,8 +106,6 @@ _HANDLES = (("curve", "min_depth"), ("curve", "max_depth"), ("instrument", "cont
 _CONTACT, _BOUNDS = "instrument.contact_depth", "bounds of the contact point"
 
 
-
-
 class OpenAnalysis:
     """One analysis that a browser looks at.
 

@@ -9,7 +9,6 @@ import typer
 
 from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
-from underlay.cli.bench import bench
 from underlay.cli.benchmark import benchmark
 from underlay.cli.browser_page import browser_page
 from underlay.cli.cite import cite
@@ -77,7 +76,6 @@ for command in (
     cite,
     formats,
     keys,
-    bench,
     benchmark,
 ):
     app.command()(command)

@@ -28,8 +28,8 @@ def cite(
     """
     import pandas as pd
 
-    from underlay.inference.citation.result import cited
-    from underlay.inference.citation.works import bibtex
+    from underlay.inference.citation import bibtex
+    from underlay.inference.cited import cited
 
     if output is not None:
         ready_folder(output)

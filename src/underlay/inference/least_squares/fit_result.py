@@ -23,7 +23,7 @@ from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.errors import InputError
-from underlay.inference.citation.used import of_fit, used_by
+from underlay.inference.citation import of_fit, used_by
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
 from underlay.inference.least_squares.lmfit_bridge import METHODS, Minimiser
 from underlay.inference.least_squares.models import freeze

@@ -8,8 +8,7 @@ from typing import Any
 from underlay._door import FileKind, PathLike, parse_json, printable, read_start, read_text, understood
 from underlay.errors import FileFormatError
 from underlay.inference.batch.decisions import read_map
-from underlay.inference.citation.used import of_fit, of_sampling, used_by
-from underlay.inference.citation.works import Work, work
+from underlay.inference.citation import Work, of_fit, of_sampling, used_by, work
 from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["cited"]
