@@ -44,10 +44,10 @@ _OVERSHOOT = 1.5
 _MOST_ATTEMPTS = 12
 _MOST_RADII, _MOST_STEPS = 180, 90
 _GROWTH_OF_COUNTS = 1.35
-# Steps for every radius: polynomials are integrated of as many terms as there are radii. With half as many the growth
-# of 107 radii is wrong by 1e-5, at a/h = 14, with more it is by what its terms leave, 1e-9.
+# Steps for every radius: polynomials are integrated of as many terms as there are radii. With a third of it the
+# growth of 107 radii is wrong by 1e-5, at a/h = 14; with it by what its terms leave, 1e-9.
 _STEPS_PER_RADIUS = 1.1
-# What each part of the solution may take of the relative error.
+# What each part of the solution may take of the relative error: quadrature, the curve, and the growth.
 _SHARE, _SHARE_OF_GROWTH = 0.3, 0.4
 # Depth against radius is looked at on so many radii per term of its polynomial.
 _LOOKS = 6

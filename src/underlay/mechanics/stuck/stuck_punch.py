@@ -70,9 +70,9 @@ __all__ = [
 ComplexArray = NDArray[np.complex128]
 
 
-# V_n falls as exp(-n alpha), y = cosh(alpha), and P_n grows so: where n alpha is more than this for the last n it is
-# found by ratios from above, elsewhere by P_n. Error at the switch, of V_n up to 20: 2e-14 for 12 functions, 4e-13 for
-# 40, 6e-12 for 140 by P_n, and 1e-14 by the ratios.
+# V_n falls as exp(-n alpha), y = cosh(alpha), and P_n grows so: where n alpha is more than this for the last n it
+# is found by ratios from above, elsewhere by P_n. Error at the switch, of V_n up to 20: 2e-14 for 12 functions,
+# 4e-13 for 40, 6e-12 for 140 by P_n, and 1e-14 by the ratios.
 _SWITCH = 4.0
 # Ratios are started where exp(-2 n alpha) has fallen by so many natural logarithms from the last n wanted.
 _SETTLED = 28.0
@@ -226,25 +226,23 @@ class Basis:
         far, scale = self.norms.size * alpha > _SWITCH, sqrt(1.0 - self.gamma**2)
         own = self._polynomials(y[~far])
         left[:, ~far] = scale * self._scaled(own.conj() - np.exp(1j * turn[~far]) * own).real
+        # Re i^n (1 - X), X = exp(i turn), of even and of odd n but for the sign.
         sides = np.stack((2.0 * np.sin(0.5 * turn[far]) ** 2, np.sin(turn[far])))
+        falling = self._falling(y[far], alpha[far])
+        falling = (falling.reshape(-1, *sides.shape) * sides).reshape(falling.shape)[: len(left)]
         signs = np.array([1.0, 1.0, -1.0, -1.0])[np.arange(self.norms.size) % 4]
-        falling = self._falling(y[far], alpha[far]).reshape(-1, 2, sides.shape[1]) * sides
-        left[:, far] = (scale * signs * self.norms)[:, None] * falling.reshape(-1, sides.shape[1])[
-            : len(left)
-        ]
+        left[:, far] = (scale * signs * self.norms)[:, None] * falling
         return left
 
     def _falling(self, y: FloatArray, alpha: FloatArray) -> FloatArray:
-        """The solution of the recurrence that falls with n over its first, (modes or one more, nodes), even many."""
+        """The recurrence's solution that falls with n, over its first: (modes, or one more to be even, nodes)."""
         count = self.norms.size + self.norms.size % 2
         found = np.ones((count, y.size))
-        ratio, room = np.exp(-alpha), np.empty_like(y)
+        ratio = np.exp(-alpha)
         for n in range(count + ceil(0.5 * _SETTLED / float(alpha.min())), 0, -1):
-            np.multiply(y, 2 * n + 1, out=room)
-            ratio *= n + 1
-            room -= ratio
-            ratio = np.divide(n + self.eta**2 / n, room, out=found[n] if n < count else ratio)
-            ratio = ratio if n >= count else ratio.copy()
+            ratio = (n + self.eta**2 / n) / ((2 * n + 1) * y - (n + 1) * ratio)
+            if n < count:
+                found[n] = ratio
         return np.multiply.accumulate(found, axis=0)
 
     def _scaled(self, polynomials: ComplexArray) -> ComplexArray:
@@ -367,18 +365,20 @@ class Growth:
         last = (table[head:] * bonds[head:]).sum(axis=0)
         bond = 1.0 + (table[:head] * bonds[:head]).sum(axis=0) + last
         weights = rule.weights * _share_of_growth(indenter, radii * thickness, rule.nodes)
-        matrix = (table * (weights * bond)).sum(axis=2).T
-        inverse = np.linalg.inv(matrix)
-        rate = inverse.sum(axis=1)
-        kappa = to_terms @ punch.kappa
+        inverse = np.linalg.inv((table * (weights * bond)).sum(axis=2).T)
+        rate, kappa = inverse.sum(axis=1), to_terms @ punch.kappa
         flat = table.reshape(count, -1)
-        grown, flow = weights * (rate @ flat).reshape(bond.shape), (kappa @ flat).reshape(bond.shape)
-        both = np.stack((grown.sum(axis=1), (grown * rule.nodes * flow).sum(axis=1)))
-        # What of H is missed, and what that does to w and P, to first order.
-        missed = np.stack(((grown * last).sum(axis=1), 2.0 * (grown * bond)[:, ::2].sum(axis=1) - 1.0))
-        moved = weights * ((missed @ inverse.T) @ flat).reshape(2, *bond.shape)
-        change = np.stack((moved.sum(axis=2), (moved * rule.nodes * flow).sum(axis=2)), axis=1)
-        terms, halved = np.abs(change / both).max(axis=(1, 2))
+        carried = rule.nodes * (kappa @ flat).reshape(bond.shape)
+
+        def grown(rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+            """What rates (..., terms) grow at every step, and w/H and P of them, (..., 2, radii)."""
+            steps = weights * (rates @ flat).reshape(*rates.shape[:-1], *bond.shape)
+            return steps, np.stack((steps.sum(axis=-1), (steps * carried).sum(axis=-1)), axis=-2)
+
+        steps_grown, both = grown(rate)
+        # What of H is missed without the last terms and by every other step; and, to first order, what that does.
+        missed = [(steps_grown * last).sum(axis=1), 2.0 * (steps_grown * bond)[:, ::2].sum(axis=1) - 1.0]
+        terms, halved = np.abs(grown(np.array(missed) @ inverse.T)[1] / both).max(axis=(1, 2))
         # The rule doubles its digits where it doubles its steps.
         error = float(terms + halved * halved)
         return cls(stretch, np.column_stack((kappa, to_terms @ both.T, rate)), error)
