@@ -57,6 +57,7 @@ __all__ = [
     "known_curve",
     "solve_curve",
     "too_wide",
+    "weights_over_depth",
 ]
 
 #: Largest contact radius over thickness that is solved for.
@@ -182,7 +183,7 @@ class ContactProblem:
         if not self.beside:
             punch = PunchSolution.solve(self.kernel, eps, resolution)
             return contact_factors(punch, self.indenter, self.measure, self.thickness)
-        weights = _weights_over_depth(
+        weights = weights_over_depth(
             self.indenter, self.measure, even_rule(resolution.radial), eps * self.thickness
         )
         u = resolution.wavenumber_rule()[0]
@@ -213,7 +214,7 @@ def contact_factors(
     factors[..., Factor.STIFFNESS] = punch.kappa
     if lengths is None:
         lengths = punch.eps * thickness
-    depth, force = punch.depth_and_force(_weights_over_depth(indenter, measure, punch.rule, lengths))
+    depth, force = punch.depth_and_force(weights_over_depth(indenter, measure, punch.rule, lengths))
     if indenter is measure:
         swell = depth ** (1.0 / exponent)
         factors[..., Factor.RADIUS] = 1.0 / swell
@@ -252,7 +253,7 @@ def depth_measure(indenter: Indenter) -> PowerLawShape:
     return PowerLaw(exponent, deepest / (abel_factor(exponent) * indenter.max_radius**exponent))
 
 
-def _weights_over_depth(
+def weights_over_depth(
     indenter: Indenter, measure: PowerLawShape, rule: EvenRule, lengths: FloatArray
 ) -> FloatArray:
     """Weights of int_0^1 H(a x)/H(a) p(x) dx at contact radii `lengths` (m): of a power law (nodes,), for all."""
