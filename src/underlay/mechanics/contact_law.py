@@ -70,6 +70,8 @@ CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a l
 
 
 _LARGEST = float(np.finfo(float).max)
+# A depth that was computed exceeds the largest by its rounding: so much is the same depth.
+_ROUNDED = 1.0 + 4.0 * float(np.finfo(float).eps)
 
 
 # Points of the equilibria of a law.
@@ -280,7 +282,7 @@ class ContactLaw(Response, ABC):
         w = np.asarray(depth, dtype=np.float64)
         flat = w.reshape(-1)
         # NaN fails the comparison too, and so does inf where the law has no end: as_finite names them.
-        if not flat.max(initial=-math.inf) <= min(self.max_depth, _LARGEST):
+        if not flat.max(initial=-math.inf) <= min(self.max_depth * _ROUNDED, _LARGEST):
             as_finite(w, "depth")
             raise RangeError(
                 f"depth {flat.max():.6g} m is beyond the largest that works here, "
