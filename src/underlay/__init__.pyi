@@ -74,8 +74,8 @@ from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
 from .inference.recipe import steps_to_ours as steps_to_ours
-from .inference.sampling.assembly import posterior_from_chain as posterior_from_chain
-from .inference.sampling.counted import marginalised as marginalised
+from .inference.sampling.run import posterior_from_chain as posterior_from_chain
+from .inference.sampling.run import marginalised as marginalised
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
     with_model_error as with_model_error,

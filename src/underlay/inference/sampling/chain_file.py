@@ -1,8 +1,4 @@
-"""A chain on disk that survives being killed at any moment.
-
-The frozen mixture in a chain file: where it stands, and whether what stands there is one.
-
-A chain on disk that survives being killed at any moment: an HDF5 file filled in place.
+"""A chain on disk that survives being killed at any moment: an HDF5 file filled in place.
 
 The file is laid out once, at its full size (sparse until used), with contiguous datasets. From then on every
 step is a plain overwrite of reserved bytes: nothing of the file's own bookkeeping changes, so a process that
@@ -10,8 +6,8 @@ dies between two of them leaves a valid file. A step counts only once its counte
 the generator's state alternates between two slots, so that the one belonging to the counter is always whole.
 
 Layout: ``chain`` (steps, walkers, parameters + 1), the scaled coordinates and the log-posterior; ``state``
-(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,); ``proposal``, the frozen mixture that most
-moves draw from (`stored_mixture`), there before the first step: a chain that is continued is the one never stopped.
+(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,). What moves propose from is not kept: the same
+problem and seed give it again. Files of earlier versions, which keep a mixture beside these, are read.
 """
 
 from __future__ import annotations
@@ -30,56 +26,8 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay._door import FileKind, parse_json, require_regular, understood
 from underlay.errors import FileAccessError, InputError, MissingExtraError
-from underlay.inference.ridge.mixture import MOST_COMPONENTS
 
-__all__ = ["ChainFile", "Progress", "RandomState", "fill_mixture", "mixture_size", "stored_mixture"]
-
-# How many numbers there are comes first.
-_FIRST = 1
-
-
-# What `Proposal.numbers` has before the components.
-_HEAD = 3
-
-
-def mixture_size(parameters: int) -> int:
-    """Numbers that are reserved: how many there are, and room for the most."""
-    return _FIRST + _HEAD + MOST_COMPONENTS * _row(parameters)
-
-
-def fill_mixture(file: Any, numbers: FloatArray) -> None:
-    """Write what `Proposal.numbers` gave, then how many they are."""
-    file["proposal"][_FIRST : _FIRST + numbers.size] = numbers
-    file["proposal"][0] = numbers.size
-
-
-def stored_mixture(file: Any, parameters: int) -> FloatArray | None:
-    """The numbers of a file's mixture; None where there is none.
-
-    Raises
-    ------
-    ValueError
-        If they are not those of a mixture.
-    """
-    count = float(file["proposal"][0])
-    components = (count - _HEAD) / _row(parameters)
-    if count == 0.0:
-        return None
-    if not (components.is_integer() and 0.0 < components <= MOST_COMPONENTS):
-        raise ValueError(f"it counts {count} numbers of a mixture")
-    numbers = np.asarray(file["proposal"][_FIRST : _FIRST + int(count)], dtype=np.float64)
-    rows = numbers[_HEAD:].reshape(-1, _row(parameters))
-    diagonals = rows[:, 1 + parameters :: parameters + 1]
-    whole = np.isfinite(numbers).all() and (rows[:, 0] > 0.0).all() and (diagonals > 0.0).all()
-    if not (whole and numbers[0] == parameters):
-        raise ValueError("it holds no mixture")
-    return numbers
-
-
-def _row(parameters: int) -> int:
-    """Numbers of a component: weight, place, factor."""
-    return 1 + parameters + parameters**2
-
+__all__ = ["ChainFile", "Progress", "RandomState"]
 
 try:
     import h5py
@@ -89,18 +37,12 @@ except ImportError:  # an optional extra; opening a file says so
 
 #: numpy's legacy generator state, as emcee keeps it: name, 624 words, position, has_gauss, cached gauss.
 RandomState: TypeAlias = tuple[str, Any, int, int, float]
-
-
-_FORMAT, _OLDER = "underlay chain 2", "underlay chain 1"
+_FORMAT, _OLDER = "underlay chain 3", ("underlay chain 1", "underlay chain 2")
 
 
 # What a sampler could hold in memory to go on; on the disk a chain is sparse until it is used.
 _KIND = FileKind("a chain file", 8_000_000_000, "begin a new one under another name")
-
-
 _WORDS = 624
-
-
 _STATE_SIZE = _WORDS + 5
 
 
@@ -116,15 +58,12 @@ class Progress:
         State of the generator after the last step.
     evaluations, failures : int
         Model evaluations so far, and those that failed.
-    proposal : FloatArray or None
-        The mixture that moves draw from, as `Proposal.numbers`; None without.
     """
 
     chain: FloatArray
     random_state: RandomState
     evaluations: int
     failures: int
-    proposal: FloatArray | None = None
 
 
 class ChainFile:
@@ -188,11 +127,6 @@ class ChainFile:
             with _opened(path, "r+") as file:
                 yield cls(file), progress
 
-    def propose(self, numbers: FloatArray) -> None:
-        """Write the mixture that moves will draw from, as `Proposal.numbers`: before the first step."""
-        fill_mixture(self._file, numbers)
-        self._file.flush()
-
     def append(
         self,
         coords: FloatArray,
@@ -245,8 +179,7 @@ def _lay_out(file: Any, names: tuple[str, ...], shape: tuple[int, int]) -> None:
     _reserve(file, "chain", (steps, walkers, len(names) + 1))
     _reserve(file, "state", (2, _STATE_SIZE))
     _reserve(file, "steps", (1,))
-    _reserve(file, "proposal", (mixture_size(len(names)),))
-    file["steps"][0] = file["proposal"][0] = 0
+    file["steps"][0] = 0
     file.attrs["format"] = _FORMAT
     file.attrs["parameters"] = json.dumps(names)
     file.flush()
@@ -265,7 +198,7 @@ def _reserve(file: Any, name: str, shape: tuple[int, ...]) -> None:
 
 def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walkers: int) -> Progress:
     where = os.fspath(path)
-    if file.attrs.get("format") not in (_FORMAT, _OLDER):
+    if file.attrs.get("format") not in (_FORMAT, *_OLDER):
         raise InputError(f"{where} is not a chain file of this version (format {file.attrs.get('format')!r})")
     stored = tuple(map(str, parse_json(file.attrs["parameters"])))
     if stored != names:
@@ -292,7 +225,6 @@ def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walke
         ),
         evaluations=int(state[_WORDS + 3]) if steps else 0,
         failures=int(state[_WORDS + 4]) if steps else 0,
-        proposal=None if file.attrs["format"] == _OLDER else stored_mixture(file, len(names)),
     )
 
 
@@ -300,8 +232,6 @@ def _check_layout(file: Any, parameters: int) -> None:
     """Refuse what `_lay_out` does not make: other shapes, places outside the file, more than it has."""
     library = _hdf5()
     shapes = {"chain": (None, None, parameters + 1), "state": (2, _STATE_SIZE), "steps": (1,)}
-    if file.attrs.get("format") != _OLDER:
-        shapes["proposal"] = (mixture_size(parameters),)
     size = file.id.get_filesize()
     for name, shape in shapes.items():
         if not isinstance(file.get(name, getlink=True), library.HardLink):
@@ -353,7 +283,5 @@ def _put_new(
             file["state"][steps % 2] = _packed(
                 progress.random_state, (progress.evaluations, progress.failures)
             )
-            if progress.proposal is not None:
-                fill_mixture(file, progress.proposal)
             file["steps"][0] = steps
     beside.replace(path)

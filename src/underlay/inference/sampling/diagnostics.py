@@ -1,44 +1,119 @@
-"""How a sampling went, its predictive bands, and what the data told beyond the prior.
+"""How well draws know a posterior, and what they tell: convergence, predictive bands, prior against posterior.
 
-How a sampling went, for the record and for a verdict.
-
-Posterior predictive bands: where the model, and a new reading, lie once the data are known.
-
-Did the data tell anything about a parameter? Its posterior against its prior.
+A chain is an array (steps, walkers) of one quantity; each walker counts as a chain. Its memory is emcee's integrated
+autocorrelation time (Goodman and Weare 2010, doi:10.2140/camcos.2010.5.65); R-hat and the effective sizes of its
+quantiles are ArviZ's, where that is installed (extra ``uq``): Vehtari, Gelman, Simpson, Carpenter and Buerkner (2021),
+doi:10.1214/20-BA1221. Without it the autocorrelation time alone decides.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import ModuleType
 from typing import NamedTuple
 
+import emcee
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.blocked import clock_of
-from underlay.inference.misfit.marginal import MarginalLikelihood
+from underlay.errors import MissingExtraError
 from underlay.inference.model.groups import Readings
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.inference.ridge.importance import Importance
-from underlay.inference.sampling.convergence import effective_size, highest_density_interval
+from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.scene.noise import NoiseModel
 
 __all__ = [
     "INFORMED",
     "INFORMED_COLUMNS",
+    "LEVELS",
+    "MIN_STEPS",
     "NOT_INFORMED",
     "PREDICTIVE_LEVELS",
     "WEAKLY_INFORMED",
+    "Importance",
     "Information",
+    "Outcome",
     "Predictive",
     "SamplingDiagnostics",
+    "arviz_library",
+    "autocorrelation_times",
+    "chain_errors",
     "compare_with_prior",
+    "effective_size",
+    "highest_density_interval",
+    "judge",
+    "memory",
     "predictive_bands",
     "prior_levels",
+    "quantile_errors",
+    "rank_normalised_rhat",
 ]
+
+#: Fewest steps for which halves of a chain have a variance and an autocorrelation.
+MIN_STEPS = 8
+#: Quantiles of a parameter whose errors are stated.
+LEVELS = (0.025, 0.5, 0.975)
+#: Probabilities of the rows of a predictive band: 95 % and 68 % limits and the median.
+PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
+#: Verdicts of `compare_with_prior`.
+INFORMED, WEAKLY_INFORMED = "informed", "weakly informed"
+NOT_INFORMED = "not informed by these data"
+
+# emcee's advice, and the source's of R-hat; a quantile known to 0.06 standard deviations is hardly ever off by 0.15.
+_TIMES_NEEDED, _RHAT_NEEDED, _LARGEST_ERROR = 50.0, 1.01, 0.06
+# The walkers' memory of their start fades as exp(-t / tau): ten times leave 5e-5 of it.
+_BURN_IN_TIMES = 10.0
+# Largest difference of the distribution functions. A normal posterior that is a third narrower than its
+# normal prior, or a quarter of a standard deviation beside it, is 0.1 away from it; one 0.4 times as wide, or
+# half a standard deviation beside it, 0.2. The third: 95 % point of the Kolmogorov distribution, what the noise of
+# the draws alone makes of identical ones.
+_NOTHING, _LITTLE, _KOLMOGOROV_95 = 0.1, 0.2, 1.358
+# Ratio of the ends of a positive prior above which it is one over orders of magnitude.
+_DECADES = 20.0
+
+
+# --- records ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Importance:
+    """What weighted draws say of a posterior.
+
+    Parameters
+    ----------
+    draws : int
+        How many.
+    effective : float
+        Kish's effective sample size.
+    k_hat : float
+        Tail index of the weights (Pareto); above 0.7 they are not to be trusted.
+    log_evidence, log_evidence_error : float or None
+        Natural logarithm of the evidence and its standard error; None where no noise was stated.
+    quantile_error : float
+        Largest Monte Carlo error of a 2.5, 50 or 97.5 % quantile, in standard deviations of the posterior.
+    refused : str
+        Why the weights are not believed; empty where they are.
+    disagreement : str
+        Where a chain and the weights differ by more than their errors; empty where they do not.
+    """
+
+    draws: int
+    effective: float
+    k_hat: float
+    log_evidence: float | None
+    log_evidence_error: float | None
+    quantile_error: float
+    refused: str
+    disagreement: str = ""
+
+    @property
+    def stands(self) -> bool:
+        """Whether they may be believed and no chain differs."""
+        return not (self.refused or self.disagreement)
 
 
 @dataclass(frozen=True)
@@ -48,19 +123,21 @@ class SamplingDiagnostics:
     Parameters
     ----------
     converged : bool
-        Whether the stop rule was met: longer than 50 autocorrelation times, of the tails too, R-hat below 1.01, and
-        2.5, 50 and 97.5 % quantiles known to 0.06 standard deviations, by the chain itself or by weighted draws
-        that agree with it; of weighted draws alone, whether they were accepted.
+        Whether the draws are to be trusted. Of a chain: longer than 50 autocorrelation times and, where ArviZ is
+        installed, R-hat below 1.01; 2.5, 50 and 97.5 % quantiles known to 0.06 standard deviations. Of weighted
+        draws: a Pareto k below 0.7, and no chain that differs from them.
     reason : str
         Why it stopped, in words.
     steps, burn_in, thin, walkers : int
-        Steps taken, steps dropped at the start, steps per kept draw, walkers.
+        Steps taken, steps dropped at the start, steps per kept draw, walkers; of a chain that judges weighted
+        draws its own.
     autocorrelation_time : tuple of float
-        Of each parameter (steps), after burn-in; empty for weighted draws.
+        Of each parameter (steps), after burn-in; empty without a chain.
     rhat : tuple of float
-        Rank-normalised split R-hat of each parameter over the walkers, after burn-in; empty for weighted draws.
+        Rank-normalised split R-hat of each parameter over the walkers, after burn-in; empty where it was not asked
+        for or ArviZ is not installed.
     acceptance : float
-        Share of proposals accepted, after burn-in; of weighted draws, effective ones per draw.
+        Share of proposals accepted, after burn-in; without a chain effective draws per draw.
     evaluations, failures : int
         Model evaluations, and how many of them failed inside the priors (each counted as impossible).
     failure_region : mapping of name to (low, high)
@@ -79,15 +156,10 @@ class SamplingDiagnostics:
         Effective draws of each parameter.
     quantile_errors : mapping of name to tuple of float
         Monte Carlo errors of the 2.5, 50 and 97.5 % quantiles, in standard deviations of the parameter.
-    moves : mapping of str to float
-        Share of proposals accepted by each move, over this run.
     importance : Importance or None
-        What the weighted draws of a frozen mixture say; None where no mixture was found.
+        What weighted draws say; None for a chain that was made elsewhere.
     weighted : bool
-        Whether the draws are the weighted ones, resampled, several of each: a chain, if one was made, agreed with
-        them and knew the quantiles less well.
-    left_out : float
-        What printed intervals leave out, over what they are asked to: below 1 where a fit's would (`Fit.interval`).
+        Whether the draws are the weighted ones, resampled, several of each.
     """
 
     converged: bool
@@ -109,14 +181,192 @@ class SamplingDiagnostics:
     method: str = "emcee"
     effective: tuple[float, ...] = ()
     quantile_errors: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    moves: Mapping[str, float] = field(default_factory=dict)
     importance: Importance | None = None
     weighted: bool = False
-    left_out: float = 1.0
 
 
-#: Probabilities of the rows of a predictive band: 95 % and 68 % limits and the median.
-PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
+class Outcome(NamedTuple):
+    """Where a chain stands: burn-in, after it autocorrelation times and R-hat (p,), and a verdict in words.
+
+    Errors of the 2.5, 50 and 97.5 % quantiles, (3, p), are in standard deviations of the parameter.
+    """
+
+    steps: int
+    walkers: int
+    burn_in: int
+    times: FloatArray
+    rhat: FloatArray
+    quantile_errors: FloatArray
+    converged: bool
+    reason: str
+
+    @property
+    def effective(self) -> FloatArray:
+        """Effective samples of each parameter, (p,), of all walkers together."""
+        return np.asarray((self.steps - self.burn_in) * self.walkers / self.times)
+
+    @property
+    def probable_length(self) -> int:
+        """Steps that will probably do: R-hat of single walkers comes below 1.01 at about a hundred times."""
+        return max(
+            self.steps, int((2.0 * _TIMES_NEEDED + _BURN_IN_TIMES) * min(self.times.max(), self.steps))
+        )
+
+
+# --- convergence ------------------------------------------------------------------------------------------
+
+
+def arviz_library() -> ModuleType:
+    """Import ArviZ, 0.x or 1.x.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        return _imported()
+    except FileNotFoundError:
+        # arviz notes in the user's cache on which day it last warned. Where two processes import it at the same
+        # moment, the one that comes second finds its draft of that note gone; by then the note is in its place.
+        return _imported()
+
+
+def _imported() -> ModuleType:
+    try:
+        with warnings.catch_warnings():
+            # arviz announces its next major version at import, which is not the caller's concern.
+            warnings.simplefilter("ignore", FutureWarning)
+            import arviz  # noqa: PLC0415  # an optional extra
+    except ImportError as error:
+        raise MissingExtraError("this needs arviz: install underlay[uq]") from error
+    module: ModuleType = arviz
+    return module
+
+
+def _arviz() -> ModuleType | None:
+    try:
+        return arviz_library()
+    except MissingExtraError:
+        return None
+
+
+def autocorrelation_times(chain: FloatArray) -> FloatArray:
+    """Integrated autocorrelation times (p,), in steps, of a chain (steps, walkers, p).
+
+    Walkers that rest are left out; a parameter in which all of them do gives inf.
+    """
+    moving = np.ptp(chain, axis=0) > 0.0
+    return np.array(
+        [
+            float(emcee.autocorr.integrated_time(chain[:, own, i], tol=0)[0]) if own.any() else np.inf
+            for i, own in enumerate(moving.T)
+        ]
+    )
+
+
+def rank_normalised_rhat(chain: FloatArray) -> float:
+    """ArviZ's R-hat of one quantity (steps, walkers); nan without ArviZ."""
+    arviz = _arviz()
+    return np.nan if arviz is None else float(arviz.rhat(chain.T))
+
+
+def effective_size(chain: FloatArray) -> float:
+    """Independent draws that one quantity (steps, walkers) is worth: ArviZ's, or by the autocorrelation time."""
+    arviz = _arviz()
+    if arviz is None:
+        return float(chain.size / autocorrelation_times(chain[..., None])[0])
+    return float(arviz.ess(chain.T, method="bulk"))
+
+
+def quantile_errors(draws: FloatArray, weights: FloatArray, share_errors: FloatArray) -> FloatArray:
+    """Monte Carlo errors (3, p) of the quantiles at `LEVELS`, in standard deviations.
+
+    Parameters
+    ----------
+    draws, weights : FloatArray
+        (n, p) and (n,), which sum to 1.
+    share_errors : FloatArray
+        (3, p): standard errors of the probability below each quantile.
+
+    Returns
+    -------
+    FloatArray
+        Half the distance between the quantiles one such error below and above; nan where nothing scatters.
+    """
+    found = np.empty(share_errors.shape)
+    for i, values in enumerate(draws.T):
+        shares = np.add.outer([-1.0, 1.0], np.zeros(len(LEVELS))) * share_errors[:, i] + np.array(LEVELS)
+        low, high = weighted_quantiles(values, weights, np.clip(shares, 0.0, 1.0).ravel()).reshape(2, -1)
+        deviation = float(np.sqrt(weights @ np.square(values - weights @ values)))
+        found[:, i] = 0.5 * (high - low) / deviation if deviation > 0.0 else np.nan
+    return found
+
+
+def chain_errors(kept: FloatArray) -> FloatArray:
+    """The same (3, p) of a chain (steps, walkers, p).
+
+    The probability below a quantile is as uncertain as the walkers' shares scatter: those that go far out and stay
+    there for long leave the autocorrelation of the quantity itself short.
+    """
+    flat = kept.reshape(-1, kept.shape[-1])
+    below = kept <= np.quantile(flat, LEVELS, axis=0)[:, None, None]
+    errors = below.mean(axis=1).std(axis=1, ddof=1) / kept.shape[1] ** 0.5
+    return quantile_errors(flat, np.full(len(flat), 1.0 / len(flat)), errors)
+
+
+def memory(coords: FloatArray) -> tuple[int, FloatArray]:
+    """Steps to drop of a chain (steps, walkers, p), and the autocorrelation times (p,) of the rest."""
+    steps = len(coords)
+    late = float(autocorrelation_times(coords[steps // 2 :]).max())
+    burn_in = min(steps // 2, int(np.ceil(_BURN_IN_TIMES * min(late, steps))))
+    return burn_in, autocorrelation_times(coords[burn_in:])
+
+
+def judge(coords: FloatArray, max_steps: int) -> Outcome:
+    """Judge a chain in scaled coordinates, (steps, walkers, p), that may grow to `max_steps`.
+
+    It is long against its memory, every walker tells the same, and quantiles are known. Ranking half a million
+    numbers costs more than all autocorrelations: R-hat and errors are nan while they cannot decide.
+    """
+    steps, walkers, parameters = coords.shape
+    burn_in, times = memory(coords)
+    kept = coords[burn_in:]
+    long_enough = len(kept) > _TIMES_NEEDED * times.max()
+    rhat, errors = np.full(parameters, np.nan), np.full((len(LEVELS), parameters), np.nan)
+    if long_enough or steps >= max_steps:
+        rhat = np.array([rank_normalised_rhat(kept[..., i]) for i in range(parameters)])
+        errors = chain_errors(kept)
+    # Without ArviZ R-hat is nan, and does not decide.
+    mixed = not (rhat >= _RHAT_NEEDED).any()
+    sure = bool((errors <= _LARGEST_ERROR).all())
+    converged = bool(long_enough and mixed and sure)
+    about_rhat = (
+        "" if np.isnan(rhat).all() else f", R-hat is {np.nanmax(rhat):.4f} ({_RHAT_NEEDED} is needed)"
+    )
+    told = (
+        f"{len(kept)} steps after burn-in are {len(kept) / times.max():.0f} autocorrelation times "
+        f"({_TIMES_NEEDED:.0f} are needed){about_rhat}"
+    )
+    if np.isfinite(errors).all():
+        told += (
+            f", and quantiles are uncertain by up to {errors.max():.2f} standard deviations "
+            f"({_LARGEST_ERROR} may be)"
+        )
+    state = "converged" if converged else f"not converged after {steps} steps"
+    return Outcome(steps, walkers, burn_in, times, rhat, errors, converged, f"{state}: {told}")
+
+
+def highest_density_interval(draws: FloatArray, probability: float) -> tuple[float, float]:
+    """Shortest interval that holds a share `probability` of `draws` (n,)."""
+    ordered = np.sort(draws, axis=None)
+    inside = int(np.ceil(probability * ordered.size))
+    width = ordered[inside - 1 :] - ordered[: ordered.size - inside + 1]
+    start = int(np.argmin(width))
+    return float(ordered[start]), float(ordered[start + inside - 1])
+
+
+# --- predictive bands -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +378,8 @@ class Predictive:
     depth, force : FloatArray
         The data (m, N), (n,).
     model : FloatArray
-        (5, n): force of the model (N) at `PREDICTIVE_LEVELS`. Where nobody stated the noise it is that of the law
-        with the drift, the jump and the creeping baseline that go with each draw.
+        (5, n): force of the model (N) at `PREDICTIVE_LEVELS`. Where nobody stated the noise the law's parameters
+        allow for disturbances that the curve may hold, which these forces leave out.
     reading : FloatArray
         (5, n): the same of a new reading, noise included.
     """
@@ -145,30 +395,28 @@ class Predictive:
 
 
 def predictive_bands(
-    problem: Problem, physical: FloatArray, rng: np.random.Generator
+    problem: Problem, physical: FloatArray, best: FloatArray, rng: np.random.Generator
 ) -> tuple[Predictive, ...]:
-    """One band per curve from draws (draws, parameters), SI; draws without a law are left out."""
+    """One band per curve.
+
+    Parameters
+    ----------
+    problem : Problem
+        Whose curves they are.
+    physical : FloatArray
+        (draws, p), SI; draws without a law are left out.
+    best : FloatArray
+        (p,), SI: what the size of noise that nobody stated is learnt at.
+    rng : numpy Generator
+        Noise of the readings.
+    """
     readings = [member.readings(physical) for member in problem.members]
     possible = np.logical_and.reduce([own.possible for own in readings])
-    off = _misfits(problem, physical[possible], rng)
+    learnt = best[None] if problem.noise_is_open else physical[possible]
     return tuple(
-        _band(member, physical[possible], own, possible, misfit, rng)
-        for member, own, misfit in zip(problem.members, readings, off, strict=True)
+        _band(member, physical[possible], own, possible, learnt, rng)
+        for member, own in zip(problem.members, readings, strict=True)
     )
-
-
-def _misfits(
-    problem: Problem, physical: FloatArray, rng: np.random.Generator
-) -> Sequence[FloatArray | float]:
-    """What the law of each curve is off by at its readings (N), (draws, n); zero where the noise was stated."""
-    likelihood = problem.likelihood
-    if not isinstance(likelihood, MarginalLikelihood):
-        return [0.0] * len(problem.members)
-    found = []
-    for curve, at_blocks in zip(likelihood.blocked.curves, likelihood.misfit(physical, rng), strict=True):
-        clock = clock_of(curve.member.curve)
-        found.append(np.array([np.interp(clock, curve.time, own) for own in at_blocks]))
-    return found
 
 
 def _band(
@@ -176,15 +424,14 @@ def _band(
     physical: FloatArray,
     readings: Readings,
     possible: NDArray[np.bool_],
-    misfit: FloatArray | float,
+    learnt: FloatArray,
     rng: np.random.Generator,
 ) -> Predictive:
-    contact, stiffness = readings.contact[possible], readings.stiffness[possible]
-    force = readings.force[possible] + misfit
+    force = readings.force[possible]
     noise = member.noise_of(physical)
-    sigma = noise.sigma(contact, stiffness, member.curve.time)
+    sigma = noise.sigma(readings.contact[possible], readings.stiffness[possible], member.curve.time)
     if member.scale_is_unknown:
-        sigma = sigma * _scale_draws(member, noise, force, sigma, rng)[:, None]
+        sigma = sigma * _sizes(member, learnt, len(force), rng)[:, None]
     # One normal draw per point and posterior draw: the band is that of single readings, so the correlation
     # between neighbouring points does not enter.
     reading = force + sigma * rng.standard_normal(force.shape)
@@ -196,43 +443,17 @@ def _band(
     )
 
 
-def _scale_draws(
-    member: Member,
-    noise: NoiseModel,
-    force: FloatArray,
-    sigma: FloatArray,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """Noise over `sigma`, (draws,), where its size was integrated out: sigma^2 is S / chi-squared(n)."""
+def _sizes(member: Member, physical: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
+    """Noise over its `sigma`, (count,), where its size was integrated out: sigma^2 is S / chi-squared(n)."""
+    contact, stiffness, force, _ = member.readings(physical)
+    noise: NoiseModel = member.noise_of(physical)
+    sigma = noise.sigma(contact, stiffness, member.curve.time)
     whitened = noise.whiten((member.force - force) / sigma, member.curve.time)
     square = np.einsum("dn,dn->d", whitened, whitened)
-    return np.asarray(np.sqrt(square / rng.chisquare(whitened.shape[-1], size=len(square))))
+    return np.asarray(np.sqrt(square / rng.chisquare(whitened.shape[-1], size=count)))
 
 
-INFORMED = "informed"
-
-
-WEAKLY_INFORMED = "weakly informed"
-
-
-NOT_INFORMED = "not informed by these data"
-
-
-# Largest difference of the distribution functions. A normal posterior that is a third narrower than its
-# normal prior, or a quarter of a standard deviation beside it, is 0.1 away from it; one 0.4 times as wide, or
-# half a standard deviation beside it, 0.2.
-_NOTHING = 0.1
-
-
-_LITTLE = 0.2
-
-
-# Ratio of the ends of a positive prior above which it is one over orders of magnitude.
-_DECADES = 20.0
-
-
-# 95 % point of the Kolmogorov distribution: what the noise of the draws alone makes of identical ones.
-_KOLMOGOROV_95 = 1.358
+# --- prior against posterior ------------------------------------------------------------------------------
 
 
 class Information(NamedTuple):
@@ -257,17 +478,19 @@ def prior_levels(count: int) -> FloatArray:
     return (np.arange(count) + 0.5) / count
 
 
-def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray, inside: float = 0.95) -> Information:
+def compare_with_prior(
+    draws: FloatArray, prior_quantiles: FloatArray, effective: float | None = None
+) -> Information:
     """Compare the draws of one parameter with its prior.
 
     Parameters
     ----------
     draws : FloatArray
-        (draws, walkers).
+        Any shape.
     prior_quantiles : FloatArray
         (levels,): quantiles of the prior at `prior_levels`.
-    inside : float
-        Share of the draws that their 95 % interval holds.
+    effective : float, optional
+        Independent draws that they are worth; by default as many as there are.
 
     Returns
     -------
@@ -282,19 +505,17 @@ def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray, inside: f
     below = np.interp(ordered, prior_quantiles, levels, left=0.0, right=1.0)
     ranks = np.arange(ordered.size + 1) / ordered.size
     distance = float(max(np.max(ranks[1:] - below), np.max(below - ranks[:-1])))
-    noise = _KOLMOGOROV_95 / np.sqrt(effective_size(draws))
+    noise = _KOLMOGOROV_95 / np.sqrt(ordered.size if effective is None else effective)
     if distance < max(_NOTHING, noise):
         verdict = NOT_INFORMED
     else:
         verdict = WEAKLY_INFORMED if distance < _LITTLE else INFORMED
     prior68, posterior68 = _widths(prior_quantiles, ordered)
-    prior95 = highest_density_interval(prior_quantiles, 0.95)
-    posterior95 = highest_density_interval(ordered, inside)
     return Information(
         float(np.median(prior_quantiles)),
-        *prior95,
+        *highest_density_interval(prior_quantiles, 0.95),
         float(np.median(ordered)),
-        *posterior95,
+        *highest_density_interval(ordered, 0.95),
         narrowing=float(1.0 - posterior68 / prior68),
         distance=distance,
         informed=verdict,

@@ -1,7 +1,5 @@
 """Which model predicts the data better, and what a model's own error adds.
 
-Whether a posterior is that of a problem: what they differ in, in words.
-
 Two answers side by side. The expected log-density of points left out, by Pareto-smoothed importance sampling
 (PSIS-LOO), Vehtari, Gelman and Gabry (2017), doi:10.1007/s11222-016-9696-4, through arviz: it hardly depends on the
 priors. With correlated noise the contribution of a point is that of its innovation given the one before. And the
@@ -28,8 +26,8 @@ from underlay.errors import InputError
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.inference.ridge.importance import LogEvidence
-from underlay.inference.sampling.posterior import Posterior, arviz_library
+from underlay.inference.sampling.diagnostics import arviz_library
+from underlay.inference.sampling.posterior import LogEvidence, Posterior
 from underlay.quantities import field_quantities
 from underlay.scene.instrument import ContactDepth
 from underlay.scene.noise import LowRankNoise, Noise, NoiseModel
@@ -44,7 +42,7 @@ _SAME = 1e-9
 def difference(problem: Problem, posterior: Posterior) -> str:
     """What a posterior's own problem differs in; empty where nothing is known to differ.
 
-    Where free parameters start does not count, nor does a likelihood that averages over noise nobody stated.
+    Where free parameters start does not count.
     """
     if posterior.names != problem.names:
         return f"free are {', '.join(posterior.names)} there and {', '.join(problem.names)} in the problem"
@@ -215,7 +213,7 @@ def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatAr
     value = np.array([entry.value for entry in told])
     # Noise of unknown size has an improper prior: its evidence compares with none that states the size.
     unknown = [[member.scale_is_unknown for member in problem.members] for problem, _ in models]
-    if any(entry != unknown[0] for entry in unknown) or not _of_the_same_data(models):
+    if any(entry != unknown[0] for entry in unknown):
         value = np.full(len(value), np.nan)
     known = np.isfinite(value)
     probability = np.full(len(value), np.nan)
@@ -223,29 +221,6 @@ def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatAr
         probability[known] = special.softmax(value[known])
     error = np.where(known, [entry.error for entry in told], np.nan)
     return {"log_evidence": value, "log_evidence_error": error, "probability": probability}
-
-
-def _of_the_same_data(models: Sequence[tuple[Problem, Posterior]]) -> bool:
-    """Whether all evidences are of the readings, or where noise is averaged over all of the same blocks of them.
-
-    Blocks are taken about each model's own contact, and a posterior that was read from a file has forgotten them.
-    """
-    own = [None if posterior.problem is None else posterior.problem.likelihood for _, posterior in models]
-    blocks = [[] if likelihood is None else likelihood.data for likelihood in own]
-    forgotten = any(
-        problem.noise_is_open and likelihood is None
-        for (problem, _), likelihood in zip(models, own, strict=True)
-    )
-    same = all(len(entry) == len(blocks[0]) for entry in blocks)
-    return (
-        same
-        and not forgotten
-        and all(
-            np.array_equal(mine, first)
-            for entry in blocks
-            for mine, first in zip(entry, blocks[0], strict=True)
-        )
-    )
 
 
 def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArray:

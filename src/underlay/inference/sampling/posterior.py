@@ -1,79 +1,132 @@
-"""What a sampler hands back: the posterior as draws, with everything needed to judge it.
-
-arviz, the one place it is imported: for the export of a posterior and for comparisons.
-
-What a sampler hands back: the posterior as draws, with everything needed to judge and to use them.
-"""
+"""What a sampler hands back: the posterior as draws, with everything needed to judge and to use them."""
 
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from types import ModuleType
-from typing import Any, Self
+from dataclasses import asdict, dataclass, field
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
 from underlay._door import FileKind, printable, understood
-from underlay.errors import FileFormatError, InputError, MissingExtraError
+from underlay.errors import FileFormatError, InputError
+from underlay.inference.least_squares.fitting import fit, quick_fit
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.inference.problem_record import problem_from_record, problem_record
-from underlay.inference.ridge.importance import LogEvidence
-from underlay.inference.sampling.convergence import (
-    effective_size,
-    highest_density_interval,
-    median_error,
-    rank_normalised_rhat,
-)
+from underlay.inference.sampling.derived import derived_quantities
 from underlay.inference.sampling.diagnostics import (
     INFORMED_COLUMNS,
     Information,
     Predictive,
     SamplingDiagnostics,
+    arviz_library,
     compare_with_prior,
+    effective_size,
+    highest_density_interval,
+    quantile_errors,
+    rank_normalised_rhat,
 )
 from underlay.inference.sampling.posterior_file import LARGEST, parts_of, read_archive, write_archive
+from underlay.inference.uncertainty.mixture import weighted_quantiles
+from underlay.inference.uncertainty.reading import Reading
+from underlay.inference.uncertainty.statement import Statement
 
-__all__ = ["Posterior", "arviz_library"]
+if TYPE_CHECKING:
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.uncertainty.answer import Answer
+    from underlay.inference.uncertainty.budget import Source
+    from underlay.inference.uncertainty.likelihood import Likelihood
 
-
-def arviz_library() -> ModuleType:
-    """Import arviz.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
-    """
-    try:
-        return _imported()
-    except FileNotFoundError:
-        # arviz notes in the user's cache on which day it last warned. Where two processes import it at the same
-        # moment, the one that comes second finds its draft of that note gone; by then the note is in its place.
-        return _imported()
-
-
-def _imported() -> ModuleType:
-    try:
-        with warnings.catch_warnings():
-            # arviz announces its next major version at import, which is not the caller's concern.
-            warnings.simplefilter("ignore", FutureWarning)
-            import arviz  # noqa: PLC0415  # an optional extra
-    except ImportError as error:
-        raise MissingExtraError("this needs arviz: install underlay[uq]") from error
-    module: ModuleType = arviz
-    return module
+__all__ = ["LogEvidence", "Posterior", "SampledReading", "SampledStatement"]
 
 
 _FORMAT = "underlay posterior 1"
 
 
 _KIND = FileKind("a saved posterior", LARGEST, "save it again where it was made")
+
+
+class LogEvidence(NamedTuple):
+    """Natural logarithm of the probability of the data under a model, and its standard error.
+
+    The probability of the readings in their unit (per newton and point), with all parameters integrated over their
+    priors: only differences between models of the same data mean something. Where the size of the noise is not
+    stated it is known up to a factor that all models of the same data share.
+    """
+
+    value: float
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class SampledReading(Reading):
+    """Intervals of draws that a sampler made, equally likely.
+
+    Parameters
+    ----------
+    sampled : FloatArray
+        Scaled vectors (m, k).
+    read : Reading
+        What was read without a sampler: it knows which ends the data leave open.
+    """
+
+    sampled: FloatArray = field(repr=False)
+    read: Reading = field(repr=False)
+
+    def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
+        """As `Reading.interval`."""
+        shares = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
+        ends = weighted_quantiles(self.draws[:, index], self.weights, shares)
+        known = self.read.interval(index, level)
+        low, high = (a if np.isinf(a) else float(b) for a, b in zip(known, ends, strict=True))
+        return low, high
+
+    @property
+    def draws(self) -> FloatArray:
+        """As `Reading.draws`."""
+        return self.sampled
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """As `Reading.weights`."""
+        return np.full(len(self.draws), 1.0 / len(self.draws))
+
+    @cached_property
+    def deviations(self) -> FloatArray:
+        """As `Reading.deviations`."""
+        return self.draws.std(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledStatement(Statement):
+    """What a fit says of itself, its statistical part by draws (m, k), scaled, of a sampler."""
+
+    draws: FloatArray = field(repr=False)
+
+    @property
+    def own(self) -> Statement:
+        """That of the fit, whose sources are these."""
+        return cast(Statement, self.fit.statement)
+
+    @cached_property
+    def likelihood(self) -> Likelihood:
+        """The likelihood of the fit's curves."""
+        return self.own.likelihood
+
+    @cached_property
+    def reading(self) -> Reading:
+        """What the draws say."""
+        return SampledReading(self.likelihood, self.draws, self.own.reading)
+
+    @cached_property
+    def sources(self) -> tuple[Source, ...]:
+        """Sources of the systematic part."""
+        return self.own.sources
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +157,8 @@ class Posterior:
         What was sampled: scenes, curves, priors, noise.
     missing : str
         Why there is no problem; empty where there is one.
+    fit : Fit, optional
+        The fit that gives the values of answers; it is made when one is asked for, where there is none.
     """
 
     names: tuple[str, ...]
@@ -117,6 +172,7 @@ class Posterior:
     truth: Mapping[str, float]
     problem: Problem | None = None
     missing: str = ""
+    fit: Fit | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for array in (self.chain, self.log_posterior, self.prior_quantiles, *self.derived.values()):
@@ -135,13 +191,71 @@ class Posterior:
     def log_evidence(self) -> LogEvidence | None:
         """Natural logarithm of the probability of the data with its error; None where it is not known.
 
-        From weighted draws of a mixture along the ridges of the posterior, where they were accepted and do not
-        differ from the chain; ``diagnostics.importance`` says why they were not.
+        From weighted draws, where they are trusted and no chain differs from them. Where no noise was stated there
+        is none: the likelihood then is that of the fit's moments, which different models have each its own.
         """
         found = self.diagnostics.importance
-        if found is None or not found.stands:
+        if found is None or not found.stands or found.log_evidence is None:
             return None
-        return LogEvidence(found.log_evidence, found.log_evidence_error)
+        return LogEvidence(found.log_evidence, found.log_evidence_error or 0.0)
+
+    @cached_property
+    def statement(self) -> SampledStatement:
+        """What the fit says of itself, with the statistical part of these draws.
+
+        Raises
+        ------
+        InputError
+            If the problem was not kept.
+        """
+        if self.problem is None:
+            raise InputError(
+                f"an answer needs the problem that was sampled, and there is none: {self.missing}"
+            )
+        flat = self.chain.reshape(-1, len(self.names))
+        scaled = [
+            np.log(x / c.reference) if c.scale is None else (x - c.reference) / c.scale
+            for x, c in zip(flat.T, self.problem.coordinates, strict=True)
+        ]
+        own = fit(self.problem) if self.fit is None else self.fit
+        return SampledStatement(own, partial(quick_fit, start="given"), np.column_stack(scaled))
+
+    def answer(self, name: str, level: float = 0.95) -> Answer:
+        """Return the answer of one quantity, as `Fit.answer` does.
+
+        The value and the systematic part are the fit's; the statistical part is that of these draws.
+
+        Parameters
+        ----------
+        name : str
+            One of `names`, or a quantity that follows from them.
+        level : float, default 0.95
+            Confidence of its intervals.
+
+        Raises
+        ------
+        InputError
+            If there is nothing of that name, the level is not between 0 and 0.999, or the problem was not kept.
+        """
+        return self.statement.answer(name, level)
+
+    @property
+    def answers(self) -> pd.DataFrame:
+        """All answers, one a row, as `Fit.answers`: value, ends, ends of both parts (SI) and the unit."""
+        rows = {}
+        for name in (*self.names, *derived_quantities(self.statement.fit.problem, self.chain[:1])):
+            known = self.answer(name)
+            rows[name] = {
+                "value": known.value,
+                "low": known.low,
+                "high": known.high,
+                "stat low": known.statistical.low,
+                "stat high": known.statistical.high,
+                "syst low": known.systematic.low,
+                "syst high": known.systematic.high,
+                "unit": known.unit,
+            }
+        return pd.DataFrame.from_dict(rows, orient="index")
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -158,13 +272,6 @@ class Posterior:
     def derived_samples(self) -> pd.DataFrame:
         """Draws of the derived quantities (SI), one column each."""
         return pd.DataFrame({name: values.ravel() for name, values in self.derived.items()})
-
-    def inside(self, level: float) -> float:
-        """Share of the draws that a printed interval of this level holds: the probability that the fit's is given.
-
-        It is the level, but where intervals of a half-space whose law is given up leave out less (`Fit.interval`).
-        """
-        return 1.0 - self.diagnostics.left_out * (1.0 - level)
 
     def of(self, name: str) -> FloatArray:
         """Draws of one parameter or derived quantity, (draws, walkers), SI.
@@ -191,17 +298,14 @@ class Posterior:
         Returns
         -------
         DataFrame
-            ``median``; ``hdi68_low`` ... ``hdi95_high``, the shortest intervals with 68 % and 95 % (`inside` of
-            these, of the draws); ``ess``,
-            effective sample size; ``rhat``; ``mcse``, Monte Carlo error of the median; ``informed``, whether
-            the data changed what was known before.
+            ``median``; ``hdi68_low`` ... ``hdi95_high``, the shortest intervals with 68 % and 95 % of the draws;
+            ``ess``, effective sample size; ``rhat``, nan for weighted draws and without ArviZ; ``mcse``, Monte
+            Carlo error of the median; ``informed``, whether the data changed what was known before.
         """
         information = self.prior_comparison()["informed"]
-        worth = min(self.diagnostics.effective) if self.diagnostics.weighted else np.inf
-        levels = self.inside(0.68), self.inside(0.95)
-        rows = {name: _row(self.of(name), levels, str(information[name]), worth) for name in self.names}
+        rows = {name: self._row(self.of(name), str(information[name])) for name in self.names}
         if derived:
-            rows |= {name: _row(values, levels, "derived", worth) for name, values in self.derived.items()}
+            rows |= {name: self._row(values, "derived") for name, values in self.derived.items()}
         return pd.DataFrame.from_dict(rows, orient="index")
 
     def prior_comparison(self) -> pd.DataFrame:
@@ -212,8 +316,8 @@ class Posterior:
         `compare_with_prior`.
         """
         rows: dict[str, Information] = {
-            name: compare_with_prior(self.of(name), self.prior_quantiles[:, index], self.inside(0.95))
-            for index, name in enumerate(self.names)
+            name: compare_with_prior(self.of(name), self.prior_quantiles[:, i], self._worth(self.of(name)))
+            for i, name in enumerate(self.names)
         }
         table = pd.DataFrame.from_dict(
             {name: row._asdict() for name, row in rows.items()}, orient="index", columns=INFORMED_COLUMNS
@@ -221,8 +325,32 @@ class Posterior:
         table.insert(0, "prior", list(self.priors))
         return table
 
+    def _worth(self, values: FloatArray) -> float:
+        """Independent draws that those of one quantity (draws, walkers) are worth."""
+        known = self.diagnostics
+        return min(known.effective) if known.weighted else effective_size(values)
+
+    def _row(self, values: FloatArray, informed: str) -> dict[str, Any]:
+        worth = self._worth(values)
+        flat = values.reshape(-1, 1)
+        even = np.full(len(flat), 1.0 / len(flat))
+        error = quantile_errors(flat, even, np.full((3, 1), 0.5 / worth**0.5))[1, 0]
+        low68, high68 = highest_density_interval(values, 0.68)
+        low95, high95 = highest_density_interval(values, 0.95)
+        return {
+            "median": float(np.median(values)),
+            "hdi68_low": low68,
+            "hdi68_high": high68,
+            "hdi95_low": low95,
+            "hdi95_high": high95,
+            "ess": worth,
+            "rhat": np.nan if self.diagnostics.weighted else rank_normalised_rhat(values),
+            "mcse": float(error * values.std()),
+            "informed": informed,
+        }
+
     def to_inference_data(self, log_likelihood: FloatArray | None = None) -> Any:
-        """Return the draws as an arviz ``InferenceData``, one chain per walker.
+        """Return the draws as an arviz ``InferenceData`` (1.x: a ``DataTree``), one chain per walker.
 
         Groups ``posterior`` (parameters and, where they have as many draws, derived quantities), ``prior``
         and ``sample_stats`` (``lp``); with `log_likelihood` (draws, walkers, points), of the points, that too.
@@ -244,7 +372,9 @@ class Posterior:
         }
         if log_likelihood is not None:
             groups["log_likelihood"] = {"force": np.moveaxis(log_likelihood, 0, 1)}
-        return arviz_library().from_dict(**groups)
+        arviz = arviz_library()
+        # Version 1 takes the groups as one mapping and gives xarray's tree.
+        return arviz.from_dict(**groups) if hasattr(arviz, "InferenceData") else arviz.from_dict(groups)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything to a compressed ``.npz`` file without pickles, the problem too.
@@ -318,22 +448,3 @@ def _problem_of(about: Mapping[str, Any], arrays: Mapping[str, Any], path: str) 
         raise FileFormatError(f"{path} is damaged: {error}; {_KIND.advice}") from error
     except InputError as error:
         return None, f"it cannot be stated here: {error}"
-
-
-def _row(values: FloatArray, levels: tuple[float, float], informed: str, worth: float) -> dict[str, Any]:
-    size = effective_size(values)
-    # Draws that are there several times tell no more than the weighted ones they come from.
-    repeats = max(1.0, size / worth)
-    low68, high68 = highest_density_interval(values, levels[0])
-    low95, high95 = highest_density_interval(values, levels[1])
-    return {
-        "median": float(np.median(values)),
-        "hdi68_low": low68,
-        "hdi68_high": high68,
-        "hdi95_low": low95,
-        "hdi95_high": high95,
-        "ess": size / repeats,
-        "rhat": rank_normalised_rhat(values),
-        "mcse": median_error(values) * repeats**0.5,
-        "informed": informed,
-    }

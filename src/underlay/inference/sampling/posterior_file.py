@@ -1,11 +1,7 @@
-"""The file of a posterior: arrays and a document, every entry checked.
+"""The file of a posterior: arrays and a document of plain values in one compressed ``.npz`` file, without pickles.
 
-A result on disk: arrays and a document of plain values in one compressed ``.npz`` file, without pickles.
-
-What the file of a posterior must hold: every entry checked for kind and shape before anything is built.
-
-The file may come from anybody and is shown to people: a number in the place of a name, or a chain of other
-parameters than those it lists, must not get further than this.
+The file may come from anybody and is shown to people: every entry is checked for kind and shape before anything is
+built. A number in the place of a name, or a chain of other parameters than those it lists, gets no further than this.
 """
 
 from __future__ import annotations
@@ -14,18 +10,22 @@ import io
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from underlay._arrays import FloatArray
 from underlay._door import FileKind, open_zip, parse_json, printable, read_bytes, read_member, understood
 from underlay._files import write_atomic
 from underlay.errors import FileFormatError
-from underlay.inference.ridge.importance import Importance
-from underlay.inference.sampling.diagnostics import PREDICTIVE_LEVELS, Predictive, SamplingDiagnostics
+from underlay.inference.sampling.diagnostics import (
+    PREDICTIVE_LEVELS,
+    Predictive,
+    SamplingDiagnostics,
+)
 
 __all__ = ["LARGEST", "parts_of", "read_archive", "write_archive"]
 
@@ -116,6 +116,18 @@ def _array(data: bytes) -> np.ndarray[Any, Any]:
     return flat.reshape(shape, order="F" if by_columns else "C").copy()
 
 
+@dataclass(frozen=True)
+class _Document:
+    """What the document of a file says beside its format and its problem."""
+
+    names: list[str]
+    priors: list[str]
+    derived: list[str]
+    curves: int
+    truth: dict[str, float]
+    diagnostics: SamplingDiagnostics
+
+
 def parts_of(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
     """Keywords of a `Posterior`, but for its problem.
 
@@ -133,21 +145,36 @@ def parts_of(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]
     ValueError
         If something is of another kind or shape.
     """
-    names = _texts(about["names"], "names")
-    _require(names and len(set(names)) == len(names), "names", "distinct names, one at least")
-    chain = _floats(arrays, "chain", (None, None, len(names)))
+    told = _document(about)
+    _require(told.names and len(set(told.names)) == len(told.names), "names", "distinct names, one at least")
+    _require(len(told.priors) == len(told.names), "priors", "as many as names")
+    chain = _floats(arrays, "chain", (None, None, len(told.names)))
     _require(chain.size and np.isfinite(chain).all(), "chain", "finite draws, one at least")
     return {
-        "names": names,
+        "names": tuple(told.names),
         "chain": chain,
         "log_posterior": _floats(arrays, "log_posterior", chain.shape[:2]),
-        "priors": _texts(about["priors"], "priors", len(names)),
-        "prior_quantiles": _floats(arrays, "prior_quantiles", (None, len(names))),
-        "derived": {name: _draws(arrays, f"derived/{name}") for name in _texts(about["derived"], "derived")},
-        "predictive": tuple(_band(arrays, number) for number in range(_count(about["curves"], "curves"))),
-        "diagnostics": _diagnostics(about["diagnostics"]),
-        "truth": _numbers_by_name(about["truth"], "truth"),
+        "priors": tuple(told.priors),
+        "prior_quantiles": _floats(arrays, "prior_quantiles", (None, len(told.names))),
+        "derived": {name: _draws(arrays, f"derived/{name}") for name in told.derived},
+        "predictive": tuple(_band(arrays, number) for number in range(told.curves)),
+        "diagnostics": told.diagnostics,
+        "truth": told.truth,
     }
+
+
+def _document(about: Mapping[str, Any]) -> _Document:
+    """The document, every entry of the kind that its field declares; others are left out."""
+    adapter = TypeAdapter(_Document)
+    try:
+        told = adapter.validate_json(json.dumps(about), strict=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    known = told.diagnostics
+    counts = (told.curves, known.steps, known.burn_in, known.thin, known.walkers)
+    _require(min(*counts, known.evaluations, known.failures) >= 0, "a count", "zero or more")
+    return told
 
 
 def _draws(arrays: Mapping[str, np.ndarray[Any, Any]], name: str) -> FloatArray:
@@ -167,25 +194,6 @@ def _band(arrays: Mapping[str, np.ndarray[Any, Any]], number: int) -> Predictive
     return Predictive(depth, **rest)
 
 
-def _diagnostics(entry: Any) -> SamplingDiagnostics:
-    """Each entry as its field is declared."""
-    return SamplingDiagnostics(**_as_declared(SamplingDiagnostics, entry, "diagnostics"))
-
-
-def _as_declared(kind: type[SamplingDiagnostics | Importance], entry: Any, name: str) -> dict[str, Any]:
-    """Keywords of a record: every entry checked by its field's declaration; one with a default may be missing."""
-    table = _table(entry, name)
-    return {
-        field.name: _AS_DECLARED[str(field.type)](table[field.name], field.name)
-        for field in fields(kind)
-        if field.name in table or (field.default is MISSING and field.default_factory is MISSING)
-    }
-
-
-def _importance(value: Any, name: str) -> Importance | None:
-    return None if value is None else Importance(**_as_declared(Importance, value, name))
-
-
 def _require(condition: object, name: str, wanted: str) -> None:
     if not condition:
         raise ValueError(f"{name} must be {wanted}")
@@ -201,77 +209,3 @@ def _floats(
     )
     _require(array.dtype.kind == "f" and fits, name, f"numbers of shape {shape}")
     return array.astype(np.float64, copy=False)
-
-
-def _table(value: Any, name: str) -> dict[str, Any]:
-    _require(isinstance(value, dict), name, "a table")
-    table: dict[str, Any] = value
-    return table
-
-
-def _texts(values: Any, name: str, count: int | None = None) -> tuple[str, ...]:
-    are_texts = isinstance(values, list) and all(isinstance(value, str) for value in values)
-    _require(are_texts and count in (None, len(values)), name, "a list of texts")
-    return tuple(values)
-
-
-def _text(value: Any, name: str) -> str:
-    return _texts([value], name)[0]
-
-
-def _texts_by_name(value: Any, name: str) -> dict[str, str]:
-    return {key: _text(entry, name) for key, entry in _table(value, name).items()}
-
-
-def _numbers_by_name(value: Any, name: str) -> dict[str, float]:
-    return {key: _number(entry, name) for key, entry in _table(value, name).items()}
-
-
-def _pairs_by_name(value: Any, name: str) -> dict[str, tuple[float, float]]:
-    pairs = {key: _numbers(entry, name) for key, entry in _table(value, name).items()}
-    _require(all(len(pair) == 2 for pair in pairs.values()), name, "pairs of numbers")
-    return {key: (low, high) for key, (low, high) in pairs.items()}
-
-
-def _tuples_by_name(value: Any, name: str) -> dict[str, tuple[float, ...]]:
-    return {key: _numbers(entry, name) for key, entry in _table(value, name).items()}
-
-
-def _numbers(values: Any, name: str) -> tuple[float, ...]:
-    _require(isinstance(values, list), name, "a list of numbers")
-    return tuple(_number(value, name) for value in values)
-
-
-def _number(value: Any, name: str) -> float:
-    _require(isinstance(value, int | float) and not isinstance(value, bool), name, "a number")
-    return float(value)
-
-
-def _count(value: Any, name: str) -> int:
-    _require(type(value) is int and value >= 0, name, "a whole number")
-    return int(value)
-
-
-def _count_or_none(value: Any, name: str) -> int | None:
-    return None if value is None else _count(value, name)
-
-
-def _truth_value(value: Any, name: str) -> bool:
-    _require(isinstance(value, bool), name, "true or false")
-    return bool(value)
-
-
-# How an entry of the diagnostics is checked, by the declaration of its field.
-_AS_DECLARED: Mapping[str, Callable[[Any, str], Any]] = {
-    "bool": _truth_value,
-    "str": _text,
-    "int": _count,
-    "int | None": _count_or_none,
-    "float": _number,
-    "tuple[float, ...]": _numbers,
-    "Mapping[str, tuple[float, float]]": _pairs_by_name,
-    "Mapping[str, str]": _texts_by_name,
-    "Mapping[str, float]": _numbers_by_name,
-    "Mapping[str, tuple[float, ...]]": _tuples_by_name,
-    "Importance | None": _importance,
-}

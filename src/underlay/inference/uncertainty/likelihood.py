@@ -158,13 +158,14 @@ class Likelihood:
             return False
         return self._bend() < _BENT
 
-    def read(self, rng: int | np.random.Generator = 0) -> Reading:
-        """Intervals and draws; the same for the same `rng`."""
+    def read(self, rng: int | np.random.Generator = 0, draws: int | None = None) -> Reading:
+        """Intervals and draws, about so many; the same for the same `rng`."""
+        wanted = {} if draws is None else {"count": draws}
         if self.is_straight:
-            return LinearReading(self, self.mixture, np.random.default_rng(rng))
+            return LinearReading(self, self.mixture, np.random.default_rng(rng), **wanted)
         from underlay.inference.uncertainty.ridge import draw  # noqa: PLC0415  the closed form serves most curves
 
-        return DrawnReading(self, draw(self._ridges, np.random.default_rng(rng)))
+        return DrawnReading(self, draw(self._ridges, np.random.default_rng(rng), **wanted))
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
         """Log-density (sets,) of scaled vectors (sets, k), priors and all: for emcee; -inf where there is none."""

@@ -97,6 +97,7 @@ class LinearReading(Reading):
 
     mixture: Mixture
     rng: np.random.Generator
+    count: int = _DRAWS
 
     def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
         """As `Reading.interval`; open where the entry does not act."""
@@ -108,12 +109,12 @@ class LinearReading(Reading):
     @cached_property
     def draws(self) -> FloatArray:
         """As `Reading.draws`."""
-        return self.mixture.draws(_DRAWS, self.rng)
+        return self.mixture.draws(self.count, self.rng)
 
     @property
     def weights(self) -> FloatArray:
         """As `Reading.weights`."""
-        return np.full(_DRAWS, 1.0 / _DRAWS)
+        return np.full(self.count, 1.0 / self.count)
 
     @cached_property
     def deviations(self) -> FloatArray:

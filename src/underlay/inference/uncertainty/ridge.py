@@ -26,7 +26,7 @@ from underlay.inference.uncertainty.walk import Node, Path, bends_of, walk
 if TYPE_CHECKING:
     from underlay.inference.uncertainty.likelihood import Likelihood
 
-__all__ = ["Ridge", "Ridges", "draw"]
+__all__ = ["Ridge", "Ridges", "Source", "draw"]
 
 _DRAWS, _ROUNDS = 1000, 6
 _TRUSTED, _ENOUGH = 0.7, 300.0  # Pareto k; effective draws
@@ -44,6 +44,10 @@ class Ridge:
     ----------
     draws, weights : FloatArray
         Scaled vectors (m, k); (m,), summing to 1.
+    log_density : FloatArray
+        `Density.log` of the draws, (m,).
+    log_evidence : float
+        Logarithm of the integral of the density: the mean of the weights before they sum to 1.
     pareto, effective : float
         Pareto k of the weights; their effective number.
     coordinate : int
@@ -56,10 +60,14 @@ class Ridge:
         Further rounds of draws.
     failed : int
         Draws inside the bounds for which there was no law.
+    source : Source
+        What the first draws came from.
     """
 
     draws: FloatArray
     weights: FloatArray
+    log_density: FloatArray
+    log_evidence: float
     pareto: float
     effective: float
     coordinate: int
@@ -67,6 +75,7 @@ class Ridge:
     bounds: FloatArray
     rounds: int
     failed: int
+    source: Source
 
     def open_ends(self, index: int, level: float) -> tuple[bool, bool]:
         """Whether the likelihood at the ends of entry `index` is within the level's drop of its top.
@@ -138,22 +147,24 @@ class Ridges:
         ]
 
 
-def draw(ridges: Ridges, rng: np.random.Generator) -> Ridge:
-    """Draws along the ridges, and further rounds of them until they can be trusted."""
+def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge:
+    """`count` draws along the ridges, and further rounds of as many until they can be trusted."""
     density, proposals = ridges.density, ridges.proposals
     fit = density.likelihood.fit
-    source = _Together.of(proposals, fit)
-    pool = Pool.begin(density.log, source.log_density, source.draw(_DRAWS, rng))
+    source = Source.of(proposals, fit)
+    pool = Pool.begin(density.log, source.log_density, source.draw(count, rng))
     rounds, entries = 0, np.concatenate((density.kept, source.noise))
     while rounds < _ROUNDS and not (pool.pareto < _TRUSTED and pool.effective > _ENOUGH):
         kernels = Kernels.about(pool.vectors, pool.log_weights, entries, rng)
-        pool.add(kernels.log_density, kernels.draw(_DRAWS, fit.vector, rng))
+        pool.add(kernels.log_density, kernels.draw(count, fit.vector, rng))
         rounds += 1
     bounds = fit.problem.bounds
     inside = ((pool.vectors >= bounds[:, 0]) & (pool.vectors <= bounds[:, 1])).all(axis=1)
     return Ridge(
         draws=pool.vectors,
         weights=pool.weights,
+        log_density=pool.levels,
+        log_evidence=float(logsumexp(pool.log_weights) - np.log(len(pool.vectors))),
         pareto=pool.pareto,
         effective=pool.effective,
         coordinate=ridges.coordinate,
@@ -161,6 +172,7 @@ def draw(ridges: Ridges, rng: np.random.Generator) -> Ridge:
         bounds=bounds,
         rounds=rounds,
         failed=int((inside & ~np.isfinite(pool.levels)).sum()),
+        source=source,
     )
 
 
@@ -226,7 +238,7 @@ def _near(vector: FloatArray, other: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Together:
+class Source:
     """Proposals of several ridges together, each hypothesis in proportion to its evidence.
 
     Numbers of a stated noise are drawn beside them: normal (middle and factor), by the fit's covariance.
@@ -239,7 +251,8 @@ class _Together:
     factor: FloatArray
 
     @classmethod
-    def of(cls, proposals: Sequence[Proposal], fit: Any) -> _Together:
+    def of(cls, proposals: Sequence[Proposal], fit: Any) -> Source:
+        """Those of a fit's ridges."""
         noise = noise_entries(fit.problem)
         own = fit.scaled_covariance[noise[:, None], noise]
         factor = np.linalg.cholesky(own + 1e-12 * np.eye(len(noise)))
