@@ -208,8 +208,10 @@ class CurveSection(_Section):
         default=None,
         description='where it ends: "98 % of force", "10 % of thickness"; depths count from contact',
     )
-    columns: dict[str, str] | None = Field(
-        default=None, description='of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }'
+    columns: dict[str, str | int] | None = Field(
+        default=None,
+        description='of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }; by number, { depth = "2 (nm)" }; '
+        'or a sum, { depth = "ramp - deflection" }',
     )
     calibration: dict[str, str] | None = Field(
         default=None,
