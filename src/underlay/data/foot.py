@@ -35,8 +35,8 @@ _SLOPE_LENGTH = 0.5
 _FOOT_SHARES = (0.3, 0.6, 1.0)
 _FOOT_POINTS = 24
 # A snap to the sample falls by this share of the rise within a fiftieth of the points in front of it, and by so many
-# standard deviations: the menisci of public Bioindenter and AFM curves fall by 5 to 100 %.
-_SNAP, _SNAP_WITHIN, _SNAP_NOISE = 0.03, 50, 12.0
+# standard deviations: the menisci of public Bioindenter and AFM curves fall by 2 to 100 %.
+_SNAP, _SNAP_WITHIN, _SNAP_NOISE = 0.01, 50, 12.0
 # Readings in steps repeat this share of their values, on so many levels that are whole steps apart.
 _REPEATED, _FEWEST_LEVELS, _WHOLE = 0.25, 8, 0.05
 # The depth goes back over the upper half of the rise by this share of its range, and by more where the spring constant
@@ -128,6 +128,7 @@ def foot_of(curve: Curve) -> Foot:
         If the curve cannot be fitted, or its force never rises out of the noise.
     """
     approach = approach_of(curve)
+    _refuse_going_back(curve)
     x, force = approach.depth, approach.force
     line, noise, has_baseline = _baseline(x, force)
     noise = max(noise, converter_noise(curve.force))
@@ -139,7 +140,6 @@ def foot_of(curve: Curve) -> Foot:
             f"no contact: peak force {format_quantity(peak, 'force')} is within {SIGNIFICANT:.0f} sigma "
             f"({format_quantity(SIGNIFICANT * noise, 'force')}) of the baseline"
         )
-    _refuse_going_back(curve, approach, threshold)
     rise = int(np.flatnonzero(above <= threshold)[-1]) + 1 if (above <= threshold).any() else 0
     end = _end_of_foot(above, rise, peak)
     length = float(x[end - 1] - x[max(rise - 1, 0)])
@@ -233,7 +233,7 @@ def converter_noise(force: FloatArray) -> float:
     return step / float(np.sqrt(12.0)) if off.max() < _WHOLE else 0.0
 
 
-def _refuse_going_back(curve: Curve, approach: Approach, threshold: float) -> None:
+def _refuse_going_back(curve: Curve) -> None:
     """Refuse a curve whose depth goes back while its force rises: a lever that is said to bend more than it travels.
 
     Raises
@@ -241,16 +241,21 @@ def _refuse_going_back(curve: Curve, approach: Approach, threshold: float) -> No
     CurveError
         With how much more, where the spring constant is known or told by the noise that depth and force share.
     """
-    x, force = approach.depth, approach.force
-    half = 0.5 * (float(force[-1]) + float(np.median(force[: max(3, len(force) // 10)])))
-    rising = np.flatnonzero(force <= half)
-    if not rising.size or len(force) - rising[-1] < _FEWEST_RISING:
+    # Up to the largest force in order of time: such a motion may be called a way out.
+    end = int(np.argmax(curve.force)) + 1
+    x, force = curve.depth[:end], curve.force[:end]
+    half = 0.5 * (float(curve.force[end - 1]) + median(force[: max(3, end // 10)]))
+    below = np.flatnonzero(force <= half)
+    if not below.size or end - below[-1] < _FEWEST_RISING:
         return
-    part = slice(int(rising[-1]), None)
+    part = slice(int(below[-1]), None)
     stiffness = curve.metadata.get("spring_constant") or _shared_stiffness(x, force)
     back = float(x[part][0] - x[-1])
     least = _BACK * float(np.ptp(x)) * (1.0 if stiffness else _UNKNOWN)
-    if back <= max(least, 2.0 * SIGNIFICANT * _sample_noise(x)) or force[-1] - force[part][0] <= threshold:
+    # A depth with the wrong sign goes back all along.
+    if back <= max(least, 2.0 * SIGNIFICANT * _sample_noise(x)) or x[part][0] - x[0] < back:
+        return
+    if force[-1] - force[part][0] <= 2.0 * SIGNIFICANT * _sample_noise(force):
         return
     ratio = 0.0
     if stiffness:

@@ -31,6 +31,7 @@ __all__ = [
     "one_label",
     "one_of_each",
     "reach",
+    "runs_of",
     "segments_from_motion",
     "step_of",
     "wobble_of",
@@ -138,12 +139,16 @@ _CHANGE = 0.05
 # Cycles of a stiff sample, as of KLA's tungsten and made ones: each lets go of this share of its force at least, over
 # so many readings, along lines to this share of it, and depth and force share this part of their variance. Changes
 # are told from noise by so many standard deviations.
-_LETS_GO, _FEWEST, _STRAIGHT, _SHARED, _CLEAR = 0.3, 5, 0.05, 0.8, 8.0
+_LETS_GO, _FEWEST, _STRAIGHT, _SHARED, _CLEAR = 0.3, 5, 0.05, 0.5, 4.0
 
 
-# A hold of a file in which depth and force rise by these shares of their ranges is a ramp: the one that was met rose
+# A rest changes neither by this share.
+_REST = 0.05
+
+
+# A hold of a file in which depth and force rise by this share of their ranges is a ramp: the one that was met rose
 # by two thirds, and the creep of gels under a held force leaves the force where it was.
-_RAMP = 0.2
+_RAMP = 0.05
 
 
 # More corners than any protocol has (two a cycle), and readings looked at for them, in two seconds; bounds the work
@@ -247,18 +252,32 @@ def _split_holds(labels: NDArray[np.str_], clock: FloatArray, motion: FloatArray
     Under a held depth the force falls too, but the depth does not go back with it.
     """
     ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
-    noise, rough = noise_of(motion), noise_of(force)
+    noise, rough, stairs = noise_of(motion), noise_of(force), step_of(force) > 0.0
     for first, last in itertools.pairwise([0, *ends.tolist(), len(labels)]):
         y = force[first:last]
-        if labels[first] != HOLD or last - first < 2 * _FEWEST or np.ptp(y) <= _LETS_GO * np.abs(y).max():
+        run = str(labels[first])
+        if run == LOADING or last - first < 2 * _FEWEST or np.ptp(y) <= _LETS_GO * np.abs(y).max():
             continue
+        span = float(np.ptp(motion[first:last]))
         tolerance = max(_STRAIGHT * float(np.ptp(y)), reach(last - first) * rough)
         corners = _corners(_splits(clock[first:last], y, tolerance), last - first)
         for start, end in itertools.pairwise(corners):
             x, f = motion[first + start : first + end + 1], y[start : end + 1]
             pressed, moved = float(f[-1] - f[0]), float(x[-1] - x[0])
             clear = abs(pressed) > max(_LETS_GO * float(np.abs(f).max()), _CLEAR * rough)
-            if clear and moved * pressed > 0.0 and abs(moved) > _CLEAR * noise and _go_together(x, f):
+            still = abs(pressed) <= max(_REST * float(np.abs(f).max()), _CLEAR * rough)
+            if run == UNLOADING:
+                if stairs:  # a rest of few digits is one step of them
+                    break
+                # The rest at the peak, which a wide tolerance took with the way out.
+                if (
+                    still
+                    and start == 0
+                    and abs(moved) <= max(_REST * span, _CLEAR * noise)
+                    and len(f) >= _FEWEST
+                ):
+                    labels[first : first + end] = HOLD
+            elif clear and moved * pressed > 0.0 and abs(moved) > _CLEAR * noise and _go_together(x, f):
                 label = LOADING if pressed > 0.0 else UNLOADING
                 labels[first + start + (start > 0) : first + end + 1] = label
 
@@ -327,6 +346,17 @@ def one_label(label: str, count: int) -> NDArray[np.str_]:
 def one_of_each(labels: NDArray[np.str_]) -> NDArray[np.str_]:
     """Return the labels, or the one that all of them are where `one_label` made them: (n,) or (1,)."""
     return labels[:1] if labels.strides == (0,) else labels
+
+
+def runs_of(labels: NDArray[np.str_]) -> list[tuple[int, int, str]]:
+    """First index, end and label of each run of one label, in order."""
+    one = one_of_each(labels)
+    ends = [0, *(np.flatnonzero(one[1:] != one[:-1]) + 1).tolist(), len(labels)]
+    return [
+        (first, last, str(one[min(first, len(one) - 1)]))
+        for first, last in itertools.pairwise(ends)
+        if last > first
+    ]
 
 
 def label_pieces(

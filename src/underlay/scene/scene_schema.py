@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from functools import partial
@@ -151,6 +152,11 @@ class SolverSection(_Section):
     )
 
 
+_SEGMENTS = ("all", "loading", "unloading", "equilibrium")
+#: One segment of several, by what it is and its number from 1.
+RUN = re.compile(r"(ramp|loading|hold|unloading)\s+([1-9]\d{0,3})")
+
+
 def _fittable_segment(value: Any) -> Any:
     if value == "hold":
         raise ValueError(
@@ -158,7 +164,12 @@ def _fittable_segment(value: Any) -> Any:
             "'loading', 'unloading' (of an elastic sample), 'all' and 'equilibrium' (the ends of the holds of a "
             "stepwise test)"
         )
-    return value
+    if value in _SEGMENTS or (isinstance(value, str) and RUN.fullmatch(value)):
+        return value
+    raise ValueError(
+        f"there is no {str(value)!r:.40}; allowed are {', '.join(map(repr, _SEGMENTS))}, and one of several by its "
+        "number: 'ramp 2', 'hold 1', 'unloading 3'"
+    )
 
 
 def _end_of_range(value: Any) -> str:
@@ -180,9 +191,19 @@ class CurveSection(_Section):
         default=None, description="name of the format, where the content does not tell; see underlay formats"
     )
     test: int | None = Field(default=None, ge=1, description="which test of a file of several, from 1")
-    segment: Annotated[
-        Literal["all", "loading", "unloading", "equilibrium"], BeforeValidator(_fittable_segment)
-    ] = Field(default="loading", description="which part is used")
+    from_time: Annotated[float, _quantity("time")] = Field(
+        default=-np.inf, description="first reading that is used, by the clock of the file"
+    )
+    to_time: Annotated[float, _quantity("time")] = Field(
+        default=np.inf, description="last reading that is used"
+    )
+    step: int | None = Field(
+        default=None, ge=1, description="which step of a stepwise test: a ramp and the rest after it, from 1"
+    )
+    segment: Annotated[str, BeforeValidator(_fittable_segment)] = Field(
+        default="loading",
+        description="which part is used: 'loading', 'unloading', 'all', 'equilibrium', or one of several, 'ramp 2'",
+    )
     flip: list[Literal["depth", "force"]] | None = Field(
         default=None, description='whose sign is turned: ["force"]; [] says that both are right'
     )

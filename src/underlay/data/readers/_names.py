@@ -17,7 +17,7 @@ from underlay.data.readers._text import is_number, is_unit, kind_named, split_la
 from underlay.errors import FileFormatError
 from underlay.units import unit_factor
 
-__all__ = ["Layout", "find_names", "is_unit_row", "layout_of", "serves", "stated_lever"]
+__all__ = ["Layout", "find_names", "is_unit_row", "layout_of", "serves", "stated_lever", "with_units"]
 
 # How far down a table may begin (the head of a NanoScope export has 658 lines), how many rows in a run are one for
 # certain, and how far above them the names may stand.
@@ -26,7 +26,33 @@ _MAX_HEAD, _CERTAIN, _MAX_PREAMBLE = 4000, 50, 80
 _LONGEST_UNIT = 8
 # What may stand in front of the names, in place of one.
 _LABELS = frozenset(
-    ["columns", "column", "cols", "col", "fields", "field", "names", "name", "header", "headers", "channels", "channel", "variables", "variable", "labels", "legend", "data", "spalten", "felder", "kanale", "colonnes", "champs", "columnas", "campos", "colonne"]
+    [
+        "columns",
+        "column",
+        "cols",
+        "col",
+        "fields",
+        "field",
+        "names",
+        "name",
+        "header",
+        "headers",
+        "channels",
+        "channel",
+        "variables",
+        "variable",
+        "labels",
+        "legend",
+        "data",
+        "spalten",
+        "felder",
+        "kanale",
+        "colonnes",
+        "champs",
+        "columnas",
+        "campos",
+        "colonne",
+    ]
 )
 _UNITS = frozenset("units unit einheiten einheit unites unite unidades unita".split())  # noqa: SIM905
 # "\\Spring Constant: 0.06", "springConstant: 0.06": N/m in every file seen; "DeflSens: V 41.0 nm/V".
@@ -65,6 +91,9 @@ def layout_of(count: int, cells_of: Callable[[int], Sequence[str] | None]) -> La
             at += 1
             continue
         first, (cells, last) = at, found
+        # A row with one number of as many cells is one of them, with a cell that is none.
+        while first and _is_spoilt(cells_of(first - 1), cells):
+            first -= 1
         while at < end and found is not None and at - first < _CERTAIN:
             cells, last = max(cells, found[0]), max(last, found[1])
             at += 1
@@ -80,6 +109,10 @@ def _numeric(cells: Sequence[str] | None) -> tuple[int, int] | None:
     """How many cells a row of two numbers or more has, and up to which there are numbers."""
     numeric = [at for at, cell in enumerate(cells or (), start=1) if is_number(cell)]
     return (len(cells or ()), numeric[-1]) if len(numeric) >= 2 else None
+
+
+def _is_spoilt(cells: Sequence[str] | None, count: int) -> bool:
+    return cells is not None and len(cells) == count and any(map(is_number, cells))
 
 
 def find_names(
@@ -194,7 +227,9 @@ def _unlabelled(names: list[str], layout: Layout) -> list[str]:
         names = names[:-1]
     first = names[0] if names else ""
     label = first.endswith(":") or plain(first).strip(" :=") in _LABELS
-    return names[1:] if label and len(names) > layout.numbers else names
+    if not label or len(names) <= layout.numbers:
+        return names
+    return names[2:] if len(names) > 1 and names[1] in {"=", ":"} else names[1:]
 
 
 def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list[str]]) -> list[list[str]]:
@@ -204,7 +239,7 @@ def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list
     ways = [split(one.strip(), each) for one in texts for each in ("", "\t", ";", ",", " ")]
     for one in texts:
         try:
-            ways += [shlex.split(one), one.split()]
+            ways += [shlex.split(one), one.split(), with_units(one)]
         except ValueError:  # a quote without its end
             continue
     named = [_unlabelled([name.strip() for name in names], layout) for names in ways]
@@ -214,6 +249,17 @@ def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list
         if layout.numbers <= len(names) <= layout.cells
         and not any(is_number(name) or name.endswith(":") for name in names)
     ]
+
+
+def with_units(text: str) -> list[str]:
+    """Words of a text, and a unit in brackets with the word before it."""
+    words: list[str] = []
+    for word in text.split():
+        if words and word[0] in "([{<" and word[-1] in ")]}>":
+            words[-1] += f" {word}"
+        else:
+            words.append(word)
+    return words
 
 
 def _units(text: str, layout: Layout) -> list[str]:

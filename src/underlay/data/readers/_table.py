@@ -168,7 +168,9 @@ def tests_beside(labels: Sequence[str]) -> list[tuple[str, list[int], list[str]]
             found.setdefault(matched["test"], {}).setdefault(matched["name"], (index, told))
     waves = [_WAVE.fullmatch(label.strip().strip('"')) for label in labels]
     for index, matched in enumerate(waves if not found and sum(map(bool, waves)) >= 2 else ()):
-        if matched and (matched["name"] in {"Raw", "Defl", "ZSnsr", "LVDT"} or matched["test"]):
+        if matched and (
+            matched["name"] in {"Raw", "Defl", "DeflV", "DeflVolts", "ZSnsr", "LVDT"} or matched["test"]
+        ):
             name = matched["name"]
             unit = matched["unit"] or _WAVE_UNITS.get(name, "m")
             told = f"{_WAVE_NAMES.get(name, name)} ({unit})"
@@ -380,7 +382,7 @@ class _Reader:
             return Column(self.found[role]) if role in self.found else None
         parsed = parse_column(self.mapping[role], self.labels)
         if parsed is None:
-            raise FileFormatError(self._missing(role, f"no column {self.mapping[role]!r}"))
+            raise FileFormatError(self._missing(role, f"no column {self.mapping[role]!r:.80}"))
         return parsed[0]
 
     def _missing(self, role: str, what: str) -> str:

@@ -23,7 +23,7 @@ from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK
 from underlay.data.readers._format import Format, Options
-from underlay.data.readers._names import Layout, find_names, is_unit_row, layout_of, stated_lever
+from underlay.data.readers._names import Layout, find_names, is_unit_row, layout_of, stated_lever, with_units
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import Lines, is_number, lines_and_gaps
@@ -65,10 +65,11 @@ def _layout(lines: Sequence[str]) -> tuple[Layout, str] | None:
                 if sum(map(is_number, found)) >= 2:
                     separators[at] = separator
                     return found
-        return None
+        after = separators.get(at + 1)
+        return _split(line, after) if after else None
 
     found = layout_of(len(lines), cells)
-    return None if found is None else (found, separators[found.first])
+    return None if found is None else (found, separators[min(at for at in separators if at >= found.first)])
 
 
 def _split(line: str, separator: str) -> list[str]:
@@ -100,6 +101,10 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     above = [line for line in lines[: layout.first] if not line.lstrip().startswith(marks)]
     try:
         cells_above = [_split_names(line, separator) for line in above]
+        if separator == " ":
+            other = [with_units(line) for line in above]
+            pairs = zip(cells_above, other, strict=True)
+            cells_above = [two if len(two) == layout.cells else one for one, two in pairs]
         names, units = find_names(
             source,
             cells_above,

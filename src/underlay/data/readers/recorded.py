@@ -1,7 +1,8 @@
 """Numbers that other programs keep in binary files: MATLAB's .mat and National Instruments' .tdms (Optics11).
 
-Their columns have names, and those of .tdms units; what lacks a unit gets it from a column mapping. A file is looked
-over before a library reads it: no part of it may claim more numbers than it has bytes.
+Their columns have names, and those of .tdms units; what lacks a unit gets it from a column mapping. No part of a file
+may claim more numbers than it has bytes. MAT-files are read here: of a small one with single bytes turned, scipy 1.17's
+loadmat ended the process (a segmentation fault), so that no check of ours behind it would have helped.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._door import understood
+from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._source import CURVES, MAX_BYTES, Source
@@ -30,8 +32,9 @@ _MATLAB, _TDMS = b"MATLAB 5.0 MAT-file", b"TDSm"
 # MAT-file format (MathWorks, "MAT-File Format", level 5): types of elements, and classes of arrays.
 _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _FIRST_NUMBER, _LAST_NUMBER = 2, 6, 15
-_HEADER, _TAG, _MOST_DIMENSIONS, _DEEPEST = 128, 8, 8, 4
-_FEWEST, _MOST_COLUMNS = 3, 256
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_HEADER, _TAG, _COMPLEX, _DEEPEST = 128, 8, 0x800, 4
+_FEWEST, _MOST_COLUMNS, _LONGEST = 3, 256, 1000
 
 
 def _sniff_matlab(source: Source) -> bool:
@@ -39,91 +42,80 @@ def _sniff_matlab(source: Source) -> bool:
 
 
 def _read_matlab(source: Source, options: Options) -> list[Curve]:
-    from scipy.io import loadmat  # noqa: PLC0415  takes a tenth of a second to load
-
-    with understood(source.name, CURVES):
-        sound = _checked_matlab(source)
-        content = loadmat(io.BytesIO(sound), squeeze_me=True, struct_as_record=True)
-        columns = dict(_columns("", {key: content[key] for key in content if not key.startswith("__")}, 0))
-    return _curves(source, options, [("", columns)])
-
-
-def _checked_matlab(source: Source) -> bytes:
-    """The arrays of numbers of a file and structures of them, unpacked: nothing that claims more than it holds."""
     order = {b"IM": "<", b"MI": ">"}.get(source.data[126:128])
     if order is None:
         raise FileFormatError(f"{source.name} starts as a MATLAB file but its header is damaged")
-    kept, size = [source.data[:_HEADER]], 0
-    for kind, body, whole in _elements(source.data[_HEADER:], order):
-        element = whole
+    columns: dict[str, FloatArray] = {}
+    size = 0
+    for kind, element in _elements(source.data[_HEADER:], order):
+        body = element
         if kind == _COMPRESSED:
-            stream = zlib.decompressobj()
-            element = stream.decompress(body, MAX_BYTES - size + 1)
-        size += len(element)
+            try:
+                unpacked = zlib.decompressobj().decompress(element, MAX_BYTES - size + 1)
+            except zlib.error as error:
+                raise FileFormatError(f"{source.name} is a damaged MATLAB file: {error!s:.80}") from error
+            kind, body = next(_elements(unpacked, order), (0, b""))
+        size += len(body)
         if size > MAX_BYTES:
             raise FileFormatError(f"{source.name} unpacks to more than {MAX_BYTES // 1_000_000} MB")
-        inner = next(_elements(element, order), None)
-        if inner is not None and inner[0] == _MATRIX and _is_sound(inner[1], order, 0):
-            kept.append(element)
-    return b"".join(kept)
+        if kind == _MATRIX:
+            columns |= _columns(body, order, "", 0)
+    return _curves(source, options, [("", columns)])
 
 
-def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes, bytes]]:
-    """Type, content and all bytes of each element."""
+def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Type and content of each element."""
     at = 0
     while at + _TAG <= len(data):
         kind, size = struct.unpack_from(f"{order}II", data, at)
         if kind >> 16:  # up to four bytes are kept in the tag
-            yield kind & 0xFFFF, data[at + 4 : at + 4 + min(kind >> 16, 4)], data[at : at + _TAG]
+            yield kind & 0xFFFF, data[at + 4 : at + 4 + min(kind >> 16, 4)]
             at += _TAG
             continue
         end = at + _TAG + size
         if end > len(data):
             return
-        padded = end if kind == _COMPRESSED else end + -size % 8
-        yield kind, data[at + _TAG : end], data[at:padded]
-        at = padded
+        yield kind, data[at + _TAG : end]
+        at = end if kind == _COMPRESSED else end + -size % 8
 
 
-def _is_sound(matrix: bytes, order: str, deep: int) -> bool:
-    """Whether a matrix is of real numbers, or one structure of such, and holds as many as its size says."""
+def _columns(matrix: bytes, order: str, above: str, deep: int) -> dict[str, FloatArray]:
+    """Columns of real numbers of a matrix, or of one structure of such, by name; {} of any other."""
     parts = list(_elements(matrix, order))
     if len(parts) < 4 or len(parts[0][1]) < 4 or deep > _DEEPEST:
-        return False
+        return {}
     flags = struct.unpack_from(f"{order}I", parts[0][1])[0]
-    kind, is_complex = flags & 0xFF, bool(flags & 0x800)
-    dimensions = parts[1][1]
-    count = 1
-    for number in struct.unpack(f"{order}{len(dimensions) // 4}i", dimensions[: len(dimensions) // 4 * 4]):
-        count *= number
-    if not 0 < count <= len(matrix) or len(dimensions) // 4 > _MOST_DIMENSIONS:
-        return False
-    if _FIRST_NUMBER <= kind <= _LAST_NUMBER:
-        return not is_complex and len(parts) == 4
-    # Flags, size, name, length of a field's name, names, and one matrix a field.
+    size = np.frombuffer(parts[1][1][: len(parts[1][1]) // 4 * 4], f"{order}i4").tolist()
+    own = one_line(parts[2][1].rstrip(b"\0").decode("latin-1"))
+    name = ".".join(part for part in (above, own) if part)
+    if flags & 0xFF == _STRUCT and size == [1, 1] and len(parts) >= 5:
+        width = int(np.frombuffer(parts[3][1][:4].ljust(4, b"\0"), f"{order}i4")[0])
+        letters = parts[4][1]
+        fields = (
+            [letters[at : at + width] for at in range(0, len(letters), width)] if 0 < width < _LONGEST else []
+        )
+        found: dict[str, FloatArray] = {}
+        for field, (kind, body) in zip(fields, parts[5:], strict=False):
+            called = one_line(field.partition(b"\0")[0].decode("latin-1"))
+            if kind == _MATRIX:
+                found |= _columns(body, order, f"{name}.{called}" if name else called, deep + 1)
+        return found
+    kind, content = parts[3]
+    if not _FIRST_NUMBER <= flags & 0xFF <= _LAST_NUMBER or flags & _COMPLEX or kind not in _TYPES:
+        return {}
+    type_ = np.dtype(order + _TYPES[kind])
+    numbers = np.frombuffer(content[: len(content) // type_.itemsize * type_.itemsize], type_)
+    if len(size) != 2 or min(size) < 1 or size[0] * size[1] != len(numbers) or max(size) < _FEWEST:
+        return {}
+    table = numbers.reshape(size[1], size[0]).astype(np.float64)
+    table = table if size[0] >= size[1] else table.T
+    if len(table) > _MOST_COLUMNS:
+        return {}
     return (
-        kind == _STRUCT
-        and count == 1
-        and all(part[0] == _MATRIX and _is_sound(part[1], order, deep + 1) for part in parts[5:])
+        {name: table[0]}
+        if len(table) == 1
+        else {f"{name} {at + 1}": column for at, column in enumerate(table)}
     )
-
-
-def _columns(name: str, content: Any, deep: int) -> Iterator[tuple[str, FloatArray]]:
-    """Columns of numbers by name, those of structures and of matrices too."""
-    if isinstance(content, dict):
-        for key, value in content.items():
-            yield from _columns(f"{name}.{key}" if name else str(key), value, deep)
-        return
-    array = np.asarray(content)
-    if array.dtype.names and deep < _DEEPEST and array.size == 1:
-        record = array.reshape(-1)[0]
-        yield from _columns(name, {key: record[key] for key in array.dtype.names}, deep + 1)
-    elif array.dtype.kind in "fiu" and array.ndim == 1 and len(array) >= _FEWEST:
-        yield name, array.astype(np.float64)
-    elif array.dtype.kind in "fiu" and array.ndim == 2 and min(array.shape) <= _MOST_COLUMNS:
-        longer = array if array.shape[0] >= array.shape[1] else array.T
-        for at in range(longer.shape[1]):
-            yield f"{name} {at + 1}", np.array(longer[:, at], dtype=np.float64)
 
 
 def _sniff_tdms(source: Source) -> bool:

@@ -206,7 +206,8 @@ def compile_members(
         for i, (scene, curve) in enumerate(tests)
     )
     points = sum(len(curve) for _, curve in tests)
-    if points <= len(coordinates):
+    steps = all("equilibrium_share" in curve.metadata for _, curve in tests)
+    if points < len(coordinates) or (points == len(coordinates) and not steps):
         raise InputError(
             f"{len(coordinates)} parameters are free but there are only {points} points: free fewer"
         )
