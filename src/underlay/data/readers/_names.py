@@ -21,7 +21,7 @@ __all__ = ["Layout", "find_names", "is_unit_row", "layout_of", "serves", "stated
 
 # How far down a table may begin (the head of a NanoScope export has 658 lines), how many rows in a run are one for
 # certain, and how far above them the names may stand.
-_MAX_HEAD, _CERTAIN, _MAX_PREAMBLE = 4000, 50, 80
+_MAX_HEAD, _CERTAIN, _MAX_PREAMBLE = 4000, 24, 80
 # Letters of a unit that is not among the usual ones, such as "1/s" or "mm/min".
 _LONGEST_UNIT = 8
 # What may stand in front of the names, in place of one.
@@ -107,8 +107,10 @@ def layout_of(count: int, cells_of: Callable[[int], Sequence[str] | None]) -> La
 
 def _numeric(cells: Sequence[str] | None) -> tuple[int, int] | None:
     """How many cells a row of two numbers or more has, and up to which there are numbers."""
-    numeric = [at for at, cell in enumerate(cells or (), start=1) if is_number(cell)]
-    return (len(cells or ()), numeric[-1]) if len(numeric) >= 2 else None
+    if cells is None:
+        return None
+    numeric = [at for at, cell in enumerate(cells, start=1) if is_number(cell)]
+    return (len(cells), numeric[-1]) if len(numeric) >= 2 else None
 
 
 def _is_spoilt(cells: Sequence[str] | None, count: int) -> bool:

@@ -45,6 +45,9 @@ def beginnings(
     count = len(depth)
     if count < 2 * _FEWEST:
         return [0]
+    goes_on = time is None or not (time[1:] < time[:-1]).any()
+    if not breaks and goes_on and (depth[1:] >= depth[:-1]).all():  # as most curves do
+        return [0]
     filled = _filled(depth)
     extent = float(np.ptp(filled))
     if not extent > 0.0:

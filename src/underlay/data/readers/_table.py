@@ -363,8 +363,8 @@ class _Reader:
                     continue
 
     def _numbers(self, indices: Sequence[int]) -> FloatArray:
-        cells = [row[index] for row in self.rows[:200] for index in indices if index < len(row)]
-        self.comma = self.table.may_use_comma and uses_comma(cells)
+        some = self.rows[:200] if self.table.may_use_comma else ()
+        self.comma = uses_comma([row[index] for row in some for index in indices if index < len(row)])
         return numbers(self.rows, indices, self.source.name, comma=self.comma)
 
     def _require_sound(self, indices: Sequence[int], table: FloatArray, depth: Node, force: Node) -> None:

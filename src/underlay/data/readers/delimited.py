@@ -16,6 +16,7 @@ import io
 import re
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from operator import itemgetter
 from typing import Any
 
 from underlay._door import parse_json
@@ -47,7 +48,17 @@ _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
 
 def _sniff(source: Source) -> bool:
-    return _layout(source.head(65_536).split("\n")) is not None
+    return any(_separator(line) for line in source.head(65_536).split("\n"))
+
+
+def _separator(line: str) -> str:
+    """What separates a row of two numbers or more; '' of any other line."""
+    if not line or line.isspace() or line.lstrip().startswith(_COMMENT):
+        return ""
+    for separator in ("\t", ";", ",", " "):
+        if (separator in line or separator == " ") and sum(map(is_number, _split(line, separator))) >= 2:
+            return separator
+    return ""
 
 
 def _layout(lines: Sequence[str]) -> tuple[Layout, str] | None:
@@ -56,20 +67,23 @@ def _layout(lines: Sequence[str]) -> tuple[Layout, str] | None:
 
     def cells(at: int) -> list[str] | None:
         line = lines[at]
-        if not line.strip() or line.lstrip().startswith(_COMMENT):
+        if line.lstrip().startswith(_COMMENT):
             return None
-        before = separators.get(at - 1)
-        for separator in (before,) if before else ("\t", ";", ",", " "):
-            if separator in line or separator == " ":
-                found = _split(line, separator)
-                if sum(map(is_number, found)) >= 2:
-                    separators[at] = separator
-                    return found
-        after = separators.get(at + 1)
+        known = separators.get(at - 1)
+        found = _split(line, known) if known else []
+        if sum(map(is_number, found)) >= 2:
+            separators[at] = known or ""
+            return found
+        if separator := _separator(line):
+            separators[at] = separator
+            return _split(line, separator)
+        # A row in front of rows of numbers may be one with a cell that is none.
+        if after := separators.get(at + 1):
+            separators[at] = after
         return _split(line, after) if after else None
 
     found = layout_of(len(lines), cells)
-    return None if found is None else (found, separators[min(at for at in separators if at >= found.first)])
+    return None if found is None else (found, separators[found.first])
 
 
 def _split(line: str, separator: str) -> list[str]:
@@ -95,7 +109,9 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     layout, separator = found
     marks = _COMMENT if separator == ";" else (*_COMMENT, *_ALSO_COMMENT)
     # Most lines begin as a number does: few are looked at twice.
-    odd = {at: line for at, line in enumerate(lines) if line[0] not in _NUMERIC}
+    plain_body = _NUMERIC.issuperset(map(itemgetter(0), lines[layout.first :]))
+    looked_at = lines[: layout.first] if plain_body else lines
+    odd = {at: line for at, line in enumerate(looked_at) if line[0] not in _NUMERIC}
     commented = {at: line for at, line in odd.items() if line.lstrip().startswith(marks)}
     comments = [line.lstrip("#%/;! \t").rstrip() for line in commented.values()]
     above = [line for line in lines[: layout.first] if not line.lstrip().startswith(marks)]

@@ -206,8 +206,7 @@ def compile_members(
         for i, (scene, curve) in enumerate(tests)
     )
     points = sum(len(curve) for _, curve in tests)
-    steps = all("equilibrium_share" in curve.metadata for _, curve in tests)
-    if points < len(coordinates) or (points == len(coordinates) and not steps):
+    if points <= len(coordinates):
         raise InputError(
             f"{len(coordinates)} parameters are free but there are only {points} points: free fewer"
         )
