@@ -163,6 +163,8 @@ def _end_of_foot(above: FloatArray, rise: int, peak: float) -> int:
     end = len(above)
     for share in _FOOT_SHARES:
         high = np.flatnonzero(above[rise:] >= share * peak)
+        if not high.size:  # beyond what doubles hold
+            break
         end = rise + int(high[0]) + 1
         if end - rise >= _FOOT_POINTS:
             break

@@ -70,6 +70,7 @@ KNOWN: dict[str, tuple[str, ...]] = {
     # Grows away from the sample.
     "height": (
         "separation",
+        "sep",
         "tip sample separation",
         "height measured",
         "measuredheight",

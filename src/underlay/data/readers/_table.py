@@ -105,6 +105,8 @@ class Table:
         Of all columns, where they stand elsewhere.
     segments : sequence of (int, str)
         First row and label of each segment, where the file names them.
+    starts : sequence of int
+        First row of each test, where the file says it.
     stated : mapping
         The calibration that the file states: ``stiffness`` (N/m), ``sensitivity`` (m/V).
     """
@@ -116,6 +118,7 @@ class Table:
     commas_between: bool = False
     units: Sequence[str] = ()
     segments: Sequence[tuple[int, str]] = ()
+    starts: Sequence[int] = ()
     stated: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, indices: Sequence[int], labels: Sequence[str]) -> Table:
@@ -338,7 +341,7 @@ class _Reader:
 
     def tests(self, depth: FloatArray, time: FloatArray | None) -> list[int]:
         """Rows at which a test begins."""
-        numbered = self._numbered()
+        numbered = [*self.table.starts] or self._numbered()
         return numbered or beginnings(
             depth, time, [row - self.shift for row in self.table.breaks], self._clocks
         )

@@ -16,6 +16,7 @@ import io
 import re
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from operator import itemgetter
 from typing import Any
 
@@ -146,6 +147,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         units=units,
         stated=stated_lever(about),
         segments=body.segments,
+        starts=body.starts,
     )
     known = {**_known_numbers(about), **({"notes": body.notes} if body.notes else {})}
     curves = table_curves(source, table, options, comments=about, **known)
@@ -222,7 +224,9 @@ class _Body:
         gone = sorted(left_out)
         self.breaks = sorted({at - self.first - bisect_left(gone, at) for at in breaks})
         self.lines = []
-        self.segments = _segments(commented, lambda at: max(at - self.first - bisect_left(gone, at), 0))
+        row_of = partial(_row_of, self.first, gone)
+        self.segments = _segments(commented, row_of)
+        self.starts = _starts(commented, row_of) if self.segments else []
         if quoted and self.separator != " ":
             return [_split(line, self.separator) for line in rows]
         return Lines(rows, self.separator)
@@ -248,6 +252,23 @@ _SEGMENTS = {
     "withdraw": UNLOADING,
     "pause": HOLD,
 }
+
+
+def _row_of(first: int, gone: Sequence[int], at: int) -> int:
+    """Number of the first row of the table that stands at or below a line."""
+    return max(at - first - bisect_left(gone, at), 0)
+
+
+def _starts(commented: dict[int, str], row_of: Callable[[int], int]) -> list[int]:
+    """Rows at which the number of the curve changes that a comment above each segment says."""
+    found: list[int] = []
+    before = ""
+    for at, line in commented.items():
+        label, _, number = line.lstrip("#%/;! \t").partition(":")
+        if label.strip().lower() == "index" and number.strip() != before:
+            found.append(row_of(at))
+            before = number.strip()
+    return sorted({0, *found})
 
 
 def _segments(commented: dict[int, str], row_of: Callable[[int], int]) -> list[tuple[int, str]]:

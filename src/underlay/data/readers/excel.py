@@ -19,7 +19,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from underlay._text import names_there
+from underlay._text import names_there, one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, read_parts
 from underlay.data.readers._names import find_names, is_unit_row, layout_of, serves
@@ -114,7 +114,7 @@ def sheets_of(source: Source) -> list[Sheet]:
         raise
     except Exception as error:  # both packages raise whatever a damaged file makes of them
         raise FileFormatError(
-            f"{source.name} is a damaged workbook: {type(error).__name__}: {error!s:.120}"
+            f"{source.name} is a damaged workbook: {type(error).__name__}: {one_line(error, 120)}"
         ) from error
 
 

@@ -8,6 +8,7 @@ loadmat ended the process (a segmentation fault), so that no check of ours behin
 from __future__ import annotations
 
 import io
+import logging
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
@@ -130,6 +131,8 @@ def _read_tdms(source: Source, options: Options) -> list[Curve]:
             f"{source.name} is a TDMS file, as Optics11 writes; reading it needs the package npTDMS: pip install "
             '"underlay[afm]", or export the curve as text from the instrument\'s program'
         ) from error
+    # It prints parts of a damaged file; what is wrong with one is said here.
+    import_module("nptdms.log").log_manager.set_level(logging.CRITICAL + 1)
     with understood(source.name, CURVES):
         file = library.TdmsFile.read_metadata(io.BytesIO(source.data))
         claimed = sum(len(channel) for group in file.groups() for channel in group.channels())
