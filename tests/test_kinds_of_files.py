@@ -3,6 +3,7 @@
 import contextlib
 import gzip
 import io
+import itertools
 import re
 import warnings
 import zipfile
@@ -610,9 +611,9 @@ def test_a_bad_sheet_never_refuses_the_others(put):
 def test_text_in_gzip(parts, put):
     text = ("depth (um),force (nN)\n" + rows(DEPTH, FORCE, separator=",")).encode()
     cuts = np.linspace(0, len(text), parts + 1).astype(int)
-    packed = b"".join(gzip.compress(text[a:b]) for a, b in zip(cuts, cuts[1:], strict=False))
+    packed = b"".join(gzip.compress(text[a:b]) for a, b in itertools.pairwise(cuts))
     is_whole(ul.read(put(packed, "c.csv.gz")))
-    with pytest.raises(ul.FileFormatError, match="cut short|damaged"):
+    with pytest.raises(ul.FileFormatError, match=r"cut short|damaged"):
         ul.read(put(packed[: len(packed) // 2], "cut.csv.gz"))
 
 
@@ -652,7 +653,7 @@ def test_tdms_is_read_or_known_by_name(tmp_path):
     except ImportError:
         path.write_bytes(b"TDSm" + bytes(40))
         with pytest.raises(
-            ul.MissingExtraError, match="TDMS file, as Optics11 writes.*npTDMS.*export the curve as text"
+            ul.MissingExtraError, match=r"TDMS file, as Optics11 writes.*npTDMS.*export the curve as text"
         ):
             ul.read(path)
         return

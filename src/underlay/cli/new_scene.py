@@ -55,7 +55,7 @@ def _unread(file: Path, name: str, reason: str) -> Iterator[str]:
     yield "[curve]"
     yield f"file = {_quoted(name)}"
     if seen:
-        yield "# By name or by number from 1, with the unit that the instrument's manual says; a sum is possible too."
+        yield "# By name or by number from 1, with the unit that the instrument's manual says; or a sum."
         yield f'columns = {{ depth = "{PLACE} (um)", force = "{PLACE} (mN)" }}'
     yield ""
     yield "[fit]"

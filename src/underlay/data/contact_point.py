@@ -468,8 +468,8 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
     points = Points.of(foot)
     if len(points.depth) < _FEWEST_OF_FOOT or not points.depth[-1] > points.depth[0]:
         raise CurveError(
-            f"no contact found: the depth does not grow over the {len(points.depth)} points in front of the rise of "
-            "the force; check which column is the depth, and its sign"
+            f"no contact found: the depth does not grow over the {len(points.depth)} points in front of the "
+            "rise of the force; check which column is the depth, and its sign"
         )
     by_foot = scan("foot", foot, points, shape)
     tried = (

@@ -34,14 +34,15 @@ _SLOPE_LENGTH = 0.5
 # Share of the peak force up to which the foot reaches, tried until it holds enough points.
 _FOOT_SHARES = (0.3, 0.6, 1.0)
 _FOOT_POINTS = 24
-# A snap to the sample falls by this share of the rise within a fiftieth of the points in front of it, and by so many
-# standard deviations: the menisci of public Bioindenter and AFM curves fall by 2 to 100 %.
+# A snap to the sample falls by this share of the rise within a fiftieth of the points in front of it, and by so
+# many standard deviations: the menisci of public Bioindenter and AFM curves fall by 2 to 100 %.
 _SNAP, _SNAP_WITHIN, _SNAP_NOISE = 0.01, 50, 12.0
 # Readings in steps repeat this share of their values, on so many levels that are whole steps apart.
 _REPEATED, _FEWEST_LEVELS, _WHOLE = 0.25, 8, 0.05
-# The depth goes back over the upper half of the rise by this share of its range, and by more where the spring constant
-# is not known, over so many points; noise that two columns share is this part of their variance; a ratio of bending
-# to travel below the last is a calibration's own error. By a public curve on mica: 1.4 %, 20 points, 0.95, 1.38.
+# The depth goes back over the upper half of the rise by this share of its range, and by more where the spring
+# constant is not known, over so many points; noise that two columns share is this part of their variance; a ratio
+# of bending to travel below the last is a calibration's own error. By a public curve on mica: 1.4 %, 20 points,
+# 0.95, 1.38.
 _BACK, _UNKNOWN, _FEWEST_RISING, _SHARED, _RIGHT = 0.005, 4.0, 5, 0.7, 1.05
 # Below this share of the peak nothing is seen in double precision curves without noise.
 _RESOLUTION = 1e-9
@@ -219,8 +220,8 @@ def _snap(force: FloatArray, rise: float) -> int | None:
 def converter_noise(force: FloatArray) -> float:
     """Standard deviation (N) that the steps of a converter or of few digits make: step / sqrt(12), Bennett 1948.
 
-    Zero where the readings do not come in steps. Repeated readings alone are no sign: no force in front of contact is
-    written as one value.
+    Zero where the readings do not come in steps. Repeated readings alone are no sign: no force in front of contact
+    is written as one value.
     """
     extent = float(np.ptp(force))
     if len(force) < _FEWEST_LEVELS or not extent > 0.0:
@@ -236,7 +237,7 @@ def converter_noise(force: FloatArray) -> float:
 
 
 def _refuse_going_back(curve: Curve) -> None:
-    """Refuse a curve whose depth goes back while its force rises: a lever that is said to bend more than it travels.
+    """Refuse a curve whose depth goes back while its force rises: its lever bends more than it travels.
 
     Raises
     ------
@@ -270,9 +271,9 @@ def _refuse_going_back(curve: Curve) -> None:
     more = f", {ratio:.2f} nm per nm of travel" if ratio > 1.0 else ""
     fault = f"too large by {100.0 * (ratio - 1.0):.0f} % at least" if ratio > 1.0 else "too large"
     raise CurveError(
-        f"the depth goes back by {format_quantity(back, 'length')} while the force rises: the lever is said to bend "
-        f"more than it travels{more}, which no sample does. Its sensitivity (nm/V) looks {fault}: calibrate it again "
-        "on a rigid sample, where deflection follows travel one to one"
+        f"the depth goes back by {format_quantity(back, 'length')} while the force rises: the lever is said to "
+        f"bend more than it travels{more}, which no sample does. Its sensitivity (nm/V) looks {fault}: calibrate "
+        "it again on a rigid sample, where deflection follows travel one to one"
     )
 
 

@@ -135,11 +135,7 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
         contact = contact_of(foot, law, exponent=_shape_exponent(None if scene is None else scene.indenter))
         _refuse_failed_search(curve, contact)
         beyond = _Beyond.of(loading, contact)
-        if not len(beyond.depth) or not beyond.force.max() > 0.0:
-            raise CurveError(
-                "no contact: no point of the way in with a force lies beyond where the contact was found; check the depth, "
-                "which should grow all through the way in"
-            )
+        _refuse_nothing_beyond(beyond)
     except CurveError as error:
         return Quality(REFUSED, (str(error),))
     expected = _expected_exponent(scene, law, beyond)
@@ -198,6 +194,14 @@ class _Beyond:
         force = loading.force - (contact.baseline + contact.baseline_slope * loading.depth)
         inside = pressed > 0.0
         return cls(pressed[inside], force[inside])
+
+
+def _refuse_nothing_beyond(beyond: _Beyond) -> None:
+    if not len(beyond.depth) or not beyond.force.max() > 0.0:
+        raise CurveError(
+            "no contact: no point of the way in with a force lies beyond where the contact was found; check the "
+            "depth, which should grow all through the way in"
+        )
 
 
 def _refuse_failed_search(curve: Curve, contact: ContactPoint) -> None:
@@ -277,8 +281,8 @@ def _flat_top(loading: Curve, deepest: float) -> Iterator[str]:
     if count >= _FEW_ON_TOP and went > _SLIP * deepest:
         yield (
             f"a flat top: the force stays at {format_quantity(float(loading.force.max()), 'force')} over the last "
-            f"{count} points while the indenter goes in by {format_quantity(went, 'length')}: a saturated detector; "
-            'leave them out, such as with fit_to = "95 % of force" in [curve]'
+            f"{count} points while the indenter goes in by {format_quantity(went, 'length')}: a saturated "
+            'detector; leave them out, such as with fit_to = "95 % of force" in [curve]'
         )
 
 
@@ -298,8 +302,9 @@ def _risen_holds(curve: Curve, peak: float, noise: float) -> Iterator[str]:
         )
         if force > max(_SLIP * peak, _CLEAR * noise) and abs(depth) < _STILL * float(np.ptp(curve.depth)):
             yield (
-                f"the force rises by {format_quantity(force, 'force')} ({100.0 * force / peak:.0f} % of its peak) while "
-                "the depth is held: a sample relaxes and does not push harder; look for drift of the force or the stage"
+                f"the force rises by {format_quantity(force, 'force')} ({100.0 * force / peak:.0f} % of its peak) "
+                "while the depth is held: a sample relaxes and does not push harder; look for drift of the force "
+                "or the stage"
             )
             return
 

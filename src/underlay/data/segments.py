@@ -136,9 +136,9 @@ _SMOOTHED = 20
 _CHANGE = 0.05
 
 
-# Cycles of a stiff sample, as of KLA's tungsten and made ones: each lets go of this share of its force at least, over
-# so many readings, along lines to this share of it, and depth and force share this part of their variance. Changes
-# are told from noise by so many standard deviations.
+# Cycles of a stiff sample, as of KLA's tungsten and made ones: each lets go of this share of its force at least,
+# over so many readings, along lines to this share of it, and depth and force share this part of their variance.
+# Changes are told from noise by so many standard deviations.
 _LETS_GO, _FEWEST, _STRAIGHT, _SHARED, _CLEAR = 0.3, 5, 0.05, 0.5, 4.0
 
 

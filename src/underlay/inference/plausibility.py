@@ -125,10 +125,11 @@ def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
         asked = ladder[min(max(ladder.index(written) + (-1 if ratio > 1.0 else 1), 0), len(ladder) - 1)]
     E = format_quantity(scene.parameters["layer.E"], "pressure")
     times = f"{ratio:.2g}" if ratio < 1.0 else f"{float(f'{ratio:.2g}'):.0f}"
-    return (
+    note = (
         f"the modulus is about {times} times the {E} you began with: is the force in {asked}, and are the spring "
-        "constant and the radius in the units that are written?",
+        "constant and the radius in the units that are written?"
     )
+    return (note,)
 
 
 def _require_sizes(scene: Scene, curve: Curve, priors: dict[str, Prior]) -> None:

@@ -65,6 +65,10 @@ _SENSITIVITY = re.compile(
 )
 
 
+# "1: time 2: depth", "[1] time [2] depth".
+_COUNTED, _COUNT = re.compile(r"\W*1[\]:.)]\s*[^\W\d]"), re.compile(r"\[?\b\d{1,3}[\]:.)]\s*(?=[^\W\d])")
+
+
 class Layout(NamedTuple):
     """Where the rows of numbers begin, how many cells they have, and up to which there are numbers."""
 
@@ -167,7 +171,7 @@ def find_names(
     if fitting or said:
         return (fitting or said)[0], units
     others = [names for names in rows if len(names) != layout.cells] or [
-        names for text in reversed(comments) if len(names := split(text, "")) > layout.cells
+        row for text in reversed(comments) if len(row := split(text, "")) > layout.cells
     ]
     found = (
         f"has {len(others[-1])} names ({names_there(others[-1])}) over {layout.cells} columns of numbers: which "
@@ -236,6 +240,8 @@ def _unlabelled(names: list[str], layout: Layout) -> list[str]:
 
 def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list[str]]) -> list[list[str]]:
     """Ways to take a comment for the names of the columns, as many as there are."""
+    if _COUNTED.match(text):
+        text = _COUNT.sub(" ", text)
     label, colon, rest = text.partition(":")
     texts = [rest, text] if colon and len(label.split()) <= 2 else [text]
     ways = [split(one.strip(), each) for one in texts for each in ("", "\t", ";", ",", " ")]
@@ -269,7 +275,11 @@ def _units(text: str, layout: Layout) -> list[str]:
     label, colon, rest = text.partition(":")
     words = rest.replace(",", " ").replace(";", " ").split() if colon else text.split()[1:]
     first = plain(label if colon else (text.split() or [""])[0])
-    return words if first in _UNITS and layout.numbers <= len(words) <= layout.cells else []
+    if first in _UNITS and layout.numbers <= len(words) <= layout.cells:
+        return words
+    bare = [word.strip("()[]") for word in text.replace(",", " ").replace(";", " ").split()]
+    alone = all(map(is_unit, bare)) and layout.numbers <= len(bare) <= layout.cells
+    return bare if alone else []
 
 
 def stated_lever(lines: Sequence[str]) -> dict[str, float]:

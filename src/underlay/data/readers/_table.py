@@ -1,4 +1,4 @@
-"""From a table with labelled columns to curves: which column is which, in which unit, and how many tests there are."""
+"""From a table with labelled columns to curves: which column is which, and how many tests there are."""
 
 from __future__ import annotations
 
@@ -99,8 +99,8 @@ class Table:
     breaks : sequence of int
         Rows before which something else than readings stands: blank rows, the names once more.
     may_use_comma, commas_between : bool
-        Whether a comma may be a decimal's; whether commas stand between the cells, as where a decimal is written with
-        a point: a quoted ``"1,234"`` may be either there.
+        Whether a comma may be a decimal's; whether commas stand between the cells, as where a decimal is written
+        with a point: a quoted ``"1,234"`` may be either there.
     units : sequence of str
         Of all columns, where they stand elsewhere.
     segments : sequence of (int, str)
@@ -151,13 +151,10 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
         ]
     if name is not None:
         metadata["name"] = name
-    if ways := sides_of(table.labels):
-        if not options.columns or any(
-            parse_column(str(text), table.labels) is None for text in options.columns.values()
-        ):
-            return _curves(
-                source, [(table.of(*way), label) for label, way in ways.items()], options, metadata
-            )
+    asked = [str(text) for text in (options.columns or {}).values()]
+    ways = sides_of(table.labels)
+    if ways and (not asked or any(parse_column(text, table.labels) is None for text in asked)):
+        return _curves(source, [(table.of(*way), label) for label, way in ways.items()], options, metadata)
     return _curves(source, [(table, "")], options, metadata)
 
 
@@ -266,7 +263,7 @@ def _curves(
 
 
 def _with_signs(curve: Curve, *, free: bool) -> Curve:
-    """A note of signs that look reversed; a travel whose direction instruments differ in is turned, and it is said."""
+    """A note of signs that look reversed; a travel that may grow either way is turned, and it is said."""
     notes = curve.metadata["notes"]
     if free and reversed_columns(curve) == ("depth",):
         rules = {**curve.metadata["sign_rules"], "depth": "turned: the first motion goes into the sample"}
@@ -430,8 +427,8 @@ class _Reader:
             return node
         label = self.labels[self.found["time"]]
         self.notes.append(
-            f"the time is left out: the column {label!r:.80} has {f'the unit {unit!r:.40}' if unit else 'no unit'}; "
-            f"say it with columns={{'time': '{split_label(label)[0]} (s)'}}"
+            f"the time is left out: the column {label!r:.80} has {f'the unit {unit!r:.40}' if unit else 'no unit'}"
+            f"; say it with columns={{'time': '{split_label(label)[0]} (s)'}}"
         )
         return None
 

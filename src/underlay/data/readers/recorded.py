@@ -1,8 +1,8 @@
 """Numbers that other programs keep in binary files: MATLAB's .mat and National Instruments' .tdms (Optics11).
 
-Their columns have names, and those of .tdms units; what lacks a unit gets it from a column mapping. No part of a file
-may claim more numbers than it has bytes. MAT-files are read here: of a small one with single bytes turned, scipy 1.17's
-loadmat ended the process (a segmentation fault), so that no check of ours behind it would have helped.
+Their columns have names, and those of .tdms units; what lacks a unit gets it from a column mapping. No part of a
+file may claim more numbers than it has bytes. MAT-files are read here: of a small one with single bytes turned,
+scipy 1.17's loadmat ended the process (a segmentation fault), so that no check of ours behind it would have helped.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def _read_matlab(source: Source, options: Options) -> list[Curve]:
         raise FileFormatError(f"{source.name} starts as a MATLAB file but its header is damaged")
     columns: dict[str, FloatArray] = {}
     size = 0
-    for kind, element in _elements(source.data[_HEADER:], order):
-        body = element
+    for outer, element in _elements(source.data[_HEADER:], order):
+        kind, body = outer, element
         if kind == _COMPRESSED:
             try:
                 unpacked = zlib.decompressobj().decompress(element, MAX_BYTES - size + 1)

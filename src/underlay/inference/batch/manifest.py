@@ -172,7 +172,7 @@ def _read_workbook(path: Path) -> pd.DataFrame:
             )
             if at is None:
                 continue
-            names = [name for name in rows[at][1]]
+            names = list(rows[at][1])
             while names and not names[-1]:
                 names.pop()
             below = [(number, (row + [""] * len(names))[: len(names)]) for number, row in rows[at + 1 :]]
