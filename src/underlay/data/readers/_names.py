@@ -173,14 +173,14 @@ def find_names(
     others = [names for names in rows if len(names) != layout.cells] or [
         row for text in reversed(comments) if len(row := split(text, "")) > layout.cells
     ]
-    found = (
+    what = (
         f"has {len(others[-1])} names ({names_there(others[-1])}) over {layout.cells} columns of numbers: which "
         "belongs to which is not known"
         if others and len(others[-1]) > layout.cells
         else "has no row of names above its numbers"
     )
     raise FileFormatError(
-        f"{source.name} {found}; write one with units, such as 'depth (um),force (mN)', or say the columns by "
+        f"{source.name} {what}; write one with units, such as 'depth (um),force (mN)', or say the columns by "
         'number with units: columns = { depth = "2 (nm)", force = "3 (mN)" }'
     )
 
