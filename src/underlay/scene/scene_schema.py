@@ -200,7 +200,10 @@ class CurveSection(_Section):
     step: int | None = Field(
         default=None, ge=1, description="which step of a stepwise test: a ramp and the rest after it, from 1"
     )
-    segment: Annotated[str, BeforeValidator(_fittable_segment)] = Field(
+    segment: Annotated[
+        Literal["all", "loading", "unloading", "equilibrium"] | str,  # noqa: PYI051  the words are listed
+        BeforeValidator(_fittable_segment),
+    ] = Field(
         default="loading",
         description="which part is used: 'loading', 'unloading', 'all', 'equilibrium', or one of several, 'ramp 2'",
     )
