@@ -80,10 +80,9 @@ _WAYS = {
     **dict.fromkeys(("rt", "retract", "withdraw", "retrace", "ret"), UNLOADING),
 }
 # Names from which a lever's bending is still to be taken off.
-_SCANNER = frozenset(("z", "ramp", "piezo", "z sensor", "zsnsr", "lvdt", "raw", *KNOWN["height"])) - {
-    "separation",
-    "tip sample separation",
-}
+_SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - frozenset(
+    ("extension", "stroke", "travel", "position", "separation", "sep", "tip sample separation")
+)
 
 
 @dataclass(frozen=True)
@@ -191,7 +190,7 @@ def sides_of(labels: Sequence[str]) -> dict[str, tuple[list[int], list[str]]]:
         if len(ways) == 1:
             indices, names = found[_WAYS[ways[0].lower()]]
             indices.append(index)
-            names.append("_".join(word for word in words if word != ways[0]))
+            names.append(("_" if "_" in label else " ").join(word for word in words if word != ways[0]))
     there, back = found[LOADING][1], found[UNLOADING][1]
     return found if len(there) >= 2 and sorted(there) == sorted(back) else {}
 
