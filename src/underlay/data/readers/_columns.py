@@ -66,19 +66,8 @@ KNOWN: dict[str, tuple[str, ...]] = {
     ),
     # Grows towards the sample in most instruments and away from it in others: the motion is asked.
     "travel": (
-        *(
-            "extension",
-            "stroke",
-            "travel",
-            "position",
-            "z",
-            "ramp",
-            "piezo",
-            "z sensor",
-            "zsnsr",
-            "lvdt",
-            "raw",
-        ),
+        *("extension", "stroke", "travel", "position"),
+        *("z", "ramp", "piezo", "z sensor", "zsensor", "height sensor", "zsnsr", "lvdt", "raw"),
     ),
     # Grows away from the sample.
     "height": (
