@@ -37,6 +37,8 @@ from underlay.units import KINDS, parse_quantity
 
 __all__ = [
     "EQUIVALENT_CONES",
+    "RUN",
+    "SEGMENTS",
     "TOP",
     "CurveSection",
     "Key",
@@ -50,6 +52,26 @@ __all__ = [
 
 #: Pyramids that are taken as the cone of the same projected area.
 EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
+
+
+#: Parts of a curve that can be fitted; and one segment of several, by what it is and its number from 1.
+SEGMENTS = ("all", "loading", "unloading", "equilibrium")
+RUN = re.compile(r"(ramp|loading|hold|unloading)\s+([1-9]\d{0,3})")
+
+
+def _segment(value: Any) -> str:
+    """Return the part of a curve that a file asks for."""
+    if value in SEGMENTS or (isinstance(value, str) and RUN.fullmatch(value)):
+        return str(value)
+    if value == "hold":
+        raise InputError(
+            "a hold alone does not show how stiff the sample is: fit 'loading', 'unloading' (of an elastic sample), "
+            "'all', 'equilibrium' (the ends of the holds of a stepwise test), or one of several, 'hold 1'"
+        )
+    raise InputError(
+        f"there is no {str(value)!r:.40}; allowed are {', '.join(map(repr, SEGMENTS))}, and one of several by its "
+        "number: 'ramp 2', 'hold 1', 'unloading 3'"
+    )
 
 
 @dataclass(frozen=True)
@@ -83,6 +105,8 @@ class Key:
             return _amount(value, self.takes)
         if self.takes is Mark:
             return str(Mark.parse(value))
+        if self.takes is SEGMENTS:
+            return _segment(value)
         if not self._allows(value):
             raise InputError(f"must be {self._asked}; got {value!r:.60}")
         return value
@@ -96,7 +120,8 @@ class Key:
             case range():
                 return type(value) is int and value in self.takes
         return isinstance(value, self.takes) and all(
-            isinstance(entry, str) for entry in (value.values() if isinstance(value, dict) else ())
+            isinstance(entry, str) or type(entry) is int
+            for entry in (value.values() if isinstance(value, dict) else ())
         )
 
     @property
@@ -237,8 +262,14 @@ class CurveSection:
         Name of the format, where the content does not tell; see underlay formats.
     test : int
         Which test of a file of several, from 1.
+    from_time : float
+        First reading that is used, by the clock of the file.
+    to_time : float
+        Last reading that is used.
+    step : int
+        Which step of a stepwise test: a ramp and the rest after it, from 1.
     segment : str
-        Which part is used.
+        Which part is used; or one of several, by its number: "ramp 2".
     flip : list of str
         Whose sign is turned: ["force"]; [] says that both are right.
     overrule : list of str
@@ -250,7 +281,8 @@ class CurveSection:
     fit_to : Mark
         Where it ends: "98 % of force", "10 % of thickness"; depths count from contact.
     columns : dict of str to str
-        Of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }.
+        Of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }; by number, { depth = "2 (nm)" }; or a sum,
+        { depth = "ramp - deflection" }.
     calibration : dict of str to str
         What an AFM file lacks, or how well it is known: { spring_constant = "0.04 N/m ± 10 %", sensitivity =
         "± 3 %" }.
@@ -263,7 +295,10 @@ class CurveSection:
     file: str | None = None
     format: str | None = None
     test: int | None = field(default=None, metadata=takes(range(1, 10**9)))
-    segment: str = field(default="loading", metadata=one_of("all", "loading", "unloading", "equilibrium"))
+    from_time: float = -np.inf
+    to_time: float = np.inf
+    step: int | None = field(default=None, metadata=takes(range(1, 10**9)))
+    segment: str = field(default="loading", metadata=one_of(*SEGMENTS))
     flip: list[str] | None = field(default=None, metadata=takes(["depth", "force"]))
     overrule: list[str] | None = field(default=None, metadata=takes(_OVERRULED))
     preset: str | None = field(default=None, metadata=one_of(*PRESETS))
