@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -222,3 +224,13 @@ def test_roots_that_turn_cost_no_more_than_a_hundred_isotropic_layers() -> None:
         min(seconds(material) for _ in range(3)) for material in (fibres, ul.Isotropic(1.0, 0.45))
     )
     assert turning < 100.0 * plain
+
+
+def test_the_stored_random_cases_are_all_inside_their_stated_error() -> None:
+    """Counts of `studies/torture.py`: none outside; 2,000 a kind, of the slower kinds fewer."""
+    counts = json.loads((Path(__file__).parent / "studies" / "results" / "torture.json").read_text("utf-8"))
+    assert set(counts) == {"kernel", "slices", "force", "stuck", "slope", "scaling", "permutation"}
+    for kind, found in counts.items():
+        assert found["outside"] == 0, kind
+        assert found["worst"] <= 1.0, kind
+        assert found["cases"] - found["refused"] >= 500, kind

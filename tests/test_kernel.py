@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import underlay as ul
 from support import appendix
+from support.reflected_kernel import constants_of_roots, random_material, reflected
 from support.transfer_matrix import TransferMatrixKernel
 from underlay.mechanics.body import PlaneConstants, isotropic_constants
 from underlay.mechanics.kernel import LayerKernel, coefficients, u_rule
@@ -401,42 +402,6 @@ def test_the_rigid_isotropic_form(nu):
 # --- every kind of roots -----------------------------------------------------------------------------------
 
 
-def surface(of):
-    """p, sigma and the surface compliance of plane constants, in the working precision."""
-    q, c, g, S = (mp.mpf(float(entry)) for entry in of)
-    p = mp.sqrt(q * q + c * g)
-    sigma = mp.sqrt(S * g - 2 * q + 2 * p)
-    return p, sigma, mp.matrix([[sigma / g, (q - p) / g], [(q - p) / g, p * sigma / g]])
-
-
-def reflected(u, layer, base):
-    """1 - L at 80 digits by reflection at the interface, step 3 of the derivation: no digit of it is shared."""
-    with mp.workdps(80):
-        J = mp.matrix([[-1, 0], [0, 1]])
-        p, sigma, own = surface(layer)
-        other = mp.zeros(2) if base is None else surface(base)[2]
-        R = (own + J * other * J) ** -1 * J * (own - other)
-        d, values = mp.sqrt(sigma * sigma / 4 - p), []
-        for one in u:
-            x = mp.mpf(float(one))
-            ch, sh = mp.cosh(x * d), mp.sinh(x * d) / d
-            E = mp.exp(-x * sigma / 2) * mp.matrix(
-                [[ch - sigma * sh / 2, p * sh], [-sh, ch + sigma * sh / 2]]
-            )
-            G = E * R * E
-            rest = G[1, 1] - mp.det(R) * mp.exp(-2 * sigma * x)
-            values.append(float(mp.re(2 * rest / (1 - G[0, 0] + rest))))
-    return np.array(values)
-
-
-def constants_of_roots(p, turn, rng):
-    """Plane constants of a stable material with 4 p/sigma^2 = `turn`."""
-    square = 4.0 * p / turn
-    gap = min(0.5 * square, 2.0 * p) * rng.uniform()
-    q = p - gap
-    return PlaneConstants(q, (p - q) * (p + q), 1.0, square - 2.0 * gap)
-
-
 @pytest.mark.parametrize("decade", range(-4, 7))
 def test_roots_of_every_kind_keep_thirteen_digits(decade):
     """4 p/sigma^2 from 1e-4, real and far apart, to 1e7, turning 1000 times as fast as they decay."""
@@ -457,14 +422,8 @@ def test_roots_of_every_kind_keep_thirteen_digits(decade):
 def test_a_layer_is_its_slices_whatever_its_roots():
     """The kernel of one layer and that of a stack, on 400 random materials; apart by up to 1e-4 and more before."""
     rng, worst = np.random.default_rng(0), 0.0
-
-    def material():
-        E_axial, nu, G = 100.0 ** rng.uniform(-1, 1), rng.uniform(-0.9, 0.95), 1000.0 ** rng.uniform(-1, 1)
-        nu_axial = rng.uniform(-0.9999, 0.9999) * np.sqrt(0.5 * (1.0 - nu) * E_axial)
-        return ul.TransverselyIsotropic(1.0, E_axial, nu, nu_axial, G)
-
     for number in range(400):
-        layer, base = material(), material() if number % 3 else ul.RIGID
+        layer, base = random_material(rng), random_material(rng) if number % 3 else ul.RIGID
         u = np.geomspace(1e-6, 10.0, 25) / np.sqrt(layer.plane_constants.p)
         whole = ul.SubstrateKernel(layer, base).one_minus_L(u)
         slices = tuple(ul.Layer(layer, t) for t in (0.4, 0.35, 0.25))
