@@ -49,8 +49,8 @@ def sample(
     method: Annotated[
         str | None,
         typer.Option(
-            help="emcee for a chain, importance for weighted draws alone. Without it both, and where they agree "
-            "the draws that know more; where no noise is stated weighted draws, or a chain if they are declined."
+            help="emcee for a long chain, importance for weighted draws alone. Without it weighted draws that a "
+            "short chain judges; where the two differ the chain goes on and is the answer."
         ),
     ] = None,
     model_error: Annotated[
@@ -70,7 +70,6 @@ def sample(
     from underlay.inference.sampling.run import sample as sample_posterior
     from underlay.inference.uncertainty.known_errors import free_model_error
     from underlay.report.posterior_tables import posterior_table, prior_table
-    from underlay.report.words import longer_intervals
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(scene)
@@ -97,8 +96,6 @@ def sample(
     say_table(posterior_table(posterior), f"Posterior of {curve.name}")
     say_table(prior_table(posterior), "What the data told")
     say(posterior.diagnostics.reason)
-    if longer := longer_intervals(posterior):
-        notes.append(longer)
     if weak:
         notes.append(f"{', '.join(weak)}: sampled within ten spans of the curve, for want of bounds in [fit]")
     say_warnings(notes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 
 from underlay.inference.sampling.derived import kind_of_quantity
@@ -14,8 +15,6 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_ends, human_unit, interval_digits
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["posterior_diagnostics_table", "posterior_table", "prior_table"]
@@ -38,7 +37,7 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
                 ),
                 "68 % interval": _span(row["hdi68_low"], row["hdi68_high"], kind),
                 "effective draws": f"{row['ess']:.0f}",
-                "R-hat": f"{row['rhat']:.4f}",
+                "R-hat": "" if np.isnan(row["rhat"]) else f"{row['rhat']:.4f}",
                 "data": row["informed"],
             }
         )
@@ -72,13 +71,14 @@ def prior_table(posterior: Posterior) -> pd.DataFrame:
 def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
     """Return how the sampling went, as text."""
     d = posterior.diagnostics
-    resampled = {"draws": "weighted, then resampled; the chain agrees with them"} if d.weighted else {}
+    judged = {"draws": "weighted, then resampled; a chain begun from them agrees"} if d.weighted else {}
+    kept = "of the chain that judges" if d.weighted else f"{d.burn_in} dropped, {_every(d.thin)} kept"
     chain = {
-        **resampled,
-        "steps, walkers": f"{d.steps}, {d.walkers} ({d.burn_in} dropped, {_every(d.thin)} kept)",
+        **judged,
+        "steps, walkers": f"{d.steps}, {d.walkers} ({kept})",
         "autocorrelation time": ", ".join(f"{t:.0f}" for t in d.autocorrelation_time) + " steps",
-        "R-hat": ", ".join(f"{r:.4f}" for r in d.rhat),
-        "acceptance": f"{100.0 * d.acceptance:.0f} %{_by_move(d.moves)}",
+        "R-hat": ", ".join(f"{r:.4f}" for r in d.rhat) or "not asked for",
+        "acceptance": f"{100.0 * d.acceptance:.0f} %",
     }
     rows = {
         "converged": "yes" if d.converged else "NO",
@@ -102,12 +102,6 @@ def _every(thin: int) -> str:
     return "all others" if thin == 1 else f"one in {thin}"
 
 
-def _by_move(moves: Mapping[str, float]) -> str:
-    """Acceptance of each move, in brackets."""
-    told = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in moves.items())
-    return f" ({told})" if told else ""
-
-
 def _errors(posterior: Posterior) -> str:
     """Monte Carlo errors of the quantiles of each parameter, in standard deviations."""
     told = "; ".join(
@@ -118,10 +112,10 @@ def _errors(posterior: Posterior) -> str:
 
 
 def _weighted(posterior: Posterior) -> dict[str, str]:
-    """What weighted draws of a mixture along the posterior's ridges say, and the evidence that they give."""
+    """What weighted draws of the same posterior say, and the evidence that they give."""
     found, evidence = posterior.diagnostics.importance, posterior.log_evidence
     if found is None:
-        return {"weighted draws": "none: no mixture was found"}
+        return {"weighted draws": "none"}
     verdict = (
         f"not believed: {found.refused}"
         if found.refused

@@ -6,8 +6,8 @@ dies between two of them leaves a valid file. A step counts only once its counte
 the generator's state alternates between two slots, so that the one belonging to the counter is always whole.
 
 Layout: ``chain`` (steps, walkers, parameters + 1), the scaled coordinates and the log-posterior; ``state``
-(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,). What moves propose from is not kept: the same
-problem and seed give it again. Files of earlier versions, which keep a mixture beside these, are read.
+(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,). What moves propose from is not kept: the
+same problem and seed give it again. Files of earlier versions, which keep a mixture beside these, are read.
 """
 
 from __future__ import annotations

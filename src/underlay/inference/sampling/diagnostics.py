@@ -1,9 +1,9 @@
 """How well draws know a posterior, and what they tell: convergence, predictive bands, prior against posterior.
 
-A chain is an array (steps, walkers) of one quantity; each walker counts as a chain. Its memory is emcee's integrated
-autocorrelation time (Goodman and Weare 2010, doi:10.2140/camcos.2010.5.65); R-hat and the effective sizes of its
-quantiles are ArviZ's, where that is installed (extra ``uq``): Vehtari, Gelman, Simpson, Carpenter and Buerkner (2021),
-doi:10.1214/20-BA1221. Without it the autocorrelation time alone decides.
+A chain is an array (steps, walkers) of one quantity; each walker counts as a chain. Its memory is emcee's
+autocorrelation time (Goodman and Weare 2010, doi:10.2140/camcos.2010.5.65), and a quantile is as uncertain as the
+walkers differ in it; R-hat and effective sizes are ArviZ's, where that is installed (extra ``uq``): Vehtari,
+Gelman, Simpson, Carpenter and Buerkner (2021), doi:10.1214/20-BA1221.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 INFORMED, WEAKLY_INFORMED = "informed", "weakly informed"
 NOT_INFORMED = "not informed by these data"
 
-# emcee's advice, and the source's of R-hat; a quantile known to 0.06 standard deviations is hardly ever off by 0.15.
+# emcee's advice, and the source's of R-hat; a quantile known to 0.06 standard deviations is hardly ever off by
+# 0.15.
 _TIMES_NEEDED, _RHAT_NEEDED, _LARGEST_ERROR = 50.0, 1.01, 0.06
 # The walkers' memory of their start fades as exp(-t / tau): ten times leave 5e-5 of it.
 _BURN_IN_TIMES = 10.0

@@ -99,7 +99,7 @@ class SampledReading(Reading):
     @cached_property
     def deviations(self) -> FloatArray:
         """As `Reading.deviations`."""
-        return self.draws.std(axis=0)
+        return np.asarray(self.draws.std(axis=0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,17 +1,17 @@
 """The posterior of a problem: weighted draws, and an ensemble of walkers (emcee).
 
-A fit, its likelihood (`inference/uncertainty`) and weighted draws of that: they are the posterior once a short chain
-that was begun from them agrees. Where they are refused, or a chain is asked for, walkers go on until the chain is
-longer than 50 autocorrelation times, R-hat is below 1.01 and every quantile is known to 0.06 standard deviations, or
-the result says that it is not. Both ask one density, `Likelihood.log_density`, in scaled coordinates, so that a
-modulus moves in ratios; all walkers are evaluated in one call of the batched forward model.
+A fit, its likelihood (`inference/uncertainty`) and weighted draws of that: they are the posterior once a short
+chain that was begun from them agrees. Where they are refused, or a chain is asked for, walkers go on until the
+chain is longer than 50 autocorrelation times, R-hat is below 1.01 and every quantile is known to 0.06 standard
+deviations, or the result says that it is not. Both ask one density, `Likelihood.log_density`, in scaled
+coordinates, so that a modulus moves in ratios; all walkers are evaluated in one call of the batched forward model.
 
-Moves are emcee's own (Foreman-Mackey, Hogg, Lang and Goodman 2013, doi:10.1086/670067): proposals from a mixture of
-Student kernels about the draws, whatever the place of a walker (Tierney 1994, doi:10.1214/aos/1176325750); from a
-kernel estimate of the other half, which follows a bent ridge; differences of walkers (ter Braak 2006,
-doi:10.1007/s11222-006-8769-1), and a full difference (gamma0 = 1) that jumps between separate tops. The snooker is
-left out: up to version 3.1.6 it divides by the root of a length where the length belongs, and the variance it yields
-is too small.
+Moves are emcee's own (Foreman-Mackey, Hogg, Lang and Goodman 2013, doi:10.1086/670067): proposals from what the
+draws came from and from Student kernels about them, whatever the place of a walker (Tierney 1994,
+doi:10.1214/aos/1176325750); from a kernel estimate of the other half, which follows a bent ridge; differences of
+walkers (ter Braak 2006, doi:10.1007/s11222-006-8769-1), and a full difference (gamma0 = 1) that jumps between
+separate tops. The snooker is left out: up to version 3.1.6 it divides by the root of a length where the length
+belongs, and the variance it yields is too small.
 """
 
 from __future__ import annotations
@@ -73,12 +73,12 @@ Told: TypeAlias = Callable[[int, int, float], None]
 # Weighted draws: of so many four fifths count, and an end of a 95 % interval is known to 0.05 standard deviations.
 _DRAWS = 4000
 # Weights with a heavier tail, or worth fewer draws, are refused: the reading's own rule (`uncertainty/ridge`).
-_LARGEST_PARETO, _FEWEST = 0.7, 300.0
+_LARGEST_PARETO, _FEWEST, _EVEN = 0.7, 300.0, 0.99
 # Quantiles that differ by so many of their joint standard errors, and by so many standard deviations of the
 # posterior beyond what the two are asked for, are not one.
 _SIGMAS, _SLACK = 4.0, 0.05
-# Steps of the chain that judges; when a chain is judged first, and how much rarer each time: checks get rarer as the
-# chain grows, so that all of them together cost a few times the last one.
+# Steps of the chain that judges; when a chain is judged first, and how much rarer each time: checks get rarer as
+# the chain grows, so that all of them together cost a few times the last one.
 _FIRST_CHECK, _GROWTH = 100, 1.15
 # Most steps where no number is asked for, and the processor seconds that they may take: where no table reaches laws
 # are solved one by one, and so many steps may take an hour.
@@ -448,9 +448,10 @@ def _weigh(density: _Density, rng: np.random.Generator) -> _Weighted:
     log_weights = levels - source.log_density(vectors)
     total = float(logsumexp(log_weights))
     weights = np.exp(log_weights - total)
-    return _Weighted(
-        source, vectors, levels, weights, pareto_shape(log_weights), total - math.log(len(vectors))
-    )
+    # Where the closed form is the density all weights are alike, and what rounding leaves of them has no tail.
+    even = 1.0 / float(weights @ weights) > _EVEN * len(weights)
+    pareto = 0.0 if even else pareto_shape(log_weights)
+    return _Weighted(source, vectors, levels, weights, pareto, total - math.log(len(vectors)))
 
 
 def _log_density(mixture: Mixture, vectors: FloatArray) -> FloatArray:
@@ -761,7 +762,10 @@ class _Answer(NamedTuple):
         count = -(-_TIMES * len(drawn.weights) // _COLUMNS) * _COLUMNS
         rows = drawn.rows(count, rng).reshape(-1, _COLUMNS)
         p = drawn.vectors.shape[1]
-        worth = f"{len(drawn.weights)} weighted draws, worth {drawn.effective:.0f}, with a Pareto k of {drawn.pareto:.2f}"
+        worth = (
+            f"{len(drawn.weights)} weighted draws, worth {drawn.effective:.0f}, with a Pareto k of "
+            f"{drawn.pareto:.2f}"
+        )
         if run is None:
             none = np.full(p, np.nan)
             outcome = Outcome(len(rows), _COLUMNS, 0, none, none, drawn.quantile_errors, True, worth)
