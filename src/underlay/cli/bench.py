@@ -30,7 +30,7 @@ def bench(
     ] = None,
     output: OutputFolder = None,
 ) -> None:
-    """Measure SPEED: models, fits, start-up, reading, maps and stacks, each against its unit.
+    """Measure speed: models, fits, start-up, reading, maps and stacks, each against its unit.
 
     How right they are is measured by `underlay benchmark`.
 

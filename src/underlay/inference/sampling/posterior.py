@@ -19,7 +19,7 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 from underlay._door import FileKind, printable, understood
-from underlay.errors import FileFormatError, InputError, MissingExtraError
+from underlay.errors import FileFormatError, InputError, missing_extra
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.inference.problem_record import problem_from_record, problem_record
@@ -65,7 +65,7 @@ def _imported() -> ModuleType:
             warnings.simplefilter("ignore", FutureWarning)
             import arviz  # noqa: PLC0415  # an optional extra
     except ImportError as error:
-        raise MissingExtraError("this needs arviz: install underlay[uq]") from error
+        raise missing_extra("this needs arviz", "uq") from error
     module: ModuleType = arviz
     return module
 
