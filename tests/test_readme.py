@@ -1,7 +1,9 @@
 """README and CI run the same commands: neither can drift from the other."""
 
+import json
 import re
 import subprocess
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -70,6 +72,26 @@ def test_the_rows_of_cost_are_those_of_the_page():
     rows = [line for line in section.splitlines() if re.match(r"\| (explicit|exact)", line)]
     assert len(rows) == 4
     assert set(rows) <= set(cost.splitlines())
+
+
+def test_what_others_read_of_the_package_is_what_it_says_itself():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    source = (ROOT / "src" / "underlay" / "_version.py").read_text(encoding="utf-8")
+    version = re.search(r'^VERSION = "(.*)"$', source, re.MULTILINE)[1]
+    told = json.loads((ROOT / "codemeta.json").read_text(encoding="utf-8"))
+    assert told["softwareRequirements"] == project["dependencies"]
+    assert told["description"] == project["description"]
+    assert told["version"] == version
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {version}\n" in cited
+    recipe = (ROOT / ".conda" / "meta.yaml").read_text(encoding="utf-8")
+    assert f'set version = "{version}"' in recipe
+    run = recipe.split("  run:\n")[1].split("\ntest:")[0]
+    listed = {
+        line.strip("- ").replace(" ", "").replace("matplotlib-base", "matplotlib")
+        for line in run.splitlines()
+    }
+    assert listed - {""} == {*project["dependencies"], f"python{project['requires-python']}"}
 
 
 def test_top_level_is_what_the_house_says():

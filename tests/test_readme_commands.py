@@ -79,6 +79,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "results").mkdir()
     write_study(tmp_path / "results" / "map.csv", group="group")
     write_result(tmp_path / "results" / "curve.fit.json")
+    write_result(tmp_path / "results" / "gel_on_glass.fit.json")
     (tmp_path / "data_samples").symlink_to(SAMPLES)
     monkeypatch.chdir(tmp_path)
     return tmp_path
