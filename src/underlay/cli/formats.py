@@ -117,7 +117,7 @@ def _list_formats() -> None:
     rows = [
         {
             "format": entry.name,
-            "needs": f"underlay[{entry.extra}]" if entry.extra else "",
+            "needs": f".[{entry.extra}]" if entry.extra else "",
             "what": entry.description,
         }
         for entry in all_formats()

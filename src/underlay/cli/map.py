@@ -48,7 +48,7 @@ def map_curves(
         str | None,
         typer.Option(help="What the folders stand for that the curves lie in, e.g. group/animal."),
     ] = None,
-    check: Annotated[bool, typer.Option("--check", help="Judge the quality of every curve first.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Check the quality of every curve first.")] = False,
     sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
     quick: Annotated[
         bool, typer.Option("--quick", help="Values and least-squares errors alone, in a tenth of the time.")

@@ -35,7 +35,7 @@ Results = Annotated[
 def report(
     results: Results,
     scene: Annotated[
-        Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): what was tested.")
+        Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): your test as a file.")
     ] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Page to write.")] = Path("report.html"),
     new_notebook: Annotated[

@@ -25,7 +25,7 @@ import pandas as pd
 from underlay._files import write_atomic
 from underlay._text import one_line
 from underlay._version import VERSION
-from underlay.errors import InputError, MissingExtraError
+from underlay.errors import InputError, missing_extra
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.population.result import Population
@@ -83,7 +83,7 @@ def excel_library() -> ModuleType:
     try:
         return importlib.import_module("xlsxwriter")
     except ImportError as error:
-        raise MissingExtraError("an Excel file needs xlsxwriter: pip install 'underlay[excel]'") from error
+        raise missing_extra("an Excel file needs xlsxwriter", "excel") from error
 
 
 def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:

@@ -32,7 +32,7 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 from underlay._text import one_line
-from underlay.errors import FitError, MissingExtraError
+from underlay.errors import FitError, missing_extra
 from underlay.report.spoken import markdown_text
 
 __all__ = [
@@ -92,7 +92,7 @@ def report_library(name: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        raise MissingExtraError(f"a report needs {name}: pip install 'underlay[report]'") from error
+        raise missing_extra(f"a report needs {name}", "report") from error
 
 
 def filled(template: str, values: Mapping[str, Value]) -> tuple[Cell, ...]:

@@ -26,7 +26,7 @@ from underlay.data.readers._names import find_names, is_unit_row, layout_of, ser
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip, read_member
 from underlay.data.readers._table import Table, is_marker, table_curves
 from underlay.data.readers._text import is_number
-from underlay.errors import FileFormatError, MissingExtraError
+from underlay.errors import FileFormatError, MissingExtraError, missing_extra
 
 __all__ = ["FORMAT", "OLE_MAGIC", "Sheet", "is_xls", "is_xlsx", "padded", "sheets_of", "xlsx_text"]
 
@@ -122,9 +122,7 @@ def _module(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise MissingExtraError(
-            f'reading a spreadsheet needs the package {name}: pip install "underlay[afm]"'
-        ) from error
+        raise missing_extra(f"reading a spreadsheet needs {name}", "afm") from error
 
 
 def _read_xlsx(source: Source) -> list[Sheet]:

@@ -25,7 +25,7 @@ from underlay.data.readers._format import Format, Options
 from underlay.data.readers._source import CURVES, MAX_BYTES, Source
 from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import Arrays
-from underlay.errors import FileFormatError, MissingExtraError
+from underlay.errors import FileFormatError, missing_extra
 
 __all__ = ["MATLAB_FORMAT", "TDMS_FORMAT"]
 
@@ -127,9 +127,10 @@ def _read_tdms(source: Source, options: Options) -> list[Curve]:
     try:
         library = import_module("nptdms")
     except ImportError as error:
-        raise MissingExtraError(
-            f"{source.name} is a TDMS file, as Optics11 writes; reading it needs the package npTDMS: pip install "
-            '"underlay[afm]", or export the curve as text from the instrument\'s program'
+        raise missing_extra(
+            f"{source.name} is a TDMS file, as Optics11 writes; reading it needs npTDMS",
+            "afm",
+            "export the curve as text from the instrument's program",
         ) from error
     # It prints parts of a damaged file; what is wrong with one is said here.
     import_module("nptdms.log").log_manager.set_level(logging.CRITICAL + 1)

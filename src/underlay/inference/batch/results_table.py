@@ -16,7 +16,7 @@ import pandas as pd
 from underlay._csv import csv_text
 from underlay._files import replacing, write_atomic
 from underlay._text import guarded_cell, one_line, unguarded_cell
-from underlay.errors import InputError, MissingExtraError
+from underlay.errors import InputError, missing_extra
 
 __all__ = [
     "DIFFERENCE",
@@ -292,6 +292,4 @@ def _pyarrow() -> tuple[Any, Any]:
     try:
         return import_module("pyarrow"), import_module("pyarrow.parquet")
     except ImportError as error:
-        raise MissingExtraError(
-            'a Parquet table needs the package pyarrow: pip install "underlay[cluster]", or write a .csv'
-        ) from error
+        raise missing_extra("a Parquet table needs pyarrow", "cluster", "write a .csv") from error
