@@ -1,23 +1,18 @@
 """Convergence diagnostics against independent code, against theory, and on chains that must fail."""
 
-import emcee
+import sys
+
 import numpy as np
 import pytest
 from scipy import stats
 
-from underlay.inference.sampling.convergence import (
-    autocorrelation_time,
-    effective_size,
+from underlay.inference.sampling.diagnostics import (
+    autocorrelation_times,
+    chain_errors,
     highest_density_interval,
     judge,
-    median_error,
-    quantile_error,
-    rank_normalised_rhat,
-    tail_size,
+    quantile_errors,
 )
-from underlay.inference.sampling.posterior import arviz_library
-
-arviz = arviz_library()
 
 
 def ar1(phi, steps=2000, walkers=8, seed=0):
@@ -30,28 +25,32 @@ def ar1(phi, steps=2000, walkers=8, seed=0):
     return chain
 
 
-@pytest.mark.parametrize("phi", [-0.5, 0.0, 0.5, 0.95])
-def test_same_as_arviz(phi):
-    chain = np.exp(ar1(phi))
-    data = {"x": chain.T}
-    assert rank_normalised_rhat(chain) == pytest.approx(float(arviz.rhat(data)["x"]), rel=1e-12)
-    # The two differ in how the last pair of the truncated sum is counted, which is of order 1 / ESS.
-    assert effective_size(chain) == pytest.approx(float(arviz.ess(data)["x"]), rel=0.01)
-    ours, theirs = median_error(chain), float(arviz.mcse(data, method="median")["x"])
-    # The order statistics are picked one draw apart.
-    assert ours == pytest.approx(theirs, rel=0.03)
-
-
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
 def test_autocorrelation_time_is_that_of_the_process(phi):
     chain = ar1(phi, steps=20_000)
     exact = (1.0 + phi) / (1.0 - phi)
     # Sokal: relative variance 2 (2 M + 1) / N with window M = 5 tau; four of that.
     error = np.sqrt(2.0 * (10.0 * exact + 1.0) / chain.size)
-    assert autocorrelation_time(chain) == pytest.approx(exact, rel=4.0 * error + 1e-12)
-    assert autocorrelation_time(chain) == pytest.approx(
-        float(emcee.autocorr.integrated_time(chain, quiet=True)[0]), rel=1e-10
-    )
+    assert autocorrelation_times(chain[..., None])[0] == pytest.approx(exact, rel=4.0 * error + 1e-12)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.8])
+def test_errors_of_quantiles_are_what_repeated_chains_scatter_by(phi):
+    stated, found = [], []
+    for seed in range(60):
+        chain = ar1(phi, 400, 32, seed)[..., None]
+        stated.append(chain_errors(chain)[:, 0])
+        found.append(np.quantile(chain, [0.025, 0.5, 0.975]))
+    # Sixty standard deviations are known to 9 %, and each stated one to 13 %.
+    assert np.mean(stated, axis=0) == pytest.approx(np.std(found, axis=0), rel=0.35)
+
+
+def test_errors_of_weighted_quantiles_are_those_of_their_shares():
+    draws = stats.norm.ppf((np.arange(20_000) + 0.5) / 20_000)[:, None]
+    even = np.full(len(draws), 1.0 / len(draws))
+    errors = quantile_errors(draws, even, np.full((3, 1), 0.01))[:, 0]
+    expected = [0.5 * np.ptp(stats.norm.ppf([level - 0.01, level + 0.01])) for level in (0.025, 0.5, 0.975)]
+    assert errors == pytest.approx(expected, rel=1e-2)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -60,37 +59,40 @@ def test_a_walker_that_rests_at_an_end_hides_no_tail(side):
     steps, walkers = 100, 32
     chain = ar1(0.0, steps, walkers)
     chain[:, 0] = side * 9.0
-    # Halves of a walker of which one rests say what their number says, and no more.
-    assert 1.0 < tail_size(chain) <= 4 * walkers
-    outer = 0.5 + side * 0.475
-    assert quantile_error(chain, outer) > 10.0 * quantile_error(chain, 0.5)
+    outer = 0 if side < 0.0 else 2
+    errors = chain_errors(chain[..., None])[:, 0]
+    assert errors[outer] > 10.0 * errors[1]
     outcome = judge(chain[:, :, None], steps)
     assert not outcome.converged
     assert np.isfinite(outcome.quantile_errors).all()
 
 
 def test_a_chain_that_never_moved_is_worth_nothing():
-    still = np.ones((50, 4))
-    assert np.isnan(quantile_error(still, 0.5))
-    assert autocorrelation_time(still) == np.inf
-    assert np.isnan(rank_normalised_rhat(still))
+    still = np.ones((50, 4, 1))
+    assert np.isnan(chain_errors(still)).all()
+    assert autocorrelation_times(still)[0] == np.inf
+    assert not judge(still, 50).converged
 
 
-def test_rhat_sees_a_walker_elsewhere_and_a_walker_of_another_width():
-    good = ar1(0.5)
-    assert rank_normalised_rhat(good) < 1.01
+def test_a_walker_elsewhere_and_a_walker_of_another_width_are_seen():
+    good = ar1(0.5, 4000, 32)
+    assert judge(good[..., None], 4000).converged
     moved, wide, drifting = good.copy(), good.copy(), good.copy()
     moved[:, 0] += 1.0
     wide[:, 0] *= 3.0
     drifting += np.linspace(0.0, 1.0, len(good))[:, None]
     for bad in (moved, wide, drifting):
-        assert rank_normalised_rhat(bad) > 1.01
+        assert not judge(bad[..., None], 4000).converged
 
 
-def test_increasing_changes_of_the_parameter_change_nothing():
-    chain = ar1(0.8)
-    assert rank_normalised_rhat(np.exp(5.0 * chain)) == pytest.approx(rank_normalised_rhat(chain), abs=2e-3)
-    assert effective_size(np.exp(5.0 * chain)) == pytest.approx(effective_size(chain), rel=1e-9)
+def test_without_arviz_length_and_errors_decide(monkeypatch):
+    monkeypatch.setitem(sys.modules, "arviz", None)
+    good = ar1(0.5, 4000, 32)[..., None]
+    outcome = judge(good, 4000)
+    assert outcome.converged
+    assert np.isnan(outcome.rhat).all()
+    assert "R-hat" not in outcome.reason
+    assert not judge(good[:40], 40).converged
 
 
 def test_highest_density_interval_is_the_shortest():
@@ -107,7 +109,7 @@ def test_stop_rule_needs_length_and_agreement():
     assert judge(chain, 10_000).converged
     early = judge(chain[:300], 10_000)
     assert not early.converged
-    assert "50 autocorrelation times are needed" in early.reason
+    assert "autocorrelation times (50 are needed)" in early.reason
     stuck = chain.copy()
     stuck[:, 0] = 4.0
     assert not judge(stuck, 10_000).converged
@@ -126,16 +128,9 @@ def test_stop_rule_waits_for_tails_that_walkers_rarely_visit():
     chain = white * np.where(far, 3.0, 1.0)
     assert judge(white[..., None], steps).converged
     outcome = judge(chain[..., None], steps)
-    kept = steps - outcome.burn_in
-    assert kept > 50.0 * outcome.times.max()
-    assert kept < 50.0 * outcome.tail_times.max()
+    assert steps - outcome.burn_in > 50.0 * outcome.times.max()
+    assert outcome.quantile_errors[[0, 2]].min() > 0.06
     assert not outcome.converged
-
-
-def test_tail_size_is_that_of_arviz():
-    for phi in (0.0, 0.8):
-        chain = ar1(phi)
-        assert tail_size(chain) == pytest.approx(float(arviz.ess(chain.T, method="tail")), rel=1e-2)
 
 
 def test_burn_in_drops_a_far_start():

@@ -13,21 +13,21 @@ from scipy import stats
 
 import underlay as ul
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
-from underlay.inference.sampling import posterior as arviz_bridge
-from underlay.inference.sampling.convergence import highest_density_interval
 from underlay.inference.sampling.diagnostics import (
     INFORMED,
     NOT_INFORMED,
     PREDICTIVE_LEVELS,
     WEAKLY_INFORMED,
+    arviz_library,
     compare_with_prior,
+    highest_density_interval,
     prior_levels,
 )
 
 
 @pytest.fixture(scope="module")
 def posterior():
-    return ul.sample(halfspace_problem(halfspace_curve(points=80)), walkers=32)
+    return ul.sample(halfspace_problem(halfspace_curve(points=80)), walkers=32, method="emcee")
 
 
 # --- the table --------------------------------------------------------------------------------------------
@@ -106,6 +106,30 @@ def test_few_draws_do_not_claim_information():
     prior = stats.norm.ppf(prior_levels(1001))
     few = np.random.default_rng(0).normal(size=(12, 4))
     assert compare_with_prior(few, prior).informed == NOT_INFORMED
+
+
+# --- answers ----------------------------------------------------------------------------------------------
+
+
+def test_an_answer_has_the_fits_value_and_sources_and_the_draws_scatter(posterior, tmp_path):
+    known = ul.fit(posterior.problem)
+    for name in (*posterior.names, "layer.reduced_modulus"):
+        own, theirs = posterior.answer(name), known.answer(name)
+        assert own.value == theirs.value
+        assert own.systematic == theirs.systematic
+        width = theirs.statistical.high - theirs.statistical.low
+        assert own.statistical.low == pytest.approx(theirs.statistical.low, abs=0.05 * width)
+        assert own.statistical.high == pytest.approx(theirs.statistical.high, abs=0.05 * width)
+    low, high = np.quantile(posterior.samples["layer.E"], [0.025, 0.975])
+    stated = posterior.answer("layer.E").statistical
+    assert (stated.low, stated.high) == pytest.approx((low, high), rel=1e-6)
+    assert {*known.answers.columns} == {*posterior.answers.columns}
+    assert posterior.answers.loc["layer.E", "value"] == known.values["layer.E"]
+    path = tmp_path / "posterior.npz"
+    posterior.save(path)
+    assert ul.Posterior.load(path).answer("layer.E").as_dict() == posterior.answer("layer.E").as_dict()
+    with pytest.raises(ul.InputError, match="needs the problem that was sampled, and there is none: gone"):
+        replace(posterior, problem=None, fit=None, missing="gone").answer("layer.E")
 
 
 # --- derived quantities -----------------------------------------------------------------------------------
@@ -323,7 +347,7 @@ def test_inference_data_holds_one_chain_per_walker(posterior, tmp_path):
     assert dict(E.sizes) == {"chain": 32, "draw": len(posterior.chain)}
     np.testing.assert_array_equal(E.values, posterior.of("layer.E").T)
     assert {"posterior", "prior", "sample_stats"} <= set(data.groups())
-    arviz = arviz_bridge.arviz_library()
+    arviz = arviz_library()
     assert float(arviz.rhat(data)["layer.E"]) == pytest.approx(posterior.summary().loc["layer.E", "rhat"])
     data.to_netcdf(str(tmp_path / "posterior.nc"))
     again = arviz.from_netcdf(str(tmp_path / "posterior.nc"))
@@ -348,7 +372,7 @@ def test_a_process_that_imports_arviz_beside_another_gets_it(tmp_path):
         "    draft.replace(note)\n"
     )
     program = (
-        "from underlay.inference.sampling.posterior import arviz_library; print(arviz_library().__file__)"
+        "from underlay.inference.sampling.diagnostics import arviz_library; print(arviz_library().__file__)"
     )
     path = os.pathsep.join([str(tmp_path), *sys.path])
     call = [sys.executable, "-c", program]

@@ -26,12 +26,13 @@ from support.posterior_cases import (
     halfspace_scene,
 )
 from underlay.inference.priors import Flat
-from underlay.inference.ridge.importance import leak_of_walk
 from underlay.inference.sampling import run as sampling
-from underlay.inference.sampling import weighted
-from underlay.inference.sampling.convergence import autocorrelation_time, effective_size
-from underlay.inference.sampling.counted import CountedDensity
-from underlay.inference.sampling.diagnostics import INFORMED, NOT_INFORMED
+from underlay.inference.sampling.diagnostics import (
+    INFORMED,
+    NOT_INFORMED,
+    autocorrelation_times,
+    effective_size,
+)
 from underlay.inference.sampling.run import moves
 
 TESTS = Path(__file__).parent
@@ -39,7 +40,7 @@ TESTS = Path(__file__).parent
 
 def distance_p_value(draws, distribution):
     """Kolmogorov-Smirnov p-value of correlated draws (steps, walkers), at their effective size."""
-    size = effective_size(draws)
+    size = draws.size if draws.shape[1] == 1 else effective_size(draws)
     statistic = stats.kstest(draws.ravel(), distribution.cdf).statistic
     return float(stats.kstwobign.sf(statistic * np.sqrt(size)))
 
@@ -53,22 +54,43 @@ def kept(tmp_path_factory):
 @pytest.fixture(scope="module")
 def plain(kept):
     """The posterior of the half-space: a chain that converges, kept in a file."""
-    return ul.sample(halfspace_problem(), walkers=8, backend=kept)
+    return ul.sample(halfspace_problem(), walkers=8, backend=kept, method="emcee")
 
 
 # --- the distribution -------------------------------------------------------------------------------------
 
 
-def test_the_posterior_is_the_known_one_and_another_is_told_apart():
-    posterior = ul.sample(baseline_problem(), walkers=16)
+@pytest.mark.parametrize("method", [None, "importance", "emcee"])
+def test_the_posterior_is_the_known_one_and_another_is_told_apart(method):
+    posterior = ul.sample(baseline_problem(), walkers=16, method=method)
     assert posterior.converged
     draws = posterior.of("instrument.baseline")
+    if method != "emcee":
+        # Several of each weighted draw: as many as these are worth.
+        draws = np.unique(draws)[:, None]
     assert distance_p_value(draws, stats.norm(*baseline_answer())) > 0.01
     # The control: noise under-stated by two has a mean as good and half the width, and does not pass.
     assert distance_p_value(draws, stats.norm(*baseline_answer(noise=0.5 * WHITE))) < 1e-6
 
 
-@pytest.mark.parametrize("move", [move for move, _ in moves()], ids=lambda move: type(move).__name__)
+def normal_proposal(covariance):
+    """Proposals from a wider normal, whatever the place, as `moves` takes them."""
+    factor = 1.3 * np.linalg.cholesky(covariance)
+
+    def density(places):
+        return -0.5 * np.square(np.linalg.solve(factor, places.T)).sum(axis=0)
+
+    def propose(places, random):
+        proposed = random.standard_normal(places.shape) @ factor.T
+        return proposed, density(places) - density(proposed)
+
+    return propose
+
+
+CORRELATED = np.full((4, 4), 0.99) + 0.01 * np.eye(4)
+
+
+@pytest.mark.parametrize("move", [move for move, _ in moves(normal_proposal(CORRELATED))])
 def test_every_move_yields_the_distribution(move):
     assert np.abs(variance_errors(move, 0.99)).max() < 4.0
 
@@ -97,7 +119,7 @@ def variance_errors(move, correlation, dimensions=4, steps=3000):
     # In the axes of the covariance the variances are independent and one.
     values, vectors = np.linalg.eigh(covariance)
     squares = ((chain @ vectors) ** 2 / values)[500:]
-    sizes = [squares[..., i].size / autocorrelation_time(squares[..., i]) for i in range(dimensions)]
+    sizes = [squares[..., i].size / time for i, time in enumerate(autocorrelation_times(squares))]
     return (squares.mean(axis=(0, 1)) - 1.0) * np.sqrt(np.array(sizes) / 2.0)
 
 
@@ -108,7 +130,7 @@ def test_unknown_noise_is_integrated_out():
         halfspace_scene(), curve, {"instrument.baseline": ul.Uniform(-1e-2, 1e-2)}, ul.Noise()
     )
     # Student's tails at 8 degrees of freedom and a normal's are told apart by some tens of thousands of draws.
-    posterior = ul.sample(problem, walkers=256)
+    posterior = ul.sample(problem, walkers=256, method="emcee")
     residual = curve.force - halfspace_scene().with_values({"instrument.baseline": 0.0}).force(curve.depth)
     exact = stats.t(df=8, loc=residual.mean(), scale=residual.std(ddof=1) / 3.0)
     draws = posterior.of("instrument.baseline")
@@ -127,45 +149,86 @@ def test_noise_as_a_parameter_is_found():
     assert posterior.truth == {"layer.E": 1e6, "noise.force": WHITE}
 
 
-def test_the_same_seed_gives_the_same_chain():
-    with pytest.warns(ul.UnderlayWarning, match="not converged"):
-        runs = [ul.sample(baseline_problem(), walkers=8, max_steps=60, rng=seed) for seed in (5, 5, 6)]
+@pytest.mark.parametrize("method", [None, "importance", "emcee"])
+def test_the_same_seed_gives_the_same_posterior(method):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ul.UnderlayWarning)
+        runs = [
+            ul.sample(baseline_problem(), walkers=8, max_steps=60, rng=seed, method=method)
+            for seed in (5, 5, 6, np.random.default_rng(5))
+        ]
     np.testing.assert_array_equal(runs[0].chain, runs[1].chain)
     assert runs[0].chain.shape != runs[2].chain.shape or (runs[0].chain != runs[2].chain).any()
-    assert runs[0].diagnostics.seed == 5
-    with pytest.warns(ul.UnderlayWarning, match="not converged"):
-        unseeded = ul.sample(baseline_problem(), walkers=8, max_steps=60, rng=np.random.default_rng(5))
-    assert unseeded.diagnostics.seed is None
+    assert (runs[0].diagnostics.seed, runs[3].diagnostics.seed) == (5, None)
 
 
-def test_walkers_start_wider_than_the_posterior_and_the_start_is_forgotten(monkeypatch):
-    starts = []
+# --- weighted draws and the chain that judges them --------------------------------------------------------
 
-    def recorded(*arguments):
-        starts.append(start_walkers(*arguments))
-        return starts[0]
 
-    start_walkers = sampling.start_walkers
-    monkeypatch.setattr(sampling, "start_walkers", recorded)
-    problem = halfspace_problem()
-    posterior = ul.sample(problem, walkers=64)
-    scaled = np.array(
-        [
-            problem.vector(dict(zip(problem.names, row, strict=True)))
-            for row in posterior.samples.to_numpy()[::50]
-        ]
-    )
-    ratio = starts[0].std(axis=0) / scaled.std(axis=0)
-    # 64 normal draws: the standard deviation is known to 9 %.
-    assert (np.abs(ratio / 2.0 - 1.0) < 0.35).all()
+def test_by_default_weighted_draws_are_judged_by_a_short_chain():
+    posterior = ul.sample(halfspace_problem())
+    details = posterior.diagnostics
+    assert (details.method, details.weighted, details.steps, details.walkers) == ("emcee", True, 100, 64)
+    assert "a chain of 100 steps begun from them agrees" in details.reason
+    assert details.importance.k_hat < 0.7
+    assert details.importance.disagreement == ""
+    assert max(map(max, details.quantile_errors.values())) < 0.15
+
+
+def shifted(monkeypatch, by):
+    """Weighted draws that are off by so many standard deviations, and do not know it."""
+    weigh = sampling._weigh
+
+    def off(density, rng):
+        drawn = weigh(density, rng)
+        return replace(drawn, vectors=drawn.vectors + by * drawn.vectors.std(axis=0))
+
+    monkeypatch.setattr(sampling, "_weigh", off)
+
+
+def test_draws_that_a_chain_contradicts_are_not_the_answer(monkeypatch):
+    known = ul.sample(halfspace_problem(), method="emcee").samples
+    shifted(monkeypatch, 1.0)
+    posterior = ul.sample(halfspace_problem())
+    details = posterior.diagnostics
+    assert not details.weighted
+    assert details.converged
+    assert "weighted draws differ: the 2.5 % quantile of layer.E by -1." in details.reason
+    assert details.importance.disagreement
+    assert posterior.log_evidence is None
+    off = (posterior.samples.median() - known.median()) / known.std()
+    assert off.abs().max() < 0.15
+
+
+def test_refused_weights_make_a_chain_or_an_error(monkeypatch):
+    monkeypatch.setattr(sampling, "_FEWEST", 1e9)
+    posterior = ul.sample(halfspace_problem())
+    assert not posterior.diagnostics.weighted
     assert posterior.converged
+    assert "too few" in posterior.diagnostics.importance.refused
+    with pytest.raises(ul.FitError, match="weighted draws are refused: .*too few; take method='emcee'"):
+        ul.sample(halfspace_problem(), method="importance")
+
+
+def test_the_evidence_is_that_of_quadrature():
+    problem = halfspace_problem()
+    posterior = ul.sample(problem)
+    middle = ul.fit(problem).vector
+    scatter = np.array([np.std(np.log(posterior.of("layer.E"))), 0.0])
+    scatter[1] = np.std(posterior.of("instrument.contact_depth")) / problem.coordinates[1].scale
+    axes = [m + s * np.linspace(-9.0, 9.0, 301) for m, s in zip(middle, scatter, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    density = problem.log_posterior(grid)
+    cell = np.prod([axis[1] - axis[0] for axis in axes])
+    exact = density.max() + np.log(np.exp(density - density.max()).sum() * cell)
+    assert posterior.log_evidence.value == pytest.approx(exact, abs=4.0 * posterior.log_evidence.error + 1e-3)
 
 
 # --- what the data told -----------------------------------------------------------------------------------
 
 
 def test_a_thick_layer_barely_touched_tells_nothing_of_its_thickness():
-    posterior = ul.sample(barely_touched_problem(), walkers=16)
+    posterior = ul.sample(barely_touched_problem(), method="emcee")
     assert posterior.converged
     summary = posterior.summary()
     assert summary.loc["layer.thickness", "informed"] == NOT_INFORMED == "not informed by these data"
@@ -184,7 +247,7 @@ def test_a_thick_layer_barely_touched_tells_nothing_of_its_thickness():
 
 def test_too_few_steps_are_said_to_be_too_few():
     with pytest.warns(ul.UnderlayWarning, match="not converged after 60 steps.*take more steps"):
-        posterior = ul.sample(halfspace_problem(), walkers=8, max_steps=60)
+        posterior = ul.sample(halfspace_problem(), walkers=8, max_steps=60, method="emcee")
     assert not posterior.converged
     assert "not converged" in posterior.diagnostics.reason
     assert posterior.diagnostics.steps == 60
@@ -251,15 +314,14 @@ def failing(problem, edge, *, how):
 
 
 @pytest.mark.parametrize("how", ["nan", "impossible", "raises"])
-def test_failed_evaluations_are_counted_reported_and_impossible(how, plain):
+@pytest.mark.parametrize("method", [None, "emcee"])
+def test_failed_evaluations_are_counted_reported_and_impossible(how, method, plain):
     # A fit knows nothing of the edge: it is put a quarter of a standard deviation above the middle, so that the
     # best fit, which is not quite there, lies below it.
     edge = float(plain.samples["layer.E"].quantile(0.6))
     problem = failing(halfspace_problem(), edge, how=how)
-    # A batch in which one set raises is asked again set by set: a short chain is enough to see them counted.
-    how_long = {"method": "emcee", "max_steps": 200} if how == "raises" else {}
     with pytest.warns(ul.UnderlayWarning) as caught:
-        posterior = ul.sample(problem, walkers=8, **how_long)
+        posterior = ul.sample(problem, walkers=8, max_steps=200, method=method)
     details = posterior.diagnostics
     assert posterior.samples["layer.E"].max() <= edge
     assert 0.01 * details.evaluations < details.failures < details.evaluations
@@ -277,67 +339,26 @@ def test_a_good_model_fails_nowhere(plain):
 # --- stop and resume --------------------------------------------------------------------------------------
 
 
-def test_a_chain_stopped_and_resumed_is_the_chain_never_stopped(tmp_path):
-    whole = ul.sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3)
+@pytest.mark.parametrize("method", [None, "emcee"])
+def test_a_chain_stopped_and_resumed_is_the_chain_never_stopped(tmp_path, method, monkeypatch):
+    if method is None:
+        # The chain that judges disagrees, and goes on.
+        shifted(monkeypatch, 1.0)
+    asked = {"walkers": 8, "rng": 3, "method": method}
+    whole = ul.sample(halfspace_problem(), max_steps=4000, **asked)
+    assert whole.diagnostics.steps > 150
     # Before it is judged first, and shortly before it was judged last: there it may be good enough already.
     for number, stop in enumerate((90, whole.diagnostics.steps - 3)):
         path = tmp_path / f"chain{number}.h5"
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ul.UnderlayWarning)
-            stopped = ul.sample(halfspace_problem(), walkers=8, max_steps=stop, rng=3, backend=path)
+            stopped = ul.sample(halfspace_problem(), max_steps=stop, backend=path, **asked)
         assert stopped.diagnostics.steps == stop
-        resumed = ul.sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
+        resumed = ul.sample(halfspace_problem(), max_steps=4000, backend=path, resume=True, **asked)
         assert resumed.diagnostics.steps == whole.diagnostics.steps
         np.testing.assert_array_equal(resumed.chain, whole.chain)
-        again = ul.sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
+        again = ul.sample(halfspace_problem(), max_steps=4000, backend=path, resume=True, **asked)
         np.testing.assert_array_equal(resumed.chain, again.chain)
-
-
-def test_a_run_that_is_resumed_decides_what_it_would_have_decided(tmp_path, monkeypatch):
-    """Stopped where it is judged, and after weighted draws were disbelieved that a shorter chain relied on."""
-    judged, judge, second_opinion = [], sampling.judge, sampling.second_opinion
-
-    def noted(coords, max_steps, *, known=False):
-        judged.append((len(coords), known))
-        return judge(coords, max_steps, known=known)
-
-    def disbelieved(ridges, coords, log_density, outcome):
-        outcome, importance = second_opinion(ridges, coords, log_density, outcome)
-        early = len(coords) == first
-        return outcome, replace(importance, disagreement="made up") if early else importance
-
-    def run(most, **kept):
-        judged.clear()
-        return ul.sample(halfspace_problem(), walkers=8, max_steps=most, rng=3, **kept), judged.copy()
-
-    monkeypatch.setattr(sampling, "judge", noted)
-    first = run(4000)[0].diagnostics.steps
-    monkeypatch.setattr(sampling, "second_opinion", disbelieved)
-    whole, decided = run(4000)
-    assert whole.diagnostics.steps > first
-    assert [known for _, known in decided] == sorted((known for _, known in decided), reverse=True)
-    for number, stop in enumerate((100, first + 3)):
-        path = tmp_path / f"chain{number}.h5"
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ul.UnderlayWarning)
-            run(stop, backend=path)
-        resumed, again = run(4000, backend=path, resume=True)
-        assert again == decided
-        np.testing.assert_array_equal(resumed.chain, whole.chain)
-
-
-def test_a_chain_after_declined_weights_is_the_same_when_resumed(tmp_path, monkeypatch):
-    """What declined them took of the chance that the answer is resampled with."""
-    monkeypatch.setattr(weighted, "leak_of_walk", lambda *given: 1.0 + 0.0 * leak_of_walk(*given))
-    monkeypatch.setattr(weighted, "_AVERAGED_ERROR", 0.03)
-    problem = ul.Problem(halfspace_scene(), halfspace_curve(), {"layer.E": ul.LogUniform(1e4, 1e8)})
-    whole = ul.sample(problem, walkers=8, max_steps=4000, rng=3)
-    assert whole.diagnostics.weighted
-    path = tmp_path / "chain.h5"
-    with pytest.warns(ul.UnderlayWarning, match="not converged"):
-        ul.sample(problem, walkers=8, max_steps=20, rng=3, backend=path)
-    resumed = ul.sample(problem, walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
-    np.testing.assert_array_equal(resumed.chain, whole.chain)
 
 
 def test_kill_9_loses_nothing(tmp_path):
@@ -354,7 +375,9 @@ def test_kill_9_loses_nothing(tmp_path):
             print(run.steps, flush=True)
         sampling._Run._keep = told
         sampling._FIRST_CHECK = 10**9
-        sampling.sample(halfspace_problem(), walkers=8, max_steps=100_000, rng=3, backend={str(path)!r})
+        sampling.sample(
+            halfspace_problem(), walkers=8, max_steps=100_000, rng=3, backend={str(path)!r}, method="emcee"
+        )
         """
     )
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
@@ -423,12 +446,6 @@ def test_an_improper_prior_is_refused():
         ul.sample(problem)
 
 
-def test_a_best_fit_without_a_law_is_refused(monkeypatch):
-    monkeypatch.setattr(CountedDensity, "__call__", lambda _, vectors: np.full(len(vectors), -np.inf))
-    with pytest.raises(ul.InputError, match="no contact law exists at the best fit"):
-        ul.sample(halfspace_problem())
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -437,6 +454,8 @@ def test_a_best_fit_without_a_law_is_refused(monkeypatch):
         ({"rng": -1}, "rng must be a seed"),
         ({"rng": "today"}, "rng must be a seed"),
         ({"resume": True}, "resume=True needs backend"),
+        ({"method": "nuts"}, "unknown method 'nuts'"),
+        ({"method": "importance", "backend": "a.h5"}, "are no chain"),
     ],
 )
 def test_bad_options(options, message):
@@ -450,7 +469,7 @@ def test_bad_options(options, message):
 def test_silent_when_not_a_terminal_and_talking_when_asked(capfd):
     ul.sample(baseline_problem(), walkers=8)
     assert capfd.readouterr() == ("", "")
-    ul.sample(baseline_problem(), walkers=8, progress=True)
+    ul.sample(baseline_problem(), walkers=8, progress=True, method="emcee")
     out, err = capfd.readouterr()
     assert out == ""
     assert "effective samples" in err

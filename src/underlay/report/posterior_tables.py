@@ -25,14 +25,19 @@ _ONE_UNIT = 1e-3
 
 
 def posterior_table(posterior: Posterior) -> pd.DataFrame:
-    """Return one row per parameter and derived quantity: median, intervals, what the data told; as text."""
+    """Return one row per parameter and derived quantity as text: answer, draws' intervals, what the data told.
+
+    The value and its interval are those that `fit` prints, with the statistical part of the draws; of a posterior
+    that was kept without its problem they are the draws' own.
+    """
     rows = []
     for name, row in posterior.summary(derived=True).iterrows():
         kind = kind_of_quantity(str(name))
         rows.append(
             {
                 "parameter": label(str(name)),
-                "median (95 % interval)": quantity_with_interval(
+                "value (95 % interval)": quantity_with_interval(*_stated(posterior, str(name), row), kind),
+                "median of the draws (95 %)": quantity_with_interval(
                     row["median"], row["hdi95_low"], row["hdi95_high"], kind
                 ),
                 "68 % interval": _span(row["hdi68_low"], row["hdi68_high"], kind),
@@ -42,6 +47,14 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
             }
         )
     return labelled_table(rows)
+
+
+def _stated(posterior: Posterior, name: str, row: pd.Series) -> tuple[float, float, float]:
+    """Value and ends (SI) of the answer, or of the draws where there is none."""
+    if posterior.problem is None:
+        return float(row["median"]), float(row["hdi95_low"]), float(row["hdi95_high"])
+    known = posterior.answer(name)
+    return known.value, known.low, known.high
 
 
 def _span(low: float, high: float, kind: str) -> str:

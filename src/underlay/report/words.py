@@ -89,11 +89,15 @@ def verdict_sentence(result: Fit) -> str:
 
 
 def posterior_summary(posterior: Posterior) -> str:
-    """Return a posterior as Markdown: medians, 95 % intervals, and what the data did not inform."""
+    """Return a posterior as Markdown: answers, and what the data did not inform."""
     table = posterior.summary()
     parts = []
     for name, row in table.iterrows():
-        text = quantity_with_interval(row["median"], row["hdi95_low"], row["hdi95_high"], kind_of(str(name)))
+        ends = row["median"], row["hdi95_low"], row["hdi95_high"]
+        if posterior.problem is not None:
+            known = posterior.answer(str(name))
+            ends = known.value, known.low, known.high
+        text = quantity_with_interval(*ends, kind_of(str(name)))
         sentence = f"{start(label(str(name)))} {_with_level(text)}."
         if row["informed"] == "not informed by these data":
             sentence = (

@@ -267,9 +267,9 @@ def autocorrelation_times(chain: FloatArray) -> FloatArray:
 
 
 def rank_normalised_rhat(chain: FloatArray) -> float:
-    """ArviZ's R-hat of one quantity (steps, walkers); nan without ArviZ."""
+    """ArviZ's R-hat of one quantity (steps, walkers); nan without ArviZ, or where nothing moves."""
     arviz = _arviz()
-    return np.nan if arviz is None else float(arviz.rhat(chain.T))
+    return np.nan if arviz is None or not np.ptp(chain) > 0.0 else float(arviz.rhat(chain.T))
 
 
 def effective_size(chain: FloatArray) -> float:

@@ -505,9 +505,10 @@ class _Proposal:
 
     def draw(self, count: int, rng: Any) -> FloatArray:
         """Vectors (count, p)."""
-        half = count // 2
-        own = self.source.draw(count - half, rng)
-        return np.vstack((own, self.kernels.draw(half, own[0], rng)))
+        # In an order of chance: draws are stratified, and a walker's are of the whole mixture, not of one stratum.
+        own = rng.permutation(self.source.draw(count, rng))
+        near = rng.permutation(self.kernels.draw(count, own[0], rng))
+        return np.where(rng.uniform(size=(count, 1)) < 0.5, own, near)
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
         """Log-density (n,) of vectors (n, p)."""
