@@ -18,7 +18,7 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import Base, Body, Bond, Layer, Stack
-from underlay.mechanics.contact import Adhesion, Contact
+from underlay.mechanics.contact import Adhesion, Contact, laws_on
 from underlay.mechanics.contact_law import ContactLaw, ScaledLaw
 from underlay.mechanics.discrepancy import as_friction
 from underlay.mechanics.indenters import Indenter
@@ -116,6 +116,7 @@ class Scene:
         _check_memory(self)
         _check_sticking(self)
         _check_discrepancy(self)
+        _check_on_law(self)
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
@@ -363,6 +364,20 @@ def _check_sticking(scene: Scene) -> None:
             'friction = "stuck" beside a history or a relaxation is not simulated: how stuck points come loose '
             "in time is another problem; leave one of them out"
         )
+
+
+def _check_on_law(scene: Scene) -> None:
+    """Refuse what is put on the law of linear elasticity where it is not known."""
+    if scene.layer.linear is scene.layer:
+        return
+    beside = {
+        "friction": scene.friction == "stuck",
+        "adhesion": scene.adhesion is not None,
+        "history": scene.history is not None,
+        "small strains": scene.finite_strain is False,
+        "discrepancy": scene.discrepancy is not None,
+    }
+    laws_on(scene.indenter, scene.layer, scene.substrate, beside)
 
 
 def _check_discrepancy(scene: Scene) -> None:

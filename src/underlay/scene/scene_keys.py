@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 import numpy as np
 
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import BONDS, Spring
+from underlay.mechanics.body import BONDS, Spring, Stiffening
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -29,6 +29,7 @@ from underlay.scene.scene_schema import (
     SimulateSection,
     SolverSection,
     ThicknessSection,
+    WidthSection,
     free_parameter_schema,
     kind_of_field,
     schema_of,
@@ -47,6 +48,10 @@ _CHOICES = {
         "model",
     ): "how the modulus falls with time; without the section the layer is elastic",
     ("layer.relaxation", "relaxes"): "shear_and_bulk keeps Poisson's ratio; shear alone needs nu = 0.5",
+    (
+        Stiffening.section,
+        "model",
+    ): "how the layer stiffens; without the section its law is that of small strains",
     (
         "layer",
         "bond",
@@ -142,6 +147,11 @@ def _all() -> Iterator[SceneKey]:
     for name, relaxation in sorted(models.items()):
         yield from _of_class(relaxation, section, f" ({name})", seen=("relaxes",))
     yield _choice(section, "relaxes", RELAXES, RELAXES[0])
+    stiff = _own(Stiffening)
+    yield _choice(Stiffening.section, "model", sorted(stiff))
+    for name, kind in sorted(stiff.items()):
+        yield from _of_class(kind, Stiffening.section, f" ({name})")
+    yield from _of_model(WidthSection.model_fields, "layer")
     yield from _of_layer("substrate.layers")
     yield SceneKey("substrate", "rigid", "true or false", "false", _CHOICES["substrate", "rigid"])
     yield from _of_class(Isotropic, "substrate", "")

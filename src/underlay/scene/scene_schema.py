@@ -136,6 +136,17 @@ class ThicknessSection(_Section):
     )
 
 
+class WidthSection(_Section):
+    """Sides of the layer."""
+
+    half_width: Annotated[float | None, _size("length")] = Field(
+        default=None, description="of a sample with free sides, about the tip; without it, it has none"
+    )
+    shape: Literal["plug", "block"] = Field(
+        default="plug", description="whether such a sample is round or square"
+    )
+
+
 class SolverSection(_Section):
     """``[solver]``: which law, how accurate."""
 

@@ -11,7 +11,18 @@ import numpy as np
 
 from underlay.errors import InputError, UnderlayWarning
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import RIGID, Base, Body, Bond, Layer, Material, Spring, Stack, as_bond
+from underlay.mechanics.body import (
+    RIGID,
+    Base,
+    Body,
+    Bond,
+    Layer,
+    Material,
+    Spring,
+    Stack,
+    Stiffening,
+    as_bond,
+)
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -19,6 +30,7 @@ from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
+from underlay.mechanics.stiffening import Gent
 from underlay.plugins import faults
 from underlay.quantities import Part, numbers_of
 from underlay.scene.discrepancy import Discrepancy
@@ -26,7 +38,7 @@ from underlay.scene.instrument import Instrument, Lever
 from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.parameters import hint
 from underlay.scene.scene import Scene
-from underlay.scene.scene_schema import SolverSection, ThicknessSection, check, schema_of
+from underlay.scene.scene_schema import SolverSection, ThicknessSection, WidthSection, check, schema_of
 from underlay.scene.uncertainties import rows_of, taken_out
 
 __all__ = ["EQUIVALENT_CONES", "noise_of", "scene_of", "solver_of", "table_of"]
@@ -98,8 +110,25 @@ def _indenter(table: dict[str, Any]) -> Indenter:
 
 
 def _layer(table: dict[str, Any]) -> Layer:
-    relaxation = _relaxation(table)
-    return replace(_one_layer("layer", table), relaxation=relaxation)
+    relaxation, stiffening = _relaxation(table), _stiffening(table)
+    stated = {key: table.pop(key) for key in _WIDTH if key in table}
+    width = check(WidthSection, "layer", stated)
+    return replace(_one_layer("layer", table), relaxation=relaxation, stiffening=stiffening, **width)
+
+
+_WIDTH = tuple(WidthSection.model_fields)
+
+
+def _stiffening(layer: dict[str, Any]) -> Stiffening | None:
+    """The stiffening of a layer's section, which is taken out of it; `Gent` is loaded to be among its kinds."""
+    if "stiffening" not in layer:
+        return None
+    section, given = Gent.section, layer.pop("stiffening")
+    if not isinstance(given, Mapping):
+        raise InputError(f"[{section}] must be a section, not {given!r}")
+    table = dict(given)
+    found: Stiffening = _build(_named(Stiffening, section, table), section, table)
+    return found
 
 
 def _relaxation(layer: dict[str, Any]) -> Relaxation | None:
@@ -125,7 +154,11 @@ def _one_layer(section: str, table: dict[str, Any]) -> Layer:
     if "thickness" in table:
         stated = {"thickness": table.pop("thickness")}
         thickness = check(ThicknessSection, section, stated)["thickness"]
-    return Layer(_material(section, table, besides=("thickness", "bond", "relaxation")), thickness, bond)
+    return Layer(_material(section, table, besides=("thickness", "bond", *_OF_LAYER)), thickness, bond)
+
+
+#: What the layer on top may have besides.
+_OF_LAYER = ("relaxation", "stiffening", *_WIDTH)
 
 
 def _bond(section: str, given: Any) -> Bond:

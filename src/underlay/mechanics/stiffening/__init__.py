@@ -1,0 +1,28 @@
+"""A layer that stiffens as it is indented, and finite strain: factors on the exact law of a sphere."""
+
+from underlay.mechanics.stiffening.factors import (
+    FORM_SPREAD,
+    LogFactor,
+    Medium,
+    Place,
+    form,
+    gent,
+    neo_hookean,
+)
+from underlay.mechanics.stiffening.law import Gent, StiffeningLaw, StiffLayer, at_values
+from underlay.mechanics.stiffening.limits import require_known
+
+__all__ = [
+    "FORM_SPREAD",
+    "Gent",
+    "LogFactor",
+    "Medium",
+    "Place",
+    "StiffLayer",
+    "StiffeningLaw",
+    "at_values",
+    "form",
+    "gent",
+    "neo_hookean",
+    "require_known",
+]
