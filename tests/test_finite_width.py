@@ -152,7 +152,7 @@ def test_the_error_of_the_spring_is_a_column():
     softer = NarrowLaw(
         **{**vars(law), "sides": Sides(sides.compliance + sides.error, sides.error, sides.radius)}
     )
-    assert law.known_error(w) == pytest.approx(law.force(w) - softer.force(w), rel=0.05)
+    assert law.known_errors(w)["sides"] == pytest.approx(law.force(w) - softer.force(w), rel=0.05)
 
 
 def test_it_holds_for_a_layer_that_stiffens():

@@ -194,7 +194,10 @@ class _Budget:
             deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)
             found = (*left_out(scene, deepest).errors, *known_errors([scene]))
             errors |= {error.words: error for error in found}
+        free = {coordinate.path for coordinate in self.fit.problem.coordinates}
         for error in errors.values():
+            if error.path in free:
+                continue
             try:
                 columns = [
                     _kept(self.fit, i, reading) * error.column(_pressed(self.fit, i, reading))
@@ -207,7 +210,7 @@ class _Budget:
             spread = _NORMAL_95 * error.deviation
             # What the law lacks the fit has put into its numbers.
             yield Source(
-                error.words, "", "model", np.array([[-spread * shift, spread * shift]]), -error.mean * shift
+                error.words, error.size, "model", np.array([[-spread * shift, spread * shift]]), -error.mean * shift
             )
 
     def _bonds(self) -> Iterator[Source]:

@@ -2,6 +2,7 @@
 
 from underlay.mechanics.finite_width.compliance import (
     equivalent_radius,
+    is_wide,
     kappa,
     share_of_sides,
     standard_error,
@@ -13,6 +14,7 @@ __all__ = [
     "NarrowLaw",
     "Sides",
     "equivalent_radius",
+    "is_wide",
     "kappa",
     "share_of_sides",
     "sides_at",

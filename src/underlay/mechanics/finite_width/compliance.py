@@ -23,6 +23,7 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import interpolate
 
 from underlay._arrays import FloatArray, PerSet, positive
@@ -31,6 +32,7 @@ from underlay.mechanics.body import SHAPES
 
 __all__ = [
     "equivalent_radius",
+    "is_wide",
     "kappa",
     "require_wide",
     "share_of_sides",
@@ -193,6 +195,11 @@ def why_sides_matter(share: float, depth: float) -> str:
     )
 
 
+def is_wide(contact_radius: FloatArray, radius: PerSet) -> NDArray[np.bool_]:
+    """Whether contact radii (m) are within half of W (m), (...)."""
+    return np.asarray(contact_radius <= _WIDEST * radius)
+
+
 def require_wide(contact_radius: float, radius: float) -> None:
     """Refuse a contact radius (m) beyond half of W (m).
 
@@ -201,7 +208,7 @@ def require_wide(contact_radius: float, radius: float) -> None:
     InputError
         With both.
     """
-    if contact_radius > _WIDEST * radius:
+    if not is_wide(np.array(contact_radius), radius):
         raise InputError(
             f"finite width is known for contacts up to {_WIDEST:g} of the half-width; a = {contact_radius:.4g} m "
             f"is {contact_radius / radius:.2g} of it (half_width, as a round plug: {radius:.4g} m)"

@@ -14,6 +14,7 @@ from underlay.mechanics.body import Body, Layer, Rigid
 from underlay.mechanics.contact_law import ContactLaw, OnLaw
 from underlay.mechanics.finite_width.compliance import equivalent_radius, kappa, require_wide, standard_error
 from underlay.mechanics.materials import Isotropic
+from underlay.mechanics.stiffening import StiffeningLaw
 
 __all__ = ["NarrowLaw", "Sides", "Sprung", "sides_at", "sides_of"]
 
@@ -154,10 +155,33 @@ class NarrowLaw(ContactLaw):
         """That of the law without sides."""
         return self.inner.linear_law
 
-    def known_error(self, depth: FloatArray) -> FloatArray:
-        """Standard error (N) of the force at depths (m), (n,): of kappa; a column of a known error."""
+    def known_errors(self, depth: FloatArray) -> dict[str, FloatArray]:
+        """Standard errors (N) of the force at depths (m), each (n,): of kappa, and those of the law without sides."""
         force, slope = self.force_and_stiffness(depth)
-        return np.asarray(force * slope * self.sides.error)
+        inner = self._through(depth, lambda law, u: law.known_errors(u))
+        return {**inner, "sides": np.asarray(force * slope * self.sides.error)}
+
+    def own_slope(self, name: str, depth: FloatArray) -> FloatArray:
+        """dP/d(number of the layer's stiffening) at depths (m), (n,), by its name; zero without stiffening."""
+        found = self._through(depth, lambda law, u: {name: law.own_slope(name, u)})
+        return found.get(name, np.zeros_like(depth))
+
+    def gradual_excess(self, depth: FloatArray, spread: float) -> FloatArray:
+        """What heights of a standard deviation (m) add to the force (N) at depths (m), (n,), to first order."""
+        found = self._through(depth, lambda law, u: {"": law.gradual_excess(u, spread)})
+        return found.get("", np.zeros_like(depth))
+
+    def _through(
+        self, depth: FloatArray, of: Callable[[StiffeningLaw, FloatArray], Mapping[str, FloatArray]]
+    ) -> dict[str, FloatArray]:
+        """Changes (N) of the force at depths (m), (n,), from those of the law without sides at its own depths."""
+        if not isinstance(self.inner, StiffeningLaw):
+            return {}
+        u, kept = depth.astype(np.float64), np.ones(len(depth))
+        touching = depth > self.domain[0]
+        found = self._sprung(depth[touching])
+        u[touching], kept[touching] = found.depth, found.stiffness / found.inner_stiffness
+        return {name: kept * change for name, change in of(self.inner, u).items()}
 
     def depth(self, force: ArrayLike) -> FloatArray:
         """See `ContactLaw.depth`: the depth without sides, and what the spring gives."""

@@ -9,11 +9,14 @@ from underlay.mechanics.stiffening.factors import (
     gent,
     neo_hookean,
 )
-from underlay.mechanics.stiffening.law import Gent, StiffeningLaw, StiffLayer, at_values
-from underlay.mechanics.stiffening.limits import require_known
+from underlay.mechanics.stiffening.gradual import FIRST_TOUCH
+from underlay.mechanics.stiffening.law import MARGIN, Gent, StiffeningLaw, StiffLayer, at_values
+from underlay.mechanics.stiffening.limits import require_known, within_reach
 
 __all__ = [
+    "FIRST_TOUCH",
     "FORM_SPREAD",
+    "MARGIN",
     "Gent",
     "LogFactor",
     "Medium",
@@ -25,4 +28,5 @@ __all__ = [
     "gent",
     "neo_hookean",
     "require_known",
+    "within_reach",
 ]

@@ -28,14 +28,14 @@ from underlay.mechanics.stiffening.gradual import FIRST_TOUCH, GradualDepth, gra
 from underlay.mechanics.stiffening.limits import FORM_KNOWN_TO, largest_by_depth, require_known, require_reach
 from underlay.quantities import quantity
 
-__all__ = ["FormUnknown", "Gent", "StiffLayer", "StiffeningLaw", "at_values"]
+__all__ = ["MARGIN", "FormUnknown", "Gent", "StiffLayer", "StiffeningLaw", "at_values"]
 
 # Step in ln w of d ln a/d ln w of the linear law, by central differences of fourth order: 1e-12 of it on laws
 # of the exact problem and on half-spaces, for steps of 3e-4 to 3e-3.
 _STEP = 1e-3
 _STENCIL, _WEIGHTS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]), np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
-# What the linear law must reach beyond the largest depth for that.
-_MARGIN = 1.0 + 3.0 * _STEP
+#: What the linear law must reach beyond the largest depth for that.
+MARGIN = 1.0 + 3.0 * _STEP
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class StiffLayer(OnLaw):
 
         deepest = asked(max_depth)
         known = min(deepest, largest_by_depth(self.radius, self.thickness))
-        linear = inner(_MARGIN * known)
+        linear = inner(MARGIN * known)
 
         def place_at(depth: float) -> Place:
             at = np.array([asked(depth)])
@@ -203,6 +203,7 @@ class StiffeningLaw(ContactLaw):
 
     linear: ContactLaw
     layer: StiffLayer
+    _last: dict[bytes, Pressed] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -224,17 +225,42 @@ class StiffeningLaw(ContactLaw):
         place = self._place(self.layer.asked(depth).depth)
         return gent(place, self.layer.medium, self.layer.inverse_limit)[0].value
 
-    def known_errors(self, depth: FloatArray) -> Mapping[str, FloatArray]:
-        """Standard errors (N) of the force at depths (m) in contact, each (n,), by what they are errors of."""
-        medium = self.layer.medium
-        factor, _ = gent(self._place(self.layer.asked(depth).depth), medium, self.layer.inverse_limit)
-        stiffening, soft = known_errors(factor, medium)
-        force = self._force(depth)
-        return {"stiffening": force * stiffening, "finite strain": force * soft}
+    def known_errors(self, depth: FloatArray) -> dict[str, FloatArray]:
+        """Standard errors (N) of the force at depths (m), each (n,), by what they are errors of."""
+        rows = self._in_contact(depth, self._known_errors, 2)
+        return {"stiffening": rows[0], "finite strain": rows[1]}
+
+    def _known_errors(self, depth: FloatArray) -> FloatArray:
+        found = self._pressed(depth)
+        factor, _ = gent(found.place, self.layer.medium, self.layer.inverse_limit)
+        stiffening, soft = known_errors(factor, self.layer.medium)
+        return found.force * np.stack((stiffening, np.broadcast_to(soft, stiffening.shape)))
+
+    def gradual_excess(self, depth: FloatArray, spread: float) -> FloatArray:
+        """What heights of a standard deviation (m) add to the force (N) at depths (m), (n,)."""
+        touching = depth > FIRST_TOUCH * spread
+        asked = depth.copy()
+        asked[touching] = gradual_depth(depth[touching], spread).depth
+        # The last depths, where it adds least, are beyond the law: they follow its slope.
+        inside = np.minimum(asked, self.max_depth)
+        force, slope = self.force_and_stiffness(inside)
+        return np.asarray(force + slope * (asked - inside) - self.force(depth))
 
     def own_slopes(self, depth: FloatArray) -> Mapping[str, FloatArray]:
         """dP/ds, dP/dc and dP/d(spread) at fixed depths (m) in contact, each (n,), by the names of `Gent`."""
-        return self.layer.slopes(self.layer.pressed(self.linear, depth))
+        return self.layer.slopes(self._pressed(depth))
+
+    def own_slope(self, name: str, depth: FloatArray) -> FloatArray:
+        """One of these at depths (m), (n,); zero before contact, and where contact is not gradual."""
+        return self._in_contact(depth, lambda w: self.own_slopes(w).get(name, np.zeros_like(w)))
+
+    def _pressed(self, depth: FloatArray) -> Pressed:
+        """Everything at depths (m) in contact, (n,); those asked last are kept: derivatives ask the same."""
+        key = depth.tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = self.layer.pressed(self.linear, depth)
+        return self._last[key]
 
     @property
     def _beyond(self) -> str:
@@ -245,10 +271,10 @@ class StiffeningLaw(ContactLaw):
         return np.asarray(self.linear.force(asked) * self.layer.factor(self._place(asked)).value)
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        return self.layer.pressed(self.linear, depth).stiffness
+        return self._pressed(depth).stiffness
 
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
-        found = self.layer.pressed(self.linear, depth)
+        found = self._pressed(depth)
         return np.stack((found.force, found.stiffness))
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:

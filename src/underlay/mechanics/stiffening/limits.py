@@ -9,15 +9,17 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import optimize
 
+from underlay._arrays import PerSet
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import Base, Body, Layer, Rigid
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.stiffening.factors import Medium, Place, crowding, gent
 
-__all__ = ["FORM_KNOWN_TO", "Reach", "largest_by_depth", "require_known", "require_reach"]
+__all__ = ["FORM_KNOWN_TO", "Reach", "largest_by_depth", "require_known", "require_reach", "within_reach"]
 
 _LEAST_NU, _LEAST_THICKNESS = 0.3, 0.5
 # The finite elements of incompressible layers are of nu = 0.4995; sliding ones were made for nothing else.
@@ -165,6 +167,16 @@ def require_reach(
         f"gives {reach.value:.4g}: use the curve up to {largest:.6g} m ([curve] max_depth)",
         max_depth=largest,
     )
+
+
+def within_reach(place: Place, medium: Medium, inverse_limit: PerSet) -> NDArray[np.bool_]:
+    """Whether deepest places, (sets, 1), are within what is known, (sets, 1)."""
+    ends = (_MOST_DEPTH_IN_RADII, _MOST_DEPTH_IN_THICKNESS, _MOST_WIDTH)
+    inside = [number <= end * _ROUNDING for number, end in zip(place[:3], ends, strict=True)]
+    locked = crowding(np.minimum(place.z, _MOST_DEPTH_IN_THICKNESS), inverse_limit, medium)
+    known = np.logical_and.reduce([*inside, locked <= _MOST_CROWDING])
+    factor, _ = gent(place, medium, np.where(known, inverse_limit, 0.0))
+    return np.asarray(known & (factor.value <= _MOST_STIFFENING))
 
 
 def _farthest(place: Place, medium: Medium, inverse_limit: float) -> Reach:
