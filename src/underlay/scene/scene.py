@@ -329,7 +329,7 @@ def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Sol
     top = float(load.max(initial=0.0))
     reach = _FIRST_DEPTH
     while True:
-        law = scene.contact_law(reach, solver=solver)
+        law = _law_to(scene, reach, solver)
         try:
             if scene.memory is None:
                 return law.depth(load)
@@ -339,6 +339,16 @@ def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Sol
                 raise
         # The law itself says how stiff it is at its end: its force grows at least in proportion to depth.
         reach *= max(2.0, min(top / float(law.force(law.max_depth)), _LEAP))
+
+
+def _law_to(scene: Scene, reach: float, solver: Solver) -> ContactLaw:
+    """Law up to a depth (m), or to the end of what is known where that comes first."""
+    try:
+        return scene.contact_law(reach, solver=solver)
+    except RangeError as error:
+        if error.max_depth is None or error.max_depth >= reach:
+            raise
+        return scene.contact_law(error.max_depth, solver=solver)
 
 
 def _check_optional(scene: Scene) -> None:

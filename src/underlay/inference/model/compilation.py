@@ -204,7 +204,9 @@ def compile_members(
     requests = _requests(free, shared, len(tests))
     if not requests:
         raise ParameterError("nothing is free: name at least one parameter, for example 'layer.E'")
-    require_told_thickness(free)
+    stiffens = any(scene.layer.stiffening is not None for scene, _ in tests)
+    if stiffens:
+        require_told_thickness(free)
     coordinates = []
     entries: list[dict[str, int]] = [{} for _ in tests]
     paths = [request.path for request in requests]
@@ -218,8 +220,10 @@ def compile_members(
             require_acting(request.path, scene, paths, solver, of_noise)
             _require_unstated(request.path, scene)
         known = of_noise.get(request.path) or own[0][0].quantities[request.path]
-        given = usual_prior(request.path, request.given, own[0][0])
-        start = begun(request.path, _common_start(request, own, first, of_noise), given)
+        given, start = request.given, _common_start(request, own, first, of_noise)
+        if stiffens:
+            given = usual_prior(request.path, given, own[0][0])
+            start = begun(request.path, start, given)
         widest = Spans(
             depth=max(spans[i].depth for i in request.curves),
             force=max(spans[i].force for i in request.curves),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,10 +67,7 @@ class OnLinear:
 
     def law(self, forward: BuildsBare, values: Mapping[str, float], deepest: float) -> ContactLaw:
         """Law at `values` for depths up to `deepest` (m)."""
-
-        def build(depth: float) -> ContactLaw:
-            return forward.bare_law(values, depth)
-
+        build: Callable[[float], ContactLaw] = partial(forward.bare_law, values)
         for outer in self.laws(values):
             if outer is not None:
                 build = _put_on(outer, build)

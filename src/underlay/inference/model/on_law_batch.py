@@ -10,14 +10,14 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.groups import ParameterSets, Readings, Values, set_by_set
+from underlay.inference.model.groups import ParameterSets, Readings, Values, set_by_set, values_of
 from underlay.inference.model.on_law import OnLinear
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.finite_width import Sides, is_wide
-from underlay.mechanics.stiffening import FIRST_TOUCH, MARGIN, StiffLayer, within_reach
+from underlay.mechanics.stiffening import FIRST_TOUCH, MARGIN, StiffLayer, gent, within_reach
 from underlay.scene.instrument import Frame
 
-__all__ = ["on_law_readings"]
+__all__ = ["on_law_readings", "stiffening_factors"]
 
 
 @dataclass(frozen=True)
@@ -57,16 +57,42 @@ def on_law_readings(forward: Forward, values: Values, sets: int, told: OnLinear)
         return set_by_set(forward, values, range(sets), readings)
     possible = np.ones((sets, 1), dtype=bool)
     if stiff is not None:
-        possible = within_reach(stiff.place(deepest, linear.contact_radius(deepest)), stiff.medium, stiff.inverse_limit)
+        possible = within_reach(
+            stiff.place(deepest, linear.contact_radius(deepest)), stiff.medium, stiff.inverse_limit
+        )
         stiff = replace(stiff, inverse_limit=np.where(possible, stiff.inverse_limit, 0.0))
     if sides is not None:
         possible = possible & is_wide(linear.contact_radius(deepest), sides.radius)
     force, slope = _pressed(stiff, sides, linear, np.where(inside, w, top))
     contact = np.where(inside & possible, force, 0.0)
-    readings = Readings(
+    return Readings(
         contact, np.where(inside & possible, slope, 0.0), asked.instrument_force(contact), possible[:, 0]
     )
-    return readings
+
+
+def stiffening_factors(forward: Forward, values: Values, sets: int, told: OnLinear) -> FloatArray:
+    """G at the deepest point of the curve, (sets,); infinite where stiffening is not known so far."""
+    asked = ParameterSets(replace(forward, left_out=None), values, sets)
+    if asked.shared is None:
+        rows = [values_of(values, row) for row in range(sets)]
+        return np.array([_factors(forward, row, 1, told)[0] for row in rows])
+    return _factors(forward, values, sets, told)
+
+
+def _factors(forward: Forward, values: Values, sets: int, told: OnLinear) -> FloatArray:
+    asked = ParameterSets(replace(forward, left_out=None), values, sets)
+    upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
+    stiff, _ = told.laws(upright)
+    if stiff is None:
+        return np.ones(sets)
+    deepest = stiff.asked(np.maximum(asked.deepest[:, None], _TINY)).depth
+    linear = _linear(asked, tuple(asked.ratios), MARGIN * deepest, upright)
+    if linear is None:
+        return np.full(sets, np.inf)
+    place = stiff.place(deepest, linear.contact_radius(deepest))
+    known = within_reach(place, stiff.medium, stiff.inverse_limit)
+    factor, _ = gent(place, stiff.medium, np.where(known, stiff.inverse_limit, 0.0))
+    return np.asarray(np.where(known, factor.value, np.inf)[:, 0])
 
 
 _TINY = float(np.sqrt(np.finfo(float).tiny))

@@ -219,7 +219,11 @@ class _Budget:
             spread = _NORMAL_95 * error.deviation
             # What the law lacks the fit has put into its numbers.
             yield Source(
-                error.words, error.size, "model", np.array([[-spread * shift, spread * shift]]), -error.mean * shift
+                error.words,
+                error.size,
+                "model",
+                np.array([[-spread * shift, spread * shift]]),
+                -error.mean * shift,
             )
 
         if told:

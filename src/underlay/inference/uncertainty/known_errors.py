@@ -197,7 +197,9 @@ _HEIGHTS = 0.05
 
 def stiffening_formula(scene: Scene) -> KnownError | None:
     """Return the error of G: 3 % of G - 1."""
-    return _of_law("stiffening formula", "stiffening", "± 6 % of G - 1", scene.layer.stiffening is not None)
+    return _of_law(
+        "stiffening formula", "stiffening", "± 6 % of G - 1", has=scene.layer.stiffening is not None
+    )
 
 
 def form_of_energy(scene: Scene) -> KnownError | None:
@@ -209,7 +211,9 @@ def form_of_energy(scene: Scene) -> KnownError | None:
     def column(test: Pressed) -> FloatArray:
         return _own(test).own_slope("form", test.depth)
 
-    return KnownError("form of the energy", column, deviation=FORM_SPREAD, size="Ogden's -16 to 20", path=path)
+    return KnownError(
+        "form of the energy", column, deviation=FORM_SPREAD, size="Ogden's -16 to 20", path=path
+    )
 
 
 def gradual_contact(scene: Scene) -> KnownError | None:
@@ -226,10 +230,10 @@ def gradual_contact(scene: Scene) -> KnownError | None:
 
 def sides(scene: Scene) -> KnownError | None:
     """Return the error of the spring of the sides."""
-    return _of_law("sides", "sides", "± 8 % of their spring", scene.layer.half_width is not None)
+    return _of_law("sides", "sides", "± 8 % of their spring", has=scene.layer.half_width is not None)
 
 
-def _of_law(words: str, name: str, size: str, has: bool) -> KnownError | None:  # noqa: FBT001  said once each
+def _of_law(words: str, name: str, size: str, *, has: bool) -> KnownError | None:
     def column(test: Pressed) -> FloatArray:
         return _own(test).known_errors(test.depth)[name]
 

@@ -166,8 +166,9 @@ class StiffLayer(OnLaw):
         def asked(depth: float) -> float:
             return float(self.asked(np.array([depth])).depth[0])
 
+        radius, thickness, limit = float(self.radius), float(self.thickness), float(self.inverse_limit)
         deepest = asked(max_depth)
-        known = min(deepest, largest_by_depth(self.radius, self.thickness))
+        known = min(deepest, largest_by_depth(radius, thickness))
         linear = inner(MARGIN * known)
 
         def place_at(depth: float) -> Place:
@@ -176,11 +177,11 @@ class StiffLayer(OnLaw):
             return self.place(at, wide)
 
         if max_depth > 0.0:
-            require_reach(place_at, max_depth, self.medium, self.inverse_limit)
-        doubt = () if deepest <= FORM_KNOWN_TO * self.thickness else (FormUnknown(deepest / self.thickness),)
+            require_reach(place_at, max_depth, self.medium, limit)
+        doubt = () if deepest <= FORM_KNOWN_TO * thickness else (FormUnknown(deepest / thickness),)
         return StiffeningLaw(
             method=linear.method,
-            reason=f"stiffening, 1/Jm = {self.inverse_limit:.4g}, on: {linear.reason}",
+            reason=f"stiffening, 1/Jm = {limit:.4g}, on: {linear.reason}",
             max_depth=max_depth,
             error_estimate=linear.error_estimate,
             warnings=(*linear.warnings, *doubt),
@@ -234,7 +235,7 @@ class StiffeningLaw(ContactLaw):
         found = self._pressed(depth)
         factor, _ = gent(found.place, self.layer.medium, self.layer.inverse_limit)
         stiffening, soft = known_errors(factor, self.layer.medium)
-        return found.force * np.stack((stiffening, np.broadcast_to(soft, stiffening.shape)))
+        return np.asarray(found.force * np.stack((stiffening, np.broadcast_to(soft, stiffening.shape))))
 
     def gradual_excess(self, depth: FloatArray, spread: float) -> FloatArray:
         """What heights of a standard deviation (m) add to the force (N) at depths (m), (n,)."""
