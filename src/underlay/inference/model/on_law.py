@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -23,13 +23,17 @@ from underlay.mechanics.stiffening import StiffeningLaw, StiffLayer, at_values
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
-if TYPE_CHECKING:
-    from underlay.inference.model.forward import BuildsBare
-
 __all__ = ["OnLinear"]
 
 # Relative (of a ratio: absolute) step of a difference of laws, each right to 1e-6.
 _STEP = 1e-3
+
+
+class Linear(Protocol):
+    """What gives the linear laws: a `Forward`."""
+
+    def bare_law(self, values: Mapping[str, float], deepest: float) -> ContactLaw:
+        """Law at `values` for depths up to `deepest` (m)."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ class OnLinear:
             return stiff, None
         return stiff, sides_at(values, self.layer, self.gain(values))
 
-    def law(self, forward: BuildsBare, values: Mapping[str, float], deepest: float) -> ContactLaw:
+    def law(self, forward: Linear, values: Mapping[str, float], deepest: float) -> ContactLaw:
         """Law at `values` for depths up to `deepest` (m)."""
         build: Callable[[float], ContactLaw] = partial(forward.bare_law, values)
         for outer in self.laws(values):
@@ -73,7 +77,7 @@ class OnLinear:
                 build = _put_on(outer, build)
         return build(deepest)
 
-    def slope(self, forward: BuildsBare, path: str, slopes: LawSlopes) -> FloatArray:
+    def slope(self, forward: Linear, path: str, slopes: LawSlopes) -> FloatArray:
         """dP/dp (SI) of the parameter at `path` at fixed tip depths, (n,)."""
         values, law, w = slopes.values, slopes.law, slopes.w
         section, _, name = path.rpartition(".")

@@ -1,4 +1,4 @@
-"""A layer that stiffens, or with sides, at many parameter sets: one linear law, its factors set by set as arrays."""
+"""Layers that stiffen, or have sides, at many parameter sets: one linear law, factors of each set as arrays."""
 
 from __future__ import annotations
 

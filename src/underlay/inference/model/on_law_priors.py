@@ -60,6 +60,6 @@ def require_told_thickness(free: Mapping[str, Given] | Iterable[str]) -> None:
     ):
         return
     raise ParameterError(
-        "layer.thickness and layer.stiffening.inverse_limit cannot be told apart by a curve (they leave the thickness "
-        "open by 8 to 84 %): give the thickness a Normal prior of 5 % or better, or take one of them as known"
+        "layer.thickness and layer.stiffening.inverse_limit cannot be told apart by a curve (the thickness "
+        "stays open by 8 to 84 %): give the thickness a Normal prior of 5 % or better, or take one of them as known"
     )

@@ -156,7 +156,7 @@ class NarrowLaw(ContactLaw):
         return self.inner.linear_law
 
     def known_errors(self, depth: FloatArray) -> dict[str, FloatArray]:
-        """Standard errors (N) of the force at depths (m), each (n,): of kappa, and those of the law without sides."""
+        """Standard errors (N) of the force at depths (m), each (n,): of the spring, and of the law behind it."""
         force, slope = self.force_and_stiffness(depth)
         inner = self._through(depth, lambda law, u: law.known_errors(u))
         return {**inner, "sides": np.asarray(force * slope * self.sides.error)}
