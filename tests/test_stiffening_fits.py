@@ -197,6 +197,12 @@ def test_sets_that_are_out_of_reach_do_not_exist():
     assert readings.possible.tolist() == [True, False, False]
     with pytest.raises(ul.RangeError, match="known up to"):
         posed.members[0].reading(physical[1])
+    rough = problem(free={**FREE, HEIGHTS: None})
+    physical = np.tile(rough.physical(rough.start), (2, 1))
+    physical[1, rough.names.index(HEIGHTS)] = 100.0 * R
+    assert rough.members[0].readings(physical).possible.tolist() == [True, False]
+    with pytest.raises(ul.RangeError, match="a height_spread so large is beyond it at any depth"):
+        rough.members[0].reading(physical[1])
 
 
 def test_a_lever_whose_calibration_is_off():

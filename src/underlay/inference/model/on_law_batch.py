@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
@@ -14,7 +15,7 @@ from underlay.inference.model.groups import ParameterSets, Readings, Values, set
 from underlay.inference.model.on_law import OnLinear
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.finite_width import Sides, is_wide
-from underlay.mechanics.stiffening import FIRST_TOUCH, MARGIN, StiffLayer, gent, within_reach
+from underlay.mechanics.stiffening import FIRST_TOUCH, MARGIN, StiffLayer, gent, largest_by_depth, within_reach
 from underlay.scene.instrument import Frame
 
 __all__ = ["on_law_readings", "stiffening_factors"]
@@ -51,13 +52,15 @@ def on_law_readings(forward: Forward, values: Values, sets: int, told: OnLinear)
     w, inside = asked.tip, asked.tip > (0.0 if stiff is None else FIRST_TOUCH * stiff.spread)
     # Depths before contact are not asked for: they stand where the deepest is, which is.
     top = np.maximum(asked.deepest[:, None], _TINY)
-    deepest = top if stiff is None else stiff.asked(top).depth
+    deepest, possible = top, np.ones((sets, 1), dtype=bool)
+    if stiff is not None:
+        stiff, top, possible = _shallow(stiff, top)
+        deepest, inside = stiff.asked(top).depth, inside & possible
     linear = _linear(asked, asked.shared, MARGIN * deepest, upright)
     if linear is None:
         return set_by_set(forward, values, range(sets), readings)
-    possible = np.ones((sets, 1), dtype=bool)
     if stiff is not None:
-        possible = within_reach(
+        possible = possible & within_reach(
             stiff.place(deepest, linear.contact_radius(deepest)), stiff.medium, stiff.inverse_limit
         )
         stiff = replace(stiff, inverse_limit=np.where(possible, stiff.inverse_limit, 0.0))
@@ -85,12 +88,13 @@ def _factors(forward: Forward, values: Values, sets: int, told: OnLinear) -> Flo
     stiff, _ = told.laws(upright)
     if stiff is None:
         return np.ones(sets)
-    deepest = stiff.asked(np.maximum(asked.deepest[:, None], _TINY)).depth
+    stiff, top, possible = _shallow(stiff, np.maximum(asked.deepest[:, None], _TINY))
+    deepest = stiff.asked(top).depth
     linear = _linear(asked, tuple(asked.ratios), MARGIN * deepest, upright)
     if linear is None:
         return np.full(sets, np.inf)
     place = stiff.place(deepest, linear.contact_radius(deepest))
-    known = within_reach(place, stiff.medium, stiff.inverse_limit)
+    known = possible & within_reach(place, stiff.medium, stiff.inverse_limit)
     factor, _ = gent(place, stiff.medium, np.where(known, stiff.inverse_limit, 0.0))
     return np.asarray(np.where(known, factor.value, np.inf)[:, 0])
 
@@ -109,6 +113,21 @@ def _linear(
     except InputError:
         return None
     return _Similar(law, b, c, s)
+
+
+def _shallow(stiff: StiffLayer, top: FloatArray) -> tuple[StiffLayer, FloatArray, NDArray[np.bool_]]:
+    """Which sets are known as deep as they go, (sets, 1); the others are asked where they are."""
+    reach = largest_by_depth(stiff.radius, stiff.thickness)
+    known = stiff.asked(top).depth <= reach
+    if known.all():
+        return stiff, top, known
+    if np.any(stiff.spread):
+        stiff = replace(stiff, spread=np.where(known, stiff.spread, _SAFE * reach))
+    return stiff, np.where(known, top, _SAFE * reach), known
+
+
+# A depth of which everything is known, over the largest.
+_SAFE = 0.01
 
 
 def _pressed(

@@ -11,7 +11,7 @@ from underlay.mechanics.stiffening.factors import (
 )
 from underlay.mechanics.stiffening.gradual import FIRST_TOUCH
 from underlay.mechanics.stiffening.law import MARGIN, Gent, StiffeningLaw, StiffLayer, at_values
-from underlay.mechanics.stiffening.limits import require_known, within_reach
+from underlay.mechanics.stiffening.limits import largest_by_depth, require_known, within_reach
 
 __all__ = [
     "FIRST_TOUCH",
@@ -26,6 +26,7 @@ __all__ = [
     "at_values",
     "form",
     "gent",
+    "largest_by_depth",
     "neo_hookean",
     "require_known",
     "within_reach",

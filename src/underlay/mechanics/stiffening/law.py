@@ -168,7 +168,7 @@ class StiffLayer(OnLaw):
 
         radius, thickness, limit = float(self.radius), float(self.thickness), float(self.inverse_limit)
         deepest = asked(max_depth)
-        known = min(deepest, largest_by_depth(radius, thickness))
+        known = min(deepest, float(largest_by_depth(radius, thickness)))
         linear = inner(MARGIN * known)
 
         def place_at(depth: float) -> Place:

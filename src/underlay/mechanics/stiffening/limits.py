@@ -129,9 +129,9 @@ class Reach(NamedTuple):
         return self.value / self.end
 
 
-def largest_by_depth(radius: float, thickness: float) -> float:
+def largest_by_depth(radius: PerSet, thickness: PerSet) -> PerSet:
     """Largest depth (m) that is known by itself, whatever contact radius and stiffening are."""
-    return min(_MOST_DEPTH_IN_RADII * radius, _MOST_DEPTH_IN_THICKNESS * thickness)
+    return np.minimum(_MOST_DEPTH_IN_RADII * radius, _MOST_DEPTH_IN_THICKNESS * thickness)
 
 
 def require_reach(
@@ -161,6 +161,11 @@ def require_reach(
     def over(share: float) -> float:
         return _farthest(place_at(share * depth), medium, inverse_limit).share - 1.0
 
+    if over(_SHALLOWEST) > 0.0:
+        raise RangeError(
+            f"stiffening (layer.stiffening) is known up to {reach.name} = {reach.end:g}; a height_spread so large "
+            "is beyond it at any depth"
+        )
     largest = depth * float(optimize.brentq(over, _SHALLOWEST, 1.0))
     raise RangeError(
         f"stiffening (layer.stiffening) is known up to {reach.name} = {reach.end:g}; a depth of {depth:.6g} m "
