@@ -207,7 +207,7 @@ def _with_left_out(forward: Forward, values: Values, empty: Readings, *, stiffne
     if isinstance(forward.left_out, OnLinear):
         from underlay.inference.model.on_law_batch import on_law_readings  # noqa: PLC0415  see above
 
-        return on_law_readings(forward, values, sets, forward.left_out)
+        return on_law_readings(forward, values, sets, forward.left_out, stiffness=stiffness)
     found = None if stiffness else left_out_readings(forward, values, sets, _forces)
     return set_by_set(forward, values, range(sets), empty) if found is None else Readings(*found)
 

@@ -15,7 +15,14 @@ from underlay.inference.model.groups import ParameterSets, Readings, Values, set
 from underlay.inference.model.on_law import OnLinear
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.finite_width import Sides, is_wide
-from underlay.mechanics.stiffening import FIRST_TOUCH, MARGIN, StiffLayer, gent, largest_by_depth, within_reach
+from underlay.mechanics.stiffening import (
+    FIRST_TOUCH,
+    MARGIN,
+    StiffLayer,
+    gent,
+    largest_by_depth,
+    within_reach,
+)
 from underlay.scene.instrument import Frame
 
 __all__ = ["on_law_readings", "stiffening_factors"]
@@ -35,13 +42,19 @@ class _Similar:
         force, slope = self.law.force_and_stiffness(self.b * depth)
         return self.c * force, self.c * self.b * slope
 
+    def force(self, depth: FloatArray) -> FloatArray:
+        """Force (N)."""
+        return np.asarray(self.c * self.law.force(self.b * depth))
+
     def contact_radius(self, depth: FloatArray) -> FloatArray:
         """Contact radius (m)."""
         return np.asarray(self.s * self.law.contact_radius(self.b * depth))
 
 
-def on_law_readings(forward: Forward, values: Values, sets: int, told: OnLinear) -> Readings:
-    """Readings of all sets, force and stiffness: together where one linear law serves them, else one by one."""
+def on_law_readings(
+    forward: Forward, values: Values, sets: int, told: OnLinear, *, stiffness: bool
+) -> Readings:
+    """Readings of all sets: together where one linear law serves them, else one by one; zero without `stiffness`."""
     readings = Readings.empty(sets, forward.depth.shape[-1])
     asked = ParameterSets(replace(forward, left_out=None), values, sets)
     # A frame gives way under the whole force: its depths are those of one law at a time.
@@ -66,7 +79,11 @@ def on_law_readings(forward: Forward, values: Values, sets: int, told: OnLinear)
         stiff = replace(stiff, inverse_limit=np.where(possible, stiff.inverse_limit, 0.0))
     if sides is not None:
         possible = possible & is_wide(linear.contact_radius(deepest), sides.radius)
-    force, slope = _pressed(stiff, sides, linear, np.where(inside, w, top))
+    w = np.where(inside, w, top)
+    if stiffness or sides is not None or stiff is None:
+        force, slope = _pressed(stiff, sides, linear, w)
+    else:
+        force, slope = stiff.force(linear, w), np.zeros(w.shape)
     contact = np.where(inside & possible, force, 0.0)
     return Readings(
         contact, np.where(inside & possible, slope, 0.0), asked.instrument_force(contact), possible[:, 0]

@@ -64,6 +64,9 @@ class Linear(Protocol):
     def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Force (N) and dP/dw (N/m)."""
 
+    def force(self, depth: FloatArray) -> FloatArray:
+        """Force (N)."""
+
     def contact_radius(self, depth: FloatArray) -> FloatArray:
         """Contact radius (m)."""
 
@@ -128,6 +131,12 @@ class StiffLayer(OnLaw):
         if np.any(self.inverse_limit):
             found = found.times(gent(place, self.medium, self.inverse_limit)[0])
         return found.times(form(place, self.medium).power(self.form)) if np.any(self.form) else found
+
+    def force(self, linear: Linear, depth: FloatArray) -> FloatArray:
+        """Force (N) alone, (..., n): a third of the work."""
+        asked = self.asked(depth).depth
+        factor = self.factor(self.place(asked, linear.contact_radius(asked)))
+        return np.asarray(linear.force(asked) * factor.value)
 
     def pressed(self, linear: Linear, depth: FloatArray) -> Pressed:
         """Everything at depths (m), (..., n), in contact."""
@@ -268,8 +277,7 @@ class StiffeningLaw(ContactLaw):
         return "the law was asked for up to there; build it with a larger max_depth"
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        asked = self.layer.asked(depth).depth
-        return np.asarray(self.linear.force(asked) * self.layer.factor(self._place(asked)).value)
+        return self.layer.force(self.linear, depth)
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
         return self._pressed(depth).stiffness
