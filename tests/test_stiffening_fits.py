@@ -259,6 +259,15 @@ def test_a_fit_finds_small_strain_modulus_and_stiffening():
     assert "layer.stiffening_factor" in fit.answers.index
 
 
+def test_depths_at_which_the_form_matters_are_a_warning():
+    assert not ul.fit(problem()).warnings
+    thin = replace(SCENE, layer=replace(SCENE.layer, thickness=2.0 * R))
+    curve = ul.synthesize(thin, DEPTH, ul.Noise(force=0.003 * FORCE), rng=0)
+    fit = ul.fit(ul.Problem(thin, curve, FREE))
+    assert any("another form of the strain energy gives another modulus" in str(one) for one in fit.warnings)
+    assert fit.law_reason.startswith("exact: stiffening, 1/Jm = ")
+
+
 def test_what_is_free_is_no_row():
     fit = ul.fit(problem(free={**FREE, FORM: None, HEIGHTS: None}))
     answer = fit.answer("layer.E")

@@ -367,6 +367,8 @@ class Forward:
 
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
         """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
+        if isinstance(self.left_out, OnLinear):
+            return self.law(values, self._deepest(*self._chain(values)))
         b, _ = self.similarity.factors(values)
         return self.laws.for_statements(
             self.similarity.reduced(values), b * self._deepest(*self._chain(values))
