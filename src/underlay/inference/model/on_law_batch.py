@@ -54,7 +54,7 @@ class _Similar:
 def on_law_readings(
     forward: Forward, values: Values, sets: int, told: OnLinear, *, stiffness: bool
 ) -> Readings:
-    """Readings of all sets, together where one linear law serves them, else one by one; zero without `stiffness`."""
+    """Readings of all sets: together where one linear law serves them, else one by one; slopes where asked."""
     readings = Readings.empty(sets, forward.depth.shape[-1])
     asked = ParameterSets(replace(forward, left_out=None), values, sets)
     # A frame gives way under the whole force: its depths are those of one law at a time.
