@@ -142,6 +142,7 @@ from .mechanics.solvers import (
     contact_law as contact_law,
 )
 from .mechanics.body import Stack as Stack
+from .mechanics.stiffening import Gent as Gent
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots

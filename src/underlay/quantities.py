@@ -111,7 +111,7 @@ def inlined() -> Mapping[str, Any]:
     return {"inlined": True}
 
 
-def one_of(*words: str) -> Mapping[str, Any]:
+def one_of(*words: str) -> dict[str, Any]:
     """Metadata of a field that is one of these words."""
     return {"words": words}
 
@@ -121,7 +121,7 @@ def takes(what: Any) -> Mapping[str, Any]:
     return {"takes": what}
 
 
-def no_number() -> Mapping[str, Any]:
+def no_number() -> dict[str, Any]:
     """Metadata of a field of a part that is no number itself: a word, or further parts."""
     return {"no number": True}
 

@@ -62,6 +62,7 @@ ADVANCED: Mapping[str, str] = {
     "curve": "Which part of the curve is fitted",
     TOP: "Title, friction and large strain",
     "layer.relaxation": "A sample that relaxes",
+    "layer.stiffening": "Soft tissue that stiffens",
     "adhesion": "A tip that sticks",
     "discrepancy": "What friction and large strain add, as numbers",
     "instrument": "The instrument",
@@ -102,7 +103,12 @@ _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the sample
 _FOLDER = Path(__file__).parent / "presets"
 
 
-_CHOSEN_BY = {"indenter": "shape", "layer.relaxation": "model", "adhesion": "model"}
+_CHOSEN_BY = {
+    "indenter": "shape",
+    "layer.relaxation": "model",
+    "layer.stiffening": "model",
+    "adhesion": "model",
+}
 
 
 _AXIAL = ("E_axial", "nu_axial", "G_axial")

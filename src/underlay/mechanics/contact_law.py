@@ -30,7 +30,7 @@ from underlay.mechanics.inverse import depth_at_loads
 from underlay.mechanics.response import Response
 from underlay.units import format_quantity
 
-__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState", "DeeperThanLayer", "ScaledLaw"]
+__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState", "DeeperThanLayer", "OnLaw", "ScaledLaw"]
 
 
 @dataclass(frozen=True)
@@ -179,6 +179,11 @@ class ContactLaw(Response, ABC):
     def beginning(self) -> tuple[float, float]:
         """See `Response`."""
         return self.domain[0], self._least_force
+
+    @property
+    def linear_law(self) -> ContactLaw:
+        """The law of linear elasticity underneath; the law itself where nothing is put on it."""
+        return self
 
     # --- where the contact is lost: an elastic law has no tension, and says zero --------------------------------
 
@@ -353,6 +358,14 @@ class ContactLaw(Response, ABC):
         """Force (N) at the beginning of the domain."""
         start = self.domain[0]
         return float(self._force(np.array([start]))[0]) if start else 0.0
+
+
+class OnLaw(ABC):
+    """What is put on the law of linear elasticity of one contact: it sees that law alone."""
+
+    @abstractmethod
+    def law(self, inner: Callable[[float], ContactLaw], max_depth: float) -> ContactLaw:
+        """Law up to `max_depth` (m); `inner` builds the law underneath, up to a depth (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -66,6 +66,12 @@ def _layer_rows(part: str, layer: Layer) -> list[dict[str, str]]:
     if (relaxation := layer.relaxation) is not None:
         rows.append({"part": part, "quantity": "relaxation", "value": relaxation.model.replace("_", " ")})
         rows += _numbers(part, relaxation)
+    if layer.stiffening is not None:
+        rows.append({"part": part, "quantity": "stiffening", "value": layer.stiffening.model})
+        rows += _numbers(part, layer.stiffening)
+    if layer.half_width is not None:
+        wide = f"{format_quantity(layer.half_width, 'length')} ({layer.shape})"
+        rows.append({"part": part, "quantity": "half width", "value": wide})
     if isinstance(bond, str):
         return rows if bond == "bonded" else [*rows, {"part": part, "quantity": "lower face", "value": bond}]
     return rows + _numbers(f"spring under {part}", bond)

@@ -21,7 +21,7 @@ import numpy as np
 from underlay._arrays import physical_length
 from underlay.errors import InputError
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import BONDS, Layer, Spring
+from underlay.mechanics.body import BONDS, Layer, Spring, Stiffening
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -65,8 +65,8 @@ def _segment(value: Any) -> str:
         return str(value)
     if value == "hold":
         raise InputError(
-            "a hold alone does not show how stiff the sample is: fit 'loading', 'unloading' (of an elastic sample), "
-            "'all', 'equilibrium' (the ends of the holds of a stepwise test), or one of several, 'hold 1'"
+            "a hold alone does not show how stiff the sample is: fit 'loading', 'unloading' (of an elastic "
+            "sample), 'all', 'equilibrium' (the ends of the holds of a stepwise test), or one of several, 'hold 1'"
         )
     raise InputError(
         f"there is no {str(value)!r:.40}; allowed are {', '.join(map(repr, SEGMENTS))}, and one of several by its "
@@ -397,6 +397,11 @@ def _all() -> Iterator[SceneKey]:
     yield from _family(Relaxation, "layer.relaxation", relaxing, seen=("relaxes",))
     both = "shear_and_bulk keeps Poisson's ratio; shear alone needs nu = 0.5"
     yield Key(RELAXES, RELAXES[0], both).listed("layer.relaxation", "relaxes")
+    hardens = "how the layer stiffens; without the section its law is that of small strains"
+    yield from _family(Stiffening, Stiffening.section, hardens)
+    free = "of a sample with free sides, about the tip; without it, it has none"
+    yield keys_of(Layer)["half_width"].listed("layer", "half_width", free)
+    yield keys_of(Layer)["shape"].listed("layer", "shape", "whether such a sample is round or square")
     yield from _of_layer("substrate.layers", "the same of this layer; further layers stand from the top down")
     stiff = "true for a base that does not deform, in place of its moduli"
     yield Key(bool, "false", stiff).listed("substrate", "rigid")

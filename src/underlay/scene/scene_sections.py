@@ -11,7 +11,18 @@ import numpy as np
 
 from underlay.errors import InputError, UnderlayWarning
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import RIGID, Base, Body, Bond, Layer, Material, Spring, Stack, as_bond
+from underlay.mechanics.body import (
+    RIGID,
+    Base,
+    Body,
+    Bond,
+    Layer,
+    Material,
+    Spring,
+    Stack,
+    Stiffening,
+    as_bond,
+)
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -19,6 +30,7 @@ from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
+from underlay.mechanics.stiffening import Gent
 from underlay.plugins import faults
 from underlay.quantities import Part, numbers_of
 from underlay.scene.discrepancy import Discrepancy
@@ -100,23 +112,31 @@ def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
 
 
 def _layer(section: str, table: dict[str, Any]) -> Layer:
-    """A layer: its material's numbers, its thickness, how it holds and, of the one on top, how it relaxes."""
+    """A layer: its material's numbers, its thickness, how it holds and, of the one on top, what else it does."""
     bond = _bond(section, table.pop("bond", "bonded"))
-    relaxes = section == "layer" and "relaxation" in table
-    relaxation = _relaxation(table.pop("relaxation")) if relaxes else None
-    kind = _kind_of_material(table)
-    keys = keys_of(kind) | {"thickness": keys_of(Layer)["thickness"]}
-    numbers = read_table(section, keys, table, besides=("bond", "relaxation"))
-    thickness = numbers.pop("thickness", np.inf)
-    return Layer(_made(kind, section, numbers), thickness, bond, relaxation)
+    on_top = section == "layer"
+    effects = {
+        name: _effect(family, f"layer.{name}", table.pop(name))
+        for name, family in _EFFECTS.items()
+        if on_top and name in table
+    }
+    kind, of_layer = _kind_of_material(table), keys_of(Layer)
+    sizes = ("thickness", "half_width", "shape") if on_top else ("thickness",)
+    keys = keys_of(kind) | {name: of_layer[name] for name in sizes}
+    numbers = read_table(section, keys, table, besides=("bond", *_EFFECTS))
+    sized = {name: numbers.pop(name) for name in sizes if name in numbers}
+    return Layer(_made(kind, section, numbers), bond=bond, **sized, **effects)
 
 
-def _relaxation(given: Any) -> Relaxation:
+#: Sections of the layer on top. `Gent` is loaded with this module, so that it is among the kinds.
+_EFFECTS = {"relaxation": Relaxation, Gent.section.partition(".")[2]: Stiffening}
+
+
+def _effect(family: type[Part], section: str, given: Any) -> Any:
     if not isinstance(given, Mapping):
-        raise InputError(f"[layer.relaxation] must be a section, not {given!r}")
+        raise InputError(f"[{section}] must be a section, not {given!r}")
     table = dict(given)
-    relaxation: Relaxation = _build(_named(Relaxation, "layer.relaxation", table), "layer.relaxation", table)
-    return relaxation
+    return _build(_named(family, section, table), section, table)
 
 
 def _bond(section: str, given: Any) -> Bond:

@@ -324,7 +324,14 @@ class Fit:
 
     @cached_property
     def derived(self) -> tuple[str, ...]:
-        """Moduli of a relaxing layer that follow from what is fitted; `interval` states theirs too."""
+        """What follows from what is fitted and is printed beside it; `interval` states theirs too.
+
+        Moduli of a layer that relaxes, and by how much one that stiffens does at the deepest point.
+        """
+        members = self.problem.members
+        stiff = [i for i, member in enumerate(members) if member.scene.layer.stiffening is not None]
+        if stiff:
+            return tuple(f"layer.stiffening_factor{f'[{i}]' if len(members) > 1 else ''}" for i in stiff)
         if all(member.scene.layer.relaxation is None for member in self.problem.members):
             return ()
         # Not loaded for a sample that does not relax.

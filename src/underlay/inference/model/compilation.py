@@ -25,6 +25,7 @@ from underlay.inference.model.coordinates import Coordinate, Spans, make_coordin
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore, quiet_law
 from underlay.inference.model.members import Member, noise_start
+from underlay.inference.model.on_law_priors import begun, require_told_thickness, usual_prior
 from underlay.inference.priors import Given, Prior
 from underlay.mechanics.discrepancy import require_measured
 from underlay.mechanics.response import checked_times
@@ -203,6 +204,9 @@ def compile_members(
     requests = _requests(free, shared, len(tests))
     if not requests:
         raise ParameterError("nothing is free: name at least one parameter, for example 'layer.E'")
+    stiffens = any(scene.layer.stiffening is not None for scene, _ in tests)
+    if stiffens:
+        require_told_thickness(free)
     coordinates = []
     entries: list[dict[str, int]] = [{} for _ in tests]
     paths = [request.path for request in requests]
@@ -216,12 +220,15 @@ def compile_members(
             require_acting(request.path, scene, paths, solver, of_noise)
             _require_unstated(request.path, scene)
         known = of_noise.get(request.path) or own[0][0].quantities[request.path]
-        start = _common_start(request, own, first, of_noise)
+        given, start = request.given, _common_start(request, own, first, of_noise)
+        if stiffens:
+            given = usual_prior(request.path, given, own[0][0])
+            start = begun(request.path, start, given)
         widest = Spans(
             depth=max(spans[i].depth for i in request.curves),
             force=max(spans[i].force for i in request.curves),
         )
-        coordinates.append(make_coordinate(request.name, request.path, known, start, request.given, widest))
+        coordinates.append(make_coordinate(request.name, request.path, known, start, given, widest))
         for i in request.curves:
             entries[i][request.path] = index
     members = tuple(
@@ -267,7 +274,7 @@ def _check_tests(tests: Sequence[tuple[Scene, Curve]]) -> None:
         _require(scene, Scene, number)
         _require(curve, Curve, number)
         check_fittable(curve, withdrawn=scene.adhesion is not None)
-        if scene.finite_strain:
+        if scene.finite_strain and scene.layer.stiffening is None:
             require_measured(scene.contact, float(curve.depth.max()) - scene.instrument.contact_depth)
         for key, what in _identities(curve) if len(tests) > 1 else ():
             if key in seen:

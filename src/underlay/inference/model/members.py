@@ -140,7 +140,7 @@ class Member:
             return None
         rounded = tip.apex
         forward = Forward.compile(
-            replace(self.scene, indenter=rounded),
+            replace(self.scene, indenter=rounded, layer=self.scene.layer.linear),
             self.curve.depth,
             tuple(self.entries),
             laws.solver,

@@ -44,6 +44,8 @@ __all__ = ["LAW", "Moved", "Refit", "Source", "sensitivities", "sources_of"]
 Moved: TypeAlias = Callable[[Sequence[FloatArray]], FloatArray]
 #: Fits a problem, begun at the values of its scenes.
 Refit: TypeAlias = Callable[[Problem], "Fit"]
+#: Means and covariance of the sizes of forces (N), of each curve m arrays, from the deviations of their priors.
+Sized: TypeAlias = Callable[[Sequence[Sequence[FloatArray]], FloatArray], tuple[FloatArray, FloatArray]]
 #: The general error of a contact law.
 LAW = "contact model"
 _NORMAL_95 = 1.96
@@ -79,7 +81,7 @@ class Source:
 
 
 def sources_of(
-    fit: Fit, moved: Callable[[Sequence[FloatArray]], FloatArray], refit: Refit
+    fit: Fit, moved: Callable[[Sequence[FloatArray]], FloatArray], refit: Refit, sized: Sized
 ) -> tuple[Source, ...]:
     """Every source of a fit that moves something.
 
@@ -91,11 +93,13 @@ def sources_of(
         Shift (k,) of the scaled vector that forces (N), one array a curve, make; to first order.
     refit : callable
         For what moves it far, and for another bond.
+    sized : callable
+        How large errors are that the curves tell something of (`Likelihood.sized`).
     """
     if fit.problem.base_scenes[0].uncertainties == "none":
         return ()
     readings = [member.reading(fit.problem.physical(fit.vector)) for member in fit.problem.members]
-    budget = _Budget(fit, moved, refit, readings)
+    budget = _Budget(fit, moved, refit, sized, readings)
     return tuple(source for source in budget.sources() if np.any(source.moves))
 
 
@@ -106,6 +110,7 @@ class _Budget:
     fit: Fit
     moved: Moved
     refit: Refit
+    sized: Sized
     readings: Sequence[Reading]
 
     def sources(self) -> Iterator[Source]:
@@ -209,7 +214,11 @@ class _Budget:
             deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)
             found = (*left_out(scene, deepest).errors, *known_errors([scene]))
             errors |= {error.words: error for error in found}
+        free = {coordinate.path for coordinate in self.fit.problem.coordinates}
+        told: list[tuple[KnownError, Sequence[FloatArray]]] = []
         for error in errors.values():
+            if error.path in free:
+                continue
             try:
                 columns = [
                     _kept(self.fit, i, reading) * error.column(_pressed(self.fit, i, reading))
@@ -218,12 +227,32 @@ class _Budget:
             except InputError:
                 # The error was not measured at this test's numbers: the report says which are not known.
                 continue
+            if error.path:
+                told.append((error, columns))
+                continue
             shift = self.moved(columns)
             spread = _NORMAL_95 * error.deviation
             # What the law lacks the fit has put into its numbers.
             yield Source(
-                error.words, "", "model", np.array([[-spread * shift, spread * shift]]), -error.mean * shift
+                error.words,
+                error.size,
+                "model",
+                np.array([[-spread * shift, spread * shift]]),
+                -error.mean * shift,
             )
+
+        if told:
+            yield from self._told(told)
+
+    def _told(self, told: Sequence[tuple[KnownError, Sequence[FloatArray]]]) -> Iterator[Source]:
+        """Errors whose sizes the curves tell something of: one given another, so that they add in quadrature."""
+        deviations = np.array([error.deviation for error, _ in told])
+        of_curves = list(zip(*(columns for _, columns in told), strict=True))
+        means, covariance = self.sized(of_curves, deviations)
+        shifts = np.array([self.moved(columns) for _, columns in told])
+        independent = _NORMAL_95 * np.linalg.cholesky(covariance).T @ shifts
+        for (error, _), mean, shift, move in zip(told, means, shifts, independent, strict=True):
+            yield Source(error.words, error.size, "model", np.array([[-move, move]]), -mean * shift)
 
     def _bonds(self) -> Iterator[Source]:
         """A face of which nobody knows how it holds, free to slip."""

@@ -107,7 +107,7 @@ class Statement:
         """Sources of the systematic part."""
         if self.fit.statistics.robust != "none":
             return ()
-        return sources_of(self.fit, self.likelihood.moved, self.refit)
+        return sources_of(self.fit, self.likelihood.moved, self.refit, self.likelihood.sized)
 
     @one_thread()
     def answer(self, name: str, level: float = _LEVEL) -> Answer:
