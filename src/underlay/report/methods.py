@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from underlay._version import VERSION
 from underlay.inference.citation.works import Work, work
 from underlay.mechanics.body import RIGID
 from underlay.quantities import numbers_of
-from underlay.report.labels import label, start
+from underlay.report.labels import label, labelled, start
 from underlay.report.scene_tables import number_rows
 from underlay.report.screen import by_depth_words, in_words, name_of, source_words, told_names, written
 from underlay.units import format_quantity
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.answer import Answer
     from underlay.scene.scene import Scene
 
-__all__ = ["listed", "methods_paragraph", "references", "sample_words", "tip_words"]
+__all__ = ["cited_works", "listed", "methods_paragraph", "references", "sample_words", "tip_words"]
 
 _LAWS = {
     "exact": "the exact solution of the contact problem",
@@ -59,8 +59,13 @@ def sample_words(scene: Scene) -> str:
 
 
 def references(fit: Fit) -> list[Work]:
-    """What a methods paragraph cites, this program first."""
-    return [work(key) for key, why in fit.used.items() if not why.startswith(_COMMON)]
+    """What a methods paragraph of a fit cites, this program first."""
+    return cited_works(fit.used)
+
+
+def cited_works(used: Mapping[str, str]) -> list[Work]:
+    """Of what an analysis used, what its methods paragraph cites."""
+    return [work(key) for key, why in used.items() if not why.startswith(_COMMON)]
 
 
 def listed(names: Sequence[str]) -> str:
@@ -80,7 +85,7 @@ def methods_paragraph(
         value = format_quantity(half_space.values["layer.E"], "pressure")
         sentences.append(f"A half-space (Hertz) model would have given {value}.")
     if fit.verdict != "good":
-        sentences.append(f"Of this result is to be said: {in_words(fit.verdict.reason)}.")
+        sentences.append(f"The analysis notes: {labelled(in_words(fit.verdict.reason), fit.names)}.")
     return " ".join(sentences)
 
 

@@ -17,7 +17,18 @@ from underlay._text import one_line
 from underlay.report.plots.style import drawn, inline_svg
 from underlay.units import printed
 
-__all__ = ["Detail", "details", "document", "figure", "pixels", "table", "tag", "verdict_block", "words"]
+__all__ = [
+    "Detail",
+    "details",
+    "document",
+    "figure",
+    "number_block",
+    "pixels",
+    "table",
+    "tag",
+    "verdict_block",
+    "words",
+]
 
 _STYLE = Path(__file__).parent / "templates" / "page" / "page.css"
 # Nothing runs and nothing is fetched, whatever a name or a file holds.
@@ -46,7 +57,7 @@ def tag(name: str, *inner: str, kind: str = "") -> str:
 def table(frame: pd.DataFrame) -> str:
     """Return a table of texts as HTML; an index of names is its first column."""
     named = not pd.api.types.is_integer_dtype(frame.index)
-    heads = [*([frame.columns.name or ""] if named else []), *frame.columns]
+    heads = [*(["" if frame.columns.name is None else frame.columns.name] if named else []), *frame.columns]
     rows = [tag("tr", *(f'<th scope="col">{words(head)}</th>' for head in heads))]
     for name, *cells in frame.itertuples():
         first = [f'<th scope="row">{words(name)}</th>'] if named else []
@@ -55,7 +66,7 @@ def table(frame: pd.DataFrame) -> str:
 
 
 def figure(ax: Axes, name: str, alt: str, title: str = "", caption: str = "", kind: str = "") -> str:
-    """Return a picture with its caption; `name` tells it from the others of the page, `alt` is what a reader hears."""
+    """Return a picture with its caption; `name` tells it from others of the page, `alt` is what a reader hears."""
     under = tag("figcaption", f"<b>{words(title)}</b> ", words(caption)) if title or caption else ""
     return tag("figure", inline_svg(ax, name, alt), under, kind=kind)
 
@@ -65,6 +76,18 @@ def pixels(ax: Axes, alt: str, title: str = "") -> str:
     data = base64.b64encode(drawn(ax)).decode("ascii")
     image = f'<img src="data:image/png;base64,{data}" alt="{html.escape(alt)}">'
     return tag("figure", image, tag("figcaption", words(title)) if title else "")
+
+
+def number_block(title: str, number: str, unit: str, under: str, kind: str = "") -> str:
+    """Return a number of the headline: its name above it, its parts below."""
+    value = tag("div", words(number), f" <small>{words(unit)}</small>", kind="v")
+    return tag(
+        "div",
+        tag("div", words(title), kind="q"),
+        value,
+        tag("div", words(under), kind="p"),
+        kind=f"num {kind}",
+    )
 
 
 def verdict_block(word: str, reason: str, cause: str = "", step: str = "", more: str = "") -> str:

@@ -4,25 +4,39 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
 from underlay._version import VERSION
 from underlay.data.segments import LOADING
 from underlay.errors import UnderlayError
+from underlay.quantities import path_of
 from underlay.report import adhesion_tables, plots, tables
 from underlay.report.fit_files import pointwise_sentence, pointwise_table
 from underlay.report.intervals import doubts_of_curves
-from underlay.report.labels import label, start
+from underlay.report.labels import label, labelled, start
 from underlay.report.limits import DistinctScene, advice, distinct_scenes, rivals
 from underlay.report.methods import listed, methods_paragraph, references, sample_words, tip_words
-from underlay.report.page import Detail, details, document, figure, table, tag, verdict_block, words
+from underlay.report.page import (
+    Detail,
+    details,
+    document,
+    figure,
+    number_block,
+    table,
+    tag,
+    verdict_block,
+    words,
+)
+from underlay.report.plots.scene import material_words
 from underlay.report.plots.style import axes, in_words, style
 from underlay.report.reading import beyond_loading
 from underlay.report.scene_tables import effects_table, scene_table
@@ -37,7 +51,6 @@ from underlay.report.screen import (
     told_names,
     written,
 )
-from underlay.report.screen import in_words as named
 from underlay.report.words import known_together
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
@@ -46,16 +59,20 @@ if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.pointwise.modulus import PointwiseModulus
     from underlay.inference.uncertainty.answer import Advice, Answer
+    from underlay.mechanics.body import Layer
+    from underlay.mechanics.solver import Solver
 
-__all__ = ["FitPage", "footer", "headline", "masthead"]
+__all__ = ["FitPage", "drawing", "footer", "headline", "masthead", "sized"]
 
 _INCH = 25.4
 # Millimetres: the curve, the drawing of the test, and the two pictures side by side, as on a sheet of A4.
-_CURVE, _DRAWING, _HALF, _WIDE = (126.0, 80.0), (54.0, 56.0), (90.0, 62.0), (150.0, 75.0)
+_CURVE, _DRAWING, _HALF, _WIDE = (126.0, 86.0), (54.0, 58.0), (90.0, 68.0), (150.0, 75.0)
 # Numbers in the headline, and the share of the variance below which an assumption is no advice.
 _NUMBERS, _WORTH = 3, 0.02
-# Depths a page can show of the residuals' unit.
-_MICRO = 1e6
+# Numbers in the words of a drawing, and lines above the last.
+_SHORT = re.compile(r"^.*\n|, (E = |rigid).*$", re.DOTALL)
+# Letters above which the first number is set smaller.
+_LONG = 15
 
 
 def sized(millimetres: tuple[float, float], draw: Callable[[Axes], object]) -> Axes:
@@ -67,6 +84,33 @@ def sized(millimetres: tuple[float, float], draw: Callable[[Axes], object]) -> A
     return panel
 
 
+def drawing(test: DistinctScene, solver: Solver, where: str) -> str:
+    """The test to scale, without axes; its numbers are in the caption, where they have room."""
+    ax = sized(_DRAWING, lambda panel: plots.scene(test.scene, depth=test.reading, solver=solver, ax=panel))
+    size = ax.get_title()
+    ax.set_title("")
+    ax.set_axis_off()
+    for text in ax.texts:
+        # The last line is of what is lowest; what stands beside the picture is too wide for it.
+        text.set_text(
+            "" if text.get_transform() == ax.get_yaxis_transform() else _SHORT.sub("", text.get_text())
+        )
+    for line in ax.lines:
+        line.set_visible(line.get_transform() != ax.get_yaxis_transform())
+    scene = test.scene
+    layers = [f"{material_words(layer.material)}{_thickness(layer)}" for layer in scene.layers]
+    base = [] if scene.base is None else [f"substrate {material_words(scene.base)}"]
+    told = [f"to scale {where}", f"layer {'; '.join(layers)}", *base, size]
+    alt = "Tip, layer and substrate to scale, with the contact radius and the depth."
+    caption = "; ".join([test.label, *told] if test.label else told)
+    return figure(ax, f"test {test.label}", alt, "The test,", f"{caption}.", kind="side")
+
+
+def _thickness(layer: Layer) -> str:
+    thick = layer.thickness
+    return f", {in_words(thick, 'length', digits=3)} thick" if math.isfinite(thick) else ""
+
+
 def masthead(day: str, name: str, about: str) -> str:
     """The head of every page: whose it is, when it was made, what it is of."""
     return (
@@ -75,43 +119,41 @@ def masthead(day: str, name: str, about: str) -> str:
     )
 
 
-def headline(answers: list[Answer], verdict: Advice, more: str = "") -> str:
+def headline(answers: list[Answer], verdict: Advice, names: Sequence[str], more: str = "") -> str:
     """Numbers with their two parts, the first large, beside the verdict with cause and next step."""
+
+    def named(text: str) -> str:
+        return labelled(text, names) if text else ""
+
     numbers = [_number(known, place, str(verdict.word)) for place, known in enumerate(answers[:_NUMBERS])]
-    told = verdict_block(verdict.word, named(verdict.reason), named(verdict.cause), next_step(verdict), more)
+    told = verdict_block(
+        verdict.word, named(verdict.reason), named(verdict.cause), named(next_step(verdict)), more
+    )
     return tag("section", *numbers, told, kind="head")
 
 
 def _number(known: Answer, place: int, verdict: str) -> str:
     """One number as people copy it; grey, and without an uncertainty, where the model was rejected."""
-    name, letter = name_of(known.name)
-    kind = ["num", *(["second"] if place else [])]
-    if verdict == "reject" or known.is_open:
-        kind.append("grey")
-        value = format_quantity(known.value, kind_of(known.name))
-        under = "no uncertainty: the model is rejected"
-        if known.is_open and verdict != "reject":
-            value, under = "not determined", _one_end(known, letter)
-        number, _, unit = value.partition(" ") if verdict == "reject" else (value, "", "")
+    title, letter = name_of(known.name)
+    second = " second" if place else ""
+    if verdict == "reject":
+        number, _, unit = format_quantity(known.value, kind_of(path_of(known.name))).partition(" ")
+        under, kind = "no uncertainty: the model is rejected", f"grey{second}"
+    elif known.is_open:
+        number, unit, under, kind = "not determined", "", _one_end(known, letter), f"grey long{second}"
     else:
         one = written(known)
-        number, unit = one.number, one.unit
-        kind += ["long"] if len(number) > 15 and not place else []
+        number, unit, kind = one.number, one.unit, f"{'long' if len(one.number) > _LONG else ''}{second}"
         under = f"{one.level}: statistical {one.statistical}, systematic {one.systematic}"
-    return (
-        f'<div class="{" ".join(kind)}"><div class="q">{words(name)} {words(letter)}</div>'
-        f'<div class="v">{words(number)} <small>{words(unit)}</small></div>'
-        f'<div class="p">{words(under)}</div></div>'
-    )
+    return number_block(f"{title} {letter}", number, unit, under, kind)
 
 
 def _one_end(known: Answer, letter: str) -> str:
     """``"h > 1.1 mm (95 %)"``; nothing is known where both ends are open."""
     for sign, end in ((">", known.low), ("<", known.high)):
         if math.isfinite(end):
-            return (
-                f"{letter} {sign} {format_quantity(end, kind_of(known.name))} ({100.0 * known.level:.3g} %)"
-            )
+            limit = format_quantity(end, kind_of(path_of(known.name)))
+            return f"{letter} {sign} {limit} ({100.0 * known.level:.3g} %)"
     return "by this curve, neither from below nor from above"
 
 
@@ -178,8 +220,13 @@ class FitPage:
         fit = self.fit
         blocks = [
             masthead(self.day, self.name, self._about()),
-            headline(self.answers, fit.verdict, self._narrower()),
-            tag("section", self._curve(0), self._drawing(self.tests[0]), kind="figs"),
+            headline(self.answers, fit.verdict, fit.names, self._narrower()),
+            tag(
+                "section",
+                self._curve(0),
+                drawing(self.tests[0], fit.solver, "at the deepest point"),
+                kind="figs",
+            ),
             tag("section", self._depths(), self._budget(), kind="pair"),
             self._methods(),
             footer(*self._origin(), command=self.command),
@@ -194,7 +241,8 @@ class FitPage:
         kinds = [str(kind) for kind in dict.fromkeys(curve.segments())]
         time = "" if curve.time is None else f" in {float(np.ptp(curve.time)):.2g} s"
         points = sum(len(curve) for curve in self.fit.curves)
-        return f"{start(tip_words(scene))}, on {sample_words(scene)} · {listed(kinds)}, {deep} deep{time} · {points} points"
+        tested = f"{start(tip_words(scene))}, on {sample_words(scene)}"
+        return f"{tested} · {listed(kinds)}, {deep} deep{time} · {points} points"
 
     def _narrower(self) -> str:
         """What would narrow the first number."""
@@ -219,24 +267,18 @@ class FitPage:
         alt = "Force against indentation with the fit, and the residuals below."
         return figure(ax, f"fit {number}", alt, "Curve and fit.", caption)
 
-    def _drawing(self, test: DistinctScene) -> str:
-        ax = sized(
-            _DRAWING,
-            lambda panel: plots.scene(test.scene, depth=test.reading, solver=self.fit.solver, ax=panel),
-        )
-        size = ax.get_title()
-        ax.set_title("")
-        ax.set_axis_off()
-        caption = ", ".join(part for part in (test.label, "to scale at the deepest point", size) if part)
-        alt = "Tip, layer and substrate to scale, with the contact radius and the depth."
-        return figure(ax, f"test {test.label}", alt, "The test,", f"{caption}.", kind="side")
-
     def _depths(self) -> str:
         found = self.by_depth[0]
         if self.fit.scene.memory is not None:
             ax = sized(_HALF, lambda panel: plots.fit_in_time(self.fit, ax=panel))
             alt = "Force against time with the fit, and the residuals below."
             return figure(ax, "time", alt, "In time.", "Loading, hold and unloading are fitted together.")
+        if self.fit.scene.adhesion is not None:
+            ax = sized(_HALF, lambda panel: plots.adhesion(self.fit, ax=panel))
+            alt = "States of a contact that adheres, jumps into contact and off, and the measured points."
+            return figure(
+                ax, "states", alt, "Adhesion.", "Every contact that balances, and where the tip jumps."
+            )
         if isinstance(found, str):
             return tag("p", words(pointwise_sentence(found)), kind="none")
         known = self.fit.answer("layer.E") if "layer.E" in self.fit.names else None
@@ -255,18 +297,20 @@ class FitPage:
             return tag("p", "No uncertainty budget: no number is determined.", kind="none")
         ax = sized(_HALF, lambda panel: plots.budget(known, ax=panel))
         name, letter = name_of(known.name)
-        caption = "Each source alone, at 95 %, the larger side. State your own in the scene to replace what is assumed."
+        caption = "Each source alone, at 95 %, the larger side. What you state in the scene is not assumed."
         alt = f"Bars: what each source does to the {name.lower()}."
         return figure(ax, "budget", alt, f"Uncertainty budget of {letter}.", caption)
 
     def _methods(self) -> str:
         heading = "<h2>Methods paragraph</h2>"
         if self.fit.verdict == "reject":
-            reason = named(self.fit.verdict.reason)
+            reason = labelled(self.fit.verdict.reason, self.fit.names)
             return heading + tag("p", words(f"No modulus is reported, because {reason}."), kind="none")
         found = self.by_depth[0]
         text = methods_paragraph(self.fit, None if isinstance(found, str) else found, self.half_space)
-        cited = " ".join(f"[{n}] {entry}." for n, entry in enumerate(references(self.fit), start=1))
+        cited = " ".join(
+            f"[{n}] {start(str(entry))}." for n, entry in enumerate(references(self.fit), start=1)
+        )
         return heading + tag("div", tag("p", words(text)), tag("p", words(cited)), kind="methods")
 
     def _origin(self) -> Iterator[str]:
@@ -318,7 +362,7 @@ class FitPage:
 
     def _more_curves(self) -> Iterator[Detail]:
         blocks = [self._curve(number) for number in range(1, len(self.fit.curves))]
-        blocks += [self._drawing(test) for test in self.tests[1:]]
+        blocks += [drawing(test, self.fit.solver, "at the deepest point") for test in self.tests[1:]]
         yield "The other curves", f"{len(self.fit.curves) - 1} more", blocks
 
     def _more_depths(self) -> Iterator[Detail]:
@@ -332,14 +376,13 @@ class FitPage:
 
     def _effects(self) -> Detail:
         blocks = [
-            _headed(start(test.label), table(effects_table(test.scene, test.deepest, self.fit.solver)))
-            for test in self.tests
+            _headed(start(test.label), table(_effects_of(test, self.fit.solver))) for test in self.tests
         ]
         return "Effects that were considered", "what leaving each one out would change", blocks
 
     def _quality(self) -> Detail:
         fit = self.fit
-        also = [tag("p", words(f"Also {named(str(other))}.")) for other in fit.verdict.others]
+        also = [tag("p", words(f"Also {labelled(str(other), fit.names)}.")) for other in fit.verdict.others]
         doubts = len(doubts_of_curves(fit)) + len(fit.warnings)
         blocks = [*also, table(tables.diagnostics_table(fit)), table(tables.reservations_table(fit))]
         return "Quality of the fit, reservations", f"{doubts or 'no'} reservations", blocks
@@ -374,6 +417,11 @@ class FitPage:
                 alt = "Depth and force against time, loading, hold and unloading apart."
                 blocks.append(figure(ax, f"segments {number}", alt, "The whole measurement."))
         yield "The whole measurement", f"the fit uses a part of it ({LOADING} by default)", blocks
+
+
+def _effects_of(test: DistinctScene, solver: Solver) -> pd.DataFrame:
+    """The ledger of effects without what they cost: times differ from run to run."""
+    return effects_table(test.scene, test.deepest, solver).drop(columns="adds to the time")
 
 
 def _headed(heading: str, *blocks: str) -> str:

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -40,6 +41,7 @@ def report(
     pdf: bool = False,
     details: bool = False,
     command: str = "",
+    files: Sequence[str | os.PathLike[str]] = (),
 ) -> Path:
     """Write a report: one self-contained A4 page as HTML, or as PDF.
 
@@ -62,6 +64,8 @@ def report(
         Unfold what stands behind the page, also in print.
     command : str, optional
         What repeats the result on the command line, for the page to say.
+    files : sequence of path, optional
+        Files that a posterior or a map was read from; their hashes stand on the page.
 
     Returns
     -------
@@ -79,7 +83,7 @@ def report(
     """
     target = page_path(path)
     browser = _browser() if pdf or target.suffix.lower() == _PDF else ""
-    html = _page(result, problem, command).html(opened=details)
+    html = _page(result, problem, (command, [Path(file) for file in files])).html(opened=details)
     if target.suffix.lower() == _PDF:
         return _printed(html, target, browser)
     write_atomic(target, html)
@@ -88,17 +92,17 @@ def report(
     return target
 
 
-def _page(result: Any, problem: Problem | None, command: str) -> Any:
+def _page(result: Any, problem: Problem | None, origin: tuple[str, list[Path]]) -> Any:
     """The page of a result."""
     day = datetime.now(UTC).date().isoformat()
     if isinstance(result, Fit):
         from underlay.report.page_fit import FitPage  # noqa: PLC0415  pictures of what is reported alone
 
-        return FitPage(result, day, command)
+        return FitPage(result, day, origin[0])
     if isinstance(result, pd.DataFrame):
         from underlay.report.page_map import MapPage  # noqa: PLC0415
 
-        return MapPage(result, day, command)
+        return MapPage(result, day, *origin)
     if not _is_posterior(result):
         raise InputError(f"a report is of a Fit, a Posterior or a map; got {type(result).__name__}")
     from underlay.report.page_posterior import PosteriorPage  # noqa: PLC0415
@@ -106,7 +110,7 @@ def _page(result: Any, problem: Problem | None, command: str) -> Any:
     if problem is not None:
         require_same_parameters(result, problem)
         result = replace(result, problem=problem, missing="")
-    return PosteriorPage(result, day, command)
+    return PosteriorPage(result, day, *origin)
 
 
 def _is_posterior(result: object) -> bool:

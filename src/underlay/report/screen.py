@@ -316,7 +316,8 @@ def by_depth_words(found: PointwiseModulus) -> str:
 
 def _range(least: float, most: float) -> str:
     unit, factor = human_unit(most, "pressure")
-    return f"{least / factor:.3g} to {most / factor:.3g} {unit}"
+    low, high = f"{least / factor:.3g}", f"{most / factor:.3g}"
+    return f"{high} {unit}" if low == high else f"{low} to {high} {unit}"
 
 
 def half_space_fit(fit: Fit) -> Fit | None:

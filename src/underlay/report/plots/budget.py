@@ -107,4 +107,4 @@ def _named(row: Contribution) -> str:
 
 def _short(value: float) -> str:
     """Two digits, and no exponent."""
-    return f"{value:.{max(0, 1 - math.floor(math.log10(value)))}f}" if value > 0.0 else "0"
+    return f"{float(f'{value:.2g}'):g}"

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -314,12 +314,12 @@ def fit_in_time(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
 def _measured(
     result: Fit, curve: int, x: FloatArray, ax: Axes | None
 ) -> tuple[Axes, Axes, float, FloatArray]:
-    """Draw measured forces and residuals against `x`, (n,); axes, strip, unit (N) and what is no contact (N), (n,)."""
+    """Draw measured forces and residuals against `x`, (n,); axes, strip, unit (N), baseline (N), (n,)."""
     measured, residual, offset = result.curves[curve], result.residuals[curve], _offset(result, curve)
     load, newton = _axis_unit(measured.force - offset, "force")
     step = -(-len(x) // _MOST_POINTS)
     upper, lower = with_strip(axes(ax, height=3.4))
-    dots = {"ms": 3.0, "mec": "none"}
+    dots: dict[str, Any] = {"ms": 3.0, "mec": "none"}
     force = (measured.force - offset)[::step] / newton
     upper.plot(x[::step], force, "o", color=DATA, alpha=0.35, label="measured", **dots)
     upper.set_ylabel(f"Force F ({load})")

@@ -7,11 +7,12 @@ The picture of a film: its modulus depth by depth, with the base in the model an
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from underlay._arrays import FloatArray
 from underlay.report.plots.style import FIT, REFERENCE, SOFT, axes, style, unit_for, unit_of
 
 if TYPE_CHECKING:
@@ -65,12 +66,17 @@ def pointwise_modulus(
             )
             words.append(("half-space (Hertz)", REFERENCE))
         _bars(panel, found, metre, pascal)
+        shown = _shown(found, answer if band else None, level) / pascal
         panel.set_xlim(0.0, 1.02 * found.depth[-1] / metre)
-        panel.set_ylim(0.0, _HEADROOM * _highest(found, level) / pascal)
+        panel.set_ylim(0.0, _HEADROOM * shown.max())
         panel.set(xlabel=f"Indentation δ ({length})", ylabel=f"Modulus E ({name})")
+        middle = _widest_gap(shown) / panel.get_ylim()[1]
         for row, (text, colour) in enumerate(words):
-            place = {"xytext": (0.0, 4.0 + 11.0 * row), "textcoords": "offset points"}
-            panel.annotate(text, (0.03, 0.0), xycoords="axes fraction", color=colour, **place)
+            place: dict[str, Any] = {
+                "xytext": (0.0, 11.0 * (row - 0.5 * len(words))),
+                "textcoords": "offset points",
+            }
+            panel.annotate(text, (0.03, middle), xycoords="axes fraction", color=colour, **place)
     return panel
 
 
@@ -93,10 +99,20 @@ def _bars(panel: Axes, found: PointwiseModulus, metre: float, pascal: float) -> 
     )
 
 
-def _highest(found: PointwiseModulus, level: float) -> float:
-    """Largest modulus that sets the height of the picture (Pa); what noise throws far up may stand over the edge."""
+def _shown(found: PointwiseModulus, answer: Answer | None, level: float) -> FloatArray:
+    """Moduli that set the height of the picture (Pa); what noise throws up may stand over the edge."""
     curves = (found.apparent, found.apparent_halfspace) if found.layered else (found.apparent,)
-    return max(level, *(float(np.nanquantile(curve.modulus, _USUAL)) for curve in curves))
+    moduli = np.concatenate([curve.modulus for curve in curves])
+    moduli = moduli[moduli <= np.nanquantile(moduli, _USUAL)]
+    ends = [] if answer is None else [answer.low, min(answer.high, 2.0 * level)]
+    return np.asarray([level, *ends, *moduli])
+
+
+def _widest_gap(values: FloatArray) -> float:
+    """Middle of the widest part of the axis from zero on in which nothing is drawn: there words have room."""
+    rungs = np.sort([0.0, *values])
+    place = int(np.argmax(np.diff(rungs)))
+    return float(0.5 * (rungs[place] + rungs[place + 1]))
 
 
 # Standard deviations to the ends of 95 %.

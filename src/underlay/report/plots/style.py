@@ -54,7 +54,7 @@ __all__ = [
 
 #: Width of one journal column, and of the full page (inches).
 COLUMN, PAGE = 3.5, 7.2
-#: By role: data, model, comparison, contact. Hues of Okabe and Ito, dark enough for labels of 8 pt (4.5:1 on white).
+#: By role: data, model, comparison, contact. Hues of Okabe and Ito, dark enough for words (4.5:1 on white).
 DATA, FIT, REFERENCE, ACCENT, PURPLE, SKY, YELLOW = (
     "#6b7480",
     "#0b62a4",
@@ -158,7 +158,7 @@ def in_words(value: float, kind: str, uncertainty: float | None = None, *, digit
     """Return an SI value in a unit of its size, as it is printed, with that many digits; see `format_quantity`."""
     if digits:
         unit, factor = unit_of(value, kind)
-        return f"{value / factor:.{digits}g} {unit}".rstrip()
+        return f"{float(f'{value / factor:.{digits}g}'):g} {unit}".rstrip()
     return printed(format_quantity(value, kind, uncertainty))
 
 
