@@ -239,7 +239,7 @@ class FitPage:
         curve, scene = self.fit.curves[0], self.fit.scene
         deep = in_words(self.tests[0].deepest, "length", digits=2)
         kinds = [str(kind) for kind in dict.fromkeys(curve.segments())]
-        time = "" if curve.time is None else f" in {float(np.ptp(curve.time)):.2g} s"
+        time = "" if curve.time is None else f" in {in_words(float(np.ptp(curve.time)), 'time', digits=2)}"
         points = sum(len(curve) for curve in self.fit.curves)
         tested = f"{start(tip_words(scene))}, on {sample_words(scene)}"
         return f"{tested} · {listed(kinds)}, {deep} deep{time} · {points} points"

@@ -83,7 +83,9 @@ def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
         panel.legend(
             [Patch(**_MARKS[origin]) for origin in there],
             [_WORDS[origin] for origin in there],
-            loc="center right",
+            # Above the sum: there bars are shortest.
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.15 / (len(rows) + 1.0)),
             labelcolor=SOFT,
             handlelength=1.2,
             handleheight=0.8,

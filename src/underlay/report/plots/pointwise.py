@@ -24,6 +24,8 @@ __all__ = ["film", "pointwise_modulus"]
 
 # Over the largest modulus; what noise throws further out is cut off.
 _HEADROOM, _USUAL = 1.15, 0.95
+# Share of the width that words take.
+_WORDS = 0.6
 
 
 def pointwise_modulus(
@@ -70,7 +72,7 @@ def pointwise_modulus(
         panel.set_xlim(0.0, 1.02 * found.depth[-1] / metre)
         panel.set_ylim(0.0, _HEADROOM * shown.max())
         panel.set(xlabel=f"Indentation δ ({length})", ylabel=f"Modulus E ({name})")
-        middle = _widest_gap(shown) / panel.get_ylim()[1]
+        middle = _widest_gap(found, shown * pascal, panel.get_ylim()[1] * pascal)
         for row, (text, colour) in enumerate(words):
             place: dict[str, Any] = {
                 "xytext": (0.0, 11.0 * (row - 0.5 * len(words))),
@@ -108,11 +110,15 @@ def _shown(found: PointwiseModulus, answer: Answer | None, level: float) -> Floa
     return np.asarray([level, *ends, *moduli])
 
 
-def _widest_gap(values: FloatArray) -> float:
-    """Middle of the widest part of the axis from zero on in which nothing is drawn: there words have room."""
-    rungs = np.sort([0.0, *values])
+def _widest_gap(found: PointwiseModulus, shown: FloatArray, top: float) -> float:
+    """Middle of the widest part of the axis in which nothing is drawn where words stand, as a share of it."""
+    left = found.depth <= _WORDS * found.depth[-1]
+    curves = (found.apparent, found.apparent_halfspace) if found.layered else (found.apparent,)
+    drawn = [found.apparent.low[left], found.apparent.high[left], *(curve.modulus[left] for curve in curves)]
+    values = np.concatenate([[0.0, top], shown[:3], *drawn])
+    rungs = np.sort(values[(values >= 0.0) & (values <= top)])
     place = int(np.argmax(np.diff(rungs)))
-    return float(0.5 * (rungs[place] + rungs[place + 1]))
+    return float(0.5 * (rungs[place] + rungs[place + 1]) / top)
 
 
 # Standard deviations to the ends of 95 %.
