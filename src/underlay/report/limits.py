@@ -21,13 +21,12 @@ from typing import TYPE_CHECKING
 from underlay.data.curve import Curve
 from underlay.data.quality import check_quality
 from underlay.errors import UnderlayError
-from underlay.inference.compare import compare_bonds
 from underlay.inference.design.second_test import remedy
 from underlay.inference.profiles import interval_threshold
 from underlay.report.labels import is_of_the_sample, label, start
 from underlay.report.screen import answer_text
 from underlay.scene.parameters import kind_of
-from underlay.scene.scene import Scene, has_face
+from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -39,7 +38,6 @@ __all__ = [
     "DistinctScene",
     "advice",
     "bonds_sentences",
-    "bonds_told",
     "distinct_scenes",
     "quality_doubts",
     "reservations",
@@ -198,15 +196,6 @@ def bonds_sentences(told: BondComparison) -> list[str]:
         parts.append(f"{bond}: {'; '.join(numbers)}")
     parts += [f"{bond}: no fit, {reason}" for bond, reason in told.refused.items()]
     return [f"{', '.join(parts)} (95 % intervals).", _spoken_for(told.difference)]
-
-
-def bonds_told(fit: Fit) -> list[str]:
-    """Return the same of the face under the layer of a fit; nothing where nothing is under it."""
-    if not all(has_face(scene) for scene in fit.problem.base_scenes):
-        return []
-    if not any(is_of_the_sample(name) for name in fit.names):
-        return []
-    return bonds_sentences(compare_bonds(fit))
 
 
 def _spoken_for(difference: float) -> str:

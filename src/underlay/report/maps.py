@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -24,14 +25,14 @@ from underlay.inference.batch.decisions import (
     without_refused,
 )
 from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
-from underlay.inference.population.population import population
-from underlay.inference.population.result import Comparison, Group, Population, Spread, Triple
 from underlay.report.intervals import quantity_with_interval
 from underlay.report.labels import label, start
-from underlay.report.spoken import markdown_text
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.inference.population.result import Comparison, Group, Population, Spread, Triple
 
 __all__ = [
     "columns_to_draw",
@@ -53,7 +54,6 @@ __all__ = [
     "sample_parameters",
     "shared_error_words",
     "spread_in_words",
-    "told",
     "verdict_table",
     "without_refused",
 ]
@@ -248,18 +248,14 @@ def of_map(table: pd.DataFrame) -> Population | str:
             "takes them so is too narrow. A column `animal` in the manifest, and `group` for those to compare, "
             "lets this page say what the animals say."
         )
+    # Populations are loaded where there is one.
+    from underlay.inference.population.population import population  # noqa: PLC0415  see above
+
     group = _GROUP if _GROUP in table.columns else None
     try:
         return population(table, [_WHOSE], parameters[0], group=group)
     except InputError as error:
-        return f"The animals cannot be summed up: {markdown_text(str(error))}."
-
-
-def told(result: Population | str) -> str:
-    """Return it as Markdown."""
-    return (
-        result if isinstance(result, str) else "\n\n".join(map(markdown_text, population_sentences(result)))
-    )
+        return f"The animals cannot be summed up: {one_line(error)}."
 
 
 def population_tables(result: Population | str) -> list[pd.DataFrame]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,17 +26,27 @@ from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.pointwise.modulus import PointwiseModulus
 
 __all__ = [
     "LEFT",
+    "Written",
     "answer_lines",
     "answer_text",
     "budget_table",
+    "by_depth_words",
     "fit_lines",
+    "half_space_fit",
+    "half_space_words",
+    "in_words",
     "line",
     "map_lines",
+    "name_of",
+    "next_step",
     "source_words",
+    "told_names",
     "verdict_lines",
+    "written",
     "written_line",
 ]
 
@@ -65,34 +75,45 @@ def line(name: str, text: str) -> str:
 
 
 # --- one number ---------------------------------------------------------------------------------------------
+class Written(NamedTuple):
+    """One number in its parts: ``"0.617 ± 0.037"``, ``"MPa"``, ``"95 %"``, ``"0.009"``, ``"0.036"``."""
+
+    number: str
+    unit: str
+    level: str
+    statistical: str
+    systematic: str
+
+
+def written(known: Answer) -> Written:
+    """Write a number whose ends are closed, a range where an arm is much longer."""
+    unit, factor = human_unit(known.value, kind_of(path_of(known.name)))
+    below, above = (known.value - known.low) / factor, (known.high - known.value) / factor
+    decimals = _decimals(max(below, above))
+    if max(below, above) > _LOPSIDED * min(below, above):
+        decimals = _decimals(min(below, above))
+        ends = " to ".join(f"{end / factor:.{decimals}f}" for end in (known.low, known.high))
+        number = f"{known.value / factor:.{decimals}f} ({ends})"
+    else:
+        number = f"{known.value / factor:.{decimals}f} ± {max(below, above):.{decimals}f}"
+    own = [
+        _two_digits(max(known.value - part.low, part.high - known.value) / factor)
+        for part in (known.statistical, known.systematic)
+    ]
+    return Written(number, unit, f"{100.0 * known.level:.3g} %", *own)
+
+
 def answer_text(known: Answer, *, parts: bool = True) -> str:
     """``"0.617 ± 0.037 MPa (95 %; stat 0.009, syst 0.036)"``.
 
     ``"0.62 (0.52 to 0.81) MPa"`` where an arm is much longer, ``"not determined by this curve (> 1.1 mm)"`` where
     an end is open.
     """
-    kind = kind_of(path_of(known.name))
     if known.is_open:
-        return f"not determined by this curve{_one_end(known, kind)}"
-    unit, factor = human_unit(known.value, kind)
-    below, above = (known.value - known.low) / factor, (known.high - known.value) / factor
-    decimals = _decimals(max(below, above))
-    value = f"{known.value / factor:.{decimals}f}"
-    if max(below, above) > _LOPSIDED * min(below, above):
-        decimals = _decimals(min(below, above))
-        ends = " to ".join(f"{end / factor:.{decimals}f}" for end in (known.low, known.high))
-        text = f"{known.value / factor:.{decimals}f} ({ends})"
-    else:
-        text = f"{value} ± {max(below, above):.{decimals}f}"
-    text = f"{text} {unit}".rstrip()
-    if not parts:
-        return text
-    own = [
-        _two_digits(max(known.value - part.low, part.high - known.value) / factor)
-        for part in (known.statistical, known.systematic)
-    ]
-    level = f"{100.0 * known.level:.3g} %"
-    return f"{text} ({level}; stat {own[0]}, syst {own[1]})"
+        return f"not determined by this curve{_one_end(known, kind_of(path_of(known.name)))}"
+    one = written(known)
+    text = f"{one.number} {one.unit}".rstrip()
+    return f"{text} ({one.level}; stat {one.statistical}, syst {one.systematic})" if parts else text
 
 
 def _one_end(known: Answer, kind: str) -> str:
@@ -113,14 +134,7 @@ def _two_digits(width: float) -> str:
 def answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
     """One line a number of the sample; without an uncertainty where the model was rejected."""
     for known in answers:
-        short = _SHORT.get(path_of(known.name))
-        curve = curve_of(known.name)
-        name = (
-            start(label(known.name))
-            if short is None
-            else f"{short[0]}{'' if curve is None else f' {curve + 1}'}"
-        )
-        symbol = _letter(known.name) if short is None else short[1]
+        name, symbol = name_of(known.name)
         text = (
             f"{format_quantity(known.value, kind_of(path_of(known.name)))} (model rejected: no uncertainty given)"
             if verdict == "reject"
@@ -131,6 +145,14 @@ def answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
             yield name
             name = ""
         yield line(name, f"{separator}{text}")
+
+
+def name_of(parameter: str) -> tuple[str, str]:
+    """Short name and letter of a quantity: ``("Layer modulus 2", "E")`` of the second curve's."""
+    short, curve = _SHORT.get(path_of(parameter)), curve_of(parameter)
+    if short is None:
+        return start(label(parameter)), _letter(parameter)
+    return f"{short[0]}{'' if curve is None else f' {curve + 1}'}", short[1]
 
 
 #: Short names and letters of what is printed most, by the path's last part or the whole path.
@@ -155,16 +177,21 @@ def _letter(name: str) -> str:
 # --- a verdict ----------------------------------------------------------------------------------------------
 def verdict_lines(verdict: Advice) -> Iterator[str]:
     """The verdict; cause and next step where there are."""
-    yield line("Verdict", f"{verdict.word}: {_in_words(verdict.reason)}")
+    yield line("Verdict", f"{verdict.word}: {in_words(verdict.reason)}")
     if verdict.cause:
-        yield line("Likely cause", _in_words(verdict.cause))
+        yield line("Likely cause", in_words(verdict.cause))
     if verdict.next:
-        key, value = verdict.setting or ("", "")
-        as_key = f': {key.partition(".")[2]} = "{value}" in [{key.partition(".")[0]}]' if key else ""
-        yield line("Next step", _in_words(verdict.next) + as_key)
+        yield line("Next step", next_step(verdict))
 
 
-def _in_words(text: str) -> str:
+def next_step(verdict: Advice) -> str:
+    """The next step in words, with the key of the scene file where it is one."""
+    section, _, key = (verdict.setting[0] if verdict.setting else "").partition(".")
+    as_key = f': {key} = "{verdict.setting[1]}" in [{section}]' if verdict.setting else ""
+    return in_words(verdict.next) + as_key
+
+
+def in_words(text: str) -> str:
     """A sentence with parameters by their words."""
     for path in ("layer.E", "layer.thickness", "substrate.E", "layer.nu", "instrument.contact_depth"):
         text = text.replace(path, label(path)) if path in text else text
@@ -219,7 +246,7 @@ def budget_table(known: Answer) -> pd.DataFrame:
 # --- a fit --------------------------------------------------------------------------------------------------
 def fit_lines(fit: Fit) -> list[str]:
     """The short text of a fit."""
-    answers = [fit.answer(name) for name in _told(fit)]
+    answers = [fit.answer(name) for name in told_names(fit)]
     verdict = fit.verdict
     lines = [*answer_lines(answers, verdict), *_relaxation(fit), *_adhesion(fit), *verdict_lines(verdict)]
     lines += _by_depth(fit)
@@ -229,7 +256,7 @@ def fit_lines(fit: Fit) -> list[str]:
     return "\n".join(lines).splitlines()
 
 
-def _told(fit: Fit) -> list[str]:
+def told_names(fit: Fit) -> list[str]:
     """Numbers of the sample, each once: a relaxing layer by its moduli, a joint fit by every curve's."""
     names = [name for name in (*fit.names, *fit.derived) if is_of_the_sample(name)]
     derived = {path_of(name).rpartition(".")[2] for name in fit.derived}
@@ -261,56 +288,67 @@ def _adhesion(fit: Fit) -> Iterator[str]:
 
 
 def _by_depth(fit: Fit) -> Iterator[str]:
-    """The modulus read from each depth: its range, and whether it is constant."""
     try:
-        found = fit.modulus_by_depth()
+        words = by_depth_words(fit.modulus_by_depth())
     except UnderlayError:
         return
+    if words:
+        yield line("E by depth", words)
+
+
+def by_depth_words(found: PointwiseModulus) -> str:
+    """The modulus read from each depth: its range, and whether it is constant; empty where too few depths tell."""
     curve = found.apparent
     known = np.isfinite(curve.modulus) & np.isfinite(curve.low) & np.isfinite(curve.high)
     if known.sum() < 3:
-        return
+        return ""
     modulus, low, high = curve.modulus[known], curve.low[known], curve.high[known]
     # Depths at which the band says something: within twice the narrowest.
     told = (high - low) <= 3.0 * (high - low).min()
     least, most = float(modulus[told].min()), float(modulus[told].max())
-    ends = _range(least, most)
     if bool(((low <= curve.expected[known]) & (curve.expected[known] <= high)).all()):
         words = "constant within its uncertainty"
     else:
         trend = float(np.polyfit(np.log(found.depth[known][told]), np.log(modulus[told]), 1)[0])
         words = "rising" if trend > 0.0 else "falling"
-    yield line("E by depth", f"{ends}, {words}")
+    return f"{_range(least, most)}, {words}"
 
 
 def _range(least: float, most: float) -> str:
     unit, factor = human_unit(most, "pressure")
-    return f"{least / factor:.3g} to {most / factor:.3g} {unit}"
+    low, high = f"{least / factor:.3g}", f"{most / factor:.3g}"
+    return f"{high} {unit}" if low == high else f"{low} to {high} {unit}"
 
 
-def _half_space(fit: Fit) -> Iterator[str]:
-    """What the half-space's formula makes of the same curve."""
+def half_space_fit(fit: Fit) -> Fit | None:
+    """Fit the same curve by the half-space's formula; None where no base is declared, or the formula has no say."""
     problem = fit.problem
     alone = len(problem.members) == 1 and fit.scene.substrate is not None and fit.scene.memory is None
     if not alone or "layer.E" not in fit.names or fit.scene.adhesion is not None:
-        return
+        return None
     free = {
         path: given for path, given in problem.free.items() if path.startswith(("layer.E", "instrument."))
     }
     try:
-        own = fit.refit(problem.revised(free=free, solver=HalfSpace(), scenes=fit.scenes))
+        return fit.refit(problem.revised(free=free, solver=HalfSpace(), scenes=fit.scenes))
     except UnderlayError:
-        return
+        return None
+
+
+def half_space_words(fit: Fit, own: Fit) -> str:
+    """Say what the half-space's formula, fitted as `own`, makes of the curve of `fit`."""
     value = own.values["layer.E"]
     change = 100.0 * (value / fit.answer("layer.E").value - 1.0)
     if abs(change) < 1.0:
-        yield line("Half-space", "Hertz would give the same within 1 %: the substrate is not felt")
-        return
+        return "Hertz would give the same within 1 %: the substrate is not felt"
     felt = "stiffened" if change > 0.0 else "softened"
-    yield line(
-        "Half-space",
-        f"Hertz would give {format_quantity(value, 'pressure')} ({change:+.0f} %): {felt} by the substrate",
-    )
+    return f"Hertz would give {format_quantity(value, 'pressure')} ({change:+.0f} %): {felt} by the substrate"
+
+
+def _half_space(fit: Fit) -> Iterator[str]:
+    own = half_space_fit(fit)
+    if own is not None:
+        yield line("Half-space", half_space_words(fit, own))
 
 
 def written_line(paths: Sequence[object], folder: object, stem: str) -> str:

@@ -5,17 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from underlay._arrays import ArrayLike
 from underlay._text import one_line
-from underlay.report.intervals import doubts_of_curves, quantity_with_interval
+from underlay.report.intervals import quantity_with_interval
 from underlay.report.labels import is_of_the_sample, label, labelled, start
-from underlay.report.limits import advice, distinct_scenes, rivals
 from underlay.report.screen import answer_text
 from underlay.report.spoken import markdown_text
 from underlay.scene.parameters import kind_of
-from underlay.units import human_unit, printed
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
@@ -24,10 +19,8 @@ if TYPE_CHECKING:
 __all__ = [
     "headline",
     "known_together",
-    "noted",
     "posterior_summary",
     "strong_pairs",
-    "summary",
     "verdict_sentence",
 ]
 
@@ -37,8 +30,6 @@ STRONG = 0.9
 _LEVEL = 0.95
 # A standard error of the logarithm above which a parameter is badly known by itself.
 _BADLY = 0.05
-# A change of the force below this is not worth a sentence.
-_NOTICEABLE = 0.01
 
 
 def headline(result: Fit) -> str:
@@ -49,20 +40,6 @@ def headline(result: Fit) -> str:
     ``"Layer modulus 0.617 ± 0.037 MPa (95 %; stat 0.009, syst 0.036)."``
     """
     return " ".join(_sentences(result))
-
-
-def summary(result: Fit) -> str:
-    """Return the result as Markdown: numbers, verdict, rivals, what holds together, substrate, doubts."""
-    paragraphs = [" ".join(f"**{text}**" for text in _sentences(result)), f"**{verdict_sentence(result)}**"]
-    paragraphs += [*advice(result), *rivals(result)]
-    paragraphs += [
-        f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
-        f"if one is wrong, so is the other."
-        for first, second, value in known_together(result)
-        if is_of_the_sample(first) and is_of_the_sample(second)
-    ]
-    paragraphs += [_substrate_sentence(result), _reservation_sentence(result)]
-    return printed("\n\n".join(text for text in paragraphs if text))
 
 
 def _sentences(result: Fit) -> list[str]:
@@ -113,11 +90,6 @@ def posterior_summary(posterior: Posterior) -> str:
     return "\n\n".join(told)
 
 
-def noted(message: object, *_: object) -> str:
-    """Return a warning as a line of a report: takes the place of `warnings.formatwarning`."""
-    return f"note: {one_line(message)}\n"
-
-
 def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
     """Pairs of parameters whose correlation is above 0.9 in size, strongest first."""
     frame = result.correlations
@@ -146,46 +118,3 @@ def known_together(result: Fit) -> list[tuple[str, str, float]]:
 
 def _with_level(text: str) -> str:
     return f"{text[:-1]}, 95 %)" if text.endswith(")") else text
-
-
-def _substrate_sentence(result: Fit) -> str:
-    """How much the substrate does at the deepest point of every curve."""
-    if all(scene.substrate is None for scene in result.scenes):
-        return "The sample is taken as a half-space: no substrate was declared."
-    ratios, deepest, contacts = [], [], []
-    for test in distinct_scenes(result.scenes, result.curves):
-        if not test.deepest > 0.0:
-            continue
-        at = np.array([test.deepest])
-        law = test.scene.contact_law(test.deepest, solver=result.solver)
-        bare = test.scene.contact_law(test.deepest, solver="halfspace")
-        ratios.append(float(law.force(at)[0] / bare.force(at)[0]))
-        contacts.append(float(law.contact_radius(at)[0]) / test.scene.layer.thickness)
-        deepest.append(test.deepest)
-    if not ratios:
-        return ""
-    which = "the deepest point" if len(result.curves) == 1 else "the deepest points of the curves"
-    if all(abs(ratio - 1.0) < _NOTICEABLE for ratio in ratios):
-        return f"The substrate changes the force at {which} by less than 1 %."
-    length, mm = human_unit(max(deepest), "length")
-    wrong = {"large" if ratio > 1.0 else "small" for ratio in ratios if abs(ratio - 1.0) >= _NOTICEABLE}
-    return (
-        f"At {which} ({_range(np.divide(deepest, mm), 4)} {length} into the sample, contact radius "
-        f"{_range(contacts, 2)} of the thickness) the force is {_range(ratios, 3)} times that on a "
-        f"half-space of the same modulus: a half-space formula would make the modulus too "
-        f"{' or too '.join(sorted(wrong))}."
-    )
-
-
-def _range(values: ArrayLike, digits: int) -> str:
-    """Return ``"0.12"``, or ``"0.12 to 0.2"`` where the smallest and the largest differ in writing."""
-    low, high = (f"{end:.{digits}g}" for end in (np.min(values), np.max(values)))
-    return low if low == high else f"{low} to {high}"
-
-
-def _reservation_sentence(result: Fit) -> str:
-    notes = sum(len(curve.metadata.get("notes", ())) for curve in result.curves)
-    count = notes + len(doubts_of_curves(result)) + len(result.warnings)
-    if not count:
-        return ""
-    return f"There {'is one reservation' if count == 1 else f'are {count} reservations'}, listed below."
