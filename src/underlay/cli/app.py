@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -61,7 +62,7 @@ def _whole(
 
 
 #: The commands as `--help` groups them: what it is about, and the commands of it by their names.
-_GROUPS = {
+_GROUPS: dict[str, dict[str, Callable[..., None]]] = {
     "Start": {"demo": demo, "app": browser_page, "formats": formats, "keys": keys},
     "Fit": {"fit": fit, "sample": sample, "compare": compare, "film": film},
     "Many curves": {"map": map_curves, "population": population},

@@ -508,7 +508,7 @@ class _Proposal:
         # In an order of chance: draws are stratified, and a walker's are of the whole mixture, not of one stratum.
         own = rng.permutation(self.source.draw(count, rng))
         near = rng.permutation(self.kernels.draw(count, own[0], rng))
-        return np.where(rng.uniform(size=(count, 1)) < 0.5, own, near)
+        return np.asarray(np.where(rng.uniform(size=(count, 1)) < 0.5, own, near))
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
         """Log-density (n,) of vectors (n, p)."""
