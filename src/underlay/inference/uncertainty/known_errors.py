@@ -273,7 +273,7 @@ FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large 
 # Of the share of full friction. A flat prior between none and full has its ends outside every 95 % interval, and a
 # tip that slides and one that sticks are both common: there it covers 75 % where this covers 92 (a modulus at 0.3 %
 # noise; 84 to 87 and 90 to 92 with the thickness free), for intervals up to 1.4 times as long
-# (tests/studies/friction_prior.py).
+# (tests/studies/results/friction_prior.csv).
 _SHARE = 0.35
 
 
