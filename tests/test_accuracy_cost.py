@@ -1,8 +1,6 @@
 """What accuracy costs: the table, its front, its picture, the commands that make them and the README."""
 
-import json
 from dataclasses import replace
-from functools import partial
 from itertools import combinations
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from typer.testing import CliRunner
 
 import underlay as ul
 from underlay.cli.app import app
-from underlay.report import bench, bench_users, plots
+from underlay.report import plots
 from underlay.report.plots.style import PAGE
 from underlay.report.tables import accuracy_summary
 from underlay.scene.accuracy_cost import explicit_formula
@@ -230,68 +228,3 @@ def test_the_command_writes_table_and_pictures(tmp_path):
     assert "garcia2018" in result.output
     assert (out / "gel.accuracy.csv").read_text().startswith("method,form,order,rtol,nodes,error")
     assert (out / "gel.accuracy.png").read_bytes().startswith(b"\x89PNG")
-
-
-# --- the README's table -------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def quick_bench(monkeypatch):
-    """The real cases, each timed twice, and three numbers of depths."""
-    # The command takes them from there when it is called.
-    monkeypatch.setattr(bench, "bench_table", partial(bench.bench_table, rounds=2))
-    monkeypatch.setattr(bench, "fit_table", partial(bench.fit_table, rounds=2))
-    monkeypatch.setattr(bench, "depth_table", partial(bench.depth_table, (10, 100, 1000), rounds=2))
-    # Start-up and maps take seconds each: two rows stand for them all.
-    few = tuple(case for case in bench_users.USER_CASES if "1000 points" in case.what and "CSV" in case.what)
-    monkeypatch.setattr(bench_users, "user_table", partial(bench_users.user_table, few, rounds=2))
-
-
-@pytest.mark.usefixtures("quick_bench")
-def test_bench_replaces_the_table_and_nothing_else(tmp_path):
-    readme = tmp_path / "README.md"
-    readme.write_text("# before\n\n<!-- bench:start -->\nold\n<!-- bench:end -->\n\nafter\n")
-    arguments = ["bench", "--readme", str(readme), "--output", str(tmp_path)]
-    result = CliRunner().invoke(app, arguments, env={"COLUMNS": "160"})
-    assert result.exit_code == 0, result.output
-    text = readme.read_text()
-    assert text.startswith("# before\n\n<!-- bench:start -->\n")
-    assert text.endswith("\n<!-- bench:end -->\n\nafter\n")
-    assert "\nold\n" not in text
-    for case in bench.CASES:
-        assert f"| {case.name} | " in text
-    assert "| 1,000 | " in text
-    # A header and the unit stand above the cases of each table.
-    for name, fits in (("bench.csv", False), ("bench.fits.csv", True)):
-        cases = [case for case in bench.CASES if case.is_fit is fits]
-        assert len((tmp_path / name).read_text().splitlines()) == len(cases) + 2
-    assert (tmp_path / "bench.depths.csv").is_file()
-    assert "| reading a plain CSV of 1000 points | " in text
-    assert "| map from CSV, 1000 points | " in text
-    said = json.loads((tmp_path / "bench.machine.json").read_text())
-    assert {"machine", "processor", "python", "numpy", "lmfit"} <= said.keys()
-
-
-def test_a_row_without_its_peer_says_so():
-    absent = bench_users.UserCase("a race", "times", float, needs="no_such_package")
-    there = replace(absent, what="a walk", needs="numpy")
-    table = bench_users.user_table((absent, there), rounds=3)
-    assert bench_users.user_markdown(table).splitlines()[2:] == [
-        "| a race | not measured: no_such_package is not installed |",
-        "| a walk | 3 times |",
-    ]
-
-
-def test_bench_refuses_a_page_without_a_place_before_it_measures(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("no markers")
-    assert isinstance(CliRunner().invoke(app, ["bench", "--readme", str(page)]).exception, ul.FileFormatError)
-    missing = CliRunner().invoke(app, ["bench", "--readme", str(tmp_path / "none.md")]).exception
-    assert isinstance(missing, ul.FileAccessError)
-
-
-def test_the_page_has_the_place_and_its_rows_are_the_cases():
-    text = (ROOT / ".reference" / "pages" / "cost.md").read_text(encoding="utf-8")
-    inside = text.partition("<!-- bench:start -->")[2].partition("<!-- bench:end -->")[0]
-    for case in bench.CASES:
-        assert f"| {case.name} | " in inside, "run: underlay bench --readme .reference/pages/cost.md"

@@ -8,6 +8,10 @@ import pytest
 import underlay as ul
 from underlay.mechanics.adhesion.jkr import jkr_branch
 from underlay.mechanics.adhesion.maugis import maugis_state
+from underlay.mechanics.adhesion.radius_relation import solve_relation
+from underlay.mechanics.exact.contact_problem import depth_measure, weights_over_depth
+from underlay.mechanics.exact.nodes import even_rule
+from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 
 FINE = ul.Exact(rtol=1e-10)
 
@@ -225,6 +229,33 @@ def test_law_follows_its_branch_and_ends_at_the_pull_off():
         law.depth(-1.01 * law.pull_off_force)
     with pytest.raises(ul.RangeError):
         law.force(1.1)
+
+
+def test_a_measured_tip_grows_as_its_depth_says():
+    """dw/da of the elastic contact, of which the slope in the work of adhesion is made, against differences.
+
+    The derivative of a series through a tip with corners was 1e-3 off.
+    """
+    r = np.linspace(0.0, 2e-6, 30)
+    tip, layer = ul.Profile(r, np.hypot(r, 2e-7) - 2e-7), ul.Layer(ul.Isotropic(1e5, 0.45), 1e-6)
+    contact = ul.Contact.of(tip, layer, ul.RIGID)
+    radius, step = np.linspace(0.15, 0.98, 21) * 1.5e-6, 1e-5
+    nodes = proved_resolution(contact.kernel, 1.6, 1e-12).scaled(4.0, 1.5)
+
+    def depth(a):
+        weights = weights_over_depth(tip, depth_measure(tip), even_rule(nodes.radial), a)
+        found = PunchSolution.solve(contact.kernel, a / 1e-6, nodes).depth_and_force(weights)
+        return found[0] * tip.abel(a)
+
+    at = [depth(radius * (1.0 + k * step)) for k in (-2, -1, 1, 2)]
+    slope = (at[0] - 8.0 * at[1] + 8.0 * at[2] - at[3]) / (12.0 * step * radius)
+    found = solve_relation(contact, 1.5e-6, 1e-6).at(radius)
+    assert found.depth_slope == pytest.approx(slope, rel=1e-4)
+    law = ul.Scene(tip, layer, ul.RIGID, adhesion=ul.JKR(1e-3)).contact_law(3e-7)
+    w = np.linspace(1e-8, 2.9e-7, 9)
+    a = law.contact_radius(w)
+    closed = -2.0 * np.pi * 1e-3 * a / law.branch.at(a).depth_slope
+    assert law.work_slope(w) == pytest.approx(closed, rel=1e-9)
 
 
 def test_a_spring_pulls_off_between_depth_and_load():

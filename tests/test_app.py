@@ -319,4 +319,4 @@ def test_without_the_extra_the_command_says_the_line_to_install_it(monkeypatch, 
     monkeypatch.setattr("sys.argv", ["underlay", "app"])
     with pytest.raises(SystemExit, match="2"):
         main()
-    assert "pip install 'underlay[app]'" in capsys.readouterr().err
+    assert "pip install '.[app]' in the folder of underlay" in capsys.readouterr().err

@@ -23,7 +23,6 @@ sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import benchmark as study
 
 FOLDER = study.FOLDER
-README = study.ROOT / "README.md"
 
 
 def test_making_it_again_gives_the_same_bytes(tmp_path):
@@ -189,8 +188,8 @@ def test_the_command_scores_a_program(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "benchmark.csv").read_text().count("\n") == 6
 
 
-def test_the_readme_prints_the_stored_scores():
-    text = README.read_text(encoding="utf-8")
+def test_the_page_prints_the_stored_scores():
+    text = study.PAGE.read_text(encoding="utf-8")
     assert study.score_table() in text.split(study.START)[1].split(study.END)[0]
 
 

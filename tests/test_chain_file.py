@@ -114,5 +114,8 @@ def test_other_files_are_no_chains(tmp_path):
 def test_without_the_extra_the_error_names_it(tmp_path, monkeypatch):
     monkeypatch.setattr(chain_file, "h5py", None)
     path = tmp_path / "chain.h5"
-    with pytest.raises(ul.MissingExtraError, match=r"underlay\[uq\]"), ChainFile.create(path, NAMES, (10, 6)):
+    with (
+        pytest.raises(ul.MissingExtraError, match=r"pip install '\.\[uq\]'"),
+        ChainFile.create(path, NAMES, (10, 6)),
+    ):
         pass

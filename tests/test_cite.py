@@ -13,9 +13,8 @@ import underlay as ul
 from support.populations import write_study
 from support.reports import small_posterior
 from underlay.cli.app import main
-from underlay.inference.citation.result import cited
-from underlay.inference.citation.used import of_sampling, used_by
-from underlay.inference.citation.works import _WORKS, bibtex, work
+from underlay.inference.citation import bibtex, of_sampling, used_by, work, works
+from underlay.inference.cited import cited
 from underlay.mechanics.published import published_names
 
 SCENE = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1.3e-3), ul.RIGID)
@@ -124,18 +123,14 @@ def test_every_correction_can_be_cited():
 
 def test_every_doi_is_confirmed_in_the_tree_or_by_a_note():
     # Those that stand beside the code they belong to; the others were met in the publishers' or authors' own pages.
-    source = "".join(
-        path.read_text(encoding="utf-8")
-        for path in (Path(ul.__file__).parent).rglob("*.py")
-        if path.name != "works.py"
-    )
+    source = "".join(path.read_text(encoding="utf-8") for path in (Path(ul.__file__).parent).rglob("*.py"))
     elsewhere = {"harris2020", "virtanen2020", "johnson1971", "derjaguin1975", "maugis1992"}
-    for entry in _WORKS:
+    for entry in works().values():
         assert not entry.doi or entry.key in elsewhere or entry.doi in source, entry.key
 
 
 def test_bibtex_is_bibtex():
-    text = bibtex(work(key) for key in [*[entry.key for entry in _WORKS], *published_names()])
+    text = bibtex(work(key) for key in [*works(), *published_names()])
     entries = re.findall(
         r"^@(article|software)\{([a-z_0-9-]+),\n((?:  \w+ = \{.*\},\n)+)\}$", text, re.MULTILINE
     )

@@ -261,7 +261,7 @@ def test_in_a_file_no_table_is_cut_off(run):
     code, out, _ = run("keys", "curve")
     assert code == 0
     assert "…" not in out
-    for words in ("deepest reading that is used", "loading", "calibration", "imprint"):
+    for words in ("Deepest reading that is used", "loading", "calibration", "imprint"):
         assert words in out
     code, out, _ = run("compare", SAMPLES / "gel_on_glass.csv", "--scene", SAMPLES / "gel_on_glass.toml")
     assert code == 0

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import time
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -202,3 +206,31 @@ def test_a_base_of_nothing_is_refused_by_name(ratio):
         exact_law(tip, layer, ul.Isotropic(ratio, 0.45), max_depth=0.36)
     with pytest.raises(RangeError, match="the exact law ends at 1e-20"):
         exact_law(ul.FlatPunch(0.5), layer, ul.Isotropic(ratio, 0.45), max_depth=0.36)
+
+
+def test_roots_that_turn_cost_no_more_than_a_hundred_isotropic_layers() -> None:
+    """Displacements that decay as exp(-0.2 z) and turn: at a/h = 14 as wide as 70. 360 times before, 50 now."""
+    fibres = ul.TransverselyIsotropic(
+        E=1.0, E_axial=57.142, nu=0.49029, nu_axial=2.06286318, G_axial=51.18032545
+    )
+    assert fibres.plane_constants.sigma == pytest.approx(0.42, abs=0.01)
+
+    def seconds(material: ul.Isotropic | ul.TransverselyIsotropic) -> float:
+        start = time.process_time()
+        exact_law(ul.Sphere(40.0), ul.Layer(material, 1.0), ul.RIGID, max_depth=2.5, rtol=1e-6)
+        return time.process_time() - start
+
+    turning, plain = (
+        min(seconds(material) for _ in range(3)) for material in (fibres, ul.Isotropic(1.0, 0.45))
+    )
+    assert turning < 100.0 * plain
+
+
+def test_the_stored_random_cases_are_all_inside_their_stated_error() -> None:
+    """Counts of `studies/torture.py`: none outside; 2,000 a kind, of the slower kinds fewer."""
+    counts = json.loads((Path(__file__).parent / "studies" / "results" / "torture.json").read_text("utf-8"))
+    assert set(counts) == {"kernel", "slices", "force", "stuck", "slope", "scaling", "permutation"}
+    for kind, found in counts.items():
+        assert found["outside"] == 0, kind
+        assert found["worst"] <= 1.0, kind
+        assert found["cases"] - found["refused"] >= 500, kind

@@ -158,7 +158,7 @@ def test_bad_requests(fit, tmp_path, monkeypatch):
     with pytest.raises(ul.InputError, match="write CSV"):
         workbook({"a": pd.DataFrame({"x": np.zeros(MOST_ROWS + 1)})})
     monkeypatch.setitem(sys.modules, "xlsxwriter", None)
-    with pytest.raises(ul.MissingExtraError, match=r"underlay\[excel\]"):
+    with pytest.raises(ul.MissingExtraError, match=r"pip install '\.\[excel\]'"):
         ul.write_excel(tmp_path / "fit.xlsx", fit)
     assert not list(tmp_path.iterdir())
 

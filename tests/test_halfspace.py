@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import special
 from scipy.integrate import quad
 
 import underlay as ul
@@ -163,3 +164,27 @@ def test_bad_shapes(make, message):
 def test_negative_force_has_no_depth():
     with pytest.raises(ul.InputError, match="0 N or more"):
         law_of(ul.Paraboloid(1e-3)).depth(-1.0)
+
+
+def test_a_blunt_power_law_does_not_underflow() -> None:
+    """Of exponent 20, where r^20 is 1e-320 and keeps four digits."""
+    tip = ul.PowerLaw(20.0, 1e300)
+    r = np.array([1e-16])
+    depth = 1e-20 * float(10.0 * special.beta(10.0, 0.5))
+    assert tip.abel(r)[0] == pytest.approx(depth, rel=1e-12, abs=0.0)
+    assert tip.surface(r)[0] == pytest.approx(1e-20, rel=1e-12, abs=0.0)
+    assert tip.abel_slope(r)[0] == pytest.approx(20.0 * depth / 1e-16, rel=1e-12, abs=0.0)
+    assert tip.halfspace_radius(np.array([depth]))[0] == pytest.approx(1e-16, rel=1e-14, abs=0.0)
+    law = ul.contact_law(tip, ul.Layer(ul.Isotropic(1e3, 0.5)), max_depth=1e-19)
+    assert law.force(depth) == pytest.approx(
+        20.0 / 21.0 * 4.0 * law.theta * depth * 1e-16, rel=1e-12, abs=0.0
+    )
+
+
+def test_a_depth_one_rounding_above_the_largest_is_the_largest() -> None:
+    """It was refused with two equal numbers."""
+    law = ul.contact_law(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e4, 0.5), 1e-3), ul.RIGID, max_depth=1e-4)
+    above = float(np.nextafter(law.max_depth, 1.0))
+    assert law.force(above) == pytest.approx(law.force(law.max_depth), rel=1e-14, abs=0.0)
+    with pytest.raises(ul.RangeError):
+        law.force(law.max_depth * (1.0 + 1e-14))

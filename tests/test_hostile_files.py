@@ -275,7 +275,7 @@ def test_hdf5_that_leads_out_of_the_file(link, put, tmp_path):
 def test_a_missing_extra_is_named(content, module, put, monkeypatch):
     path = put(content())
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ul.MissingExtraError, match=r'pip install "underlay\[afm\]"'):
+    with pytest.raises(ul.MissingExtraError, match=r"pip install '\.\[afm\]'"):
         ul.read_all(path)
 
 

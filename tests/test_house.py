@@ -38,7 +38,6 @@ HOMES = {
     "distributed": ("inference/batch/dask",),
     "matplotlib": ("report/plots", "report/kernel"),
     "pint": ("units",),
-    "pydantic": ("scene/scene_schema",),
     "threadpoolctl": ("_threads",),
     "tomlkit": ("scene/scene_writer",),
     "xlsxwriter": ("report/excel",),
@@ -183,7 +182,7 @@ def test_mechanics_needs_numpy_and_scipy_only():
         "import underlay.mechanics\n"
         "for module in pkgutil.walk_packages(underlay.mechanics.__path__, 'underlay.mechanics.'):\n"
         "    importlib.import_module(module.name)\n"
-        "heavy = {'lmfit', 'matplotlib', 'pandas', 'emcee', 'pint', 'pydantic', 'typer'} & set(sys.modules)\n"
+        "heavy = {'lmfit', 'matplotlib', 'pandas', 'emcee', 'pint', 'typer'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -234,8 +233,8 @@ DOORS = {
     "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
+    "inference/citation": {"read_text"},  # of the package itself
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
-    "report/bench_users": {"read_text", "np.loadtxt"},  # the processor's name; a peer that is timed
     "report/review": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
 }
@@ -263,7 +262,13 @@ def test_the_search_for_open_files_finds_them():
 
 
 #: What outlives its callers, and where it is argued why.
-KEPT_FOR_THE_PROCESS = {"mechanics/exact/nodes": {"TABLES"}, "plugins": {"plugins"}}
+KEPT_FOR_THE_PROCESS = {
+    "mechanics/exact/nodes": {"TABLES"},
+    # Two functions of nothing but their own printed numbers, made when first asked for.
+    "mechanics/finite_width/compliance": {"_splines"},
+    "mechanics/stiffening/gradual": {"_near"},
+    "plugins": {"plugins"},
+}
 CACHES = {"cache", "lru_cache"}
 #: Calls that make something to be filled.
 CONTAINERS = {

@@ -22,7 +22,6 @@ HEAVY = {
     "matplotlib",
     "pandas",
     "pint",
-    "pydantic",
     "scipy",
     "scipy.stats",
     "tomlkit",
@@ -115,7 +114,7 @@ def test_the_help_of_a_command_loads_nothing_of_what_it_does():
 def test_a_plain_fit_loads_no_pictures():
     sample = SAMPLES / "gel_on_glass"
     assert loaded_by("fit", sample.with_suffix(".csv"), "--scene", sample.with_suffix(".toml")) <= {
-        *("numpy", "pandas", "scipy", "pydantic")  # arrays, tables, laws, the scene file
+        *("numpy", "pandas", "scipy")  # arrays, tables, laws
     }
 
 

@@ -357,7 +357,7 @@ def test_inference_data_holds_one_chain_per_walker(posterior, tmp_path):
 
 def test_without_the_extra_the_error_names_it(posterior, monkeypatch):
     monkeypatch.setitem(sys.modules, "arviz", None)
-    with pytest.raises(ul.MissingExtraError, match=r"underlay\[uq\]"):
+    with pytest.raises(ul.MissingExtraError, match=r"pip install '\.\[uq\]'"):
         posterior.to_inference_data()
 
 

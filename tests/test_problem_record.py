@@ -43,6 +43,15 @@ class Worded(Dish):
 
 
 @dataclass(frozen=True)
+class Weighed(Dish):
+    """A shape with a number that may be one that no scene file holds."""
+
+    shape: ClassVar[str] = "weighed"
+
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
 class Forgetful(Dish):
     """A shape that is never the same."""
 
@@ -156,9 +165,9 @@ class Own(ul.Uniform):
             "Nameless, has no name in scene files",
         ),
         (
-            replace(SCENE, indenter=Worded(1e-3, "you")),
+            replace(SCENE, indenter=Weighed(1e-3, np.inf)),
             {"layer.E": (1e2, 1e8)},
-            "its scene, of a Worded, cannot be written",
+            "its scene, of a Weighed, cannot be written",
         ),
         (
             replace(SCENE, indenter=Forgetful(1e-3)),
@@ -171,6 +180,12 @@ class Own(ul.Uniform):
 def test_what_has_no_name_is_refused(scene, free, message):
     with pytest.raises(ul.InputError, match=message):
         problem_record(ul.Problem(scene, curve_of(SCENE), free))
+
+
+def test_a_word_of_a_shape_of_ones_own_comes_back():
+    scene = replace(SCENE, indenter=Worded(1e-3, "you"))
+    record = problem_record(ul.Problem(scene, curve_of(SCENE), {"layer.E": (1e2, 1e8)}))
+    assert problem_from_record(*record).base_scenes[0] == scene
 
 
 def test_damaged_records_are_refused():

@@ -1,6 +1,7 @@
 """Profile intervals: the truth inside as often as said, and ends that are not there said to be missing."""
 
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -312,3 +313,32 @@ def test_a_walk_halves_the_way_to_where_the_laws_end(monkeypatch):
     # A level profile: steps double to the wall in ten, and halve what is left to a twentieth of the way.
     assert len(asked) < 20
     assert walked.vectors[-1][0] < wall < walked.vectors[-1][0] + 0.06 * (wall - here) + deviation
+
+
+@pytest.mark.parametrize("points", [10, 60, 300])
+def test_many_radii_are_read_off_a_table_as_exact_as_the_sums(points: int) -> None:
+    """Between the knots, at corners and at the apex; 5000 radii of 300 points in a tenth of the time and less."""
+    r = np.linspace(0.0, 1.2e-3, points)
+    for height in (
+        r**2 / 2e-3 * (1.0 + 100.0 * r),
+        np.hypot(r, 1e-4) - 1e-4,
+        np.maximum(0.1 * r, 0.5 * (r - 6e-4) + 6e-5),
+    ):
+        tip = ul.Profile(r, height)
+        radius = np.sort(np.random.default_rng(0).uniform(0.0, r[-1], 5000))
+        one_by_one = [f(part) for f in (tip.abel, tip.abel_slope) for part in np.split(radius, 50)]
+        sums = np.concatenate(one_by_one).reshape(2, -1)
+        assert tip.abel(radius) == pytest.approx(sums[0], rel=2e-12, abs=0.0)
+        assert tip.abel_slope(radius) == pytest.approx(sums[1], rel=5e-11, abs=0.0)
+        assert tip.abel(tip.halfspace_radius(sums[0])) == pytest.approx(sums[0], rel=1e-11, abs=0.0)
+
+    def seconds(parts: int) -> float:
+        start = time.process_time()
+        for part in np.split(radius, parts):
+            tip.abel(part)
+        return time.process_time() - start
+
+    if points == 300:
+        tip = ul.Profile(r, np.hypot(r, 1e-4) - 1e-4)
+        tip.abel(radius)
+        assert 10.0 * min(seconds(1) for _ in range(3)) < min(seconds(50) for _ in range(3))

@@ -1,8 +1,10 @@
 """Every command line that the README and the reference print, run word for word beside the files they speak of."""
 
+import os
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -24,12 +26,6 @@ PRINTED = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
 SAMPLES = ROOT / "data_samples"
 #: What is not run here, and why: a cluster of machines, the user's own shell, and a command that needs words.
 EXCEPTED = ("--scheduler", "--install-completion", "CURVE", "RESULT", "--program", "app")
-#: The scene files of the doors, by the name in their first line.
-DOORS = {
-    block.split()[1]: block
-    for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
-    if block.startswith("# ")
-}
 
 
 def commands():
@@ -83,8 +79,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "results").mkdir()
     write_study(tmp_path / "results" / "map.csv", group="group")
     write_result(tmp_path / "results" / "curve.fit.json")
-    for name, text in DOORS.items():
-        (tmp_path / name).write_text(text, encoding="utf-8")
+    write_result(tmp_path / "results" / "gel_on_glass.fit.json")
     (tmp_path / "data_samples").symlink_to(SAMPLES)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -107,35 +102,64 @@ def test_the_readme_prints_the_commands_that_matter():
     assert printed >= {"fit", "simulate", "identify", "plan", "sample", "map", "accuracy", "effects", "cite"}
 
 
-def doors():
-    """Scene file, commands and the number that is promised of every door."""
-    for section in README.split("## Four doors")[1].split("\n## ")[0].split("\n### ")[1:]:
-        scene, commands = (
-            re.search(rf"```{kind}\n(.*?)```", section, re.DOTALL)[1] for kind in ("toml", "sh")
-        )
-        value, unit = re.search(r"Layer modulus \*\*([\d.]+) (\w+)\*\*", section).groups()
-        yield pytest.param(scene, commands.splitlines(), float(value), unit, id=section.splitlines()[0])
+def fresh_lines():
+    """Every line that the README prints for a shell, in order, but for the test suite's own."""
+    section = README.split("## Which one is yours?")[1].split("\n## ")[0]
+    of_table = re.findall(r"^\|.*\| `(underlay [^`]+)` \|$", section, re.MULTILINE)
+    assert len(of_table) == 7
+    blocks = re.findall(r"(?<!<!-- command: tests -->\n)```sh\n(.*?)```", README, re.DOTALL)
+    first, *others = [block.strip() for block in blocks]
+    return [*first.splitlines(), *of_table, *others]
 
 
-@pytest.mark.parametrize(("scene", "lines", "value", "unit"), list(doors()))
-def test_each_door_leads_from_its_file_to_its_number(
-    scene, lines, value, unit, tmp_path, monkeypatch, capsys
-):
-    assert len(scene.splitlines()) + len(lines) <= 10
-    (tmp_path / scene.split()[1]).write_text(scene, encoding="utf-8")
+@pytest.mark.slow
+def test_every_line_of_the_readme_runs_in_a_fresh_shell(tmp_path):
+    clone = tmp_path / "underlay"
+    subprocess.run(["git", "clone", "--quiet", ROOT, clone], check=True)
+    kept = {"PATH", "HOME", "LANG", "OMP_NUM_THREADS", "TMPDIR", "https_proxy", "http_proxy"}
+    clean = {
+        name: value for name, value in os.environ.items() if name in kept or name.startswith(("PIP_", "SSL_"))
+    }
+    done = subprocess.run(
+        ["bash", "-e"],
+        input="\n".join(fresh_lines()),
+        cwd=clone,
+        env=clean | {"MPLBACKEND": "Agg"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert printed("gel_on_glass") in done.stdout
+    assert (clone / "results" / "map.population.csv").exists()
+    assert (clone / "build" / "reference" / "index.html").exists()
+
+
+def printed(name):
+    return re.search(rf"<!-- printed: {name} -->\n```text\n(.*?)```", README, re.DOTALL)[1]
+
+
+def test_the_readme_shows_what_its_command_prints(tmp_path, monkeypatch, capsys):
     (tmp_path / "data_samples").symlink_to(SAMPLES)
     monkeypatch.chdir(tmp_path)
-    for line in lines:
-        code, out, err = run(shlex.split(line), monkeypatch, capsys)
+    line = next(line for line in fresh_lines() if line.startswith("underlay fit data_samples/gel_on_glass"))
+    code, out, err = run(shlex.split(line), monkeypatch, capsys)
+    assert code == 0, err
+    assert out.strip("\n") == printed("gel_on_glass").strip("\n")
+    assert len(out.strip("\n").splitlines()) <= 12
+
+
+def test_the_shares_that_hertz_is_off_by_are_those_that_are_printed(tmp_path, monkeypatch, capsys):
+    (tmp_path / "data_samples").symlink_to(SAMPLES)
+    monkeypatch.chdir(tmp_path)
+    said = re.search(r"the gel on glass below by (\d+) %, the cartilage on bone by (\d+) %", README)
+    for name, share in zip(("gel_on_glass", "cartilage_on_bone"), said.groups(), strict=True):
+        scene = f"data_samples/{name}.toml"
+        code, out, err = run(
+            ["underlay", "fit", f"data_samples/{name}.csv", "--scene", scene], monkeypatch, capsys
+        )
         assert code == 0, err
-    told = re.search(r"Layer modulus ([\d.]+) (\w+)", out)
-    assert told[2] == unit
-    assert float(told[1]) == pytest.approx(value, rel=0.01)
-
-
-def test_there_are_four_doors_in_few_lines():
-    assert len(list(doors())) == len(DOORS) == 4
-    assert README.count("\n") < 250
+        assert f"(+{share} %)" in out
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ def test_every_key_has_its_row(build):
 
 def test_every_command_is_there_with_its_options(build):
     page = build.commands_page()
-    for name in ("fit", "map", "benchmark", "bench", "cite", "keys"):
+    for name in ("fit", "map", "benchmark", "cite", "keys"):
         assert f"## underlay {name}\n" in page
     assert "`--scene -s`" in page
 

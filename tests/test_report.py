@@ -385,7 +385,7 @@ def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.startswith(("nbclient", "nbformat", "nbconvert"))]:
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.setattr(builtins, "__import__", missing)
-    with pytest.raises(ul.MissingExtraError, match=r"pip install 'underlay\[report\]'"):
+    with pytest.raises(ul.MissingExtraError, match=r"pip install '\.\[report\]'"):
         ul.report(ul.fit(cartilage()), tmp_path / "r.html")
 
 

@@ -117,6 +117,102 @@ def test_each_mistake_has_its_message(tmp_path, old, new, error, message):
         read_scene_file(write(tmp_path, GOOD.replace(old, new, 1)))
 
 
+RELAXING = """
+[indenter]
+shape = "sphere"
+radius = "0.5 mm"
+
+[layer]
+E = "0.4 MPa"
+nu = 0.5
+thickness = "1.5 mm"
+relaxation = { model = "power_law", exponent = 0.2, time = "1 s" }
+
+[substrate]
+rigid = true
+
+[[substrate.layers]]
+E = "20 MPa"
+nu = 0.4
+thickness = "100 um"
+bond = { normal = "1 GPa/m", shear = "0 Pa/m" }
+
+[fit]
+"""
+
+
+@pytest.mark.parametrize(
+    ("written", "paths"),
+    [
+        ("layer.relaxation.exponent = { min = 0.05 }", ["layer.relaxation.exponent"]),
+        ('"layer.relaxation.exponent" = {}', ["layer.relaxation.exponent"]),
+        ('layer."relaxation.exponent" = {}', ["layer.relaxation.exponent"]),
+        ("layer = { E = {}, relaxation = { exponent = {} } }", ["layer.E", "layer.relaxation.exponent"]),
+        ("[fit.layer.relaxation]\nexponent = {}", ["layer.relaxation.exponent"]),
+        ('substrate."layers[0]".bond.normal = {}', ["substrate.layers[0].bond.normal"]),
+        ('layer.E = {}\n"layer.relaxation" = { exponent = {} }', ["layer.E", "layer.relaxation.exponent"]),
+        ("layer = {}", []),
+    ],
+)
+def test_fitted_numbers_may_be_nested_at_any_depth(tmp_path, written, paths):
+    file = read_scene_file(write(tmp_path, RELAXING + written))
+    assert [free.path for free in file.free] == paths
+
+
+@pytest.mark.parametrize(
+    ("written", "message"),
+    [
+        ("layer.relaxation.exponent = 0.2", r"write layer\.relaxation\.exponent = \{ min"),
+        ("layer.relaxation.exponnt = {}", r"did you mean 'layer\.relaxation\.exponent'\?"),
+        (
+            "layer.relaxation.exponent = { mim = 0.1 }",
+            r"\[fit\] \[layer\.relaxation\.exponent\] has no 'mim'",
+        ),
+        ("exponent = {}", r"say of which part of the scene; write layer\.relaxation\.exponent"),
+        ("layer = 3", r"write layer = \{"),
+    ],
+)
+def test_a_mistake_in_nested_keys_is_named_by_its_whole_path(tmp_path, written, message):
+    with pytest.raises(ul.InputError, match=message):
+        read_scene_file(write(tmp_path, RELAXING + written))
+
+
+@pytest.mark.parametrize(
+    ("section", "written", "message"),
+    [
+        (
+            "curve",
+            "segment = 'backwards'",
+            r"\[curve\] segment: must be one of 'all', 'loading', .*; got 'backwards'",
+        ),
+        ("curve", "segment = 'hold'", r"\[curve\] segment: a hold cannot be fitted"),
+        ("curve", "flip = 'force'", r"\[curve\] flip: must be a list of 'depth', 'force'; got 'force'"),
+        ("curve", "flip = ['time']", r"\[curve\] flip: must be a list of 'depth', 'force'"),
+        ("curve", "test = 0", r"\[curve\] test: must be a whole number from 1"),
+        ("curve", "test = true", r"\[curve\] test: must be a whole number"),
+        ("curve", "columns = { depth = 3 }", r"\[curve\] columns: must be a table"),
+        ("curve", "file = 3", r"\[curve\] file: must be text; got 3"),
+        ("simulate", "points = 20", r"\[simulate\] needs 'max_depth'"),
+        (
+            "simulate",
+            "max_depth = '1 um'\npoints = 20.5",
+            r"\[simulate\] points: must be a whole number from 2 to",
+        ),
+        ("adhesion", "model = 'jkr'\nwork = '-1 J/m^2'", r"\[adhesion\] .*got -1\.0"),
+        (
+            "adhesion",
+            "model = 'jkr'\nwork = '1 J/m^2'\nbranch = 'up'",
+            r"\[adhesion\] branch: must be one of",
+        ),
+        ("lever", "spring_constant = '0 N/m'", r"\[lever\] lever spring_constant must be positive"),
+    ],
+)
+def test_every_section_says_what_it_takes(tmp_path, section, written, message):
+    text = GOOD.partition("[simulate]")[0] + f"[{section}]\n{written}\n"
+    with pytest.raises(ul.InputError, match=message):
+        read_scene_file(write(tmp_path, text))
+
+
 def test_files_that_are_not_scenes(tmp_path):
     with pytest.raises(ul.FileAccessError, match="No such file"):
         ul.load_scene(tmp_path / "none.toml")

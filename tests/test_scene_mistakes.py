@@ -183,6 +183,7 @@ def test_a_listed_key_is_one_that_is_accepted(tmp_path):
         "form": '"auto"',
         "order": "4",
         "test": "1",
+        "step": "1",
         "segment": '"all"',
         "file": '"a"',
         "flip": '["force"]',
@@ -232,7 +233,7 @@ def test_a_starter_holds_what_the_file_knows_and_is_refused_until_filled_in(run,
     assert code == 2
     assert "not filled in yet: layer.E, layer.nu, layer.thickness; replace TODO" in err
     assert err.count("\n") == 1
-    filled = text.replace('"TODO kPa"', '"1 kPa"').replace('"TODO"', "0.5").replace('"TODO mm"', '"0.1 mm"')
+    filled = text.replace('"TODO Pa"', '"1 kPa"').replace('"TODO"', "0.5").replace('"TODO um"', '"0.1 mm"')
     scene.write_text(filled, encoding="utf-8")
     code, out, err = run("fit", tmp_path / "cell.csv", "--scene", scene)
     assert code == 0, err

@@ -180,8 +180,8 @@ def transfer_matrix(name, u):
 
 @pytest.mark.parametrize("name", STACKS)
 def test_the_recursion_keeps_its_digits_where_it_changes_form(name):
-    """A layer goes from its series to its waves at v sigma = 0.6, the one on top at u = 0.3."""
-    u = np.array([1e-3, 0.03, 0.1, 0.15, 0.2, 0.299, 0.301, 0.599, 0.601, 1.3, 12.0])
+    """A layer goes from its series to its closed forms at v sigma = 2, the one on top at u = 1."""
+    u = np.array([1e-3, 0.03, 0.1, 0.3, 0.499, 0.501, 0.999, 1.001, 1.3, 12.0])
     expected = np.array([transfer_matrix(name, one) for one in u])
     np.testing.assert_allclose(ul.StackKernel(*parts(name)).one_minus_L(u), expected, rtol=1e-13)
 

@@ -11,7 +11,7 @@ import pytest
 from scipy import special
 
 import underlay as ul
-from support.stuck_references import REFERENCES, StuckReference
+from support.stuck_references import REFERENCES, WIDE, StuckReference
 from underlay.inference.model.members import Member
 from underlay.mechanics.exact.master_curve import Stretch
 from underlay.mechanics.exact.nodes import Resolution
@@ -144,12 +144,12 @@ def test_small_punches_follow_the_expansion(nu: float, moment: float) -> None:
 
 @pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(3.0, 0.1), ul.Isotropic(0.02, 0.4)])
 @pytest.mark.parametrize("layer", [ul.Isotropic(1.0, 0.0), ul.Isotropic(1.0, 0.5), TI])
-def test_the_compliance_of_one_layer_is_that_of_a_stack_of_one(layer: ul.Material, base: ul.Base) -> None:
-    """Closed but for soft bases, against minors carried up; on a half-space of the layer nothing changes."""
+def test_the_compliance_of_one_layer_is_that_of_its_slices(layer: ul.Material, base: ul.Base) -> None:
+    """On a half-space of the layer nothing changes."""
     u = np.append(np.geomspace(1e-5, 20.0, 60), 0.0)
     kernel = ul.SubstrateKernel(layer, base)
-    expected = kernel._recursion.compliance(u)
-    for found, known in zip(kernel.compliance(u), expected, strict=True):
+    cut = ul.StackKernel((ul.Layer(layer, 0.25), ul.Layer(layer, 0.75)), base)
+    for found, known in zip(kernel.compliance(u), cut.compliance(0.25 * u), strict=True):
         assert found == pytest.approx(known, rel=1e-12, abs=1e-13)
     same = ul.SubstrateKernel(layer, layer)
     assert np.abs(same.compliance(u)).max() == 0.0
@@ -304,6 +304,61 @@ def test_the_law_keeps_its_tolerance_and_does_not_understate_it(
     assert fine.error_estimate < 1e-9
     assert np.abs(rough.stiffness(w) / fine.stiffness(w) - 1.0).max() < 1e-5
     assert np.abs(rough.contact_radius(w) / fine.contact_radius(w) - 1.0).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("layer", "base", "depth"),
+    [
+        (ul.Isotropic(1.29e9, 0.1), ul.Isotropic(1.77e10, 0.5), 254.0),
+        (ul.Isotropic(1.0, 0.5), ul.RIGID, 90.0),
+        (ul.Isotropic(1.0, 0.3), ul.Isotropic(0.1, 0.3), 230.0),
+    ],
+)
+def test_thin_layers_keep_their_stated_error_and_their_slope(
+    layer: ul.Isotropic, base: ul.Base, depth: float
+) -> None:
+    """At a/h of 9 to 14; forces of the first were up to 2e-3 apart, and slopes 17 % off the stiffness."""
+    w, step = np.linspace(0.05, 0.95, 19) * depth, 1e-3 * depth
+    laws = [
+        ul.contact_law(ul.Paraboloid(0.5), ul.Layer(layer, 1.0), base, max_depth=depth, solver=ul.Stuck(rtol))
+        for rtol in (1e-4, 1e-6, 1e-7, 1e-8, 1e-9)
+    ]
+    best = laws[-1]
+    for law, rtol in zip(laws, (1e-4, 1e-6, 1e-7, 1e-8, 1e-9), strict=True):
+        error = np.abs(law.force(w) / best.force(w) - 1.0).max()
+        assert error < law.error_estimate + best.error_estimate
+        assert law.error_estimate < rtol
+    k = np.arange(-2, 3)[:, None]
+    slope = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) @ best.force((w + k * step).ravel()).reshape(5, -1)
+    assert slope / (12.0 * step) == pytest.approx(best.stiffness(w), rel=1e-7)
+
+
+@pytest.mark.parametrize("reference", WIDE, ids=lambda r: f"{r.nu}-{r.base}-{r.eps}")
+def test_wide_contacts_on_thin_layers(reference: StuckReference) -> None:
+    layer = ul.Layer(ul.Isotropic(1.0, reference.nu), 1.0)
+    base = ul.RIGID if reference.base is None else ul.Isotropic(reference.base, 0.3)
+    for tip, (depth, force), power in (
+        (ul.Paraboloid(0.5), reference.paraboloid, 2),
+        (ul.Cone(np.pi / 4), reference.cone, 1),
+    ):
+        # The law ends at a/h = 20: a depth is asked for that stays below by the digits printed.
+        w = depth * reference.eps**power * (1.0 - 1e-7)
+        law = ul.contact_law(tip, layer, base, max_depth=w, solver=ul.Stuck(1e-6))
+        stiffness = 4.0 * layer.material.theta * reference.eps * reference.kappa
+        said = force * layer.material.theta * reference.eps ** (power + 1) - 1e-7 * w * stiffness
+        assert law.force(w) == pytest.approx(said, rel=1e-6)
+        assert law.stiffness(w) == pytest.approx(stiffness, rel=1e-6)
+
+
+def test_what_a_field_leaves_outside_keeps_its_digits_for_many_functions() -> None:
+    """P_n grows as V_n falls: the closed form of the hundredth lost everything beyond y = 1.02."""
+    basis, nodes = Basis.of(0.3, 120, 5.0), np.array([0.5, 0.92, 0.99, 0.9999])
+    seen = basis.outside(end_rule(2)._replace(nodes=nodes, rest=1.0 - nodes, weights=nodes))
+    fine = end_rule(3000, 3.4)
+    field = (basis.values(fine).imag * fine.weights) * fine.nodes
+    whole = (2.0 * basis.gamma / np.pi) * field @ (1.0 / np.subtract.outer(-(fine.nodes**2), -(nodes**-2.0)))
+    assert seen[:, :3] == pytest.approx(whole[:, :3], abs=2e-12)
+    assert np.abs(seen[80:, 0]).max() < 1e-25
 
 
 def test_a_measured_tip_says_what_its_corners_cost() -> None:

@@ -8,8 +8,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay._threads import one_thread
-from underlay.inference.misfit.competition import Competition
 from underlay.inference.model.forward import Forward
+from underlay.inference.uncertainty.likelihood import Likelihood
 from underlay.mechanics.exact.punch_solution import PunchSolution
 
 FREE = ["layer.E", "instrument.contact_depth"]
@@ -43,7 +43,7 @@ def seen(monkeypatch):
 
     watched(Forward, "law")
     watched(PunchSolution, "solve")
-    watched(Competition, "of")
+    watched(Likelihood, "of")
     return found
 
 

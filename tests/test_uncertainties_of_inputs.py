@@ -116,6 +116,8 @@ def test_none_and_nothing(tmp_path):
     assert scene.uncertainties == "none"
     assert ul.load_scene(scene.save(tmp_path / "saved.toml")) == scene
     assert replace(bare(), uncertainties={}).uncertainties is None
+    counted = replace(bare(), uncertainties={"layer.E": np.int64(3), "depth": np.float32(0.5)}).uncertainties
+    assert counted == {"layer.E": 3.0, "depth": 0.5}
 
 
 sizes = st.one_of(st.just(0.0), st.floats(1e-30, 1e30))

@@ -54,10 +54,10 @@ from .inference.least_squares import (
 )
 from .inference.design.planning import plan as plan
 from .inference.answer_cost import posterior_cost as posterior_cost
+from .inference.modulus_by_depth import pointwise_modulus as pointwise_modulus
 from .inference.pointwise.modulus import (
     ModulusCurve as ModulusCurve,
     PointwiseModulus as PointwiseModulus,
-    pointwise_modulus as pointwise_modulus,
 )
 from .inference.uncertainty.known_errors import free_model_error as free_model_error
 from .inference.population.result import Population as Population
@@ -142,6 +142,7 @@ from .mechanics.solvers import (
     contact_law as contact_law,
 )
 from .mechanics.body import Stack as Stack
+from .mechanics.stiffening import Gent as Gent
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots

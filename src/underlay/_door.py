@@ -26,6 +26,7 @@ import re
 import stat
 import tomllib
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -49,6 +50,7 @@ __all__ = [
     "require_regular",
     "sha256_of",
     "understood",
+    "unpacked",
 ]
 
 PathLike: TypeAlias = str | os.PathLike[str]
@@ -325,6 +327,50 @@ def read_member(archive: zipfile.ZipFile, name: str, largest: int | None = None)
     if len(data) > info.file_size:
         raise FileFormatError(f"archive member {shown!r} is larger than it claims")
     return data
+
+
+_GZIP, _MOST_STREAMS = b"\x1f\x8b\x08", 8
+
+
+def unpacked(data: bytes, name: str, largest: int) -> bytes:
+    """Return what a file that gzip compressed (.gz) holds, or any other content as it is.
+
+    Parameters
+    ----------
+    data : bytes
+        Its content.
+    name : str
+        What it is called in a message.
+    largest : int
+        Most bytes that it may unpack to.
+
+    Raises
+    ------
+    FileFormatError
+        If it is damaged, or holds more than that.
+    """
+    if not data.startswith(_GZIP):
+        return data
+    found, left = b"", data
+    try:
+        # A file may hold several streams, one after the other; a million empty ones are no file of curves.
+        for _ in range(_MOST_STREAMS):
+            if not left.startswith(_GZIP) or len(found) > largest:
+                break
+            stream = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+            found += stream.decompress(left, largest + 1 - len(found))
+            if not stream.eof and len(found) <= largest:
+                raise FileFormatError(f"{printable(name)} is compressed by gzip and cut short; copy it again")
+            left = stream.unused_data
+    except zlib.error as error:
+        raise FileFormatError(
+            f"{printable(name)} is compressed by gzip but damaged: {error!s:.120}"
+        ) from error
+    if len(found) > largest:
+        raise FileFormatError(
+            f"{printable(name)} unpacks to more than the {largest // _MB} MB that are read; split it first"
+        )
+    return found
 
 
 # Our own files nest about ten deep; what is walked by recursion later must stay far from Python's limit.

@@ -38,6 +38,8 @@ __all__ = [
     "UnderlayError",
     "UnderlayWarning",
     "UnitError",
+    "installing",
+    "missing_extra",
 ]
 
 
@@ -101,6 +103,31 @@ class SchedulerError(UnderlayError, OSError):
 
 class MissingExtraError(UnderlayError, ImportError):
     """An optional dependency is needed and absent."""
+
+
+def installing(extra: str) -> str:
+    """Return what installs an extra, from a clone as from any other copy of the source."""
+    return f"pip install '.[{extra}]' in the folder of underlay"
+
+
+def missing_extra(need: str, extra: str, otherwise: str = "") -> MissingExtraError:
+    """Return the error for a library that is not installed.
+
+    Parameters
+    ----------
+    need : str
+        What needs which library, e.g. ``"an Excel file needs xlsxwriter"``.
+    extra : str
+        Name of the extra that brings it.
+    otherwise : str
+        What else the reader can do.
+
+    Returns
+    -------
+    MissingExtraError
+        With the line that installs the extra.
+    """
+    return MissingExtraError(f"{need}: {installing(extra)}{otherwise and f', or {otherwise}'}")
 
 
 class UnderlayWarning(UserWarning):

@@ -42,6 +42,7 @@ __all__ = [
     "quantity",
     "quantity_of",
     "replace_values",
+    "takes",
 ]
 
 Whole = TypeVar("Whole")
@@ -110,12 +111,17 @@ def inlined() -> Mapping[str, Any]:
     return {"inlined": True}
 
 
-def one_of(*words: str) -> Mapping[str, Any]:
+def one_of(*words: str) -> dict[str, Any]:
     """Metadata of a field that is one of these words."""
     return {"words": words}
 
 
-def no_number() -> Mapping[str, Any]:
+def takes(what: Any) -> Mapping[str, Any]:
+    """Metadata of a field that is a list of some words, a whole number of a range, or another type of its own."""
+    return {"takes": what}
+
+
+def no_number() -> dict[str, Any]:
     """Metadata of a field of a part that is no number itself: a word, or further parts."""
     return {"no number": True}
 

@@ -2,7 +2,7 @@
 
     python tests/studies/benchmark.py make [FOLDER]   # data_samples/benchmark, but for finite_elements.csv
     python tests/studies/benchmark.py finite_elements # that one: minutes
-    python tests/studies/benchmark.py score           # -> results/benchmark.csv, and the table in README.md
+    python tests/studies/benchmark.py score           # -> results/benchmark.csv, and the table of its page
 
 `make` gives the same bytes each time. Curves are made from scenes whose truth is known: one kind of sample for each
 thing that a formula may leave out, and each in five worlds of noise. The contact references are those of
@@ -28,6 +28,8 @@ from support.reference_solver import EXPONENTS, MATERIALS, STORED
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "data_samples" / "benchmark"
+#: Holds the table of scores.
+PAGE = ROOT / ".reference" / "pages" / "comparison.md"
 RESULTS = Path(__file__).parent / "results" / "benchmark.csv"
 MADE = "made by: python tests/studies/benchmark.py make"
 POINTS = 200
@@ -458,7 +460,7 @@ def ways():
 
 
 def score() -> None:
-    """Score everything there is, keep it, and write the table into the README."""
+    """Score everything there is, keep it, and write the table into its page."""
     rows = []
     for label, asked in ways():
         found = ul.benchmark(**asked).to_frame()
@@ -476,13 +478,12 @@ def score() -> None:
         ]
         print(label, len(rows), flush=True)
     write_table(RESULTS, rows, "made by: python tests/studies/benchmark.py score")
-    readme = ROOT / "README.md"
-    before, rest = readme.read_text(encoding="utf-8").split(START)
-    readme.write_text(f"{before}{START}\n{score_table()}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    before, rest = PAGE.read_text(encoding="utf-8").split(START)
+    PAGE.write_text(f"{before}{START}\n{score_table()}\n{END}{rest.split(END)[1]}", encoding="utf-8")
 
 
 def score_table() -> str:
-    """The stored scores as the README prints them."""
+    """The stored scores as the page prints them."""
     rows = table(RESULTS.read_text(encoding="utf-8"))
     kinds = list(dict.fromkeys(row["kind"] for row in rows))
     lines = [

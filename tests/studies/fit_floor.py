@@ -2,16 +2,17 @@
 
     python tests/studies/fit_floor.py [--rounds 201] [--output tests/studies/fit_floor.json]
 
-The curve of `underlay bench`, fitted by the barest numpy that does the same work: the same grid of thicknesses,
-ratios and contacts, the same tables, three starts in lock-step on 32 blocks, all points, standard errors. It knows
-this one scene alone: no bounds, priors, offsets, other laws, checks or warnings. The unit is lmfit's fit of Hertz's
-formula to the same points.
+The curve of `benchmarks/cost_models.py`, fitted by the barest numpy that does the same work: the same grid of
+thicknesses, ratios and contacts, the same tables, three starts in lock-step on 32 blocks, all points, standard
+errors. It knows this one scene alone: no bounds, priors, offsets, other laws, checks or warnings. The unit is
+lmfit's fit of Hertz's formula to the same points.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from pathlib import Path
 
@@ -28,7 +29,10 @@ from underlay.mechanics.exact.curve_family import (
 )
 from underlay.mechanics.exact.family_law import side_by_side
 from underlay.mechanics.exact.master_curve import Factor, polynomial
-from underlay.report import bench_fits
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks import cost_models  # after the path is set
 
 BASE = ul.Isotropic(3e7, 0.3)
 FREE = ("layer.E", "layer.thickness", "instrument.contact_depth")
@@ -222,10 +226,10 @@ def main():
     parser.add_argument("--output", type=Path, default=Path(__file__).with_suffix(".json"))
     arguments = parser.parse_args()
     depth = np.linspace(1.8e-6, 1.8e-3, 1000)
-    scene, curve, noise = bench_fits._measured(BASE, depth, ul.Paraboloid(RADIUS))
-    start = scene.with_values({path: scene.parameters[path] * bench_fits._WRONG[path] for path in FREE})
+    scene, curve, noise = cost_models.measured(BASE, depth, ul.Paraboloid(RADIUS))
+    start = cost_models.started(scene, FREE)
     calls = {
-        "unit": bench_fits.hertz_fit(BASE)(depth),
+        "unit": cost_models.hertz_fit(BASE)(depth),
         "fit": lambda: ul.fit(
             ul.Problem(start, curve, FREE, noise=ul.Noise(force=noise.force), solver="exact")
         ),

@@ -3,7 +3,7 @@
     python tests/studies/map_speed.py [--curves 4000] [--map 16384] [--output FILE]
 
 The times are taken in turns: other work on the machine then touches both sides. Results go to
-``results/map_speed.json``. What a curve costs on one core, and nanite beside it: `underlay bench`.
+``results/map_speed.json``. What a curve costs on one core, and nanite beside it: `tests/benchmarks/cost.py`.
 """
 
 from __future__ import annotations

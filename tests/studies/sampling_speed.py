@@ -26,7 +26,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent.parent / "src")]
 
 import underlay as ul  # noqa: E402
-from underlay.inference.sampling.convergence import autocorrelation_time  # noqa: E402
+from underlay.inference.sampling.diagnostics import autocorrelation_times  # noqa: E402
 
 WALKERS, STEPS, POINTS, ROUNDS = 64, 2000, 500, 3
 SOLVER = ul.Auto(1e-4)
@@ -74,7 +74,7 @@ def bare(steps=STEPS):
     sampler.run_mcmc(0.01 * rng.standard_normal((WALKERS, 4)), steps)
     time_per_step = (time.process_time() - begin) / steps
     chain = sampler.get_chain(discard=steps // 4)
-    slowest = max(autocorrelation_time(chain[..., i]) for i in range(4))
+    slowest = max(autocorrelation_times(chain))
     return time_per_step, WALKERS / (slowest * time_per_step)
 
 

@@ -1,5 +1,6 @@
 """Every kind of file that the program opens, for the fuzzing: valid ones to damage, and what reads them."""
 
+import contextlib
 import inspect
 import json
 import warnings
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import underlay as ul
-from support import afm_files, instrument_files, microscope_files
+from support import afm_files, hand_overs, instrument_files, microscope_files
 from support.posterior_cases import halfspace_curve, halfspace_problem, halfspace_scene
 from underlay.cli.report import _read_record
 from underlay.data.export import write_curves
@@ -31,7 +32,7 @@ FORMAT_OF = {
     "fischer": "fischer", "nanosuite": "nanosuite", "testxpert": "testxpert", "excel": "excel",
     "afm": "afm", "asylum": "asylum",
     "nanoscope": "nanoscope", "nanosurf": "nanosurf", "park": "park",
-    "csv": "csv", "json": "json", "hdf5": "hdf5", "archive": None,
+    "matlab": "matlab", "tdms": "tdms", "csv": "csv", "json": "json", "hdf5": "hdf5", "archive": None,
 }  # fmt: skip
 
 
@@ -60,13 +61,24 @@ def _curves(folder):
     source = folder / "seed.csv"
     source.write_bytes(files["csv"])
     curves = ul.read_all(source)
+    files |= hand_overs.kinds()
     for ending, name in ((".json", "json"), (".h5", "hdf5"), (".csv", "csv exported")):
         files[name] = write_curves(curves, folder / f"out{ending}").read_bytes()
     for name, content in sorted(files.items()):
         # By its content, and by the reader it was made for, past the recognition.
         for wanted in (None, FORMAT_OF[name.split()[0]]):
             keywords = {"calibration": CALIBRATION} if name == "afm ntmdt" else {}
-            yield Seed("curve", name, ".dat", content, partial(ul.read_all, format=wanted, **keywords))
+            yield Seed("curve", name, ".dat", content, partial(_read_judged, format=wanted, **keywords))
+
+
+def _read_judged(path, **keywords):
+    """Read the curves of a file, and judge the first of them: that answers in words, whatever a curve holds."""
+    curves = ul.read_all(path, **keywords)
+    for curve in curves[:2]:
+        ul.check_quality(curve)
+        with contextlib.suppress(ul.CurveError):
+            ul.find_contact(curve)
+    return curves
 
 
 def _scenes(_):

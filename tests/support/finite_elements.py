@@ -2,8 +2,12 @@
 
 Axisymmetric 8-node quadrilaterals with four points each (reduced: nearly incompressible layers do not lock), on a
 mesh fine under the contact; contact by a stiff penalty at the points of the surface, loading in steps. Small
-strains of Hooke's law, or a neo-Hookean layer, mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2. A tip slides freely, or
-holds every point of the surface where it was when it was touched, interpolated inside the step.
+strains of Hooke's law, or a Gent layer, -(mu Jm/2) ln(1 - (J^(-2/3) I1 - 3)/Jm) + K/2 (J - 1)^2, neo-Hookean where
+Jm is infinite, bonded to its base or sliding on it. A tip slides freely, or holds every point of the surface
+where it was when it was touched, interpolated inside the step.
+
+Nearly incompressible layers (nu = 0.4995) are solved by a mixed Newton's method: the tangent takes the pressure of
+a point for an unknown of its own, p = K (J - 1) only when settled, so that a step may leave the dilatation it had.
 """
 
 from __future__ import annotations
@@ -21,7 +25,11 @@ Array = NDArray[np.float64]
 
 # Penalty in units of E over the element under the tip: points enter the tip by 1e-4 of that at a pressure of E.
 _PENALTY = 1e4
-_MOST_NEWTON = 40
+_MOST_NEWTON = 50
+# Points at the edge of contact may come and go for ever: from so many turns on, every other one goes half its way.
+_PATIENCE = 14
+# Parts of a step that are tried where the whole finds no equilibrium.
+_PARTS = (1, 3, 7, 17)
 # Holding what a step touches moves the edge a little, which may touch a point more.
 _MOST_HOLDS = 3
 _CONVERGED = 1e-8
@@ -54,12 +62,23 @@ class Tip:
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer of thickness and Young's modulus one, fixed below, as wide as `width`."""
+    """A layer of Young's modulus one, as wide as `width`, held or `sliding` below; `limit` is Gent's Jm."""
 
     nu: float
     thickness: float = 1.0
     width: float = 8.0
     finite: bool = False
+    sliding: bool = False
+    limit: float = np.inf
+
+
+class Stressed(NamedTuple):
+    """First Piola-Kirchhoff stress, its derivative in F at a given pressure, K (J - 1), and K J F^-T."""
+
+    stress: Array
+    tangent: Array
+    pressure: Array
+    dilating: Array
 
 
 class Loaded(NamedTuple):
@@ -85,6 +104,7 @@ class Press:
     _u: Array = field(init=False)
     _linear: sparse.csr_matrix | None = field(init=False, default=None)
     _depth: float = field(init=False, default=0.0)
+    _stressed: Stressed = field(init=False)
 
     def __post_init__(self) -> None:
         size = self.contact / self.fine
@@ -95,12 +115,14 @@ class Press:
         self._basis = skfem.Basis(mesh, element, intorder=3)
         top = mesh.facets_satisfying(lambda x: (np.abs(x[1]) < 1e-12) & (x[0] < 1.2 * self.contact))
         self._surface = skfem.FacetBasis(mesh, element, facets=top, intorder=2 * _POINTS - 1)
-        fixed = self._basis.get_dofs(lambda x: np.abs(x[1] + self.layer.thickness) < 1e-12).all()
+        below = self._basis.get_dofs(lambda x: np.abs(x[1] + self.layer.thickness) < 1e-12)
+        fixed = below.all(["u^2"]) if self.layer.sliding else below.all()
         axis = self._basis.get_dofs(lambda x: np.abs(x[0]) < 1e-12).all(["u^1"])
         self._free = np.setdiff1d(np.arange(self._basis.N), np.concatenate((fixed, axis)))
         self._penalty = _PENALTY / size
         self._u = np.zeros(self._basis.N)
         self._gradients, self._volumes = _strains(self._basis)
+        self._pressure = np.zeros(self._volumes.shape)
         self._values = np.array(
             [np.asarray(part[0]) for part in self._surface.basis]
         )  # (dofs, 2, facets, points)
@@ -114,10 +136,23 @@ class Press:
         found = []
         for depth in depths:
             try:
-                found.append(self._to(float(depth)))
+                found.append(self._in_parts(float(depth)))
             except NoEquilibriumError:
                 break
+        if not found:
+            raise NoEquilibriumError(f"no equilibrium at the first depth, {depths[0]:.4g}")
         return Loaded(depths[: len(found)], *np.array(found).T)
+
+    def _in_parts(self, depth: float) -> tuple[float, float]:
+        """Press on to a depth, in parts where it takes them."""
+        state = self._u, self._pressure, self._home, self._depth
+        for parts in _PARTS:
+            self._u, self._pressure, self._home, self._depth = state
+            try:
+                return [self._to(float(part)) for part in np.linspace(state[-1], depth, parts + 1)[1:]][-1]
+            except NoEquilibriumError:
+                continue
+        raise NoEquilibriumError(f"no equilibrium at depth {depth:.4g}")
 
     def _to(self, depth: float) -> tuple[float, float]:
         before = self._surface_displacement()[0], self._gap(self._depth)[0]
@@ -144,12 +179,15 @@ class Press:
 
     def _settle(self, depth: float) -> None:
         """Find the equilibrium at a depth from where the layer is."""
-        for _ in range(_MOST_NEWTON):
+        for turn in range(_MOST_NEWTON):
             stiffness, residual = self._system(depth)
             step = np.zeros_like(self._u)
             system = stiffness[self._free][:, self._free].tocsc()
             step[self._free] = splu(system).solve(-residual[self._free])
-            self._u = self._u + self._share(depth, step, float(step @ residual)) * step
+            if self.layer.finite:
+                self._go(depth, step, 0.5 if turn > _PATIENCE and turn % 2 else 1.0)
+            else:
+                self._u = self._u + self._share(depth, step, float(step @ residual)) * step
             if np.abs(step).max() <= _CONVERGED * depth:
                 break
         else:
@@ -176,6 +214,18 @@ class Press:
             # The slope is negative at `low`: between, by a weighted mean.
             high = low + (high - low) * max(abs(start) / (abs(start) + slope), 0.1)
         return high
+
+    def _go(self, depth: float, step: Array, share: float) -> None:
+        """Go a share of a step, of displacements and of what it makes of pressures; less where an element turns."""
+        strained = np.einsum("dceq,de->ceq", self._gradients, step[self._basis.element_dofs])
+        further = self._stressed.pressure + (self._stressed.dilating * strained).sum(axis=0) - self._pressure
+        u, pressure = self._u, self._pressure
+        for halving in range(_MOST_TRIALS):
+            part = share * 0.5**halving
+            self._u, self._pressure = u + part * step, pressure + part * further
+            if np.isfinite(self._system(depth)[1]).all():
+                return
+        raise NoEquilibriumError(f"an element turns inside out at depth {depth:.4g}")
 
     def _surface_displacement(self) -> Array:
         """Radial and axial, (2, facets, points)."""
@@ -211,7 +261,11 @@ class Press:
             return self._linear, self._linear @ self._u
         local = self._u[self._basis.element_dofs]
         strain = np.einsum("dceq,de->ceq", self._gradients, local)
-        stress, tangent = (_neo_hookean if self.layer.finite else _hooke)(strain, self.layer.nu)
+        if self.layer.finite:
+            self._stressed = _gent(strain, self.layer.nu, self.layer.limit, self._pressure)
+            stress, tangent = self._stressed[:2]
+        else:
+            stress, tangent = _hooke(strain, self.layer.nu)
         force = np.einsum("dceq,ceq->de", self._gradients, stress * self._volumes)
         pushed = np.einsum("cgeq,hgeq->hceq", tangent * self._volumes, self._gradients)
         stiff = np.einsum("dceq,hceq->dhe", self._gradients, pushed, optimize=True)
@@ -266,20 +320,23 @@ def _hooke(strain: Array, nu: float) -> tuple[Array, Array]:
     return np.einsum("cgeq,geq->ceq", tangent, strain), tangent
 
 
-def _neo_hookean(strain: Array, nu: float) -> tuple[Array, Array]:
-    """First Piola-Kirchhoff stress and its derivative in F."""
+def _gent(strain: Array, nu: float, limit: float, pressure: Array) -> Stressed:
+    """Of a Gent solid; NaN where it is turned inside out or locked."""
     mu, bulk = _moduli(nu)
     F = np.zeros((3, 3, *strain.shape[1:]))
     for i, (a, b) in enumerate(zip(_ROWS, _COLUMNS, strict=True)):
         F[a, b] = strain[i] + (a == b)
     plane = F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
     J = plane * F[2, 2]
-    if not (J > 0.0).all():
-        return np.full_like(strain, np.nan), np.full((5, 5, *J.shape), np.nan)
+    I1 = (F * F).sum(axis=(0, 1))
+    left = 1.0 - (np.abs(J) ** (-2.0 / 3.0) * I1 - 3.0) / limit
+    if not ((J > 0.0) & (left > 0.0)).all():
+        nowhere = np.full_like(strain, np.nan)
+        return Stressed(nowhere, np.full((5, 5, *J.shape), np.nan), nowhere[0], nowhere)
     inverse = np.zeros_like(F)
     inverse[0, 0], inverse[1, 1], inverse[2, 2] = F[1, 1] / plane, F[0, 0] / plane, 1.0 / F[2, 2]
     inverse[0, 1], inverse[1, 0] = -F[0, 1] / plane, -F[1, 0] / plane
-    I1, scale = (F * F).sum(axis=(0, 1)), mu * J ** (-2.0 / 3.0)
+    scale = mu * J ** (-2.0 / 3.0) / left
     deviator = np.array([F[a, b] - I1 / 3.0 * inverse[b, a] for a, b in zip(_ROWS, _COLUMNS, strict=True)])
     back = np.array([inverse[b, a] for a, b in zip(_ROWS, _COLUMNS, strict=True)])
     stress = scale * deviator + bulk * (J - 1.0) * J * back
@@ -290,6 +347,8 @@ def _neo_hookean(strain: Array, nu: float) -> tuple[Array, Array]:
             tangent[i, j] = (
                 scale * ((i == j) - 2.0 / 3.0 * inverse[d, c] * deviator[i])
                 - scale * (2.0 / 3.0 * F[c, d] * back[i] - I1 / 3.0 * turned)
-                + bulk * J * ((2.0 * J - 1.0) * inverse[d, c] * back[i] - (J - 1.0) * turned)
+                + 2.0 / (mu * limit) * scale**2 * deviator[i] * deviator[j]
+                + bulk * J**2 * inverse[d, c] * back[i]
+                + pressure * J * (inverse[d, c] * back[i] - turned)
             )
-    return stress, tangent
+    return Stressed(stress, tangent, bulk * (J - 1.0), bulk * J * back)

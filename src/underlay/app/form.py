@@ -11,7 +11,7 @@ may stand where is said by `scene_keys`, and whether a whole is possible by `rea
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,12 +21,24 @@ from underlay.app.labels import comma_problem
 from underlay.errors import InputError, UnitError
 from underlay.report.labels import label, start
 from underlay.scene.fit_range import Mark
+from underlay.scene.scene_file import entries
 from underlay.scene.scene_keys import TOP, SceneKey, scene_keys
 from underlay.scene.scene_writer import document_text
 from underlay.scene.uncertainties import parted
 from underlay.units import KINDS, parse_quantity
 
-__all__ = ["ADVANCED", "BASES", "ELSEWHERE", "PRESETS", "Draft", "Field", "apart", "preset", "problem_with"]
+__all__ = [
+    "ADVANCED",
+    "BASES",
+    "ELSEWHERE",
+    "PRESETS",
+    "Draft",
+    "Field",
+    "apart",
+    "empty",
+    "preset",
+    "problem_with",
+]
 
 #: Samples to begin with: name of the file and what it is called.
 PRESETS: Mapping[str, str] = {
@@ -50,6 +62,7 @@ ADVANCED: Mapping[str, str] = {
     "curve": "Which part of the curve is fitted",
     TOP: "Title, friction and large strain",
     "layer.relaxation": "A sample that relaxes",
+    "layer.stiffening": "Soft tissue that stiffens",
     "adhesion": "A tip that sticks",
     "discrepancy": "What friction and large strain add, as numbers",
     "instrument": "The instrument",
@@ -90,7 +103,12 @@ _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the sample
 _FOLDER = Path(__file__).parent / "presets"
 
 
-_CHOSEN_BY = {"indenter": "shape", "layer.relaxation": "model", "adhesion": "model"}
+_CHOSEN_BY = {
+    "indenter": "shape",
+    "layer.relaxation": "model",
+    "layer.stiffening": "model",
+    "adhesion": "model",
+}
 
 
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
@@ -141,7 +159,7 @@ class Field:
     @property
     def required(self) -> bool:
         """Whether the section needs it."""
-        return not self.key.default and self.key.name != "thickness"
+        return not self.key.default
 
 
 class Draft:
@@ -299,6 +317,22 @@ class Draft:
         return key.name in _AXIAL and key.name in self.peek(section)
 
 
+def empty() -> Draft:
+    """Return the form as it begins: what only the user knows, radius, thickness and Poisson's ratio, is not there.
+
+    The layer's modulus is where a search starts, which the data then decide.
+    """
+    return Draft(
+        {
+            "indenter": {"shape": "sphere"},
+            "layer": {"E": "1 MPa"},
+            "substrate": {"rigid": True},
+            "fit": {"layer.E": {"min": "0.1 Pa", "max": "1 TPa"}, "instrument.baseline": {}},
+            "solver": {"rtol": 1e-5},
+        }
+    )
+
+
 def preset(name: str) -> Draft:
     """Return one of the samples to begin with; see `underlay.app.form`."""
     return Draft.of(read_text(_FOLDER / f"{name}.toml", _KIND))
@@ -358,18 +392,4 @@ def _flat(fit: Any) -> dict[str, dict[str, Any]]:
     """What is fitted by whole paths, however the file nests them."""
     if not isinstance(fit, Mapping):
         raise InputError("[fit] must be a section")
-    return dict(_leaves(fit, ""))
-
-
-def _leaves(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    for name, entry in table.items():
-        if (
-            isinstance(entry, Mapping)
-            and entry
-            and all(isinstance(inner, Mapping) for inner in entry.values())
-        ):
-            yield from _leaves(entry, f"{above}{name}.")
-        elif isinstance(entry, Mapping):
-            yield f"{above}{name}", dict(entry)
-        else:
-            raise InputError(f"[fit] {above}{name}: write {above}{name} = {{ min = ..., max = ... }}")
+    return {path: dict(entry) for path, entry in entries(fit)}

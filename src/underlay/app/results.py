@@ -30,17 +30,17 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
+from underlay.inference.uncertainty.answer import Answer
 from underlay.report import plots
 from underlay.report.film_tables import film_notes, film_table, write_film
 from underlay.report.fit_files import pointwise_of, pointwise_sentence, write_fit
-from underlay.report.intervals import Estimate, estimates
 from underlay.report.labels import label, labelled
-from underlay.report.limits import advice, model_limits, quality_doubts, reservations, rivals
+from underlay.report.limits import advice, quality_doubts, reservations, rivals
 from underlay.report.posterior_tables import posterior_table
 from underlay.report.scene_tables import ledger_in_words
 from underlay.report.spoken import gathered_warnings, spoken
 from underlay.report.tables import interval_table
-from underlay.report.words import headline, posterior_summary, stands_on, verdict_sentence
+from underlay.report.words import headline, posterior_summary, verdict_sentence
 from underlay.scene.effects import effects_table
 from underlay.units import printed
 
@@ -74,7 +74,7 @@ def _parts(
     yield {
         "headline": spoken(headline(result)),
         "verdict": printed(spoken(verdict_sentence(result))),
-        "values": {entry.name: _exact(entry) for entry in estimates(result)},
+        "values": {name: _exact(result.answer(name)) for name in (*result.names, *result.derived)},
         "table": rows_of(interval_table(result)),
     }
     doubts = [*quality_doubts(problem), *reservations(result, notes)]
@@ -82,7 +82,7 @@ def _parts(
     written = write_fit(result, folder.results, stem)
     yield {"pictures": tuple(path.name for path in written if path.suffix == ".png")}
     yield from _by_depth(folder, result, [path.name for path in written if path.suffix == ".png"], stem)
-    told = [*rivals(result), stands_on(result), *model_limits(result), *advice(result)]
+    told = [*rivals(result), *advice(result)]
     yield {"more": tuple(_named(sentence, result) for sentence in told if sentence)}
     try:
         scene = result.scenes[0]
@@ -96,9 +96,9 @@ def _parts(
     yield {"effects": rows_of(ledger_in_words(effects))}
 
 
-def _exact(entry: Estimate) -> list[str]:
-    """The numbers that are printed of a parameter, as Python writes them."""
-    numbers = (entry.value, entry.low, entry.high, entry.wide_low, entry.wide_high)
+def _exact(known: Answer) -> list[str]:
+    """The numbers that are printed of a quantity: value, ends, and ends of the statistical part."""
+    numbers = (known.value, known.low, known.high, known.statistical.low, known.statistical.high)
     return [repr(float(number)) for number in numbers]
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import socket
+import tempfile
+import threading
+import time
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
@@ -51,10 +55,9 @@ def serve(folder: Path, port: int = 0, *, show: bool = True, tell: Callable[[str
 
     def begin() -> None:
         load_ahead()
-        address = home.new_address()
-        tell(address)
+        tell(home.new_address())
         if show:
-            webbrowser.open(address)
+            threading.Thread(target=_open_browser, args=(home, port), daemon=True).start()
 
     app.on_startup(begin)
     ui.run(
@@ -78,6 +81,41 @@ def prepare(home: Home) -> None:
     app.add_middleware(Guard, keeper=home.keeper)
     app.on_shutdown(home.close)
     add_pages(home)
+
+
+def _open_browser(home: Home, port: int) -> None:
+    """Open a browser once the port listens, by way of a private file.
+
+    A command line can be read by every user of the machine: the address with its token stands in a file that only
+    this user may read, and only the file's name is handed to the browser.
+    """
+    if not _listens(port):
+        return
+    with tempfile.TemporaryDirectory(prefix="underlay-") as folder:
+        page = Path(folder) / "open.html"
+        page.touch(mode=0o600)
+        page.write_text(_REDIRECT.format(address=html.escape(home.new_address())), encoding="utf-8")
+        webbrowser.open(page.as_uri())
+        time.sleep(_KEPT)
+
+
+_REDIRECT = (
+    '<!DOCTYPE html><meta charset="utf-8"><title>underlay</title>'
+    '<meta http-equiv="refresh" content="0; url={address}"><a href="{address}">open the page</a>'
+)
+# Seconds that the file stays for a slow browser, and that the server may take to listen.
+_KEPT, _LONGEST_START = 60.0, 30.0
+
+
+def _listens(port: int) -> bool:
+    """Whether the port answers within the time a start may take."""
+    until = time.monotonic() + _LONGEST_START
+    while time.monotonic() < until:
+        with socket.socket() as probe:
+            if probe.connect_ex((_HOST, port)) == 0:
+                return True
+        time.sleep(0.1)
+    return False
 
 
 def _free_port() -> int:

@@ -16,7 +16,7 @@ from typing import Any
 from underlay._door import parse_toml, sha256_of
 from underlay._files import require_writable_folder
 from underlay.app.folder import AnalysisFolder, stem_of
-from underlay.app.form import Draft, preset
+from underlay.app.form import Draft, empty
 from underlay.app.security import Doorkeeper
 from underlay.app.work import Worker
 from underlay.errors import InputError, UnderlayError
@@ -106,9 +106,6 @@ _HANDLES = (("curve", "min_depth"), ("curve", "max_depth"), ("instrument", "cont
 _CONTACT, _BOUNDS = "instrument.contact_depth", "bounds of the contact point"
 
 
-_BEGINNING = "cartilage_on_bone"
-
-
 class OpenAnalysis:
     """One analysis that a browser looks at.
 
@@ -137,7 +134,7 @@ class OpenAnalysis:
             # Somebody edited it by hand; the file stays as it is until the form is used.
             self.draft = Draft({})
         if not self.draft.table("indenter"):
-            self.draft = preset(_BEGINNING)
+            self.draft = empty()
 
     def keep(self) -> None:
         """Write the scene file."""

@@ -20,10 +20,11 @@ def accuracy(
     curve: CurveOption = None,
     output: OutputFolder = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="The force alone, without fits and samples of some ten seconds.")
+        bool,
+        typer.Option("--quick", help="The force alone; fits and sampling take some ten seconds."),
     ] = False,
 ) -> None:
-    """Compute a scene by every method: how far off force, modulus and posterior are, and how long it takes.
+    """Compare error and time of every contact model for a scene: of the force, the modulus and the posterior.
 
     Example: `underlay accuracy scene.toml --max-depth "100 um" --output results`
     """

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
 
 from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
-from underlay.cli.bench import bench
 from underlay.cli.benchmark import benchmark
 from underlay.cli.browser_page import browser_page
 from underlay.cli.cite import cite
@@ -38,7 +38,7 @@ _BAD_INPUT, _INTERRUPTED = 2, 130
 
 app = typer.Typer(
     name="underlay",
-    help="The stiffness of a thin layer from an indentation curve, with the substrate in the model.",
+    help="Young's modulus of a thin layer on a substrate, from an indentation curve, with its uncertainty.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
@@ -55,34 +55,30 @@ def _say_version(asked: bool) -> None:
 def _whole(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_say_version, is_eager=True, help="Say which version this is."),
+        typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version."),
     ] = False,
 ) -> None:
     """Take the options that go before any command."""
 
 
-for command in (
-    demo,
-    fit,
-    film,
-    compare,
-    sample,
-    simulate,
-    effects,
-    accuracy,
-    identify,
-    plan,
-    population,
-    report,
-    cite,
-    formats,
-    keys,
-    bench,
-    benchmark,
-):
-    app.command()(command)
-app.command("map")(map_curves)
-app.command("app")(browser_page)
+#: The commands as `--help` groups them: what it is about, and the commands of it by their names.
+_GROUPS: dict[str, dict[str, Callable[..., None]]] = {
+    "Start": {"demo": demo, "app": browser_page, "formats": formats, "keys": keys},
+    "Fit": {"fit": fit, "sample": sample, "compare": compare, "film": film},
+    "Many curves": {"map": map_curves, "population": population},
+    "Plan a test": {
+        "plan": plan,
+        "identify": identify,
+        "effects": effects,
+        "accuracy": accuracy,
+        "simulate": simulate,
+    },
+    "Share": {"report": report, "cite": cite},
+    "Measure this program": {"benchmark": benchmark},
+}
+for group, commands in _GROUPS.items():
+    for name, command in commands.items():
+        app.command(name, rich_help_panel=group)(command)
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ __all__ = ["benchmark"]
 def benchmark(
     solver: Annotated[
         str | None,
-        typer.Option("--solver", help="Score one elastic contact law: exact, halfspace, garcia2018, ..."),
+        typer.Option("--solver", help="Score one elastic contact model: exact, halfspace, garcia2018, ..."),
     ] = None,
     program: Annotated[
         str | None,
@@ -38,7 +38,7 @@ def benchmark(
     ] = None,
     output: OutputFolder = None,
 ) -> None:
-    """Score the ACCURACY of a fit, a law or another program on the open benchmark (its speed: `underlay bench`).
+    """Score the accuracy of a fit, a contact model or another program on the open benchmark.
 
     Thirty made curves with their truth: six kinds of sample, five worlds of noise. Without --solver and --program
     the whole model of each scene is fitted. A law is compared with the exact contact problem and with finite

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from underlay.cli.console import say
-from underlay.errors import InputError, MissingExtraError
+from underlay.errors import InputError, missing_extra
 
 __all__ = ["browser_page"]
 
@@ -21,14 +21,14 @@ def browser_page(
     port: Annotated[int, typer.Option(help="Port of this machine; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
 ) -> None:
-    """Open a page in the browser of this machine: drop curves, fill in the test, fit, take the results away.
+    """Open the app in your browser: drop curves, enter the test, fit, export.
 
     Nothing leaves this machine. Every analysis is a folder of plain files that the other commands read.
 
     Example: `underlay app`
     """
     if importlib.util.find_spec("nicegui") is None:
-        raise MissingExtraError("the page needs NiceGUI: pip install 'underlay[app]'")
+        raise missing_extra("the page needs NiceGUI", "app")
     if not 0 <= port <= 65_535:
         raise InputError(f"--port must be from 0 to 65535; got {port}")
     from underlay.app.server import serve

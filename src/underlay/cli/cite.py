@@ -20,7 +20,7 @@ def cite(
     ],
     output: OutputFolder = None,
 ) -> None:
-    """List what an analysis used, to be cited: the paper, the contact law, the sampler, programs that read files.
+    """List what to cite of an analysis: the paper, the contact model, the sampler, programs that read files.
 
     DOIs are given where a source confirms them. With --output the list is written as BibTeX.
 
@@ -28,8 +28,8 @@ def cite(
     """
     import pandas as pd
 
-    from underlay.inference.citation.result import cited
-    from underlay.inference.citation.works import bibtex
+    from underlay.inference.citation import bibtex
+    from underlay.inference.cited import cited
 
     if output is not None:
         ready_folder(output)

@@ -18,7 +18,7 @@ __all__ = ["compare"]
 
 
 def compare(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> None:
-    """Fit one curve under every contact law, and with the layer bonded or free to slip on what is under it.
+    """Fit one curve with every contact model, and with the layer bonded or free to slip on its substrate.
 
     Example: `underlay compare curve.csv --scene scene.toml --output results`
     """

@@ -26,7 +26,7 @@ def demo(
         Path, typer.Option("--output", "-o", help="Folder for the results; made if absent.")
     ] = Path("underlay-demo"),
 ) -> None:
-    """Fit two sample curves and write the tables and pictures.
+    """Fit two sample curves, and write their tables and pictures.
 
     Example: `underlay demo --output underlay-demo`
     """

@@ -27,7 +27,7 @@ def effects(
     rtol: Rtol = None,
     output: OutputFolder = None,
 ) -> None:
-    """Say which effects a scene calls for, how large each one is, what leaving it out does to a fit, and its cost.
+    """List the effects that matter for a scene: size, change of a fit without it, cost.
 
     Example: `underlay effects scene.toml --max-depth "100 um" --output results`
     """

@@ -17,14 +17,15 @@ def film(
     curve: CurveFile,
     scene: SceneOption,
     calibration: Annotated[
-        Path | None, typer.Option(help="Test with the same tip on a sample of known modulus: gives its area.")
+        Path | None,
+        typer.Option(help="Test with the same tip on a sample of known modulus, for its area."),
     ] = None,
     known_modulus: Annotated[
         str | None,
         typer.Option(help='E / (1 - nu^2) of that sample, e.g. "165 GPa" of (001) silicon.'),
     ] = None,
-    depth_from: Annotated[str, typer.Option("--from", help="Shallowest depth that counts.")] = "0 nm",
-    depth_to: Annotated[str, typer.Option("--to", help="Deepest depth that counts.")] = "1 m",
+    depth_from: Annotated[str, typer.Option("--from", help="Smallest indentation that is fitted.")] = "0 nm",
+    depth_to: Annotated[str, typer.Option("--to", help="Largest indentation that is fitted.")] = "1 m",
     output: OutputFolder = None,
 ) -> None:
     """Fit the contact stiffness S(h) of a film that was indented plastically; the scene's indenter is a cone.

@@ -11,8 +11,9 @@ import typer
 from underlay._files import write_atomic
 from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.new_scene import new_scene as starter
+from underlay.cli.new_scene import unread_scene
 from underlay.cli.options import OutputFolder, ready_folder
-from underlay.errors import InputError
+from underlay.errors import FileAccessError, InputError
 
 if TYPE_CHECKING:
     from underlay.data.curve import Curve
@@ -63,12 +64,22 @@ def formats(
     if output is not None:
         ready_folder(output)
     stated = {} if scene is None else dict(read_scene_file(scene).curve)
-    read = read_all(file, **{key: stated[key] for key in _READING if key in stated})
+    try:
+        read = read_all(file, **{key: stated[key] for key in _READING if key in stated})
+    except InputError as error:
+        if new_scene is None or isinstance(error, FileAccessError):
+            raise
+        say(f"{file.name} could not be read as it is: {error}")
+        say(f"wrote {_write_unread(new_scene, file, str(error))}")
+        say(f"Next: say in its [curve] section what the columns are, and replace every {PLACE}")
+        return
     # The signs are shown as they are: only what the scene turns is turned.
     curves = [flipped(curve, stated.get("flip") or ()) for curve in read]
     chosen = _chosen(curves, test if test is not None else stated.get("test"), file)
     say_table(reading_table(chosen), f"{file.name}, format {format_name(chosen[0][1])}")
-    say_warnings([str(note) for _, curve in chosen for note in curve.metadata.get("notes", ())])
+    say_warnings(
+        list(dict.fromkeys(str(note) for _, curve in chosen for note in curve.metadata.get("notes", ())))
+    )
     if new_scene is not None:
         say(f"wrote {_write_new(new_scene, file, chosen)}")
         say(f"Next: replace every {PLACE} in {new_scene}; underlay keys lists what may stand there")
@@ -79,12 +90,23 @@ def formats(
 
 
 def _write_new(target: Path, file: Path, chosen: list[tuple[int, Curve]]) -> Path:
+    if len(chosen) > 1:
+        say(f"{file.name} holds {len(chosen)} tests: the scene is of the first; --test says another")
+    return write_atomic(_new(target), starter(chosen[0][1], _name_from(target, file)))
+
+
+def _write_unread(target: Path, file: Path, reason: str) -> Path:
+    return write_atomic(_new(target), unread_scene(file, _name_from(target, file), reason))
+
+
+def _new(target: Path) -> Path:
     if target.exists():
         raise InputError(f"{target} exists and may hold your work; name another file")
-    if len(chosen) > 1:
-        raise InputError(f"{file.name} holds {len(chosen)} tests: say which with --test")
-    name = os.path.relpath(file.resolve(), target.resolve().parent)
-    return write_atomic(target, starter(chosen[0][1], Path(name).as_posix()))
+    return target
+
+
+def _name_from(target: Path, file: Path) -> str:
+    return Path(os.path.relpath(file.resolve(), target.resolve().parent)).as_posix()
 
 
 def _list_formats() -> None:
@@ -95,7 +117,7 @@ def _list_formats() -> None:
     rows = [
         {
             "format": entry.name,
-            "needs": f"underlay[{entry.extra}]" if entry.extra else "",
+            "needs": f".[{entry.extra}]" if entry.extra else "",
             "what": entry.description,
         }
         for entry in all_formats()

@@ -33,7 +33,7 @@ def identify(
     rtol: Rtol = None,
     output: OutputFolder = None,
 ) -> None:
-    """Say which combinations of the free parameters a test fixes, and how well.
+    """Show which combinations of the free parameters a test determines, and how well.
 
     Before a test, the scene file's [simulate] and [noise] sections say what it will be.
 

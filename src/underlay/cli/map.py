@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from underlay._files import require_writable_folder
-from underlay.cli.console import say, say_error, say_table
+from underlay.cli.console import say, say_error
 from underlay.cli.options import ExcelFile, Rtol, SceneOption, Seed, SolverName, require_excel, wanted_solver
 from underlay.errors import InputError
 from underlay.report.spoken import spoken
@@ -48,13 +48,10 @@ def map_curves(
         str | None,
         typer.Option(help="What the folders stand for that the curves lie in, e.g. group/animal."),
     ] = None,
-    check: Annotated[bool, typer.Option("--check", help="Judge the quality of every curve first.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Check the quality of every curve first.")] = False,
     sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
-    intervals: Annotated[
-        bool,
-        typer.Option(
-            "--intervals", help="Intervals and verdict of every curve as a fit by itself states them."
-        ),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Values and least-squares errors alone, in a tenth of the time.")
     ] = False,
     max_steps: Annotated[int, typer.Option(help="Most steps of each sampling.")] = 20_000,
     seed: Seed = 0,
@@ -81,8 +78,6 @@ def map_curves(
     from underlay.inference.batch.results_table import write_frame
     from underlay.scene.scene_file import read_scene_file
 
-    if intervals and sample:
-        raise InputError("--sample gives intervals of its own: leave --intervals out")
     decided = None if decisions is None else read_decisions(decisions)
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
@@ -96,7 +91,7 @@ def map_curves(
         solver=wanted,
         quality=check,
         sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
-        intervals=intervals,
+        answers=not quick,
         resume=resume,
         folders=_levels(folders),
     )
@@ -169,40 +164,12 @@ def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: Solver) -
 
 def _show(table: pd.DataFrame) -> None:
     """Print what was found: counts, the spread of every parameter, the failures."""
-    import numpy as np
-    import pandas as pd
+    from underlay.report.maps import errors_in_words
+    from underlay.report.screen import map_lines
 
-    from underlay.report.maps import errors_in_words, shared_error_words
-    from underlay.scene.parameters import kind_of
-    from underlay.units import format_quantity
-
-    counts = table["verdict"].value_counts()
-    words = ", ".join(f"{counts.get(verdict, 0)} {verdict}" for verdict in ("good", "doubtful", "refused"))
-    say(f"{len(table)} curves: {words}")
-    fitted = [
-        str(name).removesuffix(".stderr")
-        for name in table.columns
-        if str(name).endswith(".stderr") and table[name].notna().any()
-    ]
-    rows = []
-    for name in fitted:
-        middle, low, high = table[name].quantile([0.5, 0.05, 0.95])
-        errors = table[f"{name}.stderr"].to_numpy(dtype=float)
-        kind = kind_of(name)
-        rows.append(
-            {
-                "parameter": name,
-                "median": format_quantity(middle, kind),
-                "5 to 95 % of curves": f"{format_quantity(low, kind)} to {format_quantity(high, kind)}",
-                "median standard error": format_quantity(float(np.nanmedian(errors)), kind),
-            }
-        )
-    if rows:
-        say_table(pd.DataFrame(rows), "Over all curves")
-        say(errors_in_words(table))
-    shared = shared_error_words(table)
-    if shared:
-        say(shared)
+    for text in map_lines(table):
+        say(text)
+    say(errors_in_words(table))
     failed = table[table["status"] == "failed"]
     for name, reason in zip(failed["name"].head(_LISTED), failed["reason"].head(_LISTED), strict=True):
         say(f"failed: {name}: {reason}")
@@ -211,10 +178,11 @@ def _show(table: pd.DataFrame) -> None:
 
 
 def _draw(table: pd.DataFrame, folder: Path) -> list[Path]:
+    from underlay.inference.batch.results_table import fitted_names
     from underlay.report import plots
 
-    names = ("layer.E", *map(str, table.columns))
-    parameter = next((name for name in names if f"{name}.stderr" in table.columns), None)
+    names = fitted_names(table.columns)
+    parameter = next(iter(sorted(names, key=lambda name: name != "layer.E")), None)
     if parameter is None or not table[parameter].notna().any():
         return []
     return [plots.save(plots.survey(table, parameter), folder / "map.png")]

@@ -177,12 +177,12 @@ CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format o
 CurveOption = Annotated[
     Path | None,
     typer.Option(
-        "--curve", help="Measured curve that says depth and noise; else the one that [curve] file names."
+        "--curve", help="Measured curve that gives depth and noise; else the one named by [curve] file."
     ),
 ]
 
 
-SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): what was tested.")]
+SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): your test as a file.")]
 
 
 ScenePath = Annotated[Path, typer.Argument(help="Scene file (TOML).")]
@@ -207,7 +207,7 @@ MaxDepth = Annotated[
     str | None,
     typer.Option(
         "--max-depth",
-        help='Deepest point since contact, e.g. "100 um"; else that of the curve or [simulate].',
+        help='Maximum indentation, e.g. "100 um"; else that of the curve or of [simulate].',
     ),
 ]
 
@@ -216,7 +216,7 @@ SolverName = Annotated[
     str | None,
     typer.Option(
         "--solver",
-        help="Contact law: auto, exact, asymptotic, halfspace or a published correction; else that of [solver].",
+        help="Contact model: auto, exact, asymptotic, halfspace or a published correction; else that of [solver].",
     ),
 ]
 

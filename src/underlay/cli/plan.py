@@ -34,12 +34,12 @@ _MOST = 60
 RadiiOption = Annotated[
     str | None, typer.Option(help='Tip radii to consider, "from:to:count", e.g. "0.1 mm:2 mm:8".')
 ]
-DepthsOption = Annotated[str | None, typer.Option(help='Depths to consider, e.g. "10 um:200 um:8".')]
+DepthsOption = Annotated[str | None, typer.Option(help='Indentations to consider, e.g. "10 um:200 um:8".')]
 
 
 def plan(
     scene: ScenePath,
-    parameter: Annotated[str, typer.Option(help="What is to be known.")] = "layer.E",
+    parameter: Annotated[str, typer.Option(help="Parameter that the test is to determine.")] = "layer.E",
     radii: RadiiOption = None,
     depths: DepthsOption = None,
     max_depth: MaxDepth = None,

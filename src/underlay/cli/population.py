@@ -18,15 +18,15 @@ def population(
     table: Annotated[Path, typer.Argument(help="Table of a map (map.csv or map.parquet) with labels.")],
     by: Annotated[
         list[str] | None,
-        typer.Option(help="Column that says whose a curve is; repeat for nested levels, outermost first."),
+        typer.Option(help="Column with the animal of a curve; repeat for nested levels, outermost first."),
     ] = None,
     group: Annotated[str | None, typer.Option(help="Column of the groups to compare.")] = None,
     parameter: Annotated[str, typer.Option(help="Which fitted parameter.")] = "layer.E",
     sites_only: Annotated[
         bool,
-        typer.Option("--sites-only", help="Take all curves for independent; speaks of these sites only."),
+        typer.Option("--sites-only", help="Take all curves for independent; holds for these sites only."),
     ] = False,
-    doubtful: Annotated[str, typer.Option(help="keep or drop curves with a doubtful verdict.")] = "keep",
+    doubtful: Annotated[str, typer.Option(help="keep or drop curves whose verdict is check.")] = "keep",
     tails: Annotated[
         str, typer.Option(help="normal, or outliers: a tenth of the curves may be far off.")
     ] = "normal",
@@ -39,7 +39,7 @@ def population(
     output: OutputFolder = None,
     excel: ExcelFile = None,
 ) -> None:
-    """Mean and spread of many curves of several animals, with intervals that know that sites are not independent.
+    """Mean and spread over animals, with intervals that allow for sites of one animal that are alike.
 
     Labels come from columns of the map's manifest (animal, group, joint, ...) or from its folders
     (`underlay map --folders group/animal`).

@@ -1,19 +1,22 @@
-"""`underlay report`: a result as one HTML page and the executed notebook, or a notebook to go on in."""
+"""`underlay report`: a result as one page, HTML or PDF, or as an executed notebook to go on from."""
 
 from __future__ import annotations
 
+import os
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
 from underlay._door import FileKind, parse_json, read_text, understood
-from underlay._files import write_atomic
+from underlay._files import require_writable_folder
 from underlay.cli.console import say
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
+    from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.problem import Problem
 
 __all__ = ["report"]
@@ -35,57 +38,81 @@ Results = Annotated[
 def report(
     results: Results,
     scene: Annotated[
-        Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): what was tested.")
+        Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): your test as a file.")
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Page to write.")] = Path("report.html"),
-    new_notebook: Annotated[
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Page to write; a name that ends in .pdf is printed alone.")
+    ] = Path("report.html"),
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Write a PDF, too, printed by an installed Chromium.")
+    ] = False,
+    details: Annotated[
+        bool, typer.Option("--details", help="Unfold what stands behind the page, also in print.")
+    ] = False,
+    notebook: Annotated[
         Path | None,
         typer.Option(
+            "--notebook",
             "--new-notebook",
-            help="Write a notebook for CURVE and SCENE instead, to go on in; nothing is executed.",
+            help="Write an executed notebook to go on from, in place of the page.",
         ),
     ] = None,
 ) -> None:
-    """Make one self-contained HTML page of a result; the executed notebook is kept beside it.
+    """Make one A4 page of a result: number, verdict, curve, E by depth, uncertainty budget, methods paragraph.
 
     Example: `underlay report curve.csv --scene scene.toml --output report.html`
 
     What `underlay sample` kept (.npz) holds its scene and curve: name it alone.
 
-    Example: `underlay report --new-notebook my_analysis.ipynb curve.csv scene.toml`
+    Example: `underlay report curve.csv --scene scene.toml --notebook my_analysis.ipynb`
     """
-    from underlay.inference.from_files import load_problem
-    from underlay.report.maps import is_map, read_map
-    from underlay.report.render import file_notebook, map_notebook, page_path, posterior_notebook
+    from underlay.inference.batch.decisions import is_map, read_map
 
-    if new_notebook is not None:
-        say(f"wrote {_write_new(results, scene, new_notebook)}")
-        say(f"Next: jupyter lab {shlex.quote(str(new_notebook))}")
-        return
-    target = page_path(output)
     command = _command(results, scene, output)
-    if len(results) == 1 and is_map(results[0]):
-        read_map(results[0])
-        _finish(map_notebook(results[0], target.parent, command), target)
+    table = results[0] if len(results) == 1 and is_map(results[0]) else None
+    asked = _Asked(None, scene, None, None) if table is not None else _sorted_out(results, scene)
+    if notebook is not None:
+        _write_notebook(asked, table, notebook)
         return
-    asked = _sorted_out(results, scene)
-    if asked.posterior is not None:
-        notebook = posterior_notebook(asked.posterior, target, command, _sampled_files(asked))
+    from underlay.report.render import page_path
+    from underlay.report.render import report as write_report
+
+    page_path(output)
+    how: dict[str, Any] = {"pdf": pdf, "details": details, "command": command}
+    if table is not None:
+        written = write_report(read_map(table), output, files=[table], **how)
+    elif asked.posterior is not None:
+        written = _of_posterior(asked, output, how)
     else:
-        curve, scene_file = _curve_and_scene(asked)
-        # Wrong input is refused here, in one line, before a notebook is started.
-        problem = load_problem(curve, scene_file)
-        if asked.record is not None:
-            _check_record(asked.record, problem)
-        notebook = file_notebook(curve, scene_file, target.parent, command)
-    _finish(notebook, target)
+        written = write_report(_fitted(asked), output, **how)
+    say(f"wrote {written}")
+    if pdf and written.suffix.lower() != ".pdf":
+        say(f"wrote {written.with_suffix('.pdf')}")
 
 
-def _finish(notebook: Any, target: Path) -> None:
-    from underlay.report.render import write_report
+def _fitted(asked: _Asked) -> Fit:
+    """The fit of a curve by a scene file, which a record of it must equal."""
+    from underlay.inference.from_files import load_problem
+    from underlay.inference.least_squares import fit as least_squares_fit
 
-    say(f"wrote {write_report(notebook, target)}")
-    say(f"wrote {target.with_suffix('.ipynb')}")
+    problem = load_problem(*_curve_and_scene(asked))
+    if asked.record is not None:
+        _check_curve(asked.record, problem)
+    found = least_squares_fit(problem)
+    if asked.record is not None:
+        _check_values(asked.record, found)
+    return found
+
+
+def _of_posterior(asked: _Asked, output: Path, how: Mapping[str, Any]) -> Path:
+    from underlay.inference.from_files import load_problem
+    from underlay.inference.sampling.posterior import Posterior
+    from underlay.report.render import report as write_report
+
+    files = _sampled_files(asked)
+    problem = None if files is None else load_problem(*files)
+    posterior = cast("Path", asked.posterior)
+    return write_report(Posterior.load(posterior), output, problem=problem, files=[posterior], **how)
 
 
 class _Record(NamedTuple):
@@ -139,14 +166,16 @@ def _read_record(path: Path) -> _Record:
     return _Record(path, Path(name), Path(scene) if scene else None, digest, numbers)
 
 
-def _check_record(record: _Record, problem: Problem) -> None:
-    """Refuse a record whose curve or scene is no longer what was fitted: its page would show another fit."""
-    from underlay.inference.least_squares import fit as least_squares_fit
+def _check_curve(record: _Record, problem: Problem) -> None:
+    """Refuse a record whose curve is no longer what was fitted: its page would show another fit."""
     from underlay.inference.least_squares.provenance import curve_hash
 
     if curve_hash(problem.curves[0]) != record.data_sha256:
         raise InputError(f"{record.curve} has changed since {record.path} was made; fit it again")
-    found = least_squares_fit(problem)
+
+
+def _check_values(record: _Record, found: Fit) -> None:
+    """Refuse a record whose scene is no longer the one that was fitted."""
     for name, value in record.values.items():
         same = name in found.values and abs(found.values[name] - value) <= _SAME * abs(value)
         if not same:
@@ -175,19 +204,28 @@ def _curve_and_scene(asked: _Asked) -> tuple[Path, Path]:
     return asked.curve, asked.scene
 
 
-def _write_new(results: list[Path], scene: Path | None, target: Path) -> Path:
-    from underlay.inference.from_files import load_problem
-    from underlay.report.render import file_notebook, notebook_text
+def _write_notebook(asked: _Asked, table: Path | None, target: Path) -> None:
+    """Write the executed notebook of a curve, a posterior or a map; files are named from where it stands."""
+    from underlay.report.notebook import write_notebook
 
     if target.suffix != ".ipynb":
         raise InputError(f"a notebook ends in .ipynb; got {target.name!r}")
     if target.exists():
         raise InputError(f"{target} exists and may hold your work; name another file")
-    curve, scene_file = _curve_and_scene(_sorted_out(results, scene))
-    load_problem(curve, scene_file)
-    command = f"run {target.name}"
-    notebook = file_notebook(curve, scene_file, target.absolute().parent, command)
-    return write_atomic(target, notebook_text(notebook))
+    folder = require_writable_folder(target.absolute().parent)
+    if table is not None:
+        kind, named = "map", {"table": table}
+    elif asked.posterior is not None:
+        kind, named = "posterior", {"posterior": asked.posterior}
+    else:
+        curve, scene = _curve_and_scene(asked)
+        # Wrong input is refused here, in one line, before a notebook is started.
+        _fitted(asked)
+        kind, named = "fit", {"curve": curve, "scene": scene}
+    values = {name: Path(os.path.relpath(path, folder)).as_posix() for name, path in named.items()}
+    title = next(iter(named.values())).name
+    say(f"wrote {write_notebook(kind, {**values, 'title': title}, target.absolute())}")
+    say(f"Next: jupyter lab {shlex.quote(str(target))}")
 
 
 def _command(results: list[Path], scene: Path | None, output: Path) -> str:

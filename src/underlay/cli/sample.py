@@ -20,7 +20,7 @@ from underlay.cli.options import (
     ready_folder,
     wanted_solver,
 )
-from underlay.errors import InputError
+from underlay.errors import InputError, installing
 from underlay.report.spoken import gathered_warnings
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def sample(
     max_steps: Annotated[
         int | None,
         typer.Option(
-            help="Most steps; it stops earlier once converged. By default 20,000, or what 5 min of processor allow."
+            help="Most steps; it stops once converged. By default 20,000, or 5 min of processor time."
         ),
     ] = None,
     seed: Seed = 0,
@@ -110,7 +110,7 @@ def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
             raise InputError("--resume continues the chain of an output folder: name it with --output")
         return None
     if importlib.util.find_spec("h5py") is None and not resume:
-        say("note: h5py is not installed, so this run cannot be resumed (pip install 'underlay[uq]')")
+        say(f"note: h5py is not installed, so this run cannot be resumed ({installing('uq')})")
         return None
     return output / f"{stem}.chain.h5"
 

@@ -98,6 +98,10 @@ _EXPONENT_OFF = 0.2
 _LEAST_PRESSED, _CERTAIN = 4, 300.0
 
 
+# Three numbers are told from a foot: contact, size and baseline.
+_FEWEST_OF_FOOT = 4
+
+
 # Below this share of the largest eigenvalue a direction of normal equations is none.
 _SINGULAR = 1e-15
 
@@ -290,7 +294,7 @@ def _fitted_points(foot: Foot) -> tuple[FloatArray, FloatArray]:
         foot.force >= -SIGNIFICANT * foot.noise if foot.noise > 0.0 else np.ones(len(foot.force), dtype=bool)
     )
     x, force = foot.depth[kept], foot.force[kept]
-    stride = -(-len(x) // _MAX_POINTS)
+    stride = max(-(-len(x) // _MAX_POINTS), 1)
     return x[::-stride][::-1], force[::-stride][::-1]
 
 
@@ -462,6 +466,11 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
     """
     shape = power_law(exponent) if law is None else shape_of(law)
     points = Points.of(foot)
+    if len(points.depth) < _FEWEST_OF_FOOT or not points.depth[-1] > points.depth[0]:
+        raise CurveError(
+            f"no contact found: the depth does not grow over the {len(points.depth)} points in front of the "
+            "rise of the force; check which column is the depth, and its sign"
+        )
     by_foot = scan("foot", foot, points, shape)
     tried = (
         None if by_foot is None else by_foot.estimate,

@@ -356,7 +356,9 @@ def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdraw
         Fewer than 8 points, NaN or infinity, a depth that never increases (nor is that of an unloading), a
         force that is the same everywhere, or no point beyond contact.
     """
-    if len(curve) < MIN_POINTS:
+    # Each point of a test in steps is the mean of a hold: one to five of them are a test.
+    steps_alone = "equilibrium_share" in curve.metadata and 0 < len(curve) < MIN_POINTS
+    if len(curve) < MIN_POINTS and not steps_alone:
         raise CurveError(
             f"{_named(curve)} has {len(curve)} points; at least {MIN_POINTS} are needed for a fit"
         )
@@ -368,6 +370,8 @@ def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdraw
                 f"{_named(curve)}: {name} holds {column[bad[0]]} at point {bad[0]} ({bad.size} such points); "
                 "remove them first, for example with curve.select(mask)"
             )
+    if steps_alone and len(curve) == 1 and curve.force[0] != 0.0:
+        return
     steps = curve.depth[1:] - curve.depth[:-1]
     comes_back = curve.segment is not None and bool((one_of_each(curve.segment) == UNLOADING).all())
     if not (steps if withdrawn else (steps < 0.0) if comes_back else (steps > 0.0)).any():

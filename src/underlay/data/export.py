@@ -25,7 +25,7 @@ import numpy as np
 from underlay._files import write_atomic
 from underlay._text import comment_line
 from underlay.data.curve import Curve, Metadata
-from underlay.errors import InputError, MissingExtraError
+from underlay.errors import InputError, missing_extra
 from underlay.units import human_unit
 
 __all__ = ["HDF5_MARK", "METADATA_MARK", "curve_csv", "write_curves", "write_json"]
@@ -209,7 +209,7 @@ def _hdf5(curves: Sequence[Curve]) -> bytes:
     try:
         h5py: Any = import_module("h5py")
     except ImportError as error:
-        raise MissingExtraError('writing HDF5 needs the package h5py: pip install "underlay[afm]"') from error
+        raise missing_extra("writing HDF5 needs h5py", "afm") from error
     stream = io.BytesIO()
     with h5py.File(stream, "w") as file:
         file.attrs["format"] = np.bytes_(HDF5_MARK)

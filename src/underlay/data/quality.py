@@ -6,6 +6,7 @@ no contact law can be fitted, and why.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from underlay._given import require_given
 from underlay.data.contact_point import ContactPoint, contact_of, reach_of
 from underlay.data.curve import Curve
 from underlay.data.foot import Foot, foot_of
-from underlay.data.segments import LOADING, UNLOADING, one_of_each
+from underlay.data.segments import HOLD, LOADING, UNLOADING, one_of_each
 from underlay.data.withdrawal import lowest_of
 from underlay.errors import CurveError, RangeError
 from underlay.mechanics.contact_law import ContactLaw
@@ -43,6 +44,10 @@ _DEEP = 0.5
 _SIGNAL = 20.0
 # A fall of the force by this share of its peak while the indenter goes in is a slip or a break.
 _SLIP = 0.03
+# A detector at its end writes one value, to a thousandth of the range, over so many points at least.
+_TOP, _FEW_ON_TOP = 1e-3, 5
+# The depth is held where its ends differ by less than this share of its range.
+_STILL = 0.01
 _ADHESION = 0.1
 _CONTACT_SHARE = 0.15
 _FEW_POINTS = 20
@@ -129,9 +134,10 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
         law = _law(scene, foot, loading)
         contact = contact_of(foot, law, exponent=_shape_exponent(None if scene is None else scene.indenter))
         _refuse_failed_search(curve, contact)
+        beyond = _Beyond.of(loading, contact)
+        _refuse_nothing_beyond(beyond)
     except CurveError as error:
         return Quality(REFUSED, (str(error),))
-    beyond = _Beyond.of(loading, contact)
     expected = _expected_exponent(scene, law, beyond)
     exponent, uncertainty = _exponent(loading, contact)
     told = _Exponents(exponent, uncertainty, expected)
@@ -190,6 +196,14 @@ class _Beyond:
         return cls(pressed[inside], force[inside])
 
 
+def _refuse_nothing_beyond(beyond: _Beyond) -> None:
+    if not len(beyond.depth) or not beyond.force.max() > 0.0:
+        raise CurveError(
+            "no contact: no point of the way in with a force lies beyond where the contact was found; check the "
+            "depth, which should grow all through the way in"
+        )
+
+
 def _refuse_failed_search(curve: Curve, contact: ContactPoint) -> None:
     """Refuse a test in air: the search for contact before it failed, and the force stayed as small."""
     asked = curve.metadata.get("search_criterion")
@@ -234,6 +248,8 @@ def _doubts(
         yield "too few points with a force beyond contact to tell the force-depth exponent"
     elif abs(exponents.found - exponents.expected) > max(_EXPONENT, 2.0 * exponents.uncertainty):
         yield _about_exponent(exponents.found, exponents.expected)
+    yield from _flat_top(loading, deepest)
+    yield from _risen_holds(curve, peak, contact.noise)
     ways = _ways_in(curve, beyond)
     if len(ways) > 1:
         yield (
@@ -255,6 +271,42 @@ def _doubts(
     if scene is None or scene.adhesion is None:
         yield from _stickiness(curve, contact, beyond, peak)
     yield from _shape_doubts(curve, scene, deepest)
+
+
+def _flat_top(loading: Curve, deepest: float) -> Iterator[str]:
+    """Say when the force stays at its largest while the indenter goes in, as of a detector at its end."""
+    top = loading.force >= loading.force.max() - _TOP * float(np.ptp(loading.force))
+    first = len(top) - int(np.argmin(top[::-1])) if not top.all() else 0
+    count, went = len(top) - first, float(np.ptp(loading.depth[first:])) if first < len(top) else 0.0
+    if count >= _FEW_ON_TOP and went > _SLIP * deepest:
+        yield (
+            f"a flat top: the force stays at {format_quantity(float(loading.force.max()), 'force')} over the last "
+            f"{count} points while the indenter goes in by {format_quantity(went, 'length')}: a saturated "
+            'detector; leave them out, such as with fit_to = "95 % of force" in [curve]'
+        )
+
+
+def _risen_holds(curve: Curve, peak: float, noise: float) -> Iterator[str]:
+    """Say when the force rises while the depth is held: a sample relaxes."""
+    labels = one_of_each(curve.segments())
+    if not (labels == HOLD).any() or len(labels) != len(curve):
+        return
+    ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
+    for first, last in itertools.pairwise([0, *ends.tolist(), len(labels)]):
+        if labels[first] != HOLD or first == 0 or last - first < _FEW_POINTS:
+            continue
+        width = max(3, (last - first) // 20)
+        depth, force = (
+            float(column[last - width : last].mean() - column[first : first + width].mean())
+            for column in (curve.depth, curve.force)
+        )
+        if force > max(_SLIP * peak, _CLEAR * noise) and abs(depth) < _STILL * float(np.ptp(curve.depth)):
+            yield (
+                f"the force rises by {format_quantity(force, 'force')} ({100.0 * force / peak:.0f} % of its peak) "
+                "while the depth is held: a sample relaxes and does not push harder; look for drift of the force "
+                "or the stage"
+            )
+            return
 
 
 def _stickiness(curve: Curve, contact: ContactPoint, beyond: _Beyond, peak: float) -> Iterator[str]:
@@ -288,6 +340,8 @@ def _about_exponent(exponent: float, expected: float) -> str:
 def _exponent(loading: Curve, contact: ContactPoint) -> tuple[float, float]:
     """Slope of log force against log depth, and what the uncertain contact depth makes of it."""
     best = _slope(_Beyond.of(loading, contact))
+    if not np.isfinite(best):
+        return best, np.inf
     shifted = [_slope(_Beyond.of(loading, contact, sign * contact.uncertainty)) for sign in (-1.0, 1.0)]
     return best, float(np.nanmax(np.abs(np.array(shifted) - best))) if np.isfinite(shifted).any() else np.inf
 
@@ -304,7 +358,8 @@ def _slope(beyond: _Beyond) -> float:
 def _slope_of(x: FloatArray, y: FloatArray) -> float:
     """Slope of the straight line through points (n,) by least squares."""
     x = x - x.mean()
-    return float(x @ y / (x @ x))
+    squares = float(x @ x)
+    return float(x @ y) / squares if squares > 0.0 else float("nan")
 
 
 def _ways_in(curve: Curve, beyond: _Beyond) -> list[FloatArray]:

@@ -23,6 +23,7 @@ __all__ = [
     "HOLD",
     "LOADING",
     "UNLOADING",
+    "against_motion",
     "goes_back",
     "label_pieces",
     "moving_mean",
@@ -30,6 +31,7 @@ __all__ = [
     "one_label",
     "one_of_each",
     "reach",
+    "runs_of",
     "segments_from_motion",
     "step_of",
     "wobble_of",
@@ -134,6 +136,21 @@ _SMOOTHED = 20
 _CHANGE = 0.05
 
 
+# Cycles of a stiff sample, as of KLA's tungsten and made ones: each lets go of this share of its force at least,
+# over so many readings, along lines to this share of it, and depth and force share this part of their variance.
+# Changes are told from noise by so many standard deviations.
+_LETS_GO, _FEWEST, _STRAIGHT, _SHARED, _CLEAR = 0.3, 5, 0.05, 0.5, 4.0
+
+
+# A rest changes neither by this share.
+_REST = 0.05
+
+
+# A hold of a file in which depth and force rise by this share of their ranges is a ramp: the one that was met rose
+# by two thirds, and the creep of gels under a held force leaves the force where it was.
+_RAMP = 0.05
+
+
 # More corners than any protocol has (two a cycle), and readings looked at for them, in two seconds; bounds the work
 # on a file of spikes.
 _MAX_PIECES, _LOOKED_AT = 10_000, 300_000_000
@@ -169,7 +186,7 @@ def segments_from_motion(
     clock = np.arange(n, dtype=np.float64) if time is None or goes_back(time) else time
     if np.ptp(clock) <= 0.0:
         return one_label(LOADING, n)
-    noise = noise_of(motion)
+    measured, noise = motion, noise_of(motion)
     extent = float(np.ptp(motion))
     least = _TOLERANCE * extent
     if (
@@ -200,6 +217,7 @@ def segments_from_motion(
         labels[first : last + 1] = label
     if force is not None:
         _end_holds(labels, clock, force)
+        _split_holds(labels, clock, measured, force)
     return labels
 
 
@@ -228,6 +246,90 @@ def _end_holds(labels: NDArray[np.str_], clock: FloatArray, force: FloatArray) -
             labels[corner + 1 : turn] = UNLOADING
 
 
+def _split_holds(labels: NDArray[np.str_], clock: FloatArray, motion: FloatArray, force: FloatArray) -> None:
+    """Take the cycles of a stiff sample out of a hold: the force falls and rises by much, the depth by little.
+
+    Under a held depth the force falls too, but the depth does not go back with it.
+    """
+    ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
+    noise, rough, stairs = noise_of(motion), noise_of(force), step_of(force) > 0.0
+    for first, last in itertools.pairwise([0, *ends.tolist(), len(labels)]):
+        y = force[first:last]
+        run = str(labels[first])
+        if run == LOADING or last - first < 2 * _FEWEST or np.ptp(y) <= _LETS_GO * np.abs(y).max():
+            continue
+        span = float(np.ptp(motion[first:last]))
+        tolerance = max(_STRAIGHT * float(np.ptp(y)), reach(last - first) * rough)
+        corners = _corners(_splits(clock[first:last], y, tolerance), last - first)
+        for start, end in itertools.pairwise(corners):
+            x, f = motion[first + start : first + end + 1], y[start : end + 1]
+            pressed, moved = float(f[-1] - f[0]), float(x[-1] - x[0])
+            clear = abs(pressed) > max(_LETS_GO * float(np.abs(f).max()), _CLEAR * rough)
+            still = abs(pressed) <= max(_REST * float(np.abs(f).max()), _CLEAR * rough)
+            if run == UNLOADING:
+                if stairs:  # a rest of few digits is one step of them
+                    break
+                # The rest at the peak, which a wide tolerance took with the way out.
+                if (
+                    still
+                    and start == 0
+                    and abs(moved) <= max(_REST * span, _CLEAR * noise)
+                    and len(f) >= _FEWEST
+                ):
+                    labels[first : first + end] = HOLD
+            elif clear and moved * pressed > 0.0 and abs(moved) > _CLEAR * noise and _go_together(x, f):
+                label = LOADING if pressed > 0.0 else UNLOADING
+                labels[first + start + (start > 0) : first + end + 1] = label
+
+
+def _go_together(x: FloatArray, y: FloatArray) -> bool:
+    """Whether two columns are nearly proportional, to a constant."""
+    if len(x) < _FEWEST:
+        return False
+    x, y = x - x.mean(), y - y.mean()
+    return bool((x @ y) ** 2 > _SHARED * float(x @ x) * float(y @ y))
+
+
+def against_motion(
+    labels: NDArray[np.str_], depth: FloatArray, time: FloatArray | None, force: FloatArray
+) -> tuple[NDArray[np.str_], tuple[str, ...]]:
+    """Labels of a file, and those of the motion where it goes in by much while the file says it holds.
+
+    Parameters
+    ----------
+    labels : ndarray (n,) of str
+        As the file says them.
+    depth, force : ndarray (n,)
+        In SI.
+    time : ndarray (n,), optional
+        In s.
+
+    Returns
+    -------
+    tuple
+        Labels (n,), and a note for each hold in which the motion decided.
+    """
+    extent, whole = float(np.ptp(depth)), float(np.ptp(force))
+    found, notes = labels, []
+    ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
+    motion: NDArray[np.str_] | None = None
+    for first, last in itertools.pairwise([0, *ends.tolist(), len(labels)]):
+        if labels[first] != HOLD or np.ptp(depth[first:last]) <= _RAMP * extent:
+            continue
+        motion = segments_from_motion(depth, time, force) if motion is None else motion
+        part = np.flatnonzero(motion[first:last] == LOADING) + first
+        # A creep goes in as well, under a force that is held.
+        if not part.size or np.ptp(depth[part]) <= _RAMP * extent or np.ptp(force[part]) <= _RAMP * whole:
+            continue
+        found = found.copy() if found is labels else found
+        found[first:last] = motion[first:last]
+        notes.append(
+            f"the file calls points {first + 1} to {last} a hold, but the indenter goes in by "
+            f"{100.0 * float(np.ptp(depth[part])) / extent:.0f} % of its way there: the motion decides"
+        )
+    return found, tuple(notes)
+
+
 def goes_back(time: FloatArray) -> bool:
     """Whether a clock was set back between two of its readings."""
     return bool((time[1:] < time[:-1]).any())
@@ -244,6 +346,17 @@ def one_label(label: str, count: int) -> NDArray[np.str_]:
 def one_of_each(labels: NDArray[np.str_]) -> NDArray[np.str_]:
     """Return the labels, or the one that all of them are where `one_label` made them: (n,) or (1,)."""
     return labels[:1] if labels.strides == (0,) else labels
+
+
+def runs_of(labels: NDArray[np.str_]) -> list[tuple[int, int, str]]:
+    """First index, end and label of each run of one label, in order."""
+    one = one_of_each(labels)
+    ends = [0, *(np.flatnonzero(one[1:] != one[:-1]) + 1).tolist(), len(labels)]
+    return [
+        (first, last, str(one[min(first, len(one) - 1)]))
+        for first, last in itertools.pairwise(ends)
+        if last > first
+    ]
 
 
 def label_pieces(

@@ -16,7 +16,7 @@ from underlay.data.segments import HOLD, LOADING, UNLOADING, one_of_each, segmen
 from underlay.errors import CurveError
 from underlay.units import format_quantity
 
-__all__ = ["flipped", "require_signs", "sign_note"]
+__all__ = ["flipped", "require_signs", "reversed_columns", "sign_note"]
 
 # A sign is judged on the first motion over this share of the depth's range.
 _LONG = 0.3
@@ -74,6 +74,12 @@ def require_signs(curve: Curve) -> None:
     """
     if found := _reversed(curve):
         raise CurveError(_told(curve, *found))
+
+
+def reversed_columns(curve: Curve) -> tuple[str, ...]:
+    """Names of the columns whose signs look reversed; () of nearly every curve."""
+    found = None if _plainly_right(curve) else _reversed(curve)
+    return () if found is None else found[0]
 
 
 def sign_note(curve: Curve) -> tuple[str, ...]:

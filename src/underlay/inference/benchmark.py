@@ -144,7 +144,7 @@ Estimator: TypeAlias = Callable[[Case], Estimate | float]
 def whole_model(case: Case) -> Estimate:
     """Fit the scene as it is told, with all that it says of the sample: what `underlay fit` prints."""
     fitted = fit(load_problem(case.curve, case.scene))
-    told = fitted.interval(_MODULUS, model_error=True)
+    told = fitted.answer(_MODULUS)
     return Estimate(told.value, told.low, told.high)
 
 
@@ -249,23 +249,19 @@ def against_references(solver: AnySolver = "auto") -> pd.DataFrame:
         One row a shape and contact radius over thickness: pairs of materials that the law took, median and largest
         size of its relative error.
     """
-    law, rows = as_solver(solver), rows_of("contact_references.csv")
-    found: dict[tuple[str, str], list[float]] = {}
-    for row in rows:
-        found.setdefault((row["shape"], row["a/h"]), []).append(_reference_error(row, law))
-    table = []
-    for (shape, width), errors in found.items():
-        sizes = np.abs([error for error in errors if not np.isnan(error)])
-        table.append(
-            {
-                "shape": shape,
-                "a/h": float(width),
-                "pairs": f"{sizes.size} of {len(errors)}",
-                "median error": float(np.median(sizes)) if sizes.size else np.nan,
-                "largest error": float(sizes.max()) if sizes.size else np.nan,
-            }
-        )
-    return pd.DataFrame(table)
+    law = as_solver(solver)
+    found = pd.DataFrame(
+        {"shape": row["shape"], "a/h": float(row["a/h"]), "error": abs(_reference_error(row, law))}
+        for row in rows_of("contact_references.csv")
+    )
+    pairs = found.groupby(["shape", "a/h"], sort=False)["error"]
+    return pd.DataFrame(
+        {
+            "pairs": pairs.agg(lambda errors: f"{errors.count()} of {len(errors)}"),
+            "median error": pairs.median(),
+            "largest error": pairs.max(),
+        }
+    ).reset_index()
 
 
 def _reference_error(row: Mapping[str, str], solver: Solver) -> float:
@@ -322,20 +318,16 @@ def against_finite_elements(solver: AnySolver = "auto") -> pd.DataFrame:
     DataFrame
         One row a Poisson's ratio, material and friction under the tip: relative error of the law at three depths.
     """
-    law, rows = as_solver(solver), rows_of("finite_elements.csv")
-    curves: dict[tuple[str, str, str], list[tuple[float, float]]] = {}
-    for row in rows:
-        key = (row["nu"], row["material"], row["friction"])
-        curves.setdefault(key, []).append((float(row["w/h"]), float(row["P/(E h^2)"])))
-    table = []
-    for (nu, material, friction), points in curves.items():
-        depth, force = np.array(points).T
-        contact = Contact.of(Sphere(1.0), Layer(Isotropic(1.0, float(nu)), 1.0), RIGID)
-        told = _force(law, contact, depth)
+    law, table = as_solver(solver), []
+    rows = pd.DataFrame(rows_of("finite_elements.csv"))
+    for (told, material, friction), points in rows.groupby(["nu", "material", "friction"], sort=False):
+        nu = float(str(told))
+        depth, force = points[["w/h", "P/(E h^2)"]].to_numpy(float).T
+        contact = Contact.of(Sphere(1.0), Layer(Isotropic(1.0, nu), 1.0), RIGID)
         # Where the elements found no equilibrium a curve ends early.
-        found = dict(zip(depth.tolist(), (told / force - 1.0).tolist(), strict=True))
+        found = dict(zip(depth.tolist(), (_force(law, contact, depth) / force - 1.0).tolist(), strict=True))
         errors = {f"w/h = {w:g}": found.get(w, np.nan) for w in _DEPTHS}
-        table.append({"nu": float(nu), "material": material, "friction": friction, **errors})
+        table.append({"nu": nu, "material": material, "friction": friction, **errors})
     return pd.DataFrame(table)
 
 
@@ -347,27 +339,15 @@ class Score:
     ----------
     case : Case
         The curve.
-    estimate : Estimate or None
-        None where there is none.
+    estimate : Estimate
+        NaN where there is none.
     reason : str
         Why there is none.
     """
 
     case: Case
-    estimate: Estimate | None
+    estimate: Estimate
     reason: str = ""
-
-    @property
-    def error(self) -> float:
-        """Error of the modulus over the truth; NaN without an estimate."""
-        return np.nan if self.estimate is None else self.estimate.modulus / self.case.modulus - 1.0
-
-    @property
-    def holds(self) -> bool | None:
-        """Whether the interval holds the truth; None where none was given."""
-        if self.estimate is None or not self.estimate.low < self.estimate.high:
-            return None
-        return self.estimate.low <= self.case.modulus <= self.estimate.high
 
 
 @dataclass(frozen=True)
@@ -388,38 +368,38 @@ class Scores:
     def to_frame(self) -> pd.DataFrame:
         """One row a curve: truth, estimate and its interval (Pa), error (%), and why there is none."""
         return pd.DataFrame(
-            [
-                {
-                    "kind": score.case.kind,
-                    "noise": score.case.noise,
-                    "truth (Pa)": score.case.modulus,
-                    "estimate (Pa)": np.nan if score.estimate is None else score.estimate.modulus,
-                    "low (Pa)": np.nan if score.estimate is None else score.estimate.low,
-                    "high (Pa)": np.nan if score.estimate is None else score.estimate.high,
-                    "error (%)": 100.0 * score.error,
-                    "reason": score.reason,
-                }
-                for score in self.scores
-            ]
+            {
+                "kind": case.kind,
+                "noise": case.noise,
+                "truth (Pa)": case.modulus,
+                "estimate (Pa)": found.modulus,
+                "low (Pa)": found.low,
+                "high (Pa)": found.high,
+                "error (%)": 100.0 * (found.modulus / case.modulus - 1.0),
+                "reason": reason,
+            }
+            for case, found, reason in ((score.case, score.estimate, score.reason) for score in self.scores)
         )
 
     def summary(self) -> pd.DataFrame:
         """One row a kind of sample: median and largest size of the error (%), intervals that hold the truth."""
-        rows = []
-        for kind in dict.fromkeys(score.case.kind for score in self.scores):
-            own = [score for score in self.scores if score.case.kind == kind]
-            sizes = [100.0 * abs(score.error) for score in own if score.estimate is not None]
-            held = [score.holds for score in own if score.holds is not None]
-            rows.append(
-                {
-                    "kind": kind,
-                    "answered": f"{len(sizes)} of {len(own)}",
-                    "median error (%)": float(np.median(sizes)) if sizes else np.nan,
-                    "largest error (%)": max(sizes, default=np.nan),
-                    "intervals hold the truth": f"{sum(held)} of {len(held)}" if held else "",
-                }
-            )
-        return pd.DataFrame(rows)
+        return pd.DataFrame(
+            _summed(str(kind), own) for kind, own in self.to_frame().groupby("kind", sort=False)
+        )
+
+
+def _summed(kind: str, own: pd.DataFrame) -> dict[str, Any]:
+    """The row of one kind of sample, of the rows of its curves."""
+    sizes = own["error (%)"].abs()
+    given = own[own["low (Pa)"] < own["high (Pa)"]]
+    held = given["truth (Pa)"].between(given["low (Pa)"], given["high (Pa)"]).sum()
+    return {
+        "kind": kind,
+        "answered": f"{sizes.count()} of {len(own)}",
+        "median error (%)": sizes.median(),
+        "largest error (%)": sizes.max(),
+        "intervals hold the truth": f"{held} of {len(given)}" if len(given) else "",
+    }
 
 
 def benchmark(
@@ -431,7 +411,7 @@ def benchmark(
 ) -> Scores:
     """Score a way from a curve to a modulus on the open benchmark of layered indentation.
 
-    Accuracy is measured here; `underlay bench` measures speed.
+    Accuracy is measured here; `tests/benchmarks/cost.py` measures speed.
 
     Parameters
     ----------
@@ -485,9 +465,9 @@ def _scored(case: Case, way: Estimator) -> Score:
             found = way(case)
         estimate = found if isinstance(found, Estimate) else Estimate(float(found))
     except UnderlayError as error:
-        return Score(case, None, one_line(error))
+        return Score(case, Estimate(np.nan), one_line(error))
     except Exception as error:  # noqa: BLE001  another's code: that it failed is its score
-        return Score(case, None, one_line(f"{type(error).__name__}: {error}"))
+        return Score(case, Estimate(np.nan), one_line(f"{type(error).__name__}: {error}"))
     if not np.isfinite(estimate.modulus):
-        return Score(case, None, f"the estimate is {estimate.modulus}")
+        return Score(case, Estimate(np.nan), f"the estimate is {estimate.modulus}")
     return Score(case, estimate)

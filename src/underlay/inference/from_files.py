@@ -13,18 +13,19 @@ from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.data.fit_range import in_range
 from underlay.data.readers import MapCurve, read, read_from_map
-from underlay.data.segments import LOADING, UNLOADING
+from underlay.data.segments import LOADING, UNLOADING, runs_of
 from underlay.data.signs import flipped, require_signs
 from underlay.data.withdrawal import imprint_of, remembering_withdrawal
 from underlay.errors import CurveError, InputError, UnderlayError
-from underlay.inference.file_facts import known_lever, settle
-from underlay.inference.plausibility import require_plausible
+from underlay.inference.file_facts import settle
+from underlay.inference.plausibility import require_plausible, size_notes
 from underlay.inference.priors import Normal, Uniform, prior_from_numbers
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.indenters import Cone
 from underlay.scene.fit_range import PRESETS, FitRange
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import FreeParameter, SceneFile, read_scene_file
+from underlay.scene.scene_keys import RUN
 
 __all__ = [
     "chosen_part",
@@ -149,12 +150,14 @@ def whole_curve(part: Curve) -> Curve | None:
 def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
     """Return the segment and depth range of `curve` that the ``[curve]`` section names."""
     segment = choice.get("segment", LOADING)
-    part = {
+    curve = _in_window(curve, choice)
+    parts = {
         "all": lambda: curve,
         LOADING: curve.loading,
         UNLOADING: curve.unloading,
         "equilibrium": curve.equilibrium,
-    }[segment]()
+    }
+    part = parts[segment]() if segment in parts else _run(curve, segment)
     if not len(part):
         there = ", ".join(sorted(set(curve.segments().tolist()))) or "none"
         raise CurveError(
@@ -174,6 +177,55 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
             f"{curve.depth.max():.6g} m"
         )
     return part if inside.all() else part.select(inside)
+
+
+def _in_window(curve: Curve, choice: Mapping[str, Any]) -> Curve:
+    """The points between two times, and of one step, as the ``[curve]`` section asks."""
+    name = curve.metadata.get("name", "the curve")
+    low, high = choice.get("from_time", -np.inf), choice.get("to_time", np.inf)
+    if np.isfinite([low, high]).any():
+        if curve.time is None:
+            raise CurveError(
+                f"{name} has no time: from_time and to_time in [curve] need one; choose a part by step or segment"
+            )
+        inside = (curve.time >= low) & (curve.time <= high)
+        if not inside.any():
+            raise CurveError(
+                f"no reading of {name} lies between from_time and to_time; its clock runs from "
+                f"{curve.time.min():.6g} s to {curve.time.max():.6g} s"
+            )
+        curve = replace(curve, segment=curve.segments()).select(inside)
+    step = choice.get("step")
+    if step is None:
+        return curve
+    runs = runs_of(curve.segments())
+    # A step begins with a ramp that follows no ramp.
+    starts = [first for first, _, label in runs if label == LOADING]
+    if step > len(starts):
+        raise CurveError(f"{name} has no step {step}: it goes in {_times(len(starts))}")
+    end = starts[step] if step < len(starts) else len(curve)
+    return replace(curve, segment=curve.segments()).select(slice(starts[step - 1], end))
+
+
+def _run(curve: Curve, segment: str) -> Curve:
+    """One segment of several, such as ``"ramp 2"``."""
+    matched = RUN.fullmatch(segment)
+    if matched is None:
+        raise InputError(f"[curve] segment: there is no {segment!r:.40}")
+    wanted = LOADING if matched[1] == "ramp" else matched[1]
+    found = [(first, last) for first, last, label in runs_of(curve.segments()) if label == wanted]
+    number = int(matched[2])
+    if number > len(found):
+        raise CurveError(
+            f"{curve.metadata.get('name', 'the curve')} has no {segment}: it holds {len(found)} of {matched[1]}; "
+            "underlay formats draws its segments"
+        )
+    first, last = found[number - 1]
+    return replace(curve, segment=curve.segments()).select(slice(first, last))
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def within_range(file: SceneFile, scene: Scene, curve: Curve) -> Curve:
@@ -233,16 +285,15 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
         overrule=file.curve.get("overrule", ()),
         free=[entry.path for entry in file.free],
     )
-    known = known_lever(file.draft, curve)
-    draft = replace(file.draft.with_values(settled.values), lever=known.lever)
-    file = replace(file, draft=draft, left_out=())
-    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes, *known.notes))
+    file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
+    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
     require_elastic(file.draft, curve, file.curve.get("overrule", ()))
     curve = within_range(file, file.draft, curve)
-    # What the file frees comes first, in its own words; the calibration stands behind it.
     free = {**free_of(file, curve), **(priors or {})}
-    free = {**free, **{path: prior for path, prior in known.priors.items() if path not in free}}
-    problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
+    started = _started(file, curve)
+    if "layer.E" in free and "layer.E" in file.stated:
+        curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *size_notes(started, curve)))
+    problem = Problem(started, curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem
 

@@ -15,7 +15,7 @@ from underlay.data.foot import approach_of, foot_of
 from underlay.errors import CurveError, InputError
 from underlay.mechanics.indenters import FlatPunch
 from underlay.mechanics.solvers import Auto
-from underlay.units import format_quantity
+from underlay.units import format_quantity, kind_of
 
 if TYPE_CHECKING:
     from underlay.data.curve import Curve
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from underlay.inference.problem import Problem
     from underlay.scene.scene import Scene
 
-__all__ = ["in_doubt", "require_plausible", "require_sizes", "require_travel"]
+__all__ = ["in_doubt", "require_plausible", "require_sizes", "require_travel", "size_notes"]
 
 # A ball has been pressed 1.4 radii deep by real laboratories; by ten, none has a law.
 _RADII = 10.0
@@ -33,6 +33,8 @@ _SIZES = (("layer.thickness", 1.0, "thick"), ("indenter.radius", _RADII, "in rad
 # two, which is one of three in a force ~ depth^1.5.
 _BEYOND = 10.0
 _COARSE = Auto(1e-2)  # far finer than that
+# A modulus this many times the one that somebody who knows the sample began with is a slip of a unit.
+_FAR = 100.0
 # Residual of a straight line through all points, as a share of the force: a contact leaves 3 % and more.
 _STRAIGHT = 1e-3
 _FROM_NOTHING = 0.05
@@ -89,6 +91,45 @@ def require_sizes(problem: Problem) -> None:
     for member in problem.members:
         priors = {path: problem.coordinates[entry].prior for path, entry in member.entries.items()}
         _require_sizes(member.scene, member.curve, priors)
+
+
+def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
+    """Say in a line that the force is far from that of the modulus a scene begins with: a unit off by a thousand.
+
+    Parameters
+    ----------
+    scene : Scene
+        With its starting numbers.
+    curve : Curve
+        The points that are fitted.
+    """
+    try:
+        foot = foot_of(curve)
+        pressed = float(foot.depth[-1] - foot.depth[min(foot.rise, len(foot.depth) - 1)])
+        pressed = max(
+            pressed, float(approach_of(curve).depth[-1] - foot.depth[min(foot.rise, len(foot.depth) - 1)])
+        )
+        ratio = (
+            foot.peak / float(scene.contact_law(pressed, solver=_COARSE).force(pressed))
+            if pressed > 0.0
+            else 1.0
+        )
+    except (CurveError, InputError):  # the fit says what is wrong with either
+        return ()
+    if not np.isfinite(ratio) or 1.0 / _FAR < ratio < _FAR:
+        return ()
+    units = [unit for unit in (curve.metadata.get("units") or {}).values() if kind_of(str(unit)) == "force"]
+    ladder = ("pN", "nN", "uN", "mN", "N", "kN")
+    asked = "its unit"
+    if units and (written := str(units[0]).replace("µ", "u")) in ladder:
+        asked = ladder[min(max(ladder.index(written) + (-1 if ratio > 1.0 else 1), 0), len(ladder) - 1)]
+    E = format_quantity(scene.parameters["layer.E"], "pressure")
+    times = f"{ratio:.2g}" if ratio < 1.0 else f"{float(f'{ratio:.2g}'):.0f}"
+    note = (
+        f"the modulus is about {times} times the {E} you began with: is the force in {asked}, and are the spring "
+        "constant and the radius in the units that are written?"
+    )
+    return (note,)
 
 
 def _require_sizes(scene: Scene, curve: Curve, priors: dict[str, Prior]) -> None:

@@ -19,7 +19,8 @@ such curves cover 88 to 91 % (`tests/studies/coverage.py`). `calibrate` takes th
 at the ends instead; see `profiling/calibration.py`.
 
 Where the noise was not stated there is no one likelihood to follow: the profile is then made of the ends of the
-intervals that `Fit.interval` states, at every level (`headline/averaged_profile.py`).
+statistical intervals that `Fit.answer` states, at every level (a confidence curve: Birnbaum 1961,
+doi:10.1080/01621459.1961.10482107, with z^2, level = 2 Phi(z) - 1, for the level).
 
 The profile is walked from the optimum in steps of about half a standard deviation of z = sqrt(t), in which
 it is nearly straight, and read between the steps by monotone interpolation. lmfit's `conf_interval` looks
@@ -28,13 +29,14 @@ for two crossings and fails where one does not exist.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from scipy import special
 
 from underlay._arrays import FloatArray, read_only
 from underlay._given import require_given
 from underlay._threads import one_thread
-from underlay.inference.headline.averaged import averaged_fit
-from underlay.inference.headline.averaged_profile import averaged_profile
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.least_squares.engine import minimise
 from underlay.inference.least_squares.fit_result import Fit
@@ -230,12 +232,44 @@ def profile(
     index_of(fit, name)
     if calibrate:
         require_draws(calibrate, level, seed)
-    else:
-        averaged = averaged_fit(fit)
-        if averaged is not None:
-            return averaged_profile(fit, averaged, name)
+    elif fit.problem.noise_is_open and fit.statistics.robust == "none":
+        return _of_answers(fit, name)
     found = _walked(fit, name, _HIGHEST_CALIBRATED if calibrate else HIGHEST)
     return calibrated(found, level, calibrate, seed) if calibrate else found
+
+
+# Deviates at which ends are asked, up to 99.9 %; those of 68 and 95 % are among them.
+_HEIGHTS = np.array([0.25, 0.5, 0.75, special.ndtri(0.84), 1.4, 1.7, special.ndtri(0.975), 2.4, 2.9, 3.29])
+
+
+def _of_answers(fit: Fit, name: str) -> LikelihoodProfile:
+    """Profile made of the ends of the statistical intervals at every level."""
+    index = fit.names.index(name)
+    coordinate = fit.problem.coordinates[index]
+    parts = [fit.interval(name, float(2.0 * special.ndtr(z) - 1.0), part="statistical") for z in _HEIGHTS]
+    middle = coordinate.scaled(parts[0].value)
+    below, above = (
+        [coordinate.scaled(end) for end in ends if math.isfinite(end)]
+        for ends in ([part.low for part in parts], [part.high for part in parts])
+    )
+    q = np.array([*below[::-1], middle, *above])
+    heights = np.concatenate((_HEIGHTS[: len(below)][::-1], [0.0], _HEIGHTS[: len(above)]))
+    vectors = np.tile(fit.vector, (len(q), 1))
+    vectors[:, index] = q
+    return LikelihoodProfile(
+        name=name,
+        fit=fit,
+        values=read_only(np.asarray(coordinate.physical(q))),
+        delta_chi_square=read_only(np.square(heights)),
+        vectors=read_only(vectors),
+        ends=(_reason(below), _reason(above)),
+        averaged=True,
+    )
+
+
+def _reason(ends: list[float]) -> str:
+    """Why a side ends: the data end it where every level has an end."""
+    return "data" if len(ends) == len(_HEIGHTS) else "none"
 
 
 def _walked(fit: Fit, name: str, highest: float) -> LikelihoodProfile:

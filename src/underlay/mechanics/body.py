@@ -22,7 +22,7 @@ Further layers under the one on top, on a base: what may stand where a substrate
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 
@@ -30,13 +30,15 @@ import numpy as np
 
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError
+from underlay.mechanics.contact_law import OnLaw
 from underlay.mechanics.relaxation import Relaxation
-from underlay.quantities import Part, inlined, no_number, quantity
+from underlay.quantities import Part, inlined, no_number, one_of, quantity
 
 __all__ = [
     "BONDS",
     "MOST_LAYERS",
     "RIGID",
+    "SHAPES",
     "Base",
     "Body",
     "Bond",
@@ -47,6 +49,7 @@ __all__ = [
     "Rigid",
     "Spring",
     "Stack",
+    "Stiffening",
     "as_bond",
     "isotropic_constants",
     "magnitude",
@@ -306,6 +309,35 @@ class Rigid(Base):
 RIGID = Rigid()
 
 
+class Stiffening(Part, ABC):
+    """How a layer stiffens as it is indented; its numbers stand under ``layer.stiffening.``.
+
+    A concrete class names itself in `model`; scene files know it by that name.
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ("layer",)
+    chosen_by: ClassVar[str] = "model"
+    #: Name in scene files, and section.
+    model: ClassVar[str] = ""
+    section: ClassVar[str] = "layer.stiffening"
+
+    @property
+    @abstractmethod
+    def unstiffened(self) -> Self:
+        """Large strains alone: what it is compared with."""
+
+    @abstractmethod
+    def on(self, indenter: Any, layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> OnLaw:
+        """What it puts on the law of an indenter on a layer on a base; refuses what was not measured.
+
+        `beside` says what else a test has, by what it is called: friction, adhesion, a history.
+        """
+
+
+#: A sample of finite width is round, or square.
+SHAPES = ("plug", "block")
+
+
 @dataclass(frozen=True)
 class Layer(Part):
     """A layer of uniform thickness.
@@ -321,6 +353,12 @@ class Layer(Part):
         springs. An unknown one is computed as bonded, and a fit says what slip would give.
     relaxation : Relaxation, optional
         How its modulus falls with time, e.g. `Prony`; without one it is elastic and no time is asked for.
+    stiffening : Stiffening, optional
+        How it stiffens as it is indented, e.g. `Gent`; its E is then that of small strains.
+    half_width : float, optional
+        Half-width (m) of a sample with free sides, about the tip; without one, or infinite, it has none.
+    shape : "plug" or "block", default "plug"
+        Whether such a sample is round or square.
 
     Raises
     ------
@@ -337,6 +375,14 @@ class Layer(Part):
     )
     bond: Bond = field(default="bonded", metadata=no_number())
     relaxation: Relaxation | None = None
+    stiffening: Stiffening | None = None
+    half_width: float | None = field(
+        default=None,
+        metadata=quantity(
+            "length", "half-width of the {part}", symbol="W", bounds=(0.0, np.inf), scales="length"
+        ),
+    )
+    shape: str = field(default="plug", metadata=no_number() | one_of(*SHAPES))
 
     def __post_init__(self) -> None:
         if not isinstance(self.material, Material):
@@ -348,6 +394,17 @@ class Layer(Part):
         as_bond(self.bond)
         if self.relaxation is not None:
             _check_relaxation(self.relaxation, self.material)
+        if not isinstance(self.stiffening, Stiffening | None):
+            raise InputError(
+                f"a layer's stiffening must be a Stiffening such as Gent; got {self.stiffening!r:.80}"
+            )
+        _check_sides(self)
+
+    @property
+    def linear(self) -> Layer:
+        """The layer in linear elasticity, without sides; itself where it is that."""
+        plain = self.stiffening is None and self.half_width is None
+        return self if plain else replace(self, stiffening=None, half_width=None, shape="plug")
 
     @property
     def held(self) -> Layer:
@@ -358,6 +415,17 @@ class Layer(Part):
     def in_plane(self) -> Layer:
         """The layer of an isotropic material with its in-plane E and nu."""
         return replace(self, material=self.material.in_plane)
+
+
+def _check_sides(layer: Layer) -> None:
+    """Refuse a sample that is neither round nor square; an infinite half-width is none."""
+    if layer.shape not in SHAPES:
+        raise InputError(f"a sample of finite width is a {' or a '.join(SHAPES)}; got {layer.shape!r:.60}")
+    if layer.half_width is not None:
+        wide = (
+            None if layer.half_width == np.inf else positive(layer.half_width, "the layer's half_width", "m")
+        )
+        object.__setattr__(layer, "half_width", wide)
 
 
 def _check_relaxation(relaxation: Relaxation, material: Material) -> None:
@@ -419,6 +487,10 @@ class Stack(Body):
             if not np.isfinite(layer.thickness):
                 raise InputError(
                     f"layers[{number}] of a Stack needs a finite thickness: what goes on for ever is its base"
+                )
+            if layer.linear is not layer:
+                raise InputError(
+                    f"layers[{number}] of a Stack has stiffening or a half_width: one layer on a rigid base may"
                 )
         if len(given) >= MOST_LAYERS:
             raise InputError(

@@ -8,8 +8,8 @@ compliance with the wavenumber. So a solver works for every body that has a kern
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.body import Base, Body, Layer, Material, stacked
-from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.contact_law import ContactLaw, OnLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Kernel, StackKernel, SubstrateKernel
 from underlay.quantities import Part
 
-__all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "Beside", "BuildsElastic", "Contact"]
+__all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "Beside", "BuildsElastic", "Contact", "laws_on"]
 
 
 class BuildsElastic(Protocol):
@@ -166,6 +166,27 @@ class Beside(NamedTuple):
     thickness: float = 1.0
 
 
+def laws_on(
+    indenter: Indenter, layer: Layer, base: Body | None, beside: Mapping[str, bool] | None = None
+) -> tuple[OnLaw, ...]:
+    """What a layer puts on the law of linear elasticity, from the inside out.
+
+    Raises
+    ------
+    InputError
+        If it is not known for this contact, or beside what else the test has (`Stiffening.on`).
+    """
+    found: list[OnLaw] = []
+    if layer.stiffening is not None:
+        found.append(layer.stiffening.on(indenter, layer, base, beside or {}))
+    if layer.half_width is not None:
+        # Not loaded for a layer without sides.
+        from underlay.mechanics.finite_width import sides_of  # noqa: PLC0415  see above
+
+        found.append(sides_of(layer, base, beside or {}))
+    return tuple(found)
+
+
 @dataclass(frozen=True)
 class Contact:
     """One indenter on one body.
@@ -191,6 +212,8 @@ class Contact:
         One of `FRICTIONS`; ``"unknown"`` is computed as ``"none"``.
     beside : tuple of Beside
         Bodies towards which the law's derivatives are wanted; a solver that cannot tell them leaves them aside.
+    on_law : tuple of OnLaw
+        What is put on the law of linear elasticity, from the inside out; solvers know nothing of it.
     """
 
     indenter: Indenter
@@ -201,10 +224,14 @@ class Contact:
     adhesion: Adhesion | None = None
     friction: str = "none"
     beside: tuple[Beside, ...] = ()
+    on_law: tuple[OnLaw, ...] = ()
 
     @classmethod
     def of(cls, indenter: Indenter, layer: Layer, substrate: Body | None) -> Self:
         """Contact with a layer on a substrate or on further layers; None continues the layer."""
+        if layer.linear is not layer:
+            linear = cls.of(indenter, layer.linear, substrate)
+            return replace(linear, on_law=laws_on(indenter, layer, substrate))
         material, thickness = layer.material, layer.thickness
         if substrate is None or thickness == np.inf:
             thickness, substrate = np.inf, material

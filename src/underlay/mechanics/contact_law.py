@@ -30,7 +30,7 @@ from underlay.mechanics.inverse import depth_at_loads
 from underlay.mechanics.response import Response
 from underlay.units import format_quantity
 
-__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState", "DeeperThanLayer", "ScaledLaw"]
+__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState", "DeeperThanLayer", "OnLaw", "ScaledLaw"]
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,8 @@ CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a l
 
 
 _LARGEST = float(np.finfo(float).max)
+# A depth that was computed exceeds the largest by its rounding: so much is the same depth.
+_ROUNDED = 1.0 + 4.0 * float(np.finfo(float).eps)
 
 
 # Points of the equilibria of a law.
@@ -178,6 +180,11 @@ class ContactLaw(Response, ABC):
         """See `Response`."""
         return self.domain[0], self._least_force
 
+    @property
+    def linear_law(self) -> ContactLaw:
+        """The law of linear elasticity underneath; the law itself where nothing is put on it."""
+        return self
+
     # --- where the contact is lost: an elastic law has no tension, and says zero --------------------------------
 
     @property
@@ -280,7 +287,7 @@ class ContactLaw(Response, ABC):
         w = np.asarray(depth, dtype=np.float64)
         flat = w.reshape(-1)
         # NaN fails the comparison too, and so does inf where the law has no end: as_finite names them.
-        if not flat.max(initial=-math.inf) <= min(self.max_depth, _LARGEST):
+        if not flat.max(initial=-math.inf) <= min(self.max_depth * _ROUNDED, _LARGEST):
             as_finite(w, "depth")
             raise RangeError(
                 f"depth {flat.max():.6g} m is beyond the largest that works here, "
@@ -351,6 +358,14 @@ class ContactLaw(Response, ABC):
         """Force (N) at the beginning of the domain."""
         start = self.domain[0]
         return float(self._force(np.array([start]))[0]) if start else 0.0
+
+
+class OnLaw(ABC):
+    """What is put on the law of linear elasticity of one contact: it sees that law alone."""
+
+    @abstractmethod
+    def law(self, inner: Callable[[float], ContactLaw], max_depth: float) -> ContactLaw:
+        """Law up to `max_depth` (m); `inner` builds the law underneath, up to a depth (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -164,17 +164,25 @@ class PowerLawShape(Indenter):
         """A F_2(lambda): H(r) = A F_2 r^lambda."""
         return self.coefficient * float(abel_factor(self.exponent))
 
+    @cached_property
+    def _steepness(self) -> float:
+        """(A F_2)^(1/lambda) (m^(1/lambda-1)): H(r) is a power of it times r, and underflows where H does."""
+        return float(
+            (self.coefficient ** (1.0 / self.exponent)) * abel_factor(self.exponent) ** (1.0 / self.exponent)
+        )
+
     def surface(self, radius: FloatArray) -> FloatArray:
         """Phi(r) = A r^lambda (5.1)."""
-        return np.asarray(self.coefficient * radius**self.exponent)
+        return np.asarray((self.coefficient ** (1.0 / self.exponent) * radius) ** self.exponent)
 
     def abel(self, radius: FloatArray) -> FloatArray:
         """H(r) = A F_2(lambda) r^lambda, the leading term of (5.3)."""
-        return np.asarray(self.abel_coefficient * radius**self.exponent)
+        return np.asarray((self._steepness * radius) ** self.exponent)
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
         """H'(r) = lambda A F_2(lambda) r^(lambda-1)."""
-        return np.asarray(self.exponent * self.abel_coefficient * radius ** (self.exponent - 1.0))
+        steepness = self._steepness
+        return np.asarray(self.exponent * steepness * (steepness * radius) ** (self.exponent - 1.0))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A F_2 a^(lambda+1)/(lambda+1) and A F_2 a^(lambda+3)/(lambda+3)."""
@@ -187,7 +195,7 @@ class PowerLawShape(Indenter):
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
         """a = (w / (A F_2))^(1/lambda): the paper's varpi h (5.8)."""
-        return np.asarray((depth / self.abel_coefficient) ** (1.0 / self.exponent))
+        return np.asarray(depth ** (1.0 / self.exponent) / self._steepness)
 
 
 @dataclass(frozen=True)

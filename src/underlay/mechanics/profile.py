@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, as_finite, read_only
 from underlay.errors import InputError
+from underlay.mechanics.exact.master_curve import chebyshev_angles, chebyshev_coefficients, monomials
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.inverse import invert_increasing
 from underlay.quantities import quantity
@@ -35,6 +36,8 @@ from underlay.quantities import quantity
 __all__ = ["Profile"]
 
 _FEWEST_POINTS = 4
+# Radii from which on a table is asked in place of the sums, and its terms: see `_Table`.
+_MANY, _TERMS = 200, 16
 # Chords may decrease by this much of the steepest one: the rounding of heights written with 10 digits.
 _ROUNDING = 1e-10
 # The slope changes on either side of a chord may differ by this factor; beyond, the point is a corner. On a
@@ -107,15 +110,29 @@ class Profile(Indenter):
         bends = np.maximum(x[..., None] - p.bend_radii, 0.0) ** 2 @ p.bends
         return np.asarray(p.apex * x + corners + 0.5 * bends)
 
+    @cached_property
+    def _table(self) -> _Table:
+        return _Table.of(self)
+
     def abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) (m), exactly for the interpolant."""
+        """H(r) (m) of the interpolant: exactly at few radii, by a table to 1e-12 at many."""
+        many = np.size(radius) >= _MANY and np.max(radius) <= self.max_radius
+        return self._table.depth(np.asarray(radius)) if many else self._abel(radius)
+
+    def _abel(self, radius: FloatArray) -> FloatArray:
+        """H(r) (m), by its sums."""
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         depth = corner.angle @ p.corners + (bend.leg - bend.t * bend.angle) @ p.bends
         return np.asarray(x * (0.5 * np.pi * p.apex + depth))
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r), exactly for the interpolant; it grows without bound towards a corner from outside."""
+        """H'(r), as `abel`; it grows without bound towards a corner from outside."""
+        many = np.size(radius) >= _MANY and np.max(radius) <= self.max_radius
+        return self._table.slope(np.asarray(radius)) if many else self._abel_slope(radius)
+
+    def _abel_slope(self, radius: FloatArray) -> FloatArray:
+        """H'(r), by its sums."""
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         outside = np.divide(corner.t, corner.leg, out=np.zeros_like(corner.leg), where=corner.leg > 0.0)
@@ -144,9 +161,105 @@ class Profile(Indenter):
                 f"depth {flat.max():.6g} m is beyond {last:.6g} m, where the contact on a half-space reaches "
                 f"the last measured radius, {end:.6g} m; measure the tip further out"
             )
-        start = end * np.sqrt(flat / last)
+        table = self._table
+        # Between knots H is nearly straight, and a power below the first.
+        start = np.exp(np.interp(np.log(flat), table.log_depths, table.log_radii))
+        start = np.where(flat < table.depths[1], table.knots[1] * np.sqrt(flat / table.depths[1]), start)
         radius = invert_increasing(lambda x: (self.abel(x), self.abel_slope(x)), flat, start, end)
         return np.asarray(radius.reshape(target.shape))
+
+
+@dataclass(frozen=True)
+class _Table:
+    """H and H' between knots, as polynomials in the root of the way from the last knot.
+
+    Outside a knot H grows by (x - t)^(3/2) and whole powers, at a corner by (x - t)^(1/2): polynomials in
+    2 ((x - t)/(next t - t))^(1/2) - 1, whose terms fall by 3.3 and more where no interval is more than twice the
+    one before it. H' beyond a corner is left to the sums.
+
+    Parameters
+    ----------
+    tip : Profile
+        Whose sums it stands for.
+    knots, depths : ndarray (knots,)
+        Radii (m) from zero to the last, and H (m) at them.
+    log_radii, log_depths : ndarray (knots - 1,)
+        Their logarithms, but for the apex.
+    depth_terms, slope_terms : ndarray (terms, intervals)
+        Coefficients, the power first.
+    cornered : ndarray (intervals,)
+        Where H' has no bound.
+    """
+
+    tip: Profile
+    knots: FloatArray
+    depths: FloatArray
+    log_radii: FloatArray
+    log_depths: FloatArray
+    depth_terms: FloatArray
+    slope_terms: FloatArray
+    cornered: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, tip: Profile) -> _Table:
+        """Sums at Chebyshev points of every interval."""
+        p = tip._polygon  # noqa: SLF001  the table is a part of the tip
+        knots = _graded(np.unique(np.concatenate(([0.0], p.corner_radii, p.bend_radii, tip.r))))
+        knots = knots[knots <= tip.max_radius]
+        angles = chebyshev_angles(_TERMS)
+        t = 0.5 + 0.5 * np.cos(angles)
+        x = knots[:-1] + np.multiply.outer(t * t, np.diff(knots))
+        depths = tip._abel(knots)  # noqa: SLF001  as above
+        powers = monomials(_TERMS).T
+        return cls(
+            tip,
+            knots,
+            depths,
+            np.log(knots[1:]),
+            np.log(depths[1:]),
+            powers @ chebyshev_coefficients(np.stack([tip._abel(row) for row in x]), angles),  # noqa: SLF001  as above
+            powers @ chebyshev_coefficients(np.stack([tip._abel_slope(row) for row in x]), angles),  # noqa: SLF001  as above
+            np.isin(knots[:-1], p.corner_radii),
+        )
+
+    def depth(self, radius: FloatArray) -> FloatArray:
+        """H (m) at radii (m) up to the last knot."""
+        value, interval = self._value(radius, self.depth_terms)
+        return np.where(interval == 0, self._apex(radius)[0], value)
+
+    def slope(self, radius: FloatArray) -> FloatArray:
+        """H' at radii (m) up to the last knot."""
+        value, interval = self._value(radius, self.slope_terms)
+        beyond = self.cornered[interval]
+        if beyond.any():
+            value[beyond] = self.tip._abel_slope(radius[beyond])  # noqa: SLF001  the table is a part of the tip
+        return np.where(interval == 0, self._apex(radius)[1], value)
+
+    def _apex(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """H and H' up to the first knot, where polynomials would keep the digits of H there."""
+        p = self.tip._polygon  # noqa: SLF001  as above
+        level, bend = 0.5 * np.pi * p.apex, float(p.bends[p.bend_radii == 0.0].sum())
+        return radius * (level + bend * radius), level + 2.0 * bend * radius
+
+    def _value(self, radius: FloatArray, terms: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+        interval = np.searchsorted(self.knots[1:-1], radius, side="right")
+        start = self.knots[interval]
+        z = 2.0 * np.sqrt((radius - start) / (self.knots[interval + 1] - start)) - 1.0
+        value = terms[-1][interval]
+        for own in terms[-2::-1]:
+            value *= z
+            value += own[interval]
+        return value, interval
+
+
+def _graded(knots: FloatArray) -> FloatArray:
+    """Knots with more between them, so that no interval is more than twice the one before it."""
+    found = knots[:2].tolist()
+    for knot in knots[2:].tolist():
+        while knot - found[-1] > 2.0 * (found[-1] - found[-2]):
+            found.append(found[-1] + 2.0 * (found[-1] - found[-2]))
+        found.append(knot)
+    return np.array(found)
 
 
 class _Polygon(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from typing import Any, ClassVar
 
@@ -208,6 +208,10 @@ class Solver(ABC):
             As `build` does.
         """
         deepest = finite(max_depth, "max_depth", "m")
+        if contact.on_law:
+            *inner, outer = contact.on_law
+            below = replace(contact, on_law=tuple(inner))
+            return outer.law(lambda depth: self.law(below, depth), deepest)
         solver = self.without_slip if contact.sticks else self
         if contact.adhesion is not None:
             return contact.adhesion.law(contact, deepest, solver)

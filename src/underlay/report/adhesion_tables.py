@@ -1,4 +1,4 @@
-"""Tables and the part of a page on a contact that sticks."""
+"""Tables and sentences on a contact that sticks."""
 
 from __future__ import annotations
 
@@ -10,17 +10,14 @@ import pandas as pd
 from underlay.inference.sampling.derived import adhesive_estimates, kind_of_quantity
 from underlay.report.intervals import quantity_with_interval
 from underlay.report.labels import label
-from underlay.report.notebook import Cell, filled
 from underlay.report.tables import labelled_table
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.scene.scene import Scene
 
-__all__ = ["adhesion_frame", "adhesion_part", "adhesion_table", "halfspace_of", "halfspace_sentence"]
+__all__ = ["adhesion_frame", "adhesion_table", "halfspace_of", "halfspace_sentence"]
 
 # Over pi R w, on a half-space.
 _HALF_SPACE = 1.5
@@ -119,8 +116,3 @@ def halfspace_sentence(scene: Scene, pull_off_force: float) -> str:
         f"{format_quantity(read, 'surface energy')}: {100.0 * (read / work - 1.0):+.2g} % against "
         f"the {format_quantity(work, 'surface energy')} found on this layer."
     )
-
-
-def adhesion_part(scenes: Sequence[Scene]) -> tuple[Cell, ...]:
-    """Return the part of a notebook on adhesion; nothing where nothing sticks."""
-    return filled("adhesion", {}) if any(scene.adhesion is not None for scene in scenes) else ()

@@ -25,7 +25,7 @@ import pandas as pd
 from underlay._files import write_atomic
 from underlay._text import one_line
 from underlay._version import VERSION
-from underlay.errors import InputError, MissingExtraError
+from underlay.errors import InputError, missing_extra
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.population.result import Population
@@ -83,7 +83,7 @@ def excel_library() -> ModuleType:
     try:
         return importlib.import_module("xlsxwriter")
     except ImportError as error:
-        raise MissingExtraError("an Excel file needs xlsxwriter: pip install 'underlay[excel]'") from error
+        raise missing_extra("an Excel file needs xlsxwriter", "excel") from error
 
 
 def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
@@ -165,6 +165,7 @@ def result_rows(result: Fit) -> pd.DataFrame:
     about = pd.DataFrame(rows, index=table.index)
     about.insert(0, "verdict", result.verdict.word)
     about.insert(1, "reasons", one_line("; ".join(result.verdict.reasons)))
+    about.insert(2, "cause", one_line(result.verdict.cause))
     return pd.concat([table, about], axis=1)
 
 
@@ -239,7 +240,7 @@ def _solver(solver: Solver) -> str:
 def _noise(given: Any) -> str:
     """The noise as it was stated; one per curve if several were."""
     if given is None:
-        return "not stated: intervals are averaged over what the residuals may be"
+        return "not stated: what the residuals show is allowed for"
     if isinstance(given, NoiseModel):
         stated = [f"{path} = {number.value:.17g}" for path, number in numbers_of(given, "noise").items()]
         return ", ".join(stated) or repr(given)

@@ -1,7 +1,5 @@
 """The files that a fit leaves in a folder, the modulus depth by depth among them.
 
-The part of a page on the modulus depth by depth: its table and its sentence.
-
 The files that a fit leaves in a folder: its table, its full result, its pictures.
 """
 
@@ -16,31 +14,21 @@ import pandas as pd
 from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay.errors import UnderlayError
-from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus, pointwise_modulus
+from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus, modulus_by_depth
 from underlay.report import plots
 from underlay.report.adhesion_tables import adhesion_frame
-from underlay.report.excel import result_rows
 from underlay.report.intervals import quantity_with_interval
-from underlay.report.notebook import Cell, filled
 from underlay.report.reading import beyond_loading
 from underlay.report.tables import labelled_table
 from underlay.units import format_quantity, human_unit, printed, printed_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.scene.scene import Scene
 
-__all__ = ["pointwise_of", "pointwise_part", "pointwise_sentence", "pointwise_table", "write_fit"]
+__all__ = ["pointwise_of", "pointwise_sentence", "pointwise_table", "write_fit"]
 
 # Rows of a table that is read and not plotted.
 _ROWS = 10
-
-
-def pointwise_part(scenes: Sequence[Scene]) -> tuple[Cell, ...]:
-    """Return the part of a notebook on the modulus depth by depth; nothing where a tip sticks."""
-    return () if any(scene.adhesion is not None for scene in scenes) else filled("pointwise", {})
 
 
 def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:
@@ -48,7 +36,7 @@ def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:
     found: list[PointwiseModulus | str] = []
     for curve in range(len(result.curves)):
         try:
-            found.append(pointwise_modulus(result, curve=curve))
+            found.append(modulus_by_depth(result, curve=curve))
         except UnderlayError as error:
             found.append(str(error))
     return found
@@ -107,11 +95,17 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
 
     A curve that was measured beyond loading gets a picture of its segments.
     """
+    # Not loaded by a page, which needs the words and tables of this module alone.
+    from underlay.report.excel import result_rows  # noqa: PLC0415  see above
+
     written = [
         write_atomic(folder / f"{stem}.fit.csv", csv_text(result_rows(result))),
         result.to_json(folder / f"{stem}.fit.json"),
         plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
     ]
+    by_depth = pointwise_of(result)[0]
+    if isinstance(by_depth, PointwiseModulus):
+        written.append(write_atomic(folder / f"{stem}.depth.csv", csv_text(by_depth.table)))
     if result.scene.memory is not None:
         written.append(plots.save(plots.fit_in_time(result), folder / f"{stem}.time.png"))
     if result.scene.layer.relaxation is not None:

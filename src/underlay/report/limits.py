@@ -18,20 +18,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from underlay.data.curve import Curve
 from underlay.data.quality import check_quality
 from underlay.errors import UnderlayError
-from underlay.inference.compare import compare, compare_bonds
 from underlay.inference.design.second_test import remedy
 from underlay.inference.profiles import interval_threshold
-from underlay.mechanics.discrepancy import finite_strain_excess, why_unmeasured
-from underlay.mechanics.indenters import Paraboloid
-from underlay.report.intervals import estimates, quantity_with_interval, standing
 from underlay.report.labels import is_of_the_sample, label, start
+from underlay.report.screen import answer_text
 from underlay.scene.parameters import kind_of
-from underlay.scene.scene import Scene, has_face
+from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -43,10 +38,7 @@ __all__ = [
     "DistinctScene",
     "advice",
     "bonds_sentences",
-    "bonds_told",
     "distinct_scenes",
-    "if_it_sticks",
-    "model_limits",
     "quality_doubts",
     "reservations",
     "rival_name",
@@ -121,128 +113,6 @@ def _label(numbers: tuple[int, ...]) -> str:
     return f"curves {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
 
 
-# Where friction counts: nearly incompressible layers that are not thick against the contact.
-_INCOMPRESSIBLE, _WIDE = 0.4, 0.5
-
-
-# Where a paraboloid for a ball is worse than small strains are: 3 to 17 % (finite elements).
-_BALL_NU, _BALL_DEPTH, _BALL_THICKNESS = 0.45, 0.1, 2.0
-
-
-# Depths at which finite strain is held against the noise, and what is left of a range that is worth proposing.
-_LOOKS, _WORTH = 200, 0.25
-
-
-# Share of the deepest point from which on the rest is not worth leaving out: there it hardly exceeds the noise.
-_ENOUGH = 0.9
-
-
-def model_limits(result: Fit) -> list[str]:
-    """Return what the law leaves out of this fit, and what can be done about it; a sentence each."""
-    told = result.allowed_for
-    sentences = []
-    if told.declared:
-        sentences.append(f"The scene says {' and '.join(told.declared)}: the intervals believe it.")
-    where = " of such a curve" if len(result.curves) > 1 else ""
-    sentences += [f"{start(words)}: the intervals do not allow for that{where}." for words in told.unknown]
-    tests = [test for test in distinct_scenes(result.scenes, result.curves) if test.deepest > 0.0]
-    sentences += [words for test in tests for words in (_ball(test), _range(result, test)) if words]
-    sentences += [words for words in (if_it_sticks(result, tests),) if words]
-    return list(dict.fromkeys(sentences))
-
-
-def if_it_sticks(result: Fit, tests: list[DistinctScene]) -> str:
-    """Return what the sample's numbers would be with a tip that sticks; empty where that is no matter.
-
-    Examples
-    --------
-    ``"If the tip sticks in place of sliding, layer modulus is 0.497 MPa."``
-    """
-    if not any(_feels_friction(result, test) for test in tests):
-        return ""
-    try:
-        stuck = compare(result.problem, ["stuck"]).fits.get("stuck")
-    except UnderlayError:
-        return ""
-    if stuck is None:
-        return ""
-    numbers = [
-        f"{label(name)} is {format_quantity(_moved(result, stuck, name), kind_of(name))}"
-        for name in result.names
-        if is_of_the_sample(name)
-    ]
-    return f"If the tip sticks in place of sliding, {' and '.join(numbers)}." if numbers else ""
-
-
-def _moved(result: Fit, stuck: Fit, name: str) -> float:
-    """The stated value of a parameter, moved as sticking moves that of least squares."""
-    coordinate = result.problem.coordinates[result.names.index(name)]
-    before, after, stated = (
-        float(coordinate.scaled(value))
-        for value in (result.values[name], stuck.values[name], result.interval(name).value)
-    )
-    return float(coordinate.physical(np.asarray(stated + after - before)))
-
-
-def _feels_friction(result: Fit, test: DistinctScene) -> bool:
-    scene = test.scene
-    if (
-        scene.friction != "unknown"
-        or scene.discrepancy is not None
-        or scene.adhesion is not None
-        or scene.memory is not None
-    ):
-        return False
-    if scene.substrate is None or not scene.layer.material.nu > _INCOMPRESSIBLE:
-        return False
-    law = scene.contact_law(test.deepest, solver=result.solver)
-    return float(law.contact_radius(test.deepest)) > _WIDE * scene.layer.thickness
-
-
-def _ball(test: DistinctScene) -> str:
-    """A paraboloid that is probably a ball, where that is the largest error."""
-    tip, scene = test.scene.indenter, test.scene
-    if not isinstance(tip, Paraboloid) or scene.substrate is None:
-        return ""
-    thin = scene.layer.thickness <= _BALL_THICKNESS * tip.radius
-    if not (scene.layer.material.nu >= _BALL_NU and thin and test.deepest > _BALL_DEPTH * tip.radius):
-        return ""
-    return (
-        f"The tip is declared a paraboloid and pressed {test.deepest / tip.radius:.2g} R deep: if it is a ball, "
-        "declare a sphere. On nearly incompressible layers of up to 2 R a paraboloid is off by 3 to 17 % there, a "
-        "true sphere in small strains by 1 to 4 %."
-    )
-
-
-def _range(result: Fit, test: DistinctScene) -> str:
-    """The depth from which finite strain exceeds the noise, as a range to fit."""
-    contact, scene = test.scene.contact, test.scene
-    if (
-        scene.finite_strain is False
-        or scene.discrepancy is not None
-        or scene.adhesion is not None
-        or scene.memory is not None
-    ):
-        return ""
-    if why_unmeasured(contact, test.deepest):
-        return ""
-    depth = test.deepest * np.linspace(0.0, 1.0, _LOOKS + 1)[1:]
-    law = scene.contact_law(test.deepest, solver=result.solver)
-    excess = law.force(depth) * finite_strain_excess(contact, depth, law.contact_radius(depth))
-    noise = min(float(np.std(residual)) for residual in result.residuals)
-    beyond = np.flatnonzero(np.abs(excess) > noise)
-    if not beyond.size or not math.isfinite(noise):
-        return ""
-    first = float(depth[beyond[0]])
-    if not _WORTH * test.deepest <= first < _ENOUGH * test.deepest:
-        return ""
-    written = format_quantity(first, "length")
-    return (
-        f"Beyond a depth of {written} into the sample finite strain exceeds the noise: to leave that out, fit the "
-        f'curve up to there (fit_to = "{written}" in [curve]).'
-    )
-
-
 _LEVEL = 0.95
 
 
@@ -272,16 +142,15 @@ def advice(result: Fit) -> list[str]:
     jointly, would fix it to 4.3 % if it is 1.2 mm or less, but not if it is 2 mm."``
     """
     sentences = []
-    for entry in estimates(result):
-        is_open = entry.not_fixed or math.isinf(entry.low) or math.isinf(entry.high)
-        if not is_open or not is_of_the_sample(entry.name):
+    for name in filter(is_of_the_sample, result.names):
+        if not result.interval(name, part="statistical").is_open:
             continue
         try:
-            found = remedy(result, entry.name)
+            found = remedy(result, name)
         except UnderlayError:
             # A fit of several curves, a tip without a radius: nothing to advise.
             continue
-        sentences.append(f"{start(label(entry.name))}: {found.sentence}.")
+        sentences.append(f"{start(label(name))}: {found.sentence}.")
     return sentences
 
 
@@ -301,7 +170,7 @@ def _rival_sentence(result: Fit, other: Alternative, name: str) -> str:
     # With two optima intervals from chi-square hold the truth less often than they say.
     return (
         f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
-        f"{other.delta_chi_square:.2g}. The intervals above {reach}; ul.profile(fit, name, calibrate=99) says how "
+        f"{other.delta_chi_square:.2g}. The intervals {reach}; ul.profile(fit, name, calibrate=99) says how "
         "far they can be trusted."
     )
 
@@ -315,32 +184,18 @@ def bonds_sentences(told: BondComparison) -> list[str]:
 
     Examples
     --------
-    ``"bonded: layer modulus 1.20 kPa (1.10 to 1.30), slipping: layer modulus 1.62 kPa (1.48 to 1.77)."``
+    ``"bonded: layer modulus 1.20 ± 0.10 kPa, slipping: layer modulus 1.62 ± 0.14 kPa."``
     """
     parts = []
     for bond, fit in told.fits.items():
         numbers = [
-            f"{label(entry.name)} "
-            + (
-                f"{format_quantity(entry.value, kind_of(entry.path))}, not fixed"
-                if entry.not_fixed
-                else quantity_with_interval(entry.value, entry.low, entry.high, kind_of(entry.path))
-            )
-            for entry in estimates(fit)
-            if is_of_the_sample(entry.name)
+            f"{label(name)} {answer_text(fit.answer(name), parts=False)}"
+            for name in fit.names
+            if is_of_the_sample(name)
         ]
         parts.append(f"{bond}: {'; '.join(numbers)}")
     parts += [f"{bond}: no fit, {reason}" for bond, reason in told.refused.items()]
     return [f"{', '.join(parts)} (95 % intervals).", _spoken_for(told.difference)]
-
-
-def bonds_told(fit: Fit) -> list[str]:
-    """Return the same of the face under the layer of a fit; nothing where nothing is under it."""
-    if not all(has_face(scene) for scene in fit.problem.base_scenes):
-        return []
-    if not any(is_of_the_sample(name) for name in fit.names):
-        return []
-    return bonds_sentences(compare_bonds(fit))
 
 
 def _spoken_for(difference: float) -> str:
@@ -383,5 +238,5 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
     """
     reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
 
-    fitted = [str(warning) for warning in standing(result) if warning.code != "second-optimum"]
+    fitted = [str(warning) for warning in result.warnings if warning.code != "second-optimum"]
     return [*reader, *fitted, *notes]

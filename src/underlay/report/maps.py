@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -23,15 +24,15 @@ from underlay.inference.batch.decisions import (
     shared_error_of,
     without_refused,
 )
-from underlay.inference.batch.results_table import FITTED, SHARED
-from underlay.inference.population.population import population
-from underlay.inference.population.result import Comparison, Group, Population, Spread, Triple
+from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
 from underlay.report.intervals import quantity_with_interval
 from underlay.report.labels import label, start
-from underlay.report.spoken import markdown_text
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.inference.population.result import Comparison, Group, Population, Spread, Triple
 
 __all__ = [
     "columns_to_draw",
@@ -53,13 +54,9 @@ __all__ = [
     "sample_parameters",
     "shared_error_words",
     "spread_in_words",
-    "told",
     "verdict_table",
     "without_refused",
 ]
-
-_ERROR = ".stderr"
-
 
 # More rows than this are looked up in the table itself.
 _LISTED = 50
@@ -74,8 +71,9 @@ _FOLLOW = ("adhesion.pull_off_force", "adhesion.pull_off_depth")
 
 def sample_parameters(table: pd.DataFrame) -> list[str]:
     """Fitted parameters of layer, substrate and adhesion, and where the tip comes off."""
-    names = [str(name).removesuffix(_ERROR) for name in table.columns if str(name).endswith(_ERROR)]
-    fitted = [name for name in names if name.startswith(("layer.", "substrate.", "adhesion."))]
+    fitted = [
+        name for name in fitted_names(table.columns) if name.startswith(("layer.", "substrate.", "adhesion."))
+    ]
     return [*fitted, *(name for name in _FOLLOW if name in table.columns)]
 
 
@@ -88,8 +86,7 @@ def columns_to_draw(table: pd.DataFrame) -> list[str]:
     """Columns of which there is a map: what was fitted of the sample, and its error."""
     if not has_positions(table):
         return []
-    columns = [name for fitted in sample_parameters(table) for name in (fitted, f"{fitted}{_ERROR}")]
-    columns = [name for name in columns if name in table.columns]
+    columns = [name for name in sample_parameters(table) if name in table.columns]
     return [name for name in columns if np.isfinite(table[name].to_numpy(dtype=float)).any()]
 
 
@@ -97,7 +94,7 @@ def map_summary(table: pd.DataFrame) -> str:
     """Return the map as Markdown: the middle and the spread of each parameter, and how many sites failed."""
     fitted = table[table["status"] == FITTED]
     sentences = [f"**{_sentence(name, fitted[name])}**" for name in sample_parameters(table) if len(fitted)]
-    doubtful = int((fitted["verdict"] == "doubtful").sum())
+    doubtful = int((fitted["verdict"] != "good").sum())
     counts = f"{len(fitted)} of {len(table)} curves were fitted"
     if doubtful:
         counts += f", {doubtful} of them with reservations"
@@ -108,33 +105,22 @@ def map_summary(table: pd.DataFrame) -> str:
 
 def errors_in_words(table: pd.DataFrame) -> str:
     """What the errors of a map allow for."""
-    if "converged" in table.columns:
+    if not any(str(column).endswith(".stat.low") for column in table.columns):
         return (
-            "Values, errors and intervals are medians, standard deviations and 95 % intervals of posteriors."
+            "Errors are least-squares standard errors: noise alone, and white. Without --quick every curve has the "
+            "answer that a fit by itself prints."
         )
-    if any(column.endswith(".low") for column in table.columns):
-        return (
-            "Values are those of least squares, errors those of white noise. Intervals are those that a fit of the "
-            "site by itself states: where no noise was stated they are averaged, and may leave such a value out."
-        )
-    # What a single fit weighs (see `Fit.interval`) costs a map some ten times its fits.
-    return (
-        "Errors and verdicts of a map are the quick ones: standard errors of white noise, and doubts of the fit. "
-        "A map that is asked for intervals (`underlay map --intervals`), or a site that is fitted by itself, "
-        "averages over correlated noise and a wrong law."
-    )
+    return "Every curve has the answer that a fit by itself prints: both parts of its uncertainty at 95 %."
 
 
 def shared_error_words(table: pd.DataFrame) -> str:
-    """What the calibration may add to every modulus of a map; empty where nothing was said of it."""
-    if SHARED not in table.columns:
-        return ""
+    """What inputs and model may add to every modulus of a map alike; empty where no answers were asked."""
     share = shared_error_of(table)
     if share is None:
-        return "How well the calibration is known was said, and is in none of these errors."
+        return ""
     return (
-        f"An error of the calibration moves every {label('layer.E')} alike, by {100.0 * share:.2g} % (one standard "
-        "error): no scatter shows it, and no mean takes it away."
+        f"Inputs and model shift every {label('layer.E')} alike, by up to {196.0 * share:.2g} % (95 %): no scatter "
+        "shows it, and no mean takes it away."
     )
 
 
@@ -153,9 +139,10 @@ def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
         if not known.size:
             continue
         middle, low, high = (float(value) for value in np.quantile(known, _MIDDLE))
-        error = f"{name}{_ERROR}"
         share = (
-            np.nanmedian(table[error].to_numpy(dtype=float) / np.abs(values)) if error in table else np.nan
+            np.nanmedian(standard_errors(table, name) / np.abs(values))
+            if name in fitted_names(table.columns)
+            else np.nan
         )
         rows.append(
             {
@@ -261,18 +248,14 @@ def of_map(table: pd.DataFrame) -> Population | str:
             "takes them so is too narrow. A column `animal` in the manifest, and `group` for those to compare, "
             "lets this page say what the animals say."
         )
+    # Populations are loaded where there is one.
+    from underlay.inference.population.population import population  # noqa: PLC0415  see above
+
     group = _GROUP if _GROUP in table.columns else None
     try:
         return population(table, [_WHOSE], parameters[0], group=group)
     except InputError as error:
-        return f"The animals cannot be summed up: {markdown_text(str(error))}."
-
-
-def told(result: Population | str) -> str:
-    """Return it as Markdown."""
-    return (
-        result if isinstance(result, str) else "\n\n".join(map(markdown_text, population_sentences(result)))
-    )
+        return f"The animals cannot be summed up: {one_line(error)}."
 
 
 def population_tables(result: Population | str) -> list[pd.DataFrame]:

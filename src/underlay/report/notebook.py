@@ -1,19 +1,11 @@
-"""Notebooks from templates, executed, and as one HTML page.
-
-Notebooks from templates: Markdown with fenced Python, split into cells first and filled cell by cell.
+"""Notebooks to go on from: made from templates, and executed.
 
 A template is a page of Markdown. Each fenced block that starts with three backticks and ``python`` becomes a
-code cell; what stands between two of them becomes a Markdown cell. Words after ``python`` say how the cell
-looks in a report: ``alt="..."`` describes the picture it makes.
+code cell; what stands between two of them becomes a Markdown cell.
 
 A placeholder such as ``${title}`` stands for data. Because the cells are there before the data come, no data
 can begin or end one. In code a placeholder becomes the literal of its value, in Markdown one line of words
-without markup. Two kinds of value are not data: `Source`, which is Python written by this package, and cells
-of another template, which take the place of a placeholder that stands alone on a line of Markdown.
-
-Execute a notebook with the Python that runs this, and say in one line what stopped it.
-
-An executed notebook as one HTML page: pictures inside, no script, nothing fetched.
+without markup.
 """
 
 from __future__ import annotations
@@ -23,62 +15,30 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 from string import Template
 from types import ModuleType
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple
 
+from underlay._files import write_atomic
 from underlay._text import one_line
-from underlay.errors import FitError, MissingExtraError
+from underlay.errors import FitError, missing_extra
 from underlay.report.spoken import markdown_text
 
-__all__ = [
-    "Cell",
-    "Source",
-    "Value",
-    "execute",
-    "filled",
-    "html_page",
-    "import_path",
-    "make_notebook",
-    "report_library",
-    "with_sections",
-]
+__all__ = ["Cell", "execute", "filled", "import_path", "make_notebook", "write_notebook"]
 
-_FENCE = re.compile(r"^```python(?P<info>[^\n]*)\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
-
-
-_ALT = re.compile(r'alt="([^"]*)"')
-
-
-_PART = re.compile(r"^\$\{(\w+)\}$", re.MULTILINE)
-
-
+_FENCE = re.compile(r"^```python\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
 # Letters: the longest file name has 255.
 _LONGEST = 300
 
 
-@dataclass(frozen=True)
-class Source:
-    """Python written by this package, in which every word of data is a literal."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One cell: its source, whether that is code, and what the picture it makes shows."""
+class Cell(NamedTuple):
+    """One cell: its source, and whether that is code."""
 
     source: str
     code: bool = False
-    alt: str = ""
-
-
-#: What a placeholder may stand for.
-Value: TypeAlias = "str | Sequence[str] | Mapping[str, str] | Mapping[int, str] | Source | tuple[Cell, ...]"
 
 
 def report_library(name: str) -> ModuleType:
@@ -92,41 +52,53 @@ def report_library(name: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        raise MissingExtraError(f"a report needs {name}: pip install 'underlay[report]'") from error
+        raise missing_extra(f"a notebook needs {name}", "report") from error
 
 
-def filled(template: str, values: Mapping[str, Value]) -> tuple[Cell, ...]:
+def write_notebook(template: str, values: Mapping[str, str], path: Path) -> Path:
+    """Fill a template, run it where it will stand, and write it with its outputs.
+
+    Parameters
+    ----------
+    template : str
+        As in `filled`.
+    values : mapping of str to str
+        What its placeholders stand for; ``title`` is also the title of the notebook.
+    path : Path
+        The notebook.
+
+    Raises
+    ------
+    MissingExtraError
+        If the extra ``report`` is not installed.
+    FitError
+        If a cell fails.
+    """
+    made = execute(make_notebook(filled(template, values), values["title"]), path.parent)
+    return write_atomic(path, str(report_library("nbformat").writes(made)) + "\n")
+
+
+def filled(template: str, values: Mapping[str, str]) -> tuple[Cell, ...]:
     """Return the cells of a template, filled.
 
     Parameters
     ----------
     template : str
         Name of a file in ``templates``, without its ending.
-    values : mapping
+    values : mapping of str to str
         What its placeholders stand for.
     """
     text = (resources.files("underlay.report") / "templates" / f"{template}.md").read_text(encoding="utf-8")
-    cells: list[Cell] = []
-    for cell in _cells(text):
-        if cell.code:
-            source = Template(cell.source).substitute(
-                {name: _literal(value) for name, value in values.items()}
-            )
-            cells.append(Cell(source.strip("\n"), code=True, alt=cell.alt))
-        else:
-            cells += _filled_words(cell.source, values)
-    return tuple(cell for cell in cells if cell.source)
+    in_code = {name: repr(value) for name, value in values.items()}
+    in_words = {name: markdown_text(value, _LONGEST) for name, value in values.items()}
+    return tuple(
+        Cell(Template(cell.source).substitute(in_code if cell.code else in_words), cell.code)
+        for cell in _cells(text)
+        if cell.source
+    )
 
 
-def with_sections(notebook: Any, sections: Iterable[str]) -> Any:
-    """Return a notebook with further sections at its end, each the text of a template without placeholders."""
-    cells = (cell for text in sections for cell in _cells(text) if cell.source)
-    for cell in cells:
-        notebook.cells.append(_entry(cell, len(notebook.cells)))
-    return notebook
-
-
-def make_notebook(cells: Sequence[Cell], title: str) -> Any:
+def make_notebook(cells: tuple[Cell, ...], title: str) -> Any:
     """Return cells as a notebook, not executed, of which `title` is a part of its metadata.
 
     Raises
@@ -135,19 +107,14 @@ def make_notebook(cells: Sequence[Cell], title: str) -> Any:
         If the extra ``report`` is not installed.
     """
     v4 = report_library("nbformat").v4
-    made = [_entry(cell, number) for number, cell in enumerate(cells)]
+    made = [
+        v4.new_code_cell(cell.source) if cell.code else v4.new_markdown_cell(cell.source) for cell in cells
+    ]
+    for number, entry in enumerate(made):
+        # Without this every notebook gets random names for its cells, and no two are alike.
+        entry["id"] = f"cell-{number}"
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     return v4.new_notebook(cells=made, metadata={**kernel, "title": one_line(title, _LONGEST)})
-
-
-def _entry(cell: Cell, number: int) -> Any:
-    v4 = report_library("nbformat").v4
-    entry = v4.new_code_cell(cell.source) if cell.code else v4.new_markdown_cell(cell.source)
-    # Without this every notebook gets random names for its cells, and no two reports are alike.
-    entry["id"] = f"cell-{number}"
-    if cell.alt:
-        entry["metadata"]["alt"] = cell.alt
-    return entry
 
 
 def _cells(text: str) -> Iterator[Cell]:
@@ -155,30 +122,12 @@ def _cells(text: str) -> Iterator[Cell]:
     end = 0
     for fence in _FENCE.finditer(text):
         yield Cell(text[end : fence.start()].strip())
-        alt = _ALT.search(fence["info"])
-        yield Cell(fence["code"].strip("\n"), code=True, alt=alt.group(1) if alt else "")
+        yield Cell(fence["code"].strip("\n"), code=True)
         end = fence.end()
     yield Cell(text[end:].strip())
 
 
-def _filled_words(text: str, values: Mapping[str, Value]) -> Iterator[Cell]:
-    """Fill Markdown; where a placeholder alone on a line stands for cells, they come in its place."""
-    words = {name: markdown_text(value, _LONGEST) for name, value in values.items()}
-    begin = 0
-    for part in _PART.finditer(text):
-        inner = values[part[1]]
-        if isinstance(inner, tuple):
-            yield Cell(Template(text[begin : part.start()].strip()).substitute(words))
-            yield from inner
-            begin = part.end()
-    yield Cell(Template(text[begin:].strip()).substitute(words))
-
-
-def _literal(value: Value) -> str:
-    return value.text if isinstance(value, Source) else repr(value)
-
-
-# A cell that takes longer than this hangs; the slowest cell of a report takes seconds.
+# A cell that takes longer than this hangs; the slowest cell of a template takes seconds.
 _LONGEST_CELL = 600
 
 
@@ -200,12 +149,12 @@ def execute(notebook: Any, folder: Path) -> Any:
             # What the kernel says of itself is not what a user asked for. It is ours, so the runner ends it.
             runner.execute(cwd=own, env=_environment(own, folder), stderr=log, cleanup_kc=True)
     except client.exceptions.CellExecutionError as error:
-        raise FitError(f"the notebook of the report stopped: {error.ename}: {error.evalue}") from error
+        raise FitError(f"the notebook stopped: {error.ename}: {error.evalue}") from error
     except client.exceptions.DeadKernelError as error:
-        raise FitError(f"the Python that makes the report ended: {error}") from error
+        raise FitError(f"the Python that runs the notebook ended: {error}") from error
     except client.exceptions.CellTimeoutError as error:
         raise FitError(
-            f"a cell of the report ran longer than {_LONGEST_CELL} s; run the notebook by hand"
+            f"a cell of the notebook ran longer than {_LONGEST_CELL} s; run the notebook by hand"
         ) from error
     return notebook
 
@@ -249,51 +198,7 @@ def _kernel_manager(own: str, folder: Path) -> Any:
     # All that the two say to each other stays in a folder of their own.
     kernel = manager.AsyncKernelManager(connection_file=os.path.join(own, "kernel.json"))  # noqa: PTH118  a name
     if os.name == "posix":
-        # Sockets in the file system: no port is opened for a report.
+        # Sockets in the file system: no port is opened for a notebook.
         kernel.transport, kernel.ip = "ipc", os.path.join(own, "kernel")  # noqa: PTH118  a prefix, not a file
     kernel._kernel_spec = spec.KernelSpec(argv=command, display_name="underlay", language="python")  # noqa: SLF001  no public way to name a command
     return kernel
-
-
-_TEMPLATES = Path(__file__).parent / "templates"
-
-
-# What words and tables are made of. Anything else in them is shown as text, not acted on.
-_WORDS = ("h1", "h2", "h3", "h4", "p", "br", "hr", "strong", "em", "code", "pre", "sub", "sup")
-
-
-_BLOCKS = ("ul", "ol", "li", "blockquote", "div", "span", "table", "thead", "tbody", "tr", "th", "td")
-
-
-_ATTRIBUTES = {"*": ["id"], "th": ["scope"]}
-
-
-# pandas writes one before each table; the page has its own.
-_TABLE_STYLE = re.compile(r"<style scoped>.*?</style>", re.DOTALL)
-
-
-def html_page(notebook: Any) -> str:
-    """Return the page of an executed notebook.
-
-    Raises
-    ------
-    MissingExtraError
-        If the extra ``report`` is not installed.
-    """
-    exporter = report_library("nbconvert").HTMLExporter(
-        template_name="page",
-        extra_template_basedirs=[str(_TEMPLATES)],
-        exclude_anchor_links=True,
-    )
-    exporter.register_filter("safe_html", _safe_html)
-    style = (_TEMPLATES / "page" / "page.css").read_text(encoding="utf-8")
-    body, _ = exporter.from_notebook_node(notebook, resources={"page_style": style})
-    return str(body)
-
-
-def _safe_html(text: str) -> str:
-    """Return markup with what a report does not need shown as text: names of files and notes are in it."""
-    cleaned = report_library("bleach").clean(
-        _TABLE_STYLE.sub("", text), tags={*_WORDS, *_BLOCKS}, attributes=_ATTRIBUTES
-    )
-    return str(cleaned)

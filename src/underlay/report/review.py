@@ -26,7 +26,7 @@ from underlay.errors import InputError, UnderlayError
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, read_place
 from underlay.inference.batch.decisions import DECISIONS, REFUSED_BY_HAND, Decisions
 from underlay.inference.batch.model import MapOptions, scene_file_of
-from underlay.inference.batch.results_table import FITTED
+from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
 from underlay.inference.from_files import within_range
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Auto, as_solver
@@ -144,7 +144,7 @@ _RTOL = 1e-3
 _PIECES = 20
 
 
-_ORDER = {"refused": 0, "doubtful": 1, "good": 2}
+_ORDER = {"refused": 0, "reject": 1, "check": 2, "good": 3}
 
 
 _LONGEST_REASON = 600
@@ -329,7 +329,8 @@ def _fitted(
 
 def _numbers(row: Mapping[Any, Any]) -> Iterator[str]:
     for name in sample_parameters(pd.DataFrame(columns=list(row))):
-        value, error = row[name], row[f"{name}.stderr"]
+        value = row[name]
+        error = float(standard_errors(pd.DataFrame([row]), name)[0]) if name in fitted_names(row) else None
         if isinstance(value, float) and math.isfinite(value):
             yield f"{start(label(name))} {format_quantity(value, kind_of(name), error)}"
 
@@ -341,7 +342,7 @@ def _page_name(number: int) -> str:
 def _pages(cards: Sequence[Card], per_page: int, errors: str) -> Iterator[str]:
     groups = [cards[first : first + per_page] for first in range(0, len(cards), per_page)]
     style = (_TEMPLATES / "page" / "review.css").read_text(encoding="utf-8")
-    counts = {word: sum(card.verdict == word for card in cards) for word in ("refused", "doubtful", "good")}
+    counts = {word: sum(card.verdict == word for card in cards) for word in _ORDER}
     told = ", ".join(f"{count} {word}" for word, count in counts.items())
     links = " ".join(f'<a href="{_page_name(n)}">{n}</a>' for n in range(1, len(groups) + 1))
     for number, group in enumerate(groups, start=1):
@@ -364,7 +365,7 @@ def _pages(cards: Sequence[Card], per_page: int, errors: str) -> Iterator[str]:
 
 
 def _article(card: Card, number: int) -> str:
-    verdict = card.verdict if card.verdict in _ORDER else "doubtful"
+    verdict = card.verdict if card.verdict in _ORDER else "check"
     misfit = f"misfit {100.0 * card.misfit:.2g} % of the force" if math.isfinite(card.misfit) else "no fit"
     lines = [*card.numbers, f"{card.verdict}; {misfit}"]
     parts = [f"<p>{html.escape(line)}</p>" for line in lines]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene
 
-__all__ = ["effects_table", "ledger_in_words", "scene_table"]
+__all__ = ["effects_table", "ledger_in_words", "number_rows", "scene_table"]
 
 # Numbers of a list that a table shows; more are counted.
 _LISTED = 6
@@ -36,7 +36,7 @@ def scene_table(*scenes: Scene) -> pd.DataFrame:
 
 def _scene_rows(scene: Scene) -> pd.DataFrame:
     rows = [{"part": "indenter", "quantity": "shape", "value": scene.indenter.shape.replace("_", " ")}]
-    rows += _numbers("indenter", scene.indenter)
+    rows += number_rows("indenter", scene.indenter)
     rows += _layer_rows("layer", scene.layer)
     for number, layer in enumerate(scene.layers[1:], start=2):
         rows += _layer_rows(f"layer {number}", layer)
@@ -45,33 +45,40 @@ def _scene_rows(scene: Scene) -> pd.DataFrame:
         value = "rigid, bonded to the layer" if bonded else "rigid"
         rows.append({"part": "substrate", "quantity": "material", "value": value})
     elif scene.base is not None:
-        rows += _numbers("substrate", scene.base)
+        rows += number_rows("substrate", scene.base)
     if scene.adhesion is not None:
         rows.append({"part": "adhesion", "quantity": "model", "value": scene.adhesion.model})
-        rows += _numbers("adhesion", scene.adhesion)
+        rows += number_rows("adhesion", scene.adhesion)
     if scene.history is not None:
         rows.append({"part": "history", "quantity": "model", "value": scene.history.model.replace("_", " ")})
-        rows += _numbers("history", scene.history)
-    ideal = [row for row in _numbers("instrument", scene.instrument) if not row["value"].startswith("0 ")]
+        rows += number_rows("history", scene.history)
+    ideal = [row for row in number_rows("instrument", scene.instrument) if not row["value"].startswith("0 ")]
     rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
     if scene.lever is not None:
-        rows += _numbers("lever", scene.lever)
+        rows += number_rows("lever", scene.lever)
     return labelled_table(rows)
 
 
 def _layer_rows(part: str, layer: Layer) -> list[dict[str, str]]:
     thick, bond = layer.thickness, layer.bond
     value = format_quantity(thick, "length") if math.isfinite(thick) else "infinite (a half-space)"
-    rows = [*_numbers(part, layer.material), {"part": part, "quantity": "thickness", "value": value}]
+    rows = [*number_rows(part, layer.material), {"part": part, "quantity": "thickness", "value": value}]
     if (relaxation := layer.relaxation) is not None:
         rows.append({"part": part, "quantity": "relaxation", "value": relaxation.model.replace("_", " ")})
-        rows += _numbers(part, relaxation)
+        rows += number_rows(part, relaxation)
+    if layer.stiffening is not None:
+        rows.append({"part": part, "quantity": "stiffening", "value": layer.stiffening.model})
+        rows += number_rows(part, layer.stiffening)
+    if layer.half_width is not None:
+        wide = f"{format_quantity(layer.half_width, 'length')} ({layer.shape})"
+        rows.append({"part": part, "quantity": "half width", "value": wide})
     if isinstance(bond, str):
         return rows if bond == "bonded" else [*rows, {"part": part, "quantity": "lower face", "value": bond}]
-    return rows + _numbers(f"spring under {part}", bond)
+    return rows + number_rows(f"spring under {part}", bond)
 
 
-def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
+def number_rows(part: str, owner: Any) -> list[dict[str, str]]:
+    """Return the numbers of one part of a scene as rows: part, quantity, value."""
     if not is_dataclass(owner):
         return []
     rows = []

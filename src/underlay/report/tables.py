@@ -24,16 +24,10 @@ from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.recipe import Step
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import numbers_of, path_of
-from underlay.report.intervals import (
-    Estimate,
-    doubts_of_curves,
-    estimates,
-    quantity_with_interval,
-    standing,
-    wide_interval,
-)
+from underlay.report.intervals import doubts_of_curves
 from underlay.report.labels import label
 from underlay.report.limits import rival_name
+from underlay.report.screen import answer_text
 from underlay.report.words import strong_pairs
 from underlay.scene.noise import NoiseModel
 from underlay.scene.parameters import declared, kind_of
@@ -141,39 +135,36 @@ def fit_table(result: Fit) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where open), ``unit``, half of
-        the interval in per cent of the value, ``interval`` (its kind, as in `StatedInterval`), ``at bound``, and
-        ``wide low`` to ``wide high``, the interval with what the law leaves out and an unknown bond, where that is
-        more for any parameter.
-        Where the file of the curve says what the instrument found: ``instrument's own``, in the same unit and
-        for the same Poisson's ratio, and ``least squares differs``, how far the least-squares value is from it
-        (per cent).
+        ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where open), the ends of both
+        parts of it, ``unit``, its larger half in per cent of the value, ``at bound``. Where the file of the curve
+        says what the instrument found: ``instrument's own``, in the same unit and for the same Poisson's ratio, and
+        by how much ours ``differs`` (per cent).
     """
     told = result.instrument_moduli
     rows = []
-    widens = any(entry.left_out for entry in estimates(result))
     for name in (*result.names, *result.derived):
-        known, wide = result.interval(name), result.interval(name, model_error=True)
+        known = result.answer(name)
         unit, factor = human_unit(known.value, kind_of(name))
-        half = 0.5 * (known.high - known.low)
+        half = max(known.high - known.value, known.value - known.low)
         rows.append(
             {
                 "parameter": name,
                 "value": known.value / factor,
                 "low": known.low / factor,
                 "high": known.high / factor,
+                "stat low": known.statistical.low / factor,
+                "stat high": known.statistical.high / factor,
+                "syst low": known.systematic.low / factor,
+                "syst high": known.systematic.high / factor,
                 "unit": unit,
                 "half width (%)": 100.0 * abs(half / known.value) if known.value else np.nan,
-                "interval": known.kind,
                 "at bound": result.bounds_hit.get(name, ""),
             }
         )
-        if widens:
-            rows[-1] |= {"wide low": wide.low / factor, "wide high": wide.high / factor}
         if told:
             own = told.get(name)
             rows[-1]["instrument's own"] = own.youngs / factor if own else np.nan
-            rows[-1]["least squares differs (%)"] = 100.0 * own.difference if own else np.nan
+            rows[-1]["differs (%)"] = 100.0 * own.difference if own else np.nan
     return pd.DataFrame(rows)
 
 
@@ -189,48 +180,29 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
 def interval_table(result: Fit) -> pd.DataFrame:
     """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
 
-    Another optimum the data hardly reject has a column of its own, and so has the interval with what the law
-    leaves out where that is more.
+    Another optimum the data hardly reject has a column of its own.
     """
     told = result.instrument_moduli
     rows = []
-    entries = estimates(result)
-    widens = any(entry.left_out for entry in entries)
-    for entry in entries:
-        kind = kind_of(entry.path)
+    for name in (*result.names, *result.derived):
+        kind = kind_of(name)
         others = {
-            f"{rival_name(place)} optimum": (
-                format_quantity(other.values[entry.name], kind) if entry.name in other.values else ""
-            )
+            f"{rival_name(place)} optimum": format_quantity(other.values[name], kind)
+            if name in other.values
+            else ""
             for place, other in enumerate(result.alternatives)
         }
+        own = {"instrument's own (ours against it)": _instrument_text(result, name)} if told else {}
         rows.append(
             {
-                "parameter": label(entry.name),
-                "value (95 % interval)": (
-                    f"{format_quantity(entry.value, kind)}, not fixed"
-                    if entry.not_fixed
-                    else quantity_with_interval(entry.value, entry.low, entry.high, kind)
-                ),
-                **({"with what is unknown": _wide_text(entry, kind)} if widens else {}),
+                "parameter": label(name),
+                "value (95 %)": answer_text(result.answer(name)),
                 **others,
-                **(
-                    {"instrument's own (ours against it)": _instrument_text(result, entry.name)}
-                    if told
-                    else {}
-                ),
-                "interval": entry.kind,
-                "before the test": _prior_text(result, entry.name, kind),
+                **own,
+                "before the test": _prior_text(result, name, kind),
             }
         )
     return labelled_table(rows)
-
-
-def _wide_text(entry: Estimate, kind: str) -> str:
-    """The interval with what the law leaves out and an unknown bond; empty where it is no more."""
-    if not entry.left_out:
-        return ""
-    return wide_interval(entry, kind) or "anything"
 
 
 def steps_table(steps: Sequence[Step]) -> pd.DataFrame:
@@ -317,7 +289,7 @@ def reservations_table(result: Fit) -> pd.DataFrame:
         for note in curve.metadata.get("notes", ())
     ]
     rows += [{"from": "the curve", "reservation": reason} for reason in doubts_of_curves(result)]
-    rows += [{"from": "the fit", "reservation": warning.message} for warning in standing(result)]
+    rows += [{"from": "the fit", "reservation": warning.message} for warning in result.warnings]
     return labelled_table(rows or [{"from": "the fit", "reservation": "none"}])
 
 

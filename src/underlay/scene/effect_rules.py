@@ -188,16 +188,35 @@ def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
         # An attraction of finite range costs a thousand times as much, and is a row of its own.
         scene = replace(scene, adhesion=scene.adhesion.short_ranged)
     level = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
+    above = level
+    if level.layer.linear is not level.layer:
+        level, scene = (replace(one, layer=one.layer.linear) for one in (level, scene))
     return [
         *_layer_effects(level, layered=law.method != "halfspace"),
         _sphere_effect(level),
         _compliance_effect(level),
         _baseline_effect(scene, level),
         *_adhesion_effects(ranged, level, law),
-        *left_out_effects(level),
+        *left_out_effects(level)[: 1 if above.layer.stiffening else None],
+        *_effects_on_law(above, level),
         *_relaxation_effects(given, level),
         _history_effect(remembers=given.history is not None),
     ]
+
+
+def _effects_on_law(scene: Simulated, linear: Simulated) -> list[Effect]:
+    """What a layer puts on the law of linear elasticity: large strains, stiffening, sides; rows where declared."""
+    layer, found = scene.layer, []
+    wide = replace(scene, layer=replace(layer, half_width=None, shape="plug"))
+    if layer.stiffening is not None:
+        soft = replace(wide, layer=replace(wide.layer, stiffening=layer.stiffening.unstiffened))
+        note = "a neo-Hookean layer against small strains"
+        found.append(Effect(_FINITE_STRAIN, soft, linear, simulated=True, note=note))
+        note = "against a neo-Hookean layer of the same E"
+        found.append(Effect("stiffening", wide, soft, simulated=True, note=note))
+    if layer.half_width is not None:
+        found.append(Effect("sides", scene, wide, simulated=True, note="against a sample without sides"))
+    return found
 
 
 def _layer_effects(scene: Simulated, *, layered: bool) -> list[Effect]:

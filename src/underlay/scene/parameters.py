@@ -21,6 +21,7 @@ from underlay.mechanics.body import Stack
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.profile import Profile
+from underlay.mechanics.stiffening import Gent
 from underlay.quantities import Part, declared, kind_of
 from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise
@@ -126,6 +127,7 @@ DECLARING: tuple[type[Part], ...] = (
     TransverselyIsotropic,
     Stack,
     Adhesion,
+    Gent,
     Instrument,
     Noise,
 )

@@ -8,13 +8,14 @@ How a test moves the tip: ramps at a rate, holds, triangles and steps, sampled e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError
+from underlay.quantities import one_of, quantity, takes
 from underlay.scene.scene import Scene
 
 __all__ = ["Program", "SimulatedDepths", "default_depth"]
@@ -174,13 +175,13 @@ class SimulatedDepths:
     """
 
     max_depth: float
-    start: float = 0.0
-    points: int = 200
-    duration: float = 1.0
-    program: str = "ramp"
-    rate: float | None = None
-    hold: float = 0.0
-    steps: int = 1
+    start: float = field(default=0.0, metadata=quantity("length"))
+    points: int = field(default=200, metadata=takes(range(2, 10_000_001)))
+    duration: float = field(default=1.0, metadata=quantity("time"))
+    program: str = field(default="ramp", metadata=one_of("ramp", "triangle", "steps"))
+    rate: float | None = field(default=None, metadata=quantity("speed"))
+    hold: float = field(default=0.0, metadata=quantity("time"))
+    steps: int = field(default=1, metadata=takes(range(1, 1001)))
 
     def __post_init__(self) -> None:
         if not self.start < self.max_depth:

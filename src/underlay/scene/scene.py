@@ -18,7 +18,7 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import Base, Body, Bond, Layer, Stack
-from underlay.mechanics.contact import Adhesion, Contact
+from underlay.mechanics.contact import Adhesion, Contact, laws_on
 from underlay.mechanics.contact_law import ContactLaw, ScaledLaw
 from underlay.mechanics.discrepancy import as_friction
 from underlay.mechanics.indenters import Indenter
@@ -116,6 +116,7 @@ class Scene:
         _check_memory(self)
         _check_sticking(self)
         _check_discrepancy(self)
+        _check_on_law(self)
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
@@ -328,7 +329,7 @@ def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Sol
     top = float(load.max(initial=0.0))
     reach = _FIRST_DEPTH
     while True:
-        law = scene.contact_law(reach, solver=solver)
+        law = _law_to(scene, reach, solver)
         try:
             if scene.memory is None:
                 return law.depth(load)
@@ -338,6 +339,16 @@ def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Sol
                 raise
         # The law itself says how stiff it is at its end: its force grows at least in proportion to depth.
         reach *= max(2.0, min(top / float(law.force(law.max_depth)), _LEAP))
+
+
+def _law_to(scene: Scene, reach: float, solver: Solver) -> ContactLaw:
+    """Law up to a depth (m), or to the end of what is known where that comes first."""
+    try:
+        return scene.contact_law(reach, solver=solver)
+    except RangeError as error:
+        if error.max_depth is None or error.max_depth >= reach:
+            raise
+        return scene.contact_law(error.max_depth, solver=solver)
 
 
 def _check_optional(scene: Scene) -> None:
@@ -363,6 +374,20 @@ def _check_sticking(scene: Scene) -> None:
             'friction = "stuck" beside a history or a relaxation is not simulated: how stuck points come loose '
             "in time is another problem; leave one of them out"
         )
+
+
+def _check_on_law(scene: Scene) -> None:
+    """Refuse what is put on the law of linear elasticity where it is not known."""
+    if scene.layer.linear is scene.layer:
+        return
+    beside = {
+        "friction": scene.friction == "stuck",
+        "adhesion": scene.adhesion is not None,
+        "history": scene.history is not None,
+        "small strains": scene.finite_strain is False,
+        "discrepancy": scene.discrepancy is not None,
+    }
+    laws_on(scene.indenter, scene.layer, scene.substrate, beside)
 
 
 def _check_discrepancy(scene: Scene) -> None:

@@ -40,7 +40,7 @@ new indenter, relaxation, history or model of adhesion needs no change here.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -56,7 +56,7 @@ from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.parameters import fields_meant, hint, kind_of, unknown_parameter
 from underlay.scene.program import SimulatedDepths
 from underlay.scene.scene import Scene
-from underlay.scene.scene_schema import CurveSection, SimulateSection, check, free_parameter_schema
+from underlay.scene.scene_keys import CurveSection, fit_keys, keys_of, read_table
 from underlay.scene.scene_sections import noise_of, scene_of, solver_of, table_of
 
 __all__ = [
@@ -65,6 +65,7 @@ __all__ = [
     "FreeParameter",
     "SceneFile",
     "SimulatedDepths",
+    "entries",
     "free_parameters",
     "load_scene",
     "read_scene_file",
@@ -107,10 +108,11 @@ def free_parameters(table: Mapping[str, Any], scene: Scene, noise: NoiseModel) -
     """
     known = [*scene.parameters, *(f"noise.{name}" for name in field_quantities(type(noise)))]
     free = []
-    for path, entry in _flatten(table, known):
+    parts = {path[:end] for path in known for end, sign in enumerate(path) if sign == "."}
+    for path, entry in entries(table, parts):
         if path not in known:
-            raise unknown_parameter(path, known)
-        numbers = check(free_parameter_schema(kind_of(path)), f"fit] [{path}", entry)
+            raise unknown_parameter(path, known) if "." in path else _without_part(path, known)
+        numbers = read_table(f"fit] [{path}", fit_keys(kind_of(path)), entry)
         low, high = numbers.pop("min", -np.inf), numbers.pop("max", np.inf)
         if not low < high:
             raise InputError(f"[fit] {path}: min must be below max")
@@ -118,25 +120,27 @@ def free_parameters(table: Mapping[str, Any], scene: Scene, noise: NoiseModel) -
     return free
 
 
-def _flatten(table: Mapping[str, Any], known: Sequence[str]) -> list[tuple[str, Mapping[str, Any]]]:
-    """Turn ``layer.E = {...}`` (a nested table) and ``"layer.E" = {...}`` into (path, entry) pairs."""
-    pairs: list[tuple[str, Mapping[str, Any]]] = []
+def entries(
+    table: Mapping[str, Any], parts: Container[str] = (), above: str = ""
+) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """What is said of each fitted number, by its whole path, however the file nests them.
+
+    ``layer.E = {...}``, which TOML nests, and ``"layer.E" = {...}`` are the same. `parts` are the paths that lead
+    to further ones.
+
+    Raises
+    ------
+    InputError
+        If what is said of a number is no table.
+    """
     for name, entry in table.items():
+        path = f"{above}{name}"
         if not isinstance(entry, Mapping):
-            raise InputError(f"[fit] {name}: write {name} = {{ min = ..., max = ... }}")
-        is_part = any(path.startswith(f"{name}.") for path in known) or (
-            bool(entry) and all(isinstance(inner, Mapping) for inner in entry.values())
-        )
-        if "." not in name and not is_part:
-            raise _without_part(name, known)
-        if "." in name:
-            pairs.append((name, entry))
-            continue
-        for field, inner in entry.items():
-            if not isinstance(inner, Mapping):
-                raise InputError(f"[fit] {name}.{field}: write {name}.{field} = {{ min = ..., max = ... }}")
-            pairs.append((f"{name}.{field}", inner))
-    return pairs
+            raise InputError(f"[fit] {path}: write {path} = {{ min = ..., max = ... }}")
+        if path in parts or (entry and all(isinstance(inner, Mapping) for inner in entry.values())):
+            yield from entries(entry, parts, f"{path}.")
+        else:
+            yield path, entry
 
 
 def _without_part(name: str, known: Sequence[str]) -> ParameterError:
@@ -321,12 +325,22 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         free=tuple(free_parameters(table_of(document, "fit"), scene, noise or Noise())),
         solver=solver_of(document),
         noise=noise,
-        curve=check(CurveSection, "curve", table_of(document, "curve")),
+        curve=_curve(table_of(document, "curve")),
         simulate=_simulated_depths(document),
         path=path,
         left_out=left_out,
         stated=frozenset(f"instrument.{name}" for name in table_of(document, "instrument")),
     )
+
+
+def _curve(table: Mapping[str, Any]) -> dict[str, Any]:
+    if table.get("segment") == "hold":
+        raise InputError(
+            "[curve] segment: a hold cannot be fitted: at one depth the force tells of time, not of depth. Allowed "
+            "are 'loading', 'unloading' (of an elastic sample), 'all' and 'equilibrium' (the ends of the holds of "
+            "a stepwise test)"
+        )
+    return read_table("curve", keys_of(CurveSection), table)
 
 
 def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
@@ -355,4 +369,4 @@ def _places(table: Mapping[str, Any], above: str) -> Iterator[str]:
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     if "simulate" not in document:
         return None
-    return SimulatedDepths(**check(SimulateSection, "simulate", table_of(document, "simulate")))
+    return SimulatedDepths(**read_table("simulate", keys_of(SimulatedDepths), table_of(document, "simulate")))

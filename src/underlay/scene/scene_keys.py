@@ -1,99 +1,338 @@
-"""Every key that a scene file may hold, read off the declarations that check it.
+"""Every key that a scene file may hold: what it takes, what it means, how it is checked, and the list of them all.
 
-What a key means is the sentence of the docstring, or of the field, that declares it: there is no second list.
+Most keys are fields of the dataclasses that a section describes (`keys_of`): what such a key means is the sentence
+of the docstring that declares it. One declaration serves the reader of scene files,
+the list of `underlay keys` and the form of the page.
+
+Pydantic is not asked: its models of four sections took 0.3 of the 1.55 s of processor of `underlay fit` (medians of
+four runs in turns: 1.55 with them, 1.26 without), for what `Key.read` says in ten lines.
 """
 
 from __future__ import annotations
 
 import inspect
 import re
-import types
-from collections.abc import Iterator, Sequence
-from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from underlay._arrays import physical_length
+from underlay.errors import InputError
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import BONDS, Spring
+from underlay.mechanics.body import BONDS, Layer, Spring, Stiffening
 from underlay.mechanics.discrepancy import FRICTIONS
-from underlay.mechanics.indenters import Indenter, plugged_indenters
+from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
-from underlay.quantities import Part
+from underlay.quantities import Part, Quantity, one_of, quantity_of, takes
 from underlay.scene.discrepancy import Discrepancy
+from underlay.scene.fit_range import PRESETS, Mark
 from underlay.scene.instrument import Instrument, Lever
 from underlay.scene.noise import Noise
-from underlay.scene.scene_schema import (
-    CurveSection,
-    FieldInfo,
-    SimulateSection,
-    SolverSection,
-    ThicknessSection,
-    free_parameter_schema,
-    kind_of_field,
-    schema_of,
-)
-from underlay.scene.scene_sections import EQUIVALENT_CONES
-from underlay.units import KINDS
+from underlay.scene.parameters import hint
+from underlay.scene.program import SimulatedDepths
+from underlay.units import KINDS, parse_quantity
 
-__all__ = ["TOP", "SceneKey", "scene_keys"]
+__all__ = [
+    "EQUIVALENT_CONES",
+    "RUN",
+    "SEGMENTS",
+    "TOP",
+    "CurveSection",
+    "Key",
+    "SceneKey",
+    "SolverSection",
+    "fit_keys",
+    "keys_of",
+    "read_table",
+    "scene_keys",
+]
 
-_WORDS = {str: "text", int: "a whole number", float: "a number", bool: "true or false", dict: "a table"}
-#: Keys that choose what a section is, rather than being a number of it.
-_CHOICES = {
-    ("indenter", "shape"): "the tip; what else it needs is listed by shape",
-    (
-        "layer.relaxation",
-        "model",
-    ): "how the modulus falls with time; without the section the layer is elastic",
-    ("layer.relaxation", "relaxes"): "shear_and_bulk keeps Poisson's ratio; shear alone needs nu = 0.5",
-    (
-        "layer",
-        "bond",
-    ): "how its lower face holds to what is under it; slip: no friction; unknown: a fit says both; or springs",
-    ("substrate.layers", "bond"): "the same of this layer; further layers stand from the top down",
-    ("adhesion", "model"): "how tip and surface stick; without the section they do not",
-    ("substrate", "rigid"): "true for a base that does not deform, in place of its moduli",
-}
-#: What the keys are listed under that stand before any section.
-TOP = "top of the file"
-_BEFORE_SECTIONS = {
-    "title": ("text", "none", "what reports call the test"),
-    "friction": (
-        f"one of {', '.join(FRICTIONS)}",
-        FRICTIONS[0],
-        "under the tip: unknown friction widens the second interval; stuck is solved exactly",
-    ),
-    "finite_strain": (
-        "true or false",
-        "unknown",
-        "false says that strains are small; unknown or true widens the second interval where its size is known",
-    ),
-    "uncertainties": (
-        '"none", or a section',
-        "sizes that are assumed",
-        "how well the inputs are known: [uncertainties]; none takes all for exact",
-    ),
-}
-#: What a scene file says of how well its inputs are known, at 95 %.
-_UNCERTAINTIES = {
-    "PATH": (
-        'in its unit, "2 %" or exact',
-        'of a number of the test; the same may stand beside it: "1 mm +- 0.02 mm", "1 mm ± 2 %", "1 mm exact"',
-    ),
-    "force": ('a share, "2 %"', "of the scale of the force"),
-    "depth": ('a share, "1 %"', "of the scale of the depth"),
-    "spring_constant": ('a share, "10 %"', "of the lever's spring constant"),
-}
-_FIT = {
-    "prior": "density of what is known before; bounds alone are a flat one",
+#: Pyramids that are taken as the cone of the same projected area.
+EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
+
+
+#: Parts of a curve that can be fitted; and one segment of several, by what it is and its number from 1.
+SEGMENTS = ("all", "loading", "unloading", "equilibrium")
+RUN = re.compile(r"(ramp|loading|hold|unloading)\s+([1-9]\d{0,3})")
+
+
+def _segment(value: Any) -> str:
+    """Return the part of a curve that a file asks for."""
+    if value in SEGMENTS or (isinstance(value, str) and RUN.fullmatch(value)):
+        return str(value)
+    if value == "hold":
+        raise InputError(
+            "a hold alone does not show how stiff the sample is: fit 'loading', 'unloading' (of an elastic "
+            "sample), 'all', 'equilibrium' (the ends of the holds of a stepwise test), or one of several, 'hold 1'"
+        )
+    raise InputError(
+        f"there is no {str(value)!r:.40}; allowed are {', '.join(map(repr, SEGMENTS))}, and one of several by its "
+        "number: 'ramp 2', 'hold 1', 'unloading 3'"
+    )
+
+
+@dataclass(frozen=True)
+class Key:
+    """What one key of a section takes.
+
+    Parameters
+    ----------
+    takes : Quantity, tuple, list, range or type
+        A number with its unit; one of these words; a list of some of them; a whole number; `Mark`; text, a switch,
+        a table of texts.
+    default : object
+        What stands for it where a file leaves it out; an ellipsis where it must be given.
+    meaning : str
+        A sentence for people; empty where a docstring says it.
+    """
+
+    takes: Any
+    default: Any = ...
+    meaning: str = ""
+
+    def read(self, value: Any) -> Any:
+        """Return what a file says, checked; numbers in SI.
+
+        Raises
+        ------
+        InputError
+            If it is not what the key takes.
+        """
+        if isinstance(self.takes, Quantity):
+            return _amount(value, self.takes)
+        if self.takes is Mark:
+            return str(Mark.parse(value))
+        if self.takes is SEGMENTS:
+            return _segment(value)
+        if not self._allows(value):
+            raise InputError(f"must be {self._asked}; got {value!r:.60}")
+        return value
+
+    def _allows(self, value: Any) -> bool:
+        match self.takes:
+            case tuple():
+                return value in self.takes
+            case list():
+                return isinstance(value, list) and all(entry in self.takes for entry in value)
+            case range():
+                return type(value) is int and value in self.takes
+        return isinstance(value, self.takes) and all(
+            isinstance(entry, str) or type(entry) is int
+            for entry in (value.values() if isinstance(value, dict) else ())
+        )
+
+    @property
+    def told(self) -> str:
+        """What it takes, for people."""
+        match self.takes:
+            case Quantity(kind="dimensionless"):
+                return f"a number, {KINDS['dimensionless'].example}"
+            case Quantity():
+                return f'{self.takes.kind}, "{KINDS[self.takes.kind].example}"'
+            case tuple():
+                return f"one of {', '.join(self.takes)}"
+            case list():
+                return f"a list of {', '.join(self.takes)}"
+            case range():
+                return "a whole number"
+        return {bool: "true or false", dict: "a table"}.get(self.takes, "text")
+
+    @property
+    def _asked(self) -> str:
+        """What a wrong value is told."""
+        match self.takes:
+            case range():
+                return f"{self.told} from {self.takes[0]:,} to {self.takes[-1]:,}"
+            case tuple() | list():
+                return f"{self.told.partition(' of ')[0]} of {', '.join(map(repr, self.takes))}"
+        return self.told
+
+    def listed(self, section: str, name: str, meaning: str = "") -> SceneKey:
+        """The key as a row of the list."""
+        kind = self.takes.kind if isinstance(self.takes, Quantity) else ""
+        words = self.takes if isinstance(self.takes, tuple) else ()
+        return SceneKey(section, name, self.told, _shown(self.default), self.meaning or meaning, kind, words)
+
+
+def _amount(value: Any, known: Quantity) -> Any:
+    """Read "1.5 mm" as 1.5e-3, and a list of such as a tuple; a size is no smaller than anything there is."""
+    if isinstance(value, list):
+        return tuple(_amount(entry, known) for entry in value)
+    number = parse_quantity(value, known.kind)
+    return physical_length(number, "a size") if known.is_scale and known.kind == "length" else number
+
+
+def _shown(default: Any) -> str:
+    if default is ...:
+        return ""
+    if default is None or (isinstance(default, float) and not np.isfinite(default)):
+        return "none"
+    return f"{default:g}" if isinstance(default, float) else str(default)
+
+
+def keys_of(kind: type[Any]) -> dict[str, Key]:
+    """The keys of a section, from the dataclass it describes and what that declares of its fields."""
+    return {
+        entry.name: Key(_taken_by(entry), ... if entry.default is MISSING else entry.default)
+        for entry in fields(kind)
+        if not entry.metadata.get("inlined")
+    }
+
+
+def _taken_by(entry: Any) -> Any:
+    for own in ("words", "takes"):
+        if own in entry.metadata:
+            return entry.metadata[own]
+    return str if entry.type in (str, "str", "str | None") else quantity_of(entry)
+
+
+def read_table(
+    section: str, keys: Mapping[str, Key], table: Mapping[str, Any], *, besides: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """Check a section; return only the keys the file gives, so that defaults stay with their owners.
+
+    `besides` are keys of the section that something else reads: messages name them too.
+
+    Raises
+    ------
+    InputError
+        With the section and the key.
+    """
+    # A key that is not known comes first: it is often the one that is missing, misspelt.
+    for name in table:
+        if name not in keys:
+            allowed = [*keys, *besides]
+            meant = hint(name, allowed) or ";"
+            raise InputError(f"[{section}] has no {name!r}{meant} allowed: {', '.join(allowed)}")
+    for name, key in keys.items():
+        if key.default is ... and name not in table:
+            raise InputError(f"[{section}] needs {name!r}")
+    found = {}
+    for name, value in table.items():
+        try:
+            found[name] = keys[name].read(value)
+        except InputError as error:
+            raise type(error)(f"[{section}] {name}: {error}") from error
+    return found
+
+
+# --- sections that are no part of a scene --------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class SolverSection:
+    """``[solver]``: which law, how accurate.
+
+    Parameters
+    ----------
+    name : str
+        Auto, exact, asymptotic, halfspace or the name of a published correction.
+    rtol : float
+        Relative error allowed in force, contact radius and stiffness.
+    order : int
+        Order of the asymptotic law, 0 to 4.
+    form : str
+        Form of the asymptotic law: explicit, parametric, compliance or auto.
+    """
+
+    name: str = "auto"
+    rtol: float = 1e-6
+    order: int = field(default=4, metadata=takes(range(5)))
+    form: str = "auto"
+
+
+_OVERRULED = [
+    *("indenter.radius", "instrument.compliance", "lever.spring_constant"),
+    *("calibration.spring_constant", "calibration.sensitivity", "imprint"),
+]
+
+
+@dataclass(frozen=True)
+class CurveSection:
+    """``[curve]``: which part of which file.
+
+    Parameters
+    ----------
+    file : str
+        The measured curve, beside the scene file: it says depth and noise.
+    format : str
+        Name of the format, where the content does not tell; see underlay formats.
+    test : int
+        Which test of a file of several, from 1.
+    from_time : float
+        First reading that is used, by the clock of the file.
+    to_time : float
+        Last reading that is used.
+    step : int
+        Which step of a stepwise test: a ramp and the rest after it, from 1.
+    segment : str
+        Which part is used; or one of several, by its number: "ramp 2".
+    flip : list of str
+        Whose sign is turned: ["force"]; [] says that both are right.
+    overrule : list of str
+        What is right here where the file of the curve says another number.
+    preset : str
+        Fit range of an instrument's own software: bioindenter, 10 to 98 % of the force.
+    fit_from : Mark
+        Where the fit begins: "10 % of force", "5 % of depth", "0.1 radius", "2 um".
+    fit_to : Mark
+        Where it ends: "98 % of force", "10 % of thickness"; depths count from contact.
+    columns : dict of str to str
+        Of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }; by number, { depth = "2 (nm)" }; or a sum,
+        { depth = "ramp - deflection" }.
+    calibration : dict of str to str
+        What an AFM file lacks, or how well it is known: { spring_constant = "0.04 N/m ± 10 %", sensitivity =
+        "± 3 %" }.
+    min_depth : float
+        Shallowest reading that is used.
+    max_depth : float
+        Deepest reading that is used.
+    """
+
+    file: str | None = None
+    format: str | None = None
+    test: int | None = field(default=None, metadata=takes(range(1, 10**9)))
+    from_time: float = -np.inf
+    to_time: float = np.inf
+    step: int | None = field(default=None, metadata=takes(range(1, 10**9)))
+    segment: str = field(default="loading", metadata=one_of(*SEGMENTS))
+    flip: list[str] | None = field(default=None, metadata=takes(["depth", "force"]))
+    overrule: list[str] | None = field(default=None, metadata=takes(_OVERRULED))
+    preset: str | None = field(default=None, metadata=one_of(*PRESETS))
+    fit_from: Mark | None = field(default=None, metadata=takes(Mark))
+    fit_to: Mark | None = field(default=None, metadata=takes(Mark))
+    columns: dict[str, str] | None = field(default=None, metadata=takes(dict))
+    calibration: dict[str, str] | None = field(default=None, metadata=takes(dict))
+    min_depth: float = -np.inf
+    max_depth: float = np.inf
+
+
+_PRIORS = ("uniform", "loguniform", "normal", "lognormal", "halfnormal", "found")
+_OF_ITS_KIND = {
     "min": "lower bound",
     "max": "upper bound",
     "mean": "of a normal prior",
     "sd": "standard deviation of a normal or half-normal prior",
     "median": "of a lognormal prior",
-    "relative_sd": "of a lognormal prior, as a share of the median",
 }
+
+
+def fit_keys(kind: str) -> dict[str, Key]:
+    """The keys of one entry of ``[fit]``, of a parameter of this physical kind."""
+    return {
+        "prior": Key(_PRIORS, None, "density of what is known before; bounds alone are a flat one"),
+        "relative_sd": Key(Quantity("dimensionless"), None, "of a lognormal prior, as a share of the median"),
+        **{name: Key(Quantity(kind), None, meaning) for name, meaning in _OF_ITS_KIND.items()},
+    }
+
+
+# --- the list of them all -----------------------------------------------------------------------------------
+
+#: What the keys are listed under that stand before any section.
+TOP = "top of the file"
 
 
 class SceneKey(NamedTuple):
@@ -122,63 +361,88 @@ class SceneKey(NamedTuple):
         return self.key.partition(" (")[2].removesuffix(")")
 
 
+#: What a scene file says of how well its inputs are known, at 95 %.
+_UNCERTAINTIES = {
+    "PATH": (
+        'in its unit, "2 %" or exact',
+        'of a number of the test; the same may stand beside it: "1 mm +- 0.02 mm", "1 mm ± 2 %", "1 mm exact"',
+    ),
+    "force": ('a share, "2 %"', "of the scale of the force"),
+    "depth": ('a share, "1 %"', "of the scale of the depth"),
+    "spring_constant": ('a share, "10 %"', "of the lever's spring constant"),
+}
+_AXIAL = " (transversely isotropic)"
+
+
 def scene_keys() -> list[SceneKey]:
     """Return every key there is, section by section."""
     return list(_all())
 
 
 def _all() -> Iterator[SceneKey]:
-    for key, (takes, default, meaning) in _BEFORE_SECTIONS.items():
-        words = {"friction": FRICTIONS, "finite_strain": ("true", "false")}.get(key, ())
-        yield SceneKey(TOP, key, takes, default, meaning, words=tuple(words))
-    shapes = _own(Indenter)
-    yield _choice("indenter", "shape", sorted([*shapes, *EQUIVALENT_CONES]))
-    for name, shape in sorted(shapes.items()):
-        yield from _of_class(shape, "indenter", f" ({name})")
-    yield from _of_layer("layer")
-    models = _own(Relaxation)
-    section = "layer.relaxation"
-    yield _choice(section, "model", sorted(models))
-    for name, relaxation in sorted(models.items()):
-        yield from _of_class(relaxation, section, f" ({name})", seen=("relaxes",))
-    yield _choice(section, "relaxes", RELAXES, RELAXES[0])
-    yield from _of_layer("substrate.layers")
-    yield SceneKey("substrate", "rigid", "true or false", "false", _CHOICES["substrate", "rigid"])
-    yield from _of_class(Isotropic, "substrate", "")
-    yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
-    yield from _of_class(Instrument, "instrument", "")
-    yield from _of_class(Lever, "lever", "")
-    yield from _of_class(Discrepancy, "discrepancy", "")
-    sticky = _own(Adhesion)
-    yield _choice("adhesion", "model", sorted(sticky))
-    for name, adhesion in sorted(sticky.items()):
-        yield from _of_class(adhesion, "adhesion", f" ({name})")
-    for key, (takes, meaning) in _UNCERTAINTIES.items():
-        yield SceneKey("uncertainties", key, takes, "assumed", meaning)
-    yield from _of_class(Noise, "noise", "")
-    for name, field in free_parameter_schema("dimensionless").model_fields.items():
-        own = name in ("prior", "relative_sd")
-        takes = _takes(field) if own else "a quantity of the parameter's kind"
-        yield SceneKey("fit", f"PARAMETER.{name}", takes, "none", _FIT[name])
-    for section, model in (
-        ("solver", SolverSection),
-        ("curve", CurveSection),
-        ("simulate", SimulateSection),
-    ):
-        yield from _of_model(model.model_fields, section)
+    yield SceneKey(TOP, "title", "text", "none", "what reports call the test")
+    friction = "under the tip: unknown friction widens the second interval; stuck is solved exactly"
+    yield Key(tuple(FRICTIONS), FRICTIONS[0], friction).listed(TOP, "friction")
+    strain = "false: strains are small; unknown or true widens the second interval where its size is known"
+    yield Key(bool, "unknown", strain).listed(TOP, "finite_strain")._replace(words=("true", "false"))
+    known = "how well the inputs are known: [uncertainties]; none takes all for exact"
+    yield SceneKey(TOP, "uncertainties", '"none", or a section', "sizes that are assumed", known)
+    shapes = (*_own(Indenter), *EQUIVALENT_CONES)
+    yield from _family(
+        Indenter, "indenter", "the tip; what else it needs is listed by shape", words=sorted(shapes)
+    )
+    holds = "how its lower face holds to what is under it; slip: no friction; unknown: a fit says both; or springs"
+    yield from _of_layer("layer", holds)
+    relaxing = "how the modulus falls with time; without the section the layer is elastic"
+    yield from _family(Relaxation, "layer.relaxation", relaxing, seen=("relaxes",))
+    both = "shear_and_bulk keeps Poisson's ratio; shear alone needs nu = 0.5"
+    yield Key(RELAXES, RELAXES[0], both).listed("layer.relaxation", "relaxes")
+    hardens = "how the layer stiffens; without the section its law is that of small strains"
+    yield from _family(Stiffening, Stiffening.section, hardens)
+    free = "of a sample with free sides, about the tip; without it, it has none"
+    yield keys_of(Layer)["half_width"].listed("layer", "half_width", free)
+    yield keys_of(Layer)["shape"].listed("layer", "shape", "whether such a sample is round or square")
+    yield from _of_layer("substrate.layers", "the same of this layer; further layers stand from the top down")
+    stiff = "true for a base that does not deform, in place of its moduli"
+    yield Key(bool, "false", stiff).listed("substrate", "rigid")
+    yield from _of_material("substrate")
+    yield from _of_class(Instrument, "instrument")
+    yield from _of_class(Lever, "lever")
+    yield from _of_class(Discrepancy, "discrepancy")
+    yield from _family(Adhesion, "adhesion", "how tip and surface stick; without the section they do not")
+    for name, (what, meaning) in _UNCERTAINTIES.items():
+        yield SceneKey("uncertainties", name, what, "assumed", meaning)
+    yield from _of_class(Noise, "noise")
+    for name, entry in fit_keys("dimensionless").items():
+        what = "a quantity of the parameter's kind" if name in _OF_ITS_KIND else entry.told
+        yield SceneKey("fit", f"PARAMETER.{name}", what, "none", entry.meaning)
+    yield from _of_class(SolverSection, "solver")
+    yield from _of_class(CurveSection, "curve")
+    yield from _of_class(SimulatedDepths, "simulate")
 
 
-def _of_layer(section: str) -> Iterator[SceneKey]:
-    yield from _of_class(Isotropic, section, "")
-    yield from _of_class(TransverselyIsotropic, section, " (transversely isotropic)", seen=("E", "nu"))
-    yield from _of_model(ThicknessSection.model_fields, section)
-    takes = f"one of {', '.join(BONDS)}, or {{ {', '.join(schema_of(Spring).model_fields)} }}"
-    yield SceneKey(section, "bond", takes, BONDS[0], _CHOICES[section, "bond"], words=BONDS)
+def _of_layer(section: str, bond: str) -> Iterator[SceneKey]:
+    yield from _of_material(section)
+    thick = "of the layer; left out, with no [substrate], for a half-space"
+    yield keys_of(Layer)["thickness"].listed(section, "thickness", thick)
+    row = Key(BONDS, BONDS[0], bond).listed(section, "bond")
+    yield row._replace(takes=f"{row.takes}, or {{ {', '.join(keys_of(Spring))} }}")
 
 
-def _choice(section: str, key: str, words: Sequence[str], default: str = "") -> SceneKey:
-    meaning = _CHOICES[section, key]
-    return SceneKey(section, key, f"one of {', '.join(words)}", default, meaning, words=tuple(words))
+def _of_material(section: str) -> Iterator[SceneKey]:
+    yield from _of_class(Isotropic, section)
+    yield from _of_class(TransverselyIsotropic, section, _AXIAL, seen=("E", "nu"))
+
+
+def _family(
+    family: type[Part], section: str, meaning: str, seen: tuple[str, ...] = (), words: Sequence[str] = ()
+) -> Iterator[SceneKey]:
+    """The key that chooses one of several kinds, and the keys of each."""
+    kinds = sorted(_own(family).items())
+    chosen = tuple(words or [name for name, _ in kinds])
+    yield Key(chosen, meaning=meaning).listed(section, family.chosen_by)
+    for name, kind in kinds:
+        yield from _of_class(kind, section, f" ({name})", seen)
 
 
 def _own(family: type[Part]) -> dict[str, type[Part]]:
@@ -191,65 +455,22 @@ def _own(family: type[Part]) -> dict[str, type[Part]]:
     }
 
 
-def _of_class(kind: type[Any], section: str, remark: str, seen: tuple[str, ...] = ()) -> Iterator[SceneKey]:
+def _of_class(
+    kind: type[Any], section: str, remark: str = "", seen: tuple[str, ...] = ()
+) -> Iterator[SceneKey]:
     said = _described(kind)
-    for name, field in schema_of(kind).model_fields.items():
+    for name, key in keys_of(kind).items():
         if name not in seen:
-            meaning = said.get(name, _first_sentence(kind))
-            yield _key(section, f"{name}{remark}", field, meaning)
-
-
-def _of_model(fields: dict[str, FieldInfo], section: str) -> Iterator[SceneKey]:
-    for name, field in fields.items():
-        yield _key(section, name, field, field.description or "")
-
-
-def _key(section: str, key: str, field: FieldInfo, meaning: str) -> SceneKey:
-    kinds = _members(field.annotation)
-    words = get_args(kinds[0]) if get_origin(kinds[0]) is Literal else ()
-    return SceneKey(
-        section, key, _takes(field), _default(field), meaning, kind_of_field(field) or "", tuple(words)
-    )
-
-
-def _takes(field: FieldInfo) -> str:
-    kind = kind_of_field(field)
-    if kind is not None:
-        example = KINDS[kind].example
-        return f"a number, {example}" if kind == "dimensionless" else f'{kind}, "{example}"'
-    kinds = _members(field.annotation)
-    if get_origin(kinds[0]) is list:
-        return f"a list of {', '.join(get_args(get_args(kinds[0])[0]))}"
-    if get_origin(kinds[0]) is Literal:
-        return f"one of {', '.join(get_args(kinds[0]))}"
-    return _WORDS.get(get_origin(kinds[0]) or kinds[0], "text")
-
-
-def _members(annotation: Any) -> list[Any]:
-    if get_origin(annotation) in (Union, types.UnionType):
-        return [member for member in get_args(annotation) if member is not type(None)]
-    return [annotation]
-
-
-def _default(field: FieldInfo) -> str:
-    if field.is_required():
-        return ""
-    value = field.default
-    if value is None or (isinstance(value, float) and not np.isfinite(value)):
-        return "none"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+            yield key.listed(section, f"{name}{remark}", said.get(name, _first_sentence(kind)))
 
 
 def _described(kind: type[Any]) -> dict[str, str]:
     """First sentence of what a numpydoc docstring says of each parameter."""
     found = re.search(r"\nParameters\n-+\n(.*?)(?:\n\n\S|\Z)", inspect.getdoc(kind) or "", re.DOTALL)
-    if found is None:
-        return {}
     said: dict[str, str] = {}
-    for names, text in re.findall(r"^(\S[^:\n]*) :[^\n]*\n((?:[ ]{4}.*\n?)+)", found.group(1), re.MULTILINE):
-        words = " ".join(text.split())
-        for name in names.split(","):
-            said[name.strip()] = words
+    entries = re.findall(r"^(\S[^:\n]*) :[^\n]*\n((?:[ ]{4}.*\n?)+)", found[1] if found else "", re.MULTILINE)
+    for names, text in entries:
+        said |= dict.fromkeys(map(str.strip, names.split(",")), " ".join(text.split()))
     return said
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,18 @@ import numpy as np
 
 from underlay.errors import InputError, UnderlayWarning
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import RIGID, Base, Body, Bond, Layer, Material, Spring, Stack, as_bond
+from underlay.mechanics.body import (
+    RIGID,
+    Base,
+    Body,
+    Bond,
+    Layer,
+    Material,
+    Spring,
+    Stack,
+    Stiffening,
+    as_bond,
+)
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -19,6 +30,7 @@ from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
+from underlay.mechanics.stiffening import Gent
 from underlay.plugins import faults
 from underlay.quantities import Part, numbers_of
 from underlay.scene.discrepancy import Discrepancy
@@ -26,13 +38,10 @@ from underlay.scene.instrument import Instrument, Lever
 from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.parameters import hint
 from underlay.scene.scene import Scene
-from underlay.scene.scene_schema import SolverSection, ThicknessSection, check, schema_of
+from underlay.scene.scene_keys import EQUIVALENT_CONES, SolverSection, keys_of, read_table
 from underlay.scene.uncertainties import rows_of, taken_out
 
-__all__ = ["EQUIVALENT_CONES", "noise_of", "scene_of", "solver_of", "table_of"]
-
-#: Pyramids that are taken as the cone of the same projected area.
-EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
+__all__ = ["noise_of", "scene_of", "solver_of", "table_of"]
 
 
 def table_of(document: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -48,25 +57,18 @@ def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
     document, beside = taken_out(document)
     scene = Scene(
         indenter=_indenter({**table_of(document, "indenter"), **stood_in}),
-        layer=_layer(table_of(document, "layer")),
+        layer=_layer("layer", table_of(document, "layer")),
         substrate=_substrate(document),
         instrument=_build(Instrument, "instrument", table_of(document, "instrument")),
         history=_chosen(History, "history", document),
         adhesion=_chosen(Adhesion, "adhesion", document),
-        lever=_build(Lever, "lever", table_of(document, "lever")) if "lever" in document else None,
-        discrepancy=_discrepancy(document),
+        lever=_given(Lever, "lever", document),
+        discrepancy=_given(Discrepancy, "discrepancy", document),
         **_words(document),
     )
     left_out = tuple(f"indenter.{name}" for name in stood_in)
     rows = rows_of(document.get("uncertainties"), beside, numbers_of(scene), left_out)
     return replace(scene, uncertainties=rows)
-
-
-def _discrepancy(document: Mapping[str, Any]) -> Discrepancy | None:
-    if "discrepancy" not in document:
-        return None
-    found: Discrepancy = _build(Discrepancy, "discrepancy", table_of(document, "discrepancy"))
-    return found
 
 
 def _words(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -80,65 +82,20 @@ def _words(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _indenter(table: dict[str, Any]) -> Indenter:
-    shapes = Indenter.kinds()
+    shapes: Mapping[str, type[Indenter]] = Indenter.kinds()
     name = table.pop("shape", None)
     if isinstance(name, str) and name in EQUIVALENT_CONES:
         return _equivalent_cone(name, table)
-    if not isinstance(name, str) or name not in shapes:
-        allowed = sorted([*shapes, *EQUIVALENT_CONES])
-        if name is None:
-            raise InputError(f"[indenter] needs 'shape'; allowed: {', '.join(allowed)}")
-        meant = hint(str(name), allowed) or ";"
-        raise InputError(
-            f"[indenter] shape: {name!r:.80} is not known{meant} allowed: {', '.join(allowed)}"
-            f"{faults(plugged_indenters())}"
-        )
-    indenter: Indenter = _build(shapes[name], "indenter", table, besides=("shape",))
-    return indenter
-
-
-def _layer(table: dict[str, Any]) -> Layer:
-    relaxation = _relaxation(table)
-    return replace(_one_layer("layer", table), relaxation=relaxation)
-
-
-def _relaxation(layer: dict[str, Any]) -> Relaxation | None:
-    """The relaxation of a layer's section, which is taken out of it."""
-    if "relaxation" not in layer:
-        return None
-    section, given = "layer.relaxation", layer.pop("relaxation")
-    if not isinstance(given, Mapping):
-        raise InputError(f"[{section}] must be a section, not {given!r}")
-    table = dict(given)
-    kind = _named(Relaxation, section, table)
-    words = {"relaxes": table.pop("relaxes")} if "relaxes" in table else {}
-    numbers = check(schema_of(kind), section, table)
-    try:
-        relaxation: Relaxation = kind(**words, **numbers)
-    except InputError as error:
-        raise InputError(f"[{section}] {error}") from error
-    return relaxation
-
-
-def _one_layer(section: str, table: dict[str, Any]) -> Layer:
-    thickness, bond = np.inf, _bond(section, table.pop("bond", "bonded"))
-    if "thickness" in table:
-        stated = {"thickness": table.pop("thickness")}
-        thickness = check(ThicknessSection, section, stated)["thickness"]
-    return Layer(_material(section, table, besides=("thickness", "bond", "relaxation")), thickness, bond)
-
-
-def _bond(section: str, given: Any) -> Bond:
-    if isinstance(given, Mapping):
-        spring: Spring = _build(Spring, f"{section}.bond", given)
-        return spring
-    try:
-        return as_bond(given)
-    except InputError as error:
-        raise InputError(
-            f'[{section}] bond: {given!r:.60} is not known; allowed: "bonded", "slip", "unknown" or '
-            '{ normal = "1 GPa/m", shear = "0 Pa/m" }'
-        ) from error
+    if isinstance(name, str) and name in shapes:
+        indenter: Indenter = _build(shapes[name], "indenter", table, besides=("shape",))
+        return indenter
+    allowed = sorted([*shapes, *EQUIVALENT_CONES])
+    if name is None:
+        raise InputError(f"[indenter] needs 'shape'; allowed: {', '.join(allowed)}")
+    raise InputError(
+        f"[indenter] shape: {name!r:.80} is not known{hint(str(name), allowed) or ';'} "
+        f"allowed: {', '.join(allowed)}{faults(plugged_indenters())}"
+    )
 
 
 def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
@@ -154,10 +111,49 @@ def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
     return cone
 
 
-def _material(section: str, table: dict[str, Any], besides: tuple[str, ...]) -> Material:
-    kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
-    material: Material = _build(kind, section, table, besides=besides)
-    return material
+def _layer(section: str, table: dict[str, Any]) -> Layer:
+    """A layer: its material's numbers, its thickness, how it holds and, of the one on top, what else it does."""
+    bond = _bond(section, table.pop("bond", "bonded"))
+    on_top = section == "layer"
+    effects = {
+        name: _effect(family, f"layer.{name}", table.pop(name))
+        for name, family in _EFFECTS.items()
+        if on_top and name in table
+    }
+    kind, of_layer = _kind_of_material(table), keys_of(Layer)
+    sizes = ("thickness", "half_width", "shape") if on_top else ("thickness",)
+    keys = keys_of(kind) | {name: of_layer[name] for name in sizes}
+    numbers = read_table(section, keys, table, besides=("bond", *_EFFECTS))
+    sized = {name: numbers.pop(name) for name in sizes if name in numbers}
+    return Layer(_made(kind, section, numbers), bond=bond, **sized, **effects)
+
+
+#: Sections of the layer on top. `Gent` is loaded with this module, so that it is among the kinds.
+_EFFECTS = {"relaxation": Relaxation, Gent.section.partition(".")[2]: Stiffening}
+
+
+def _effect(family: type[Part], section: str, given: Any) -> Any:
+    if not isinstance(given, Mapping):
+        raise InputError(f"[{section}] must be a section, not {given!r}")
+    table = dict(given)
+    return _build(_named(family, section, table), section, table)
+
+
+def _bond(section: str, given: Any) -> Bond:
+    if isinstance(given, Mapping):
+        spring: Spring = _build(Spring, f"{section}.bond", given)
+        return spring
+    try:
+        return as_bond(given)
+    except InputError as error:
+        raise InputError(
+            f'[{section}] bond: {given!r:.60} is not known; allowed: "bonded", "slip", "unknown" or '
+            '{ normal = "1 GPa/m", shear = "0 Pa/m" }'
+        ) from error
+
+
+def _kind_of_material(table: Mapping[str, Any]) -> type[Material]:
+    return TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
 
 
 def _substrate(document: Mapping[str, Any]) -> Body | None:
@@ -170,7 +166,7 @@ def _substrate(document: Mapping[str, Any]) -> Body | None:
         return base
     if not isinstance(layers, list) or not all(isinstance(entry, Mapping) for entry in layers):
         raise InputError("[substrate] layers: write each as a section of its own, [[substrate.layers]]")
-    stack = [_one_layer(f"substrate.layers[{number}]", dict(entry)) for number, entry in enumerate(layers)]
+    stack = [_layer(f"substrate.layers[{number}]", dict(entry)) for number, entry in enumerate(layers)]
     try:
         return Stack(stack, base)
     except InputError as error:
@@ -182,10 +178,42 @@ def _base(table: dict[str, Any]) -> Base:
     if not isinstance(rigid, bool):
         raise InputError(f"[substrate] rigid: must be true or false, not {rigid!r}")
     if not rigid:
-        return _material("substrate", table, besides=("rigid", "layers"))
+        base: Base = _build(_kind_of_material(table), "substrate", table, besides=("rigid", "layers"))
+        return base
     if table:
         raise InputError(f"[substrate] is rigid and needs nothing else; remove {', '.join(table)}")
     return RIGID
+
+
+def noise_of(document: Mapping[str, Any]) -> NoiseModel | None:
+    """Return the noise model of ``[noise]``; None where there is nothing in it."""
+    table = {"model": Noise.model, **table_of(document, "noise")}
+    if table.keys() == {"model"}:
+        return None
+    noise: NoiseModel = _build(_named(NoiseModel, "noise", table), "noise", table)
+    return noise
+
+
+#: Keys that [solver] had once, and what to write now.
+_OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
+
+
+def solver_of(document: Mapping[str, Any]) -> Solver:
+    """Return the solver of ``[solver]``; `Auto` without one."""
+    table = table_of(document, "solver")
+    for old, new in _OLD_SOLVER_KEYS.items():
+        if old in table:
+            value = table[old]
+            said = f'"{value}"' if isinstance(value, str) else value
+            raise InputError(f"[solver] {old} is now {new}: write {new} = {said}")
+    stated = {"name": "auto", **read_table("solver", keys_of(SolverSection), table)}
+    solver: Solver = _made(solver_named, "solver", stated)
+    return solver
+
+
+def _given(kind: type[Any], name: str, document: Mapping[str, Any]) -> Any:
+    """The part that a section declares; None without the section."""
+    return _build(kind, name, table_of(document, name)) if name in document else None
 
 
 def _chosen(family: type[Part], name: str, document: Mapping[str, Any]) -> Any:
@@ -206,35 +234,14 @@ def _named(family: type[Part], section: str, table: dict[str, Any]) -> type[Any]
     return models[name]
 
 
-def noise_of(document: Mapping[str, Any]) -> NoiseModel | None:
-    """Return the noise model of ``[noise]``; None where there is nothing in it."""
-    table = table_of(document, "noise")
-    if not table:
-        return None
-    kind = _named(NoiseModel, "noise", {"model": Noise.model, **table})
-    noise: NoiseModel = _build(kind, "noise", {key: table[key] for key in table if key != "model"})
-    return noise
-
-
-#: Keys that [solver] had once, and what to write now.
-_OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
-
-
-def solver_of(document: Mapping[str, Any]) -> Solver:
-    """Return the solver of ``[solver]``; `Auto` without one."""
-    table = table_of(document, "solver")
-    for old, new in _OLD_SOLVER_KEYS.items():
-        if old in table:
-            value = table[old]
-            said = f'"{value}"' if isinstance(value, str) else value
-            raise InputError(f"[solver] {old} is now {new}: write {new} = {said}")
-    stated = {"name": "auto", **check(SolverSection, "solver", table)}
-    try:
-        return solver_named(**stated)
-    except InputError as error:
-        raise InputError(f"[solver] {error}") from error
-
-
 def _build(kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()) -> Any:
     """Make a dataclass from a section; its fields, and `besides`, say which keys there are."""
-    return kind(**check(schema_of(kind), section, table, besides=besides))
+    return _made(kind, section, read_table(section, keys_of(kind), table, besides=besides))
+
+
+def _made(kind: Callable[..., Any], section: str, numbers: Mapping[str, Any]) -> Any:
+    """What `kind` makes of the numbers of a section; what it refuses is said with the section."""
+    try:
+        return kind(**numbers)
+    except InputError as error:
+        raise type(error)(f"[{section}] {error}") from error

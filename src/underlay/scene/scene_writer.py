@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from underlay.quantities import field_quantities, numbers_of
-from underlay.scene.uncertainties import StatedUncertainties, table_of
+from underlay.scene.uncertainties import StatedUncertainties, written
 from underlay.units import KINDS
 
 __all__ = ["document_text", "scene_text"]
@@ -20,30 +20,16 @@ def scene_text(scene: Any) -> str:
 
     A section for every part, a key for every number its dataclass declares; what has its default is left out.
     """
-    import tomlkit  # noqa: PLC0415  loaded by whoever writes a scene
-
-    document = tomlkit.document()
+    document = {name: value for name, value in _keys(scene) if value != {}}
+    if isinstance(scene.uncertainties, StatedUncertainties):
+        document["uncertainties"] = written(scene.uncertainties, numbers_of(scene))
     # A word or a switch of the whole scene stands before its sections.
-    words = [entry for entry in fields(scene) if isinstance(getattr(scene, entry.name), str | bool)]
-    for entry in words:
-        if getattr(scene, entry.name) != entry.default:
-            document[entry.name] = getattr(scene, entry.name)
-    for entry in fields(scene):
-        part = getattr(scene, entry.name)
-        if entry in words:
-            continue
-        if isinstance(part, StatedUncertainties):
-            document[entry.name] = table_of(part, numbers_of(scene))
-            continue
-        table = {} if part is None else _section(part)
-        if table:
-            document[entry.name] = table
-    return tomlkit.dumps(document)
+    return document_text(dict(sorted(document.items(), key=lambda item: isinstance(item[1], dict))))
 
 
 def document_text(document: Mapping[str, Any]) -> str:
     """Return the text of a scene file that holds these sections, keys and values as they are."""
-    import tomlkit  # noqa: PLC0415  as above
+    import tomlkit  # noqa: PLC0415  loaded by whoever writes a scene
 
     return tomlkit.dumps(document)
 
@@ -59,12 +45,12 @@ def _keys(part: Any) -> Iterator[tuple[str, Any]]:
         value = getattr(part, entry.name)
         if entry.metadata.get("inlined"):
             yield from _section(value).items()
-        elif isinstance(value, str):
+        elif isinstance(value, str | bool):
             if value != entry.default:
                 yield entry.name, value
         elif is_dataclass(value):
             yield entry.name, _section(value)
-        elif isinstance(value, tuple) and value and all(is_dataclass(item) for item in value):
+        elif isinstance(value, tuple) and value and all(map(is_dataclass, value)):
             yield entry.name, [dict(_keys(item)) for item in value]
         elif entry.name in known and (np.ndim(value) or value != entry.default):
             yield entry.name, _value(value, KINDS[known[entry.name].kind].si)
@@ -72,11 +58,7 @@ def _keys(part: Any) -> Iterator[tuple[str, Any]]:
 
 def _value(value: Any, unit: str) -> Any:
     if np.ndim(value):
-        return [_text(float(entry), unit) for entry in value]
-    return _text(value, unit)
-
-
-def _text(value: float, unit: str) -> str | float:
+        return [_value(entry, unit) for entry in value]
     # A shape from outside may hold numpy's floats, which write themselves otherwise.
     number = float(value)
     return f"{number!r} {unit}" if unit else number

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from numbers import Real
 from typing import Any, NamedTuple
 
 from underlay.errors import InputError
@@ -30,8 +31,8 @@ __all__ = [
     "checked",
     "parted",
     "rows_of",
-    "table_of",
     "taken_out",
+    "written",
 ]
 
 #: Inputs that are no numbers of a scene; their uncertainties are shares.
@@ -120,7 +121,7 @@ def _require_input(path: object, known: tuple[str, ...], numbers: Mapping[str, N
 def _size(path: str, given: object, numbers: Mapping[str, Number]) -> float:
     relative = path in RELATIVE
     unit = "a share, such as 0.02" if relative else KINDS[numbers[path].quantity.kind].si or "dimensionless"
-    size = float(given) if isinstance(given, int | float) and not isinstance(given, bool) else math.nan
+    size = math.nan if isinstance(given, bool) or not isinstance(given, Real) else float(given)
     if not 0.0 <= size < math.inf:
         raise InputError(
             f"uncertainties: {path} must be zero (exact) or more and finite ({unit}); got {given!r:.80}"
@@ -242,7 +243,7 @@ def _whole(path: str, numbers: Mapping[str, Number], left_out: tuple[str, ...]) 
     return value
 
 
-def table_of(rows: Mapping[str, float], numbers: Mapping[str, Number]) -> dict[str, str | float]:
+def written(rows: Mapping[str, float], numbers: Mapping[str, Number]) -> dict[str, str | float]:
     """The section of a scene file that says these uncertainties to the last bit."""
     return {path: _text(path, size, numbers) for path, size in rows.items()}
 

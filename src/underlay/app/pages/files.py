@@ -44,6 +44,7 @@ class FilesStep(Step):
                     .classes("drop")
                     .mark("drop")
                 )
+                self._upload.on("failed", self._failed)
                 self._find = ui.input("Find").props("dense outlined clearable").classes("wide")
                 self._find.on_value_change(self._show_list)
                 self._list = ui.column().classes("wide")
@@ -53,6 +54,13 @@ class FilesStep(Step):
         """List the files again."""
         self._show_list()
         await self._show_reading()
+
+    def _failed(self) -> None:
+        """Say that an upload failed, and make ready for the next one: a list that holds it would take no other."""
+        self._upload.reset()
+        self.window.complain(
+            "The upload failed: a folder cannot be dropped. Drop the files in it, or a ZIP archive of them."
+        )
 
     async def _bring(self, event: events.MultiUploadEventArguments) -> None:
         self._upload.reset()

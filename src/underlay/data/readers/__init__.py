@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
@@ -26,9 +27,18 @@ from underlay.data.readers import (
     nanosurf,
     optics11,
     park,
+    recorded,
     testxpert,
 )
-from underlay.data.readers._format import Format, Options, added_formats, plugged_readers, way_out
+from underlay.data.readers._format import (
+    Format,
+    Options,
+    added_formats,
+    plugged_readers,
+    read_parts,
+    way_out,
+    with_note,
+)
 from underlay.data.readers._hdf5 import Hdf5MapCurve, KeptOpen, curves_of_hdf5
 from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
 from underlay.data.readers._lever import Calibration
@@ -68,6 +78,8 @@ FORMATS: tuple[Format, ...] = (
     exported.JSON_FORMAT,
     exported.HDF5_FORMAT,
     afm.FORMAT,
+    recorded.MATLAB_FORMAT,
+    recorded.TDMS_FORMAT,
     excel.FORMAT,
     delimited.FORMAT,
 )
@@ -87,7 +99,7 @@ def all_formats() -> tuple[Format, ...]:
 def read(
     path: str | os.PathLike[str],
     format: str | Format | None = None,  # noqa: A002  the name users know from other readers
-    columns: Mapping[str, str] | None = None,
+    columns: Mapping[str, str | int] | None = None,
     *,
     test: int | None = None,
     calibration: Mapping[str, str | float] | None = None,
@@ -102,7 +114,9 @@ def read(
         Name of a format that `underlay formats` lists, or one of your own; recognised from the content by default.
     columns : mapping, optional
         For plain tables, which column is what: ``{"depth": "h (nm)", "force": "-Fz (mN)"}``. A unit in the
-        name overrides the file's; a minus sign turns the direction.
+        name overrides the file's; a minus sign turns the direction. By number where there are no names,
+        ``{"depth": "2 (nm)", "force": "3 (mN)"}``; and sums and products, ``"ramp - deflection"`` or
+        ``"volts * 41 nm/V * 0.06 N/m"``.
     test : int, optional
         Which test of a file that holds several, counted from 1.
     calibration : mapping, optional
@@ -146,7 +160,7 @@ def read(
 def read_all(
     path: str | os.PathLike[str],
     format: str | Format | None = None,  # noqa: A002  as in read
-    columns: Mapping[str, str] | None = None,
+    columns: Mapping[str, str | int] | None = None,
     *,
     calibration: Mapping[str, str | float] | None = None,
 ) -> list[Curve]:
@@ -160,7 +174,7 @@ def read_all(
 def read_from_map(
     place: MapCurve,
     format: str | Format | None = None,  # noqa: A002  as in read
-    columns: Mapping[str, str] | None = None,
+    columns: Mapping[str, str | int] | None = None,
     *,
     calibration: Mapping[str, str | float] | None = None,
 ) -> Curve:
@@ -188,15 +202,21 @@ def curves_of_map(path: str | os.PathLike[str]) -> Sequence[MapCurve]:
 def _read_source(
     source: Source,
     format: str | Format | None,  # noqa: A002  as in read
-    columns: Mapping[str, str] | None,
+    columns: Mapping[str, str | int] | None,
     calibration: Mapping[str, str | float] | None,
 ) -> list[Curve]:
     known = Calibration.of(calibration)
-    curves: list[Curve] = []
-    for part in unpack(source):
+
+    def read_part(part: Source) -> list[Curve]:
         reader = _reader_of(part, format)
         found = reader.read_all(part, _options(part, reader, columns, known))
-        curves.extend(_stamp(curve, part, reader, known) for curve in found)
+        return [_stamp(curve, part, reader, known) for curve in found]
+
+    parts, left_out = unpack(source)
+    if not parts and left_out:
+        raise FileFormatError(f"{source.name} holds no curve: {left_out[0]}")
+    curves = read_parts([(printable(part.member), partial(read_part, part)) for part in parts])
+    curves = with_note(curves, left_out)
     if not curves:
         raise CurveError(f"{source.name} holds no curve")
     return curves
@@ -205,7 +225,7 @@ def _read_source(
 def _read_one(
     source: Source,
     format: str | Format | None,  # noqa: A002  as in read
-    columns: Mapping[str, str] | None,
+    columns: Mapping[str, str | int] | None,
     calibration: Mapping[str, str | float] | None,
     test: int,
 ) -> Curve | None:
@@ -224,7 +244,7 @@ def _reader_of(source: Source, format: str | Format | None) -> Format:  # noqa: 
 
 
 def _options(
-    source: Source, reader: Format, columns: Mapping[str, str] | None, known: Calibration
+    source: Source, reader: Format, columns: Mapping[str, str | int] | None, known: Calibration
 ) -> Options:
     """What a reader is told; refuses what it has no use for."""
     if columns is not None and not reader.takes_columns:

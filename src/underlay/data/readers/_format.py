@@ -21,10 +21,26 @@ from underlay._arrays import FloatArray
 from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._source import Source
-from underlay.errors import CurveError, FileFormatError, UnderlayError, UnderlayWarning
+from underlay.errors import (
+    CurveError,
+    FileFormatError,
+    InputError,
+    MissingExtraError,
+    UnderlayError,
+    UnderlayWarning,
+)
 from underlay.plugins import READERS, Plugin, plugins
 
-__all__ = ["Format", "Options", "added_formats", "make_curve", "plugged_readers", "way_out"]
+__all__ = [
+    "Format",
+    "Options",
+    "added_formats",
+    "make_curve",
+    "plugged_readers",
+    "read_parts",
+    "require",
+    "way_out",
+]
 
 # Rows left out that are named.
 _LISTED = 5
@@ -43,7 +59,7 @@ class Options:
         or ``current sensitivity`` (m/A) of its detector.
     """
 
-    columns: Mapping[str, str] | None = None
+    columns: Mapping[str, str | int] | None = None
     calibration: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -147,6 +163,48 @@ def require(condition: object, source: Source, message: str) -> None:
         raise FileFormatError(f"{source.name}: {message}")
 
 
+def read_parts(parts: Sequence[tuple[str, Callable[[], list[Curve]]]]) -> list[Curve]:
+    """Curves of the parts of a file, sheets or members: one that cannot be read costs no other its curves.
+
+    Parameters
+    ----------
+    parts : sequence of (str, callable)
+        What a part is called, and what reads it.
+
+    Returns
+    -------
+    list of Curve
+        The first of them notes what was left out.
+
+    Raises
+    ------
+    UnderlayError
+        What the first part raised, if none can be read.
+    """
+    curves: list[Curve] = []
+    failures: list[tuple[str, UnderlayError]] = []
+    for name, read in parts:
+        try:
+            curves += read()
+        except MissingExtraError:
+            raise
+        except InputError as error:
+            failures.append((name, error))
+    if failures and not curves:
+        # What is no curve at all says less than what is one and cannot be read.
+        raise min((error for _, error in failures), key=lambda error: "not recognised" in str(error))
+    return with_note(curves, [f"{name} is left out: {error}" for name, error in failures])
+
+
+def with_note(curves: list[Curve], notes: Sequence[str]) -> list[Curve]:
+    """The same curves, with notes on what was left out of the file in the first of them."""
+    if not (notes and curves):
+        return curves
+    more = (f"and {len(notes) - _LISTED} more parts",) if len(notes) > _LISTED else ()
+    first = curves[0].with_metadata(notes=(*curves[0].metadata["notes"], *notes[:_LISTED], *more))
+    return [first, *curves[1:]]
+
+
 def plugged_readers(known: Sequence[Format]) -> tuple[Plugin, ...]:
     """Load the readers that other packages add, beside those that are `known`; see `underlay.plugins`."""
     taken = {entry.name for entry in known}
@@ -207,6 +265,11 @@ def _contained(plugin: Plugin) -> Format:
 # First bytes, what the file is, and what to do. No reader of these is maintained, or none is known to read forces.
 _KNOWN = (
     (
+        b"MATLAB 7.3 MAT-file",
+        "a MATLAB file of version 7.3",
+        "save it in MATLAB with save(name, variables, '-v7'), which is read",
+    ),
+    (
         b"\x01\xb0\x93\xff",
         "an NT-MDT file (.mdt)",
         "open it in NT-MDT's Nova or Image Analysis and export the curves as text (.txt), which is read",
@@ -228,7 +291,6 @@ _UNPACK = "unpack it, or pack the curves as a ZIP archive (.zip), which is read"
 
 
 _PACKED = (
-    (b"\x1f\x8b", "compressed by gzip (.gz)"),
     (b"BZh", "compressed by bzip2 (.bz2)"),
     (b"\xfd7zXZ\0", "compressed by xz (.xz)"),
     (b"\x28\xb5\x2f\xfd", "compressed by Zstandard (.zst)"),

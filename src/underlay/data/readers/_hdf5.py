@@ -27,7 +27,7 @@ import numpy as np
 from underlay._door import opened
 from underlay.data.export import HDF5_MARK
 from underlay.data.readers._source import MAX_BYTES, Source
-from underlay.errors import FileFormatError, MissingExtraError, UnderlayError
+from underlay.errors import FileFormatError, UnderlayError, missing_extra
 
 __all__ = [
     "HDF5_MAGIC",
@@ -227,7 +227,7 @@ def open_checked(source: Source) -> Iterator[Checked]:
     try:
         h5py: Any = import_module("h5py")
     except ImportError as error:
-        raise MissingExtraError('reading HDF5 needs the package h5py: pip install "underlay[afm]"') from error
+        raise missing_extra("reading HDF5 needs h5py", "afm") from error
     kept = source.kept if isinstance(source, GroupSource) else None
     try:
         with _content(h5py, source, kept) as file:

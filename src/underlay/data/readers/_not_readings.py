@@ -24,11 +24,10 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay._text import names_there
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import is_number, split_label
+from underlay.data.readers._text import is_number, kind_named, split_label
 from underlay.errors import FileFormatError
-from underlay.units import kind_of
 
-__all__ = ["begins_again", "namesakes", "plain", "require_readings", "rivals", "without_statistics"]
+__all__ = ["NUMBERED", "namesakes", "plain", "require_readings", "rivals", "without_statistics"]
 
 # In small letters, without what ends an abbreviation or goes before the number. Single letters are not here: they
 # may be anybody's remark on the last reading.
@@ -119,8 +118,8 @@ _LEAPS, _SHORTEST = 6.0, 8
 _SAME = 0.02
 
 
-# What a column that counts tests is called; one that counts readings is "point" or "no.".
-_NUMBERED = frozenset(
+#: What a column that counts tests is called; one that counts readings is "point" or "no.".
+NUMBERED = frozenset(
     (
         *(
             "test",
@@ -219,13 +218,13 @@ def _tests_beside_moduli(
     force: FloatArray,
 ) -> str:
     moduli = [
-        label for label, unit in zip(labels, units, strict=True) if unit and kind_of(unit) == "pressure"
+        label for label, unit in zip(labels, units, strict=True) if unit and kind_named(unit) == "pressure"
     ]
     if not moduli:
         return ""
     there = f"it has {names_there(moduli)}, and"
     for index, label in enumerate(labels):
-        if split_label(label)[0].strip(" .#").lower() in _NUMBERED:
+        if split_label(label)[0].strip(" .#").lower() in NUMBERED:
             numbers = [row[index].strip() for row in rows[:_LOOKED_AT] if index < len(row)]
             if len(numbers) >= _FEWEST and len(set(numbers)) == len(numbers):
                 return f"{there} the column {label.strip()!r:.80} numbers its rows"
@@ -245,10 +244,6 @@ def _leaping(values: FloatArray) -> bool:
     return float(np.abs(np.diff(values)).sum()) > float(np.ptp(values)) * len(values) / _LEAPS
 
 
-# A depth that goes on does not leap by this share of its range between two readings.
-_LEAP = 0.3
-
-
 def plain(name: str) -> str:
     """Name in small letters without accents, however these are coded."""
     if name.isascii():
@@ -258,15 +253,23 @@ def plain(name: str) -> str:
 
 
 def namesakes(
-    labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str] | None
+    labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str | int] | None
 ) -> tuple[str, ...]:
     """Notes of columns that share the name of the one that is read, the first: another unit, or another test."""
     names = [plain(split_label(label)[0]) for label in labels]
     notes = []
-    for role, index in columns.items():
+    for role in ("depth", "force", "time", "segment"):
+        index = columns.get(role, -1)
+        if index < 0:
+            continue
         label = labels[index].strip()
-        others = [labels[i].strip() for i, name in enumerate(names) if name == names[index] and i != index]
-        chosen = plain((mapping or {}).get(role, "").strip().removeprefix("-")) == plain(label)
+        unit = split_label(label)[1]
+        others = [
+            labels[i].strip()
+            for i, name in enumerate(names)
+            if name == names[index] and i != index and _of_a_kind(split_label(labels[i])[1], unit)
+        ]
+        chosen = plain(str((mapping or {}).get(role, "")).strip().removeprefix("-")) == plain(label)
         if others and (label in others or not chosen):
             told = ", ".join(map(repr, others))
             notes.append(
@@ -276,17 +279,26 @@ def namesakes(
     return tuple(notes)
 
 
+def _of_a_kind(one: str, other: str) -> bool:
+    kinds = {kind_named(unit) for unit in (one, other) if unit}
+    return len(kinds) < 2
+
+
 def rivals(
     labels: Sequence[str],
     columns: Mapping[str, int],
-    mapping: Mapping[str, str] | None,
+    mapping: Mapping[str, str | int] | None,
     known: Mapping[str, Sequence[str]],
 ) -> tuple[str, ...]:
     """Notes of columns of another name that would be read as well, were the one that is read not there."""
     names = [plain(split_label(label)[0]) for label in labels]
     notes = []
     for role, index in columns.items():
-        if role in (mapping or {}) or not known.get(role):
+        if (
+            role in (mapping or {})
+            or role not in {"depth", "force", "time"}
+            or names[index] not in known[role]
+        ):
             continue
         others = [
             labels[i].strip() for i, name in enumerate(names) if name in known[role] and name != names[index]
@@ -297,21 +309,3 @@ def rivals(
                 "may be one too. Say which in columns"
             )
     return tuple(notes)
-
-
-def begins_again(depth: FloatArray, time: FloatArray | None) -> tuple[str, ...]:
-    """Note that time and depth both begin again: tests one below the other. With every segment time alone does."""
-    if time is None:
-        return ()
-    there = depth[np.isfinite(depth)]
-    back = np.flatnonzero(time[1:] < time[:-1]) + 1
-    if not there.size or not back.size:
-        return ()
-    rows = back[np.abs(depth[back] - depth[back - 1]) > _LEAP * np.ptp(there)]
-    if not rows.size:
-        return ()
-    note = (
-        f"time and depth begin again in row {rows[0] + 1} of the table: the file looks like {rows.size + 1} tests "
-        "one below the other, read as one; split it into one file a test"
-    )
-    return (note,)

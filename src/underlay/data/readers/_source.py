@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from underlay._door import FileKind, PathLike, printable, read_bytes, read_member
+from underlay._door import FileKind, PathLike, printable, read_bytes, read_member, unpacked
 from underlay._door import open_zip as bounded_zip
+from underlay._text import names_there
 from underlay.errors import FileFormatError
 
 __all__ = ["CURVES", "MAX_BYTES", "MAX_TEXT_BYTES", "Source", "load", "open_zip", "read_member", "unpack"]
@@ -102,11 +103,12 @@ def load(path: PathLike) -> Source:
     FileFormatError
         If it is empty or larger than `MAX_BYTES`.
     """
-    data = read_bytes(path, CURVES)
+    content = read_bytes(path, CURVES)
     file = Path(path)
+    data = unpacked(content, file.name, MAX_BYTES)
     if not data:
         raise FileFormatError(f"{printable(file.name)} is empty")
-    return Source(file, _with_mark(data), hashlib.sha256(data).hexdigest())
+    return Source(file, _with_mark(data), hashlib.sha256(content).hexdigest())
 
 
 def _with_mark(data: bytes) -> bytes:
@@ -133,10 +135,27 @@ def open_zip(source: Source) -> zipfile.ZipFile:
     return bounded_zip(source.data, source.name, MAX_BYTES)
 
 
-def unpack(source: Source) -> list[Source]:
-    """Return the files in a plain archive as sources, or the source itself where it is not one.
+# What systems and people put beside curves: names of folders and files, and the first bytes of pictures.
+_NO_CURVES = frozenset(("thumbs.db", "desktop.ini"))
+_FOLDERS = frozenset(("__macosx", ".git", "__pycache__"))
+_PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF", b"II*\0", b"MM\0*", b"BM", b"{\\rtf")
+_TEXTS = (".md", ".rtf", ".html", ".htm", ".toml", ".py", ".m", ".doc", ".docx", ".xml", ".yml", ".yaml")
 
-    Spreadsheets and JPK files are archives too, but not plain ones. Archives within archives are left.
+
+def _is_beside(member: str, data: bytes) -> bool:
+    """Whether a member of an archive is what stands beside curves, and no curve."""
+    *folders, name = member.lower().split("/")
+    known = (
+        name in _NO_CURVES or name.startswith((".", "readme", "licence", "license")) or name.endswith(_TEXTS)
+    )
+    return known or bool(_FOLDERS.intersection(folders)) or data.startswith(_PICTURES)
+
+
+def unpack(source: Source) -> tuple[list[Source], list[str]]:
+    """Return the files in a plain archive as sources, or the source itself, and notes on what is left out.
+
+    Spreadsheets and JPK files are archives too, but not plain ones. Archives within archives are left, and so are
+    pictures, texts that describe the rest, and what systems put beside files.
 
     Raises
     ------
@@ -144,16 +163,21 @@ def unpack(source: Source) -> list[Source]:
         If the archive is damaged, too large, or holds no file.
     """
     if not source.is_zip or source.member:
-        return [source]
+        return [source], []
     with open_zip(source) as archive:
         # Not ZipInfo.is_dir(), which fails on a member without a name.
         names = [info.filename for info in archive.infolist() if not info.filename.endswith("/")]
         if _OFFICE_MEMBER in names or _JPK_MEMBER in names:
-            return [source]
+            return [source], []
         if not names:
             raise FileFormatError(f"{source.name} is an empty archive")
         # Names are labels only: nothing is ever written, so "../" in one leads nowhere.
-        members = [
-            Source(source.path, _with_mark(read_member(archive, name)), source.sha256, name) for name in names
-        ]
-    return [member for member in members if member.data]
+        contents = [(name, read_member(archive, name)) for name in names]
+    kept = [(name, data) for name, data in contents if data and not _is_beside(name, data)]
+    beside = sorted({name for name, _ in contents} - {name for name, _ in kept})
+    members = [
+        Source(source.path, _with_mark(unpacked(data, name, MAX_BYTES)), source.sha256, name)
+        for name, data in kept
+    ]
+    notes = [f"left out of the archive, no curves: {names_there(beside)}"] if beside else []
+    return members, notes

@@ -1,9 +1,10 @@
-"""From a table with labelled columns to a curve: which column is which, in which unit."""
+"""From a table with labelled columns to curves: which column is which, and how many tests there are."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,185 +13,512 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay._text import names_there
 from underlay.data.curve import Curve
+from underlay.data.readers._columns import (
+    KNOWN,
+    ROLES,
+    Column,
+    Node,
+    bare_name,
+    check_mapping,
+    columns_of,
+    evaluate,
+    find_columns,
+    name_of,
+    parse_column,
+    require_kind,
+)
 from underlay.data.readers._format import Options, make_curve
+from underlay.data.readers._lever import Lever
 from underlay.data.readers._not_readings import (
-    begins_again,
+    NUMBERED,
     namesakes,
-    plain,
     require_readings,
     rivals,
     without_statistics,
 )
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import column_factor, is_number, numbers, split_label, uses_comma
-from underlay.data.segments import HOLD, LOADING, UNLOADING
-from underlay.data.signs import sign_note
+from underlay.data.readers._stacked import beginnings, stacked_note
+from underlay.data.readers._text import (
+    column_factor,
+    is_number,
+    kind_named,
+    numbers,
+    split_label,
+    unit_named,
+    uses_comma,
+)
+from underlay.data.segments import HOLD, LOADING, UNLOADING, against_motion
+from underlay.data.signs import reversed_columns, sign_note
 from underlay.errors import FileFormatError, InputError
-from underlay.units import kind_of, unit_factor
+from underlay.units import unit_factor
 
-__all__ = ["ROLES", "find_columns", "table_curve"]
+__all__ = ["Table", "is_marker", "sides_of", "table_curves", "tests_beside"]
 
-#: What a column can be, and the kind of quantity it holds.
-ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
-
-# Names taken for granted, without their accents; others are given by a column mapping. "position" and "z" are
-# not here: their direction differs between instruments. English, German, French, Spanish and Italian.
-_KNOWN = {
-    "depth": (
-        *(
-            "depth",
-            "indentation",
-            "indentation depth",
-            "penetration",
-            "penetration depth",
-            "displacement",
-            "h",
-        ),
-        *("eindringtiefe", "tiefe", "eindringung", "verschiebung", "weg", "standardweg"),
-        *("enfoncement", "profondeur", "penetration", "deplacement", "allongement"),
-        *("profundidad", "penetracion", "desplazamiento", "profondita", "penetrazione", "spostamento"),
-    ),
-    "force": (
-        *("force", "load", "normal force", "fn", "f", "p"),
-        *("kraft", "normalkraft", "prufkraft", "standardkraft", "last"),
-        *("force normale", "force standard", "charge", "effort"),
-        *("fuerza", "fuerza normal", "carga", "forza", "forza normale", "carico"),
-    ),
-    "time": ("time", "t", "test time", "zeit", "prufzeit", "temps", "temps d'essai", "tiempo", "tempo"),
-    "segment": ("segment", "segments"),
-}
 # 1,000 or 12.500: what separates thousands where nothing else is divided; and a number just below them.
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+")
 _PLAIN_HUNDREDS = re.compile(r"[+-]?[1-9]\d\d")
 _THREE_DIGITS, _ROUNDING = 100.0, 1e-6
 _LABELS = (LOADING, HOLD, UNLOADING)
+# Tests side by side, as Anton Paar writes them: "X_gel_1_Time_[s]", "Y_gel_1_Fn_[mN]".
+_BESIDE = re.compile(r"[XY][_ ](?P<test>.+)[_ ](?P<name>Time|Fn|Pd)[_ ]*[\[(](?P<unit>[^\])]+)[\])]\s*")
+# Waves of Asylum's Igor program, "F0001Raw", "F0001Defl": in SI where no unit is said.
+_WAVE = re.compile(
+    r"(?P<test>.*?)_?(?P<name>DeflVolts|DeflV|Defl|Raw|ZSnsr|LVDT|Force|Sep|Ind)"
+    r"(?:[_ ]*[\[(]?(?P<unit>[num]?m|[pnum]?N|m?V)[\])]?)?"
+)
+# What a test needs to be one.
+_COMPLETE = [{"Fn", "Pd"}] + [
+    {force, travel}
+    for force in ("Defl", "DeflV", "DeflVolts", "Force")
+    for travel in ("Raw", "ZSnsr", "LVDT", "Sep", "Ind")
+]
+_WAVE_NAMES = {"DeflV": "Defl", "DeflVolts": "Defl"}
+_WAVE_UNITS = {"DeflV": "V", "DeflVolts": "V", "Force": "N"}
+# Approach and way back side by side: a word of each, beside the name of the channel.
+_WAYS = {
+    **dict.fromkeys(("ex", "extend", "approach", "trace", "ext"), LOADING),
+    **dict.fromkeys(("rt", "retract", "withdraw", "retrace", "ret"), UNLOADING),
+}
+# Names from which a lever's bending is still to be taken off.
+_SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - frozenset(
+    ("extension", "stroke", "travel", "position", "separation", "sep", "tip sample separation")
+)
 
 
-def find_columns(labels: Sequence[str], mapping: Mapping[str, str] | None) -> dict[str, int]:
-    """Index of the column of each role that is there.
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under names.
 
     Parameters
     ----------
     labels : sequence of str
-        The header, names with or without units.
-    mapping : mapping of role to name, optional
-        Names with or without a unit, as ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here.
+        One a column, with or without its unit.
+    rows : sequence of sequences of str
+        The cells; the first row may hold units.
+    breaks : sequence of int
+        Rows before which something else than readings stands: blank rows, the names once more.
+    may_use_comma, commas_between : bool
+        Whether a comma may be a decimal's; whether commas stand between the cells, as where a decimal is written
+        with a point: a quoted ``"1,234"`` may be either there.
+    units : sequence of str
+        Of all columns, where they stand elsewhere.
+    segments : sequence of (int, str)
+        First row and label of each segment, where the file names them.
+    starts : sequence of int
+        First row of each test, where the file says it.
+    stated : mapping
+        The calibration that the file states: ``stiffness`` (N/m), ``sensitivity`` (m/V).
     """
-    names = [plain(split_label(label)[0]) for label in labels]
-    whole = [plain(label) for label in labels]
-    found: dict[str, int] = {}
-    for role in ROLES:
-        wanted = (mapping or {}).get(role)
-        if wanted is not None:
-            text = wanted.strip().removeprefix("-").strip()
-            candidates: tuple[str, ...] = (plain(text), plain(split_label(text)[0]))
-        else:
-            candidates = _KNOWN[role]
-        for candidate in candidates:
-            if candidate in whole:
-                found[role] = whole.index(candidate)
-                break
-            if candidate in names:
-                found[role] = names.index(candidate)
-                break
-    return found
+
+    labels: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    breaks: Sequence[int] = ()
+    may_use_comma: bool = True
+    commas_between: bool = False
+    units: Sequence[str] = ()
+    segments: Sequence[tuple[int, str]] = ()
+    starts: Sequence[int] = ()
+    stated: Mapping[str, float] = field(default_factory=dict)
+
+    def of(self, indices: Sequence[int], labels: Sequence[str]) -> Table:
+        """Some of its columns under other names, without the rows that are empty there."""
+        rows = [[row[at] if at < len(row) else "" for at in indices] for row in self.rows]
+        units = [self.units[at] for at in indices] if self.units else ()
+        kept = [row for row in rows if any(cell.strip() for cell in row)]
+        return replace(self, labels=labels, rows=kept, units=units, breaks=())
 
 
-def table_curve(
-    source: Source,
-    labels: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    options: Options,
-    *,
-    may_use_comma: bool,
-    commas_between: bool = False,
-    **metadata: Any,
-) -> Curve:
-    """Make a curve of labelled rows of cells.
-
-    `commas_between` says that commas stand between the cells, as where a decimal is written with a point: a quoted
-    ``"1,234"`` may be either there.
+def table_curves(source: Source, table: Table, options: Options, **metadata: Any) -> list[Curve]:
+    """Make the curves of a table, one for each test in it.
 
     Raises
     ------
     FileFormatError
-        If depth or force is not there (names the columns that are), or a cell is not a number.
+        If depth or force is not there (names the columns that are), or a cell of them is not a number.
     UnitError
         If a column has no unit or one of the wrong kind.
     """
-    _check_mapping(options.columns)
-    columns = find_columns(labels, options.columns)
-    _check_present(source, labels, columns, options.columns)
-    above, below, rows = _take_unit_row(labels, rows)
-    rows, statistics = without_statistics(rows)
-    if not rows:
-        raise FileFormatError(f"{source.name} names its columns but has no rows of numbers")
-    roles = [role for role in ("depth", "force", "time") if role in columns]
-    indices = [columns[role] for role in roles]
-    comma = may_use_comma and uses_comma(
-        [row[index] for row in rows[:200] for index in indices if index < len(row)]
-    )
-    table = numbers(rows, indices, source.name, comma=comma)
-    _require_no_groups(source, labels, rows, indices, table)
-    if comma and commas_between:
-        _require_decimals(source, labels, rows, indices)
-    if not {"depth", "force"} <= (options.columns or {}).keys():
-        units = [one or other for one, other in zip(above, below, strict=False)]
-        require_readings(source, labels, units, rows, table[:, 0], table[:, 1])
-    values: dict[str, FloatArray] = {}
-    units_found: dict[str, str] = {}
-    signs: dict[str, str] = {}
-    for j, role in enumerate(roles):
-        mapped = (options.columns or {}).get(role, "")
-        label = labels[columns[role]].strip()
-        unit = split_label(mapped)[1] or _one_unit(source, label, above[columns[role]], below[columns[role]])
-        if not unit:
-            raise FileFormatError(_no_unit(source, label, role))
-        factor = column_factor(unit, ROLES[role], label, source.name)
-        flipped = mapped.strip().startswith("-")
-        values[role] = table[:, j] * (-factor if flipped else factor)
-        units_found[label] = unit
-        signs[role] = f"minus the column {label!r}, as asked" if flipped else f"as written in {label!r}"
-    segment, note = _segment(rows, columns.get("segment"))
-    others = (
-        *rivals(labels, columns, options.columns, _KNOWN),
-        *begins_again(values["depth"], values.get("time")),
-    )
-    curve = make_curve(
-        source,
-        values["depth"],
-        values["force"],
-        values.get("time"),
-        segment,
-        units=units_found,
-        sign_rules=signs,
-        notes=(*note, *statistics, *namesakes(labels, columns, options.columns), *others),
-        **metadata,
-    )
-    doubt = sign_note(curve)
-    return curve.with_metadata(notes=(*curve.metadata["notes"], *doubt)) if doubt else curve
+    check_mapping(options.columns)
+    name = metadata.pop("name", None)
+    if options.columns is None and (tests := tests_beside(table.labels)):
+        return [
+            curve
+            for test, indices, labels in tests
+            for curve in _curves(
+                source, [(table.of(indices, labels), "")], options, {**metadata, "name": test}
+            )
+        ]
+    if name is not None:
+        metadata["name"] = name
+    asked = [str(text) for text in (options.columns or {}).values()]
+    ways = sides_of(table.labels)
+    if ways and (not asked or any(parse_column(text, table.labels) is None for text in asked)):
+        return _curves(source, [(table.of(*way), label) for label, way in ways.items()], options, metadata)
+    return _curves(source, [(table, "")], options, metadata)
 
 
-def _check_mapping(mapping: Mapping[str, str] | None) -> None:
-    for role, name in (mapping or {}).items():
-        if role not in ROLES:
-            raise InputError(f"a column mapping has no {role!r}; it takes {', '.join(ROLES)}")
-        if not str(name).strip(" -"):
-            raise InputError(f"the column for {role!r} must be a name such as 'h (nm)'; got {name!r}")
+def tests_beside(labels: Sequence[str]) -> list[tuple[str, list[int], list[str]]]:
+    """Tests side by side: name, columns and their labels of each; [] for any other table."""
+    found: dict[str, dict[str, tuple[int, str]]] = {}
+    for index, label in enumerate(labels):
+        matched = _BESIDE.fullmatch(label.strip().strip('"'))
+        if matched:
+            told = f"{matched['name']} ({matched['unit']})"
+            found.setdefault(matched["test"], {}).setdefault(matched["name"], (index, told))
+    waves = [_WAVE.fullmatch(label.strip().strip('"')) for label in labels]
+    for index, matched in enumerate(waves if not found and sum(map(bool, waves)) >= 2 else ()):
+        if matched and (
+            matched["name"] in {"Raw", "Defl", "DeflV", "DeflVolts", "ZSnsr", "LVDT"} or matched["test"]
+        ):
+            name = matched["name"]
+            unit = matched["unit"] or _WAVE_UNITS.get(name, "m")
+            told = f"{_WAVE_NAMES.get(name, name)} ({unit})"
+            found.setdefault(matched["test"], {}).setdefault(name, (index, told))
+    return [
+        (test, [index for index, _ in parts.values()], [label for _, label in parts.values()])
+        for test, parts in found.items()
+        if any(one <= parts.keys() for one in _COMPLETE)
+    ]
 
 
-def _check_present(
-    source: Source, labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str] | None
-) -> None:
-    for role in ROLES:
-        asked = (mapping or {}).get(role)
-        if role in columns or (asked is None and role not in {"depth", "force"}):
-            continue
-        missing = f"no column {asked!r}" if asked is not None else f"no column for the {role}"
-        there = names_there(label.strip() for label in labels if label.strip())
-        raise FileFormatError(
-            f"{source.name} has {missing}; it has {there}. Say which with columns={{{role!r}: 'name (unit)'}}"
+def sides_of(labels: Sequence[str]) -> dict[str, tuple[list[int], list[str]]]:
+    """Columns of the approach and of the way back, and their labels, of a table that has both side by side."""
+    found: dict[str, tuple[list[int], list[str]]] = {LOADING: ([], []), UNLOADING: ([], [])}
+    for index, label in enumerate(labels):
+        words = label.strip().split("_") if "_" in label else label.split()
+        ways = [word for word in words if word.lower() in _WAYS]
+        if len(ways) == 1:
+            indices, names = found[_WAYS[ways[0].lower()]]
+            indices.append(index)
+            names.append(("_" if "_" in label else " ").join(word for word in words if word != ways[0]))
+    there, back = found[LOADING][1], found[UNLOADING][1]
+    return found if len(there) >= 2 and sorted(there) == sorted(back) else {}
+
+
+@dataclass(frozen=True)
+class _Read:
+    """Columns of a table in SI, and how they came about."""
+
+    depth: FloatArray
+    force: FloatArray
+    time: FloatArray | None
+    units: Mapping[str, str]
+    signs: Mapping[str, str]
+    notes: Sequence[str]
+    known: Mapping[str, Any]
+    free: bool
+
+
+def _curves(
+    source: Source, parts: Sequence[tuple[Table, str]], options: Options, metadata: dict[str, Any]
+) -> list[Curve]:
+    """Curves of a table, or of its ways in and out (label of each), one after the other."""
+    read = [(_Reader(source, table, options), label) for table, label in parts]
+    columns = [(reader.read(), label) for reader, label in read]
+    first, reader = columns[0][0], read[0][0]
+    depth, force = (np.concatenate([getattr(one, name) for one, _ in columns]) for name in ("depth", "force"))
+    times = [one.time for one, _ in columns if one.time is not None]
+    time = np.concatenate(times) if len(times) == len(columns) else None
+    notes, labels = [*metadata.pop("notes", ()), *first.notes], None
+    if len(parts) > 1:
+        labels = np.concatenate([np.full(len(one.depth), label, dtype="<U9") for one, label in columns])
+        starts = [0]
+    else:
+        labels, told = _segment(reader.rows, reader.found.get("segment"))
+        if parts[0][0].segments:
+            labels = _named_segments(parts[0][0].segments, len(depth))
+        if labels is None and (markers := reader.markers()):
+            labels = marked(
+                markers, Curve(depth, force, time).segments() if np.isfinite(depth).all() else None
+            )
+        elif labels is not None and np.isfinite([depth, force]).all():
+            labels, against = against_motion(
+                labels, depth, None if time is None or not np.isfinite(time).all() else time, force
+            )
+            told = (*told, *against)
+        notes = [*told, *notes]
+        starts = reader.tests(depth, time)
+    if len(starts) > 1:
+        notes.append(stacked_note(starts))
+    curves = []
+    for number, (start, end) in enumerate(zip(starts, [*starts[1:], len(depth)], strict=True), start=1):
+        here = slice(start, end)
+        about = dict(metadata)
+        if len(starts) > 1:
+            about["name"] = f"{metadata.get('name') or source.path.stem}, test {number}"
+        curve = make_curve(
+            source,
+            depth[here],
+            force[here],
+            None if time is None else time[here],
+            None if labels is None else labels[here],
+            units=first.units,
+            sign_rules=first.signs,
+            notes=notes,
+            **{**about, **first.known},
         )
+        curves.append(_with_signs(curve, free=first.free))
+    return curves
+
+
+def _with_signs(curve: Curve, *, free: bool) -> Curve:
+    """A note of signs that look reversed; a travel that may grow either way is turned, and it is said."""
+    notes = curve.metadata["notes"]
+    if free and reversed_columns(curve) == ("depth",):
+        rules = {**curve.metadata["sign_rules"], "depth": "turned: the first motion goes into the sample"}
+        note = "the depth is turned: its column may grow either way, and the first motion of a test goes in"
+        return replace(curve, depth=-curve.depth).with_metadata(sign_rules=rules, notes=(*notes, note))
+    doubt = sign_note(curve)
+    return curve.with_metadata(notes=(*notes, *doubt)) if doubt else curve
+
+
+class _Reader:
+    """Reads depth, force and time of one table."""
+
+    def __init__(self, source: Source, table: Table, options: Options) -> None:
+        self.source, self.table, self.options = source, table, options
+        self.mapping = {role: str(text) for role, text in (options.columns or {}).items()}
+        self.labels = [label.strip() for label in table.labels]
+        self.above, self.below, rows = _take_unit_row(table.labels, table.rows, table.units)
+        units = zip(table.labels, self.above, self.below, strict=True)
+        self.found = find_columns(
+            [f"{label} ({below})" if below and not above else label for label, above, below in units],
+            self.mapping,
+        )
+        self.shift = len(table.rows) - len(rows)
+        self.rows, self.statistics = without_statistics(rows)
+        self.notes: list[str] = list(self.statistics)
+        self.signs: dict[str, str] = {}
+        self.units: dict[str, str] = {}
+        self.known: dict[str, Any] = {}
+        self.lever = Lever(0.0)
+        self.free = self.scanner = False
+
+    def read(self) -> _Read:
+        """Everything that a curve is made of."""
+        depth, force = self._depth_node(), self._force_node()
+        if not self.rows:
+            raise FileFormatError(f"{self.source.name} names its columns but has no rows of numbers")
+        wanted = [index for node in (depth, force) for index in _indices(node)]
+        time = self._time_node()
+        if time is not None:
+            wanted += _indices(time)
+        indices = sorted(set(wanted))
+        try:
+            table = self._numbers(indices)
+        except FileFormatError:
+            if time is None or "time" in self.mapping:
+                raise
+            time, indices = None, sorted({index for node in (depth, force) for index in _indices(node)})
+            table = self._numbers(indices)
+            self.notes.append(
+                f"the time is left out: {self.labels[self.found['time']]!r:.80} holds no numbers"
+            )
+        self.columns = dict(zip(indices, table.T, strict=True))
+        self._require_sound(indices, table, depth, force)
+        found = {"depth": self._value("depth", depth), "force": self._value("force", force)}
+        clock = None if time is None else self._time(time)
+        self._take_off_bending(found)
+        notes = (
+            *self.notes,
+            *namesakes(self.labels, self.found, self.mapping),
+            *rivals(self.labels, self.found, self.mapping, KNOWN),
+        )
+        return _Read(
+            found["depth"], found["force"], clock, self.units, self.signs, notes, self.known, self.free
+        )
+
+    def markers(self) -> list[str]:
+        """The instrument's marks of its rows, where a column holds some."""
+        index = next(
+            (at for at, label in enumerate(self.labels) if label.lower() in {"markers", "marker"}), None
+        )
+        return [] if index is None else [row[index] if index < len(row) else "" for row in self.rows]
+
+    def tests(self, depth: FloatArray, time: FloatArray | None) -> list[int]:
+        """Rows at which a test begins."""
+        numbered = [*self.table.starts] or self._numbered()
+        return numbered or beginnings(
+            depth, time, [row - self.shift for row in self.table.breaks], self._clocks
+        )
+
+    def _numbered(self) -> list[int]:
+        """Rows at which a column that counts tests has another number; [] without one."""
+        for index, label in enumerate(self.labels):
+            if split_label(label)[0].strip(" .#").lower() not in NUMBERED:
+                continue
+            cells = np.array([row[index].strip() if index < len(row) else "" for row in self.rows])
+            starts = [0, *(np.flatnonzero(cells[1:] != cells[:-1]) + 1).tolist()]
+            if len(starts) > 1 and len(cells) >= 8 * len(starts):
+                return starts
+        return []
+
+    def _clocks(self) -> Iterator[FloatArray]:
+        for index in range(len(self.labels)):
+            if index not in self.columns:
+                try:
+                    yield self._numbers([index])[:, 0]
+                except FileFormatError:
+                    continue
+
+    def _numbers(self, indices: Sequence[int]) -> FloatArray:
+        some = self.rows[:200] if self.table.may_use_comma else ()
+        self.comma = uses_comma([row[index] for row in some for index in indices if index < len(row)])
+        return numbers(self.rows, indices, self.source.name, comma=self.comma)
+
+    def _require_sound(self, indices: Sequence[int], table: FloatArray, depth: Node, force: Node) -> None:
+        _require_no_groups(self.source, self.labels, self.rows, indices, table)
+        if self.comma and self.table.commas_between:
+            _require_decimals(self.source, self.labels, self.rows, indices)
+        if not {"depth", "force"} <= self.mapping.keys():
+            units = [one or other for one, other in zip(self.above, self.below, strict=False)]
+            main = [self.columns[_indices(node)[0]] for node in (depth, force)]
+            require_readings(self.source, self.labels, units, self.rows, main[0], main[1])
+
+    def _node(self, role: str) -> Node | None:
+        """What the mapping asks for; raises where the table has no such column."""
+        if role not in self.mapping:
+            return Column(self.found[role]) if role in self.found else None
+        parsed = parse_column(self.mapping[role], self.labels)
+        if parsed is None:
+            raise FileFormatError(self._missing(role, f"no column {self.mapping[role]!r:.80}"))
+        return parsed[0]
+
+    def _missing(self, role: str, what: str) -> str:
+        there = names_there(label for label in self.labels if label)
+        return f"{self.source.name} has {what}; it has {there}. Say which with columns={{{role!r}: 'name (unit)'}}"
+
+    def _depth_node(self) -> Node:
+        node = self._node("depth")
+        if node is None:
+            role = next((role for role in ("travel", "height") if role in self.found), None)
+            if role is None:
+                raise FileFormatError(self._missing("depth", "no column for the depth"))
+            self.free = True
+            self.found["depth"] = self.found[role]
+            self.scanner = bare_name(name_of(self.labels[self.found[role]])) in _SCANNER
+            node = Column(self.found[role])
+        return node
+
+    def _force_node(self) -> Node:
+        node = self._node("force")
+        if node is None:
+            if "deflection" not in self.found:
+                raise FileFormatError(self._missing("force", "no column for the force"))
+            node = Column(self.found["deflection"])
+        # A calibration that is given goes before the one the file's own forces were made with.
+        elif self.options.calibration and "force" not in self.mapping and self._is_lever(node):
+            self.found.pop("force")
+            node = Column(self.found["deflection"])
+        return node
+
+    def _is_lever(self, node: Node) -> bool:
+        """Whether this force is that of a lever whose deflection stands beside it."""
+        named = isinstance(node, Column) and name_of(self.labels[node.index]) in KNOWN["deflection"]
+        return named and "deflection" in self.found
+
+    def _time_node(self) -> Node | None:
+        node = self._node("time")
+        if node is None or "time" in self.mapping:
+            return node
+        unit = self._unit(Column(self.found["time"]))
+        if kind_named(unit) == "time":
+            return node
+        label = self.labels[self.found["time"]]
+        self.notes.append(
+            f"the time is left out: the column {label!r:.80} has {f'the unit {unit!r:.40}' if unit else 'no unit'}"
+            f"; say it with columns={{'time': '{split_label(label)[0]} (s)'}}"
+        )
+        return None
+
+    def _unit(self, column: Column) -> str:
+        """Unit of a column: asked for, or in its name, or below."""
+        at = column.index
+        return column.unit or _one_unit(self.source, self.labels[at], self.above[at], self.below[at])
+
+    def _value(self, role: str, node: Node) -> FloatArray:
+        """SI values of a role."""
+        text = self.mapping.get(role, "").strip()
+        if not isinstance(node, Column):
+            what = f"{self.source.name}, columns = {{ {role} = {text!r:.120} }}"
+            for column in columns_of(node):
+                self.units[self.labels[column.index]] = self._unit(column)
+            self.signs[role] = f"{text}, as asked"
+            found = evaluate(node, lambda column: self.columns[column.index], self._unit, what)
+            return require_kind(found, ROLES[role], what)
+        label, unit = self.labels[node.index], self._unit(node)
+        if role == "force" and role not in self.found and kind_named(unit) != "force":
+            return self._lever_force(node, unit)
+        if not unit:
+            raise FileFormatError(_no_unit(self.source, label, role))
+        self.units[label] = unit
+        factor = column_factor(unit, ROLES[role], label, self.source.name)
+        turned = text.startswith("-")
+        self.signs[role] = f"minus the column {label!r}, as asked" if turned else f"as written in {label!r}"
+        return np.asarray(self.columns[node.index] * (-factor if turned else factor))
+
+    def _time(self, node: Node) -> FloatArray | None:
+        return self._value("time", node)
+
+    def _lever(self) -> Lever:
+        if self.known:
+            return self.lever
+        lever = self.lever = Lever.of(self.source, self.table.stated, self.options.calibration)
+        self.known |= {**lever.about, "bending_taken_off": True}
+        return lever
+
+    def _lever_force(self, node: Column, unit: str) -> FloatArray:
+        """Force (N) of a lever's deflection, a length or the volts of its detector."""
+        label = self.labels[node.index]
+        lever, values = self._lever(), self.columns[node.index]
+        self.units[label] = unit
+        if kind_named(unit) == "voltage":
+            self.signs["force"] = f"{label!r} * sensitivity * spring constant"
+            return lever.force(self.source, values * unit_factor(unit, "voltage"))
+        self.signs["force"] = f"{label!r} * spring constant"
+        factor = column_factor(unit, "length", label, self.source.name)
+        return np.asarray(values * (factor * lever.stiffness))
+
+    def _take_off_bending(self, found: dict[str, FloatArray]) -> None:
+        """Turn a height, and take the bending of the lever off the travel of its scanner."""
+        if not self.free:
+            if self.options.calibration and not self.known:
+                raise InputError(
+                    f"{self.source.name}: a calibration has no use here, depth and force are read as they are "
+                    "written; leave it out, or name the columns of travel and deflection"
+                )
+            return
+        label = self.labels[self.found["depth"]]
+        if "height" in self.found and self.found["height"] == self.found["depth"]:
+            found["depth"] = -found["depth"]
+            self.signs["depth"] = f"minus {label!r}"
+        deflection = self.found.get("deflection")
+        unit = "" if deflection is None else self._unit(Column(deflection))
+        if not self.scanner:
+            return
+        if deflection is not None and kind_named(unit) == "length":
+            name = self.labels[deflection]
+            if deflection not in self.columns:
+                self.columns[deflection] = self._numbers([deflection])[:, 0]
+            found["depth"] = found["depth"] - self.columns[deflection] * unit_factor(unit, "length")
+            self.signs["depth"] += f" - {name!r}"
+            self.units[name] = unit
+            if self.table.stated.get("stiffness"):
+                self._lever()
+            self.known["bending_taken_off"] = True
+        elif self.options.calibration or self.table.stated:
+            lever = self._lever()
+            found["depth"] = found["depth"] - found["force"] / lever.stiffness
+            self.signs["depth"] += " - force / spring constant"
+        else:
+            self.notes.append(
+                f"the depth is read from {label!r:.80} and still holds the bending of the lever: give "
+                "calibration={'spring_constant': '0.04 N/m'} with your number, or set the instrument's compliance"
+            )
+
+
+def _indices(node: Node) -> list[int]:
+    return [column.index for column in columns_of(node)]
 
 
 def _require_no_groups(
@@ -237,33 +565,102 @@ def _require_decimals(
 
 def _no_unit(source: Source, label: str, role: str) -> str:
     example = {"depth": "um", "force": "mN", "time": "s"}[role]
-    return (
-        f"{source.name}, column {label!r}: no unit; write it in the header as '{label} ({example})', or give "
-        f"columns={{{role!r}: '{label} ({example})'}}"
-    )
+    name = label.removeprefix("column ")
+    header = "" if name != label else f"write it in the header as '{label} ({example})', or "
+    return f"{source.name}, column {label!r:.80}: no unit; {header}give columns={{{role!r}: '{name} ({example})'}}"
 
 
 def _take_unit_row(
-    labels: Sequence[str], rows: Sequence[Sequence[str]]
+    labels: Sequence[str], rows: Sequence[Sequence[str]], stated: Sequence[str]
 ) -> tuple[list[str], list[str], Sequence[Sequence[str]]]:
     """Units of all columns beside and below their names, and the rows of numbers without a row of units."""
     units = [split_label(label)[1] for label in labels]
+    below = [""] * len(units)
     if rows and not any(is_number(cell) for cell in rows[0]):
-        below = [cell.strip().strip("()[]").strip() for cell in rows[0]]
-        if any(kind_of(unit) is not None for unit in below if unit):
-            return units, below + [""] * (len(units) - len(below)), rows[1:]
-    return units, [""] * len(units), rows
+        found = [unit_named(cell.strip().strip('"').strip("()[]{}<>")) for cell in rows[0]]
+        if any(kind_named(unit) is not None for unit in found if unit):
+            below, rows = (found + below)[: len(units)], rows[1:]
+    if stated:
+        below = [one or unit_named(other) for one, other in zip(below, [*stated, *below], strict=False)]
+    return units, below, rows
 
 
 def _one_unit(source: Source, label: str, above: str, below: str) -> str:
     """The unit of a column, which its name and the row of units below may both say."""
-    kind = kind_of(above) if above and below else None
-    if kind is not None and kind == kind_of(below) and unit_factor(above, kind) != unit_factor(below, kind):
+    kind = kind_named(above) if above and below else None
+    if above and below and kind is None and kind_named(below) is not None:
+        return below  # what stands in brackets is a remark
+    if (
+        kind is not None
+        and kind == kind_named(below)
+        and unit_factor(above, kind) != unit_factor(below, kind)
+    ):
         raise FileFormatError(
             f"{source.name}, column {label!r:.80}: the row below the names says {below!r:.40}; say which unit is "
             "right in columns"
         )
     return above or below
+
+
+def is_marker(cell: str) -> bool:
+    """Whether a cell marks the row of an instrument, as KLA's "End Of Loading Index"."""
+    return cell.strip().lower().endswith((" index", "segment type")) or cell.strip().lower() == "end"
+
+
+def _named_segments(segments: Sequence[tuple[int, str]], count: int) -> NDArray[np.str_]:
+    labels = np.full(count, LOADING, dtype="<U9")
+    for row, label in segments:
+        labels[row:] = label
+    return labels
+
+
+_MARKS = (
+    ("end of loading", HOLD),
+    ("end of hold", UNLOADING),
+    ("unload", UNLOADING),
+    ("hold", HOLD),
+    ("load", LOADING),
+    ("approach", LOADING),
+)
+
+
+def marked(markers: Sequence[str], motion: NDArray[np.str_] | None = None) -> NDArray[np.str_] | None:
+    """Labels of rows by the marks above them, as an instrument writes them at the first row of each segment.
+
+    Parameters
+    ----------
+    markers : sequence of str
+        One a row, most of them empty.
+    motion : ndarray (n,) of str, optional
+        Labels of the rows that stand before the first mark that says one, and after one that ends it.
+
+    Returns
+    -------
+    ndarray (n,) of str or None
+        None where there is no mark, or one is not understood and there is no motion.
+    """
+    after_hold = len(markers)
+    labels = np.full(len(markers), LOADING, dtype="<U9") if motion is None else np.array(motion, dtype="<U9")
+    current, seen = "", False
+    for row, marker in enumerate(markers):
+        text = marker.strip().lower()
+        if text and text != "end":
+            found = next((label for word, label in _MARKS if word in text), "")
+            if not found and motion is None:
+                return None
+            # What is no mark of a segment, as the first reading of a drift, ends one.
+            current = found if found or "drift" in text else current
+            if "end of hold" in text:
+                after_hold = row
+            seen |= bool(found)
+        if current:
+            labels[row] = current
+    if motion is not None and (labels[after_hold:] == UNLOADING).any():
+        # The instrument marks where it begins to come back, not where it rests again.
+        back = after_hold + np.flatnonzero(labels[after_hold:] == UNLOADING)
+        moving = back[motion[back] == UNLOADING]
+        labels[back[back > moving[-1]] if moving.size else back[:0]] = HOLD
+    return labels if seen else None
 
 
 def _segment(

@@ -17,13 +17,18 @@ from underlay.units import kind_of, unit_factor
 
 __all__ = [
     "SENTINEL",
+    "Arrays",
     "Lines",
     "column_factor",
     "decode",
     "is_number",
+    "is_unit",
+    "kind_named",
+    "lines_and_gaps",
     "lines_of",
     "numbers",
     "split_label",
+    "unit_named",
     "uses_comma",
 ]
 
@@ -33,12 +38,50 @@ SENTINEL = 1e300
 # A row of the widest sheet that is read, 256 columns of 60 characters, is shorter. Python's csv module stops at
 # 131,072 characters with an error of its own.
 _LONGEST_LINE = 32_768
-# "Depth (nm)", "force [mN]", "Piezo speed  (um/s)"; the unit is the last bracket.
-_BRACKETED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*(?:\([^()]*\))?[^()\[\]]*)[)\]]\s*")
+# "Depth (nm)", "force [mN]", "Load {N}"; the unit is the last bracket.
+_BRACKETED = re.compile(r"(.*?)[\s_]*[(\[{<]([^()\[\]{}<>]*(?:\([^()]*\))?[^()\[\]{}<>]*)[)\]}>]\s*")
 # "Time, s", "Position (z), mm"
 _AFTER_COMMA = re.compile(r"(.*\S)\s*,\s*([^\s,]+)\s*")
-# "Load / mN"
-_AFTER_SLASH = re.compile(r"(.*\S)\s+/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
+# "Load / mN", "Load/mN", "Defl / nm/V"
+_AFTER_SLASH = re.compile(r"(.*?\S)\s*/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
+# "depth_um", "Force-N", "Load: mN", "depth in um", "Force N": after these only a unit of the lists below is one.
+_AFTER_WORD = re.compile(r"(.*?[^\s_:=-])(?:\s+in\s+|[\s_:=-]+)([^\W\d_]+)\.?\s*", re.IGNORECASE)
+# Letters of a unit without a sign in it; longer ones that are usual stand below.
+_LONGEST_WORD = 4
+_PLAIN_UNITS = frozenset(
+    "pm nm um µm μm mm cm m pN nN uN µN μN mN N kN gf kgf lbf s ms us µs μs V mV".split()  # noqa: SIM905
+)
+_PREFIX_WORDS = {
+    "pico": "p",
+    "nano": "n",
+    "micro": "u",
+    "mikro": "u",
+    "milli": "m",
+    "centi": "c",
+    "": "",
+    "kilo": "k",
+}
+_UNIT_STEMS = {
+    "m": ("meter", "meters", "metre", "metres"),
+    "N": ("newton", "newtons"),
+    "s": ("second", "seconds", "sekunden", "secondes"),
+    "V": ("volt", "volts"),
+}
+_WORD_UNITS = {
+    **{
+        f"{word}{stem}": f"{prefix}{unit}"
+        for word, prefix in _PREFIX_WORDS.items()
+        for unit, stems in _UNIT_STEMS.items()
+        for stem in stems
+    },
+    **dict.fromkeys(("micron", "microns"), "um"),
+    **dict.fromkeys(("sec", "secs", "sek"), "s"),
+    **dict.fromkeys(("msec", "msecs"), "ms"),
+    **dict.fromkeys(("g", "gr", "gram", "grams", "gf", "gramm"), "gf"),
+    **dict.fromkeys(("kg", "kgs", "kilogram", "kilograms", "kgf"), "kgf"),
+    **dict.fromkeys(("lb", "lbs", "lbf", "pound", "pounds"), "lbf"),
+    **dict.fromkeys(("minute", "minutes"), "min"),
+}
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
 _MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 
@@ -71,6 +114,33 @@ class Lines(Sequence[Sequence[str]]):
         if isinstance(index, slice):
             return Lines(self.lines[index], self.separator)
         return self.lines[index].split(None if self.separator == " " else self.separator)
+
+
+@dataclass(frozen=True)
+class Arrays(Sequence[Sequence[str]]):
+    """Rows of a table whose columns are numbers already.
+
+    Parameters
+    ----------
+    columns : sequence of ndarray (n,)
+        All of one length.
+    """
+
+    columns: Sequence[FloatArray]
+
+    def __len__(self) -> int:
+        return len(self.columns[0])
+
+    @overload
+    def __getitem__(self, index: int) -> Sequence[str]: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Arrays: ...
+
+    def __getitem__(self, index: int | slice) -> Sequence[str] | Arrays:
+        if isinstance(index, slice):
+            return Arrays([column[index] for column in self.columns])
+        return [repr(float(column[index])) for column in self.columns]
 
 
 def decode(source: Source) -> str:
@@ -112,19 +182,63 @@ def lines_of(source: Source) -> list[str]:
     FileFormatError
         If there is none, or the file is not text.
     """
-    text = decode(source).replace("\r", "\n")
-    lines = list(filter(str.strip, text.split("\n")))
+    return lines_and_gaps(source)[0]
+
+
+def lines_and_gaps(source: Source) -> tuple[list[str], list[int]]:
+    """The same, and the lines before which a blank one stands, by number from 0."""
+    text = decode(source)
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\n\r", "\n").replace("\r", "\n")
+    every = text.split("\n")
+    lines = list(filter(str.strip, every))
     if not lines:
         raise FileFormatError(f"{source.name} holds nothing but blank lines")
-    if len(text) <= _LONGEST_LINE or max(map(len, lines)) <= _LONGEST_LINE:
-        return lines
+    gaps: list[int] = []
+    if len(lines) < len(every) - 1:
+        count = 0
+        for before, line in zip(["", *every], every, strict=False):
+            if line and not line.isspace():
+                if count and (not before or before.isspace()):
+                    gaps.append(count)
+                count += 1
+    _require_lines(source, lines, len(text))
+    return lines, gaps
+
+
+def _require_lines(source: Source, lines: Sequence[str], size: int) -> None:
+    if size <= _LONGEST_LINE or max(map(len, lines)) <= _LONGEST_LINE:
+        return
     for number, line in enumerate(lines, start=1):
         if len(line) > _LONGEST_LINE and not line.startswith("#"):
             raise FileFormatError(
                 f"{source.name} has {len(line)} characters in line {number} of those that are not blank; a row "
                 f"of a table has at most {_LONGEST_LINE}: export it again as a table with a row per point"
             )
-    return lines
+
+
+def unit_named(text: str) -> str:
+    """The unit of a text that may write it in a word, or as a mass for its weight; any other text as it is.
+
+    Examples
+    --------
+    >>> unit_named("Newtons"), unit_named("microns"), unit_named("g"), unit_named("kPa")
+    ('N', 'um', 'gf', 'kPa')
+    """
+    word = text.strip()
+    if word in _PLAIN_UNITS:
+        return word
+    return _WORD_UNITS.get(word.rstrip(".").casefold(), word)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a word is one of the usual units of a curve's columns, by letters or in words."""
+    return text in _PLAIN_UNITS or text.rstrip(".").casefold() in _WORD_UNITS
+
+
+def kind_named(unit: str) -> str | None:
+    """Kind of quantity of a unit as instruments write it; None of a word, without asking what it might be."""
+    return kind_of(unit) if is_unit(unit) or len(unit) <= _LONGEST_WORD or not unit.isalpha() else None
 
 
 def split_label(label: str) -> tuple[str, str]:
@@ -134,17 +248,26 @@ def split_label(label: str) -> tuple[str, str]:
     --------
     >>> split_label("Load (µN)"), split_label("Position (z), mm"), split_label("force [mN]"), split_label("h")
     (('Load', 'µN'), ('Position (z)', 'mm'), ('force', 'mN'), ('h', ''))
+    >>> split_label("force_N"), split_label("Load in Newtons"), split_label("depth/um"), split_label("time: Sec")
+    (('force', 'N'), ('Load', 'N'), ('depth', 'um'), ('time', 's'))
     """
     text = label.strip().strip('"').strip()[:200]
     matched = _AFTER_COMMA.fullmatch(text)
-    if matched and kind_of(matched.group(2)) is not None:
-        return matched.group(1).strip(), matched.group(2)
+    if matched and kind_of(unit_named(matched.group(2))) is not None:
+        return matched.group(1).strip(), unit_named(matched.group(2))
     matched = _BRACKETED.fullmatch(text)
     if matched and matched.group(1):
-        return matched.group(1).strip(), matched.group(2).strip()
-    matched = _AFTER_SLASH.fullmatch(text)
-    if matched and kind_of(matched.group(2)) is not None:
-        return matched.group(1).strip(), matched.group(2)
+        return matched.group(1).strip(), unit_named(matched.group(2))
+    matched = _AFTER_SLASH.fullmatch(text) if "/" in text else None
+    if matched and kind_of(unit_named(matched.group(2))) is not None:
+        return matched.group(1).strip(), unit_named(matched.group(2))
+    matched = _AFTER_WORD.fullmatch(text)
+    if matched and is_unit(matched.group(2)):
+        return matched.group(1).strip(), unit_named(matched.group(2))
+    words = text.split("_")
+    units = [word for word in words[1:-1] if word in _PLAIN_UNITS and len(word) > 1]
+    if len(units) == 1:  # "Defl_nm_Ex"
+        return "_".join(word for word in words if word != units[0]), units[0]
     return text, ""
 
 
@@ -205,7 +328,10 @@ def numbers(
     FileFormatError
         If a row is too short or a cell is not a number.
     """
-    table = _all_good(rows, indices, comma=comma)
+    if isinstance(rows, Arrays):
+        table: FloatArray | None = np.column_stack([rows.columns[at] for at in indices]).astype(np.float64)
+    else:
+        table = _all_good(rows, indices, comma=comma)
     if table is None:
         table = _cell_by_cell(rows, indices, where, comma=comma, first_line=first_line)
     no_value = np.abs(table) > SENTINEL

@@ -36,7 +36,7 @@ from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode, lines_of, numbers
 from underlay.data.readers.jpk import JpkCurve, read_jpk
 from underlay.data.segments import HOLD, label_pieces, segments_from_motion
-from underlay.errors import FileFormatError, InputError, MissingExtraError, UnderlayError
+from underlay.errors import FileFormatError, InputError, UnderlayError, missing_extra
 
 __all__ = ["FORMAT", "TAB_MARK", "read_tab", "workshop_calibration"]
 
@@ -232,9 +232,7 @@ def _afmformats() -> Any:
     try:
         return import_module("afmformats.formats")
     except ImportError as error:
-        raise MissingExtraError(
-            'reading AFM files needs the package afmformats: pip install "underlay[afm]"'
-        ) from error
+        raise missing_extra("reading AFM files needs afmformats", "afm") from error
 
 
 def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:

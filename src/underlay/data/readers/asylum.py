@@ -28,7 +28,7 @@ from underlay.data.readers._format import Format, Options
 from underlay.data.readers._lever import Lever, lever_curve
 from underlay.data.readers._source import CURVES, Source
 from underlay.data.segments import segments_from_motion
-from underlay.errors import FileFormatError, MissingExtraError
+from underlay.errors import FileFormatError, missing_extra
 
 __all__ = ["FORMAT"]
 
@@ -114,9 +114,7 @@ def _wave(source: Source) -> tuple[FloatArray, list[str], dict[str, str], float]
     try:
         binarywave = import_module("igor2.binarywave")
     except ImportError as error:
-        raise MissingExtraError(
-            'reading Asylum .ibw files needs the package igor2: pip install "underlay[afm]"'
-        ) from error
+        raise missing_extra("reading Asylum .ibw files needs igor2", "afm") from error
     wave = binarywave.load(io.BytesIO(source.data))["wave"]
     values = np.asarray(wave["wData"], dtype=np.float64)
     # The first label of a dimension is that of the dimension itself.

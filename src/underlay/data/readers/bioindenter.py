@@ -24,7 +24,7 @@ from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve, require
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import column_factor, lines_of, numbers, split_label, uses_comma
-from underlay.data.segments import HOLD, label_pieces
+from underlay.data.segments import HOLD, against_motion, label_pieces
 from underlay.errors import UnitError
 from underlay.units import parse_quantity
 
@@ -68,13 +68,18 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         for j, (name, kind) in enumerate(_KINDS.items())
     )
     header = _header(header_lines)
+    notes: tuple[str, ...] = ()
+    segment = _segments(header_lines, table[:, 3], depth)
+    if segment is not None and np.isfinite(force).all() and np.isfinite(time).all():
+        segment, notes = against_motion(segment, depth, time, force)
     return [
         make_curve(
             source,
             depth,
             force,
             time,
-            _segments(header_lines, table[:, 3], depth),
+            segment,
+            notes=notes,
             header=header,
             units={name: unit for name, unit in labels if unit},
             sign_rules={

@@ -1,10 +1,13 @@
-"""Plain CSV and TSV: one row of names with units, then numbers.
+"""Plain CSV and TSV: a row of names with units, then numbers.
 
-Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``), in a row below the names, or in the
-column mapping. Separators are tab, semicolon, comma or blanks; a decimal comma is understood where the
-separator is not a comma, or the cells stand in quotes. Lines that start with ``#`` are kept as comments; the
-names are looked for there where there are no others. Signs are taken as written: depth grows into the sample
-and force is positive in compression, unless the mapping says ``-name``.
+Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``, ``load_N``), in a row below the names, in a
+comment, or in the column mapping. Separators are tab, semicolon, comma or blanks; a decimal comma is understood
+where the separator is not a comma, or the cells stand in quotes. What stands above the longest run of rows of
+numbers (results, settings) is passed over. Lines that start with ``#`` are kept as comments; the names are looked
+for there where there are no others. Names and cells must be as many: a label in front of the names
+(``# columns:``) is none. A table without names is read by the numbers of its columns (``depth = "2 (nm)"``). Signs
+are taken as written: depth grows into the sample and force is positive in compression, unless the mapping says
+``-name``.
 """
 
 from __future__ import annotations
@@ -12,53 +15,77 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from operator import itemgetter
 from typing import Any
 
 from underlay._door import parse_json
+from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK
 from underlay.data.readers._format import Format, Options
+from underlay.data.readers._names import Layout, find_names, is_unit_row, layout_of, stated_lever, with_units
 from underlay.data.readers._source import Source
-from underlay.data.readers._table import find_columns, table_curve
-from underlay.data.readers._text import Lines, is_number, lines_of
+from underlay.data.readers._table import Table, table_curves
+from underlay.data.readers._text import Lines, is_number, lines_and_gaps
 from underlay.data.readers.exported import restored
+from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import kind_of, parse_quantity
 
 __all__ = ["COMMENTED_NUMBERS", "FORMAT"]
 
-# How far down the row of names is looked for.
-_MAX_PREAMBLE = 80
-_FIRST_LINES = 8
 _AT_A_TIME = 1000
 #: Comments that carry a number, as in ``# indenter radius: 27.5 um``, and the SI unit of each.
 COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrument_reduced_modulus": "Pa"}
 _COMMENT = ("#", "%", "//")
+# Comments too where nothing is separated by them.
+_ALSO_COMMENT = (";", "!")
+# The first line of an Igor text file, and most waves that are read of one.
+_IGOR, _MOST_WAVES = "IGOR", 2000
 _NUMERIC = frozenset("0123456789+-.")
 _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
 
 def _sniff(source: Source) -> bool:
-    head = source.head()
-    # Most tables begin with their first lines.
-    return any(
-        _separator_of_table(head.split("\n", most)[:most]) is not None
-        for most in (_FIRST_LINES, _MAX_PREAMBLE * 4)
-    )
+    return any(_separator(line) for line in source.head(65_536).split("\n"))
 
 
-def _separator_of_table(lines: Sequence[str]) -> str | None:
-    """Return the separator of lines that look like a table: a row of two numbers or more."""
-    for line in lines[: _MAX_PREAMBLE * 4]:
-        for separator in ("\t", ";", ",", " "):
-            if separator not in line and separator != " ":
-                continue
-            cells = _split(line, separator)
-            filled = [cell for cell in cells if cell.strip()]
-            if len(filled) >= 2 and sum(map(is_number, filled)) >= 2:
-                return separator
-    return None
+def _separator(line: str) -> str:
+    """What separates a row of two numbers or more; '' of any other line."""
+    if not line or line.isspace() or line.lstrip().startswith(_COMMENT):
+        return ""
+    for separator in ("\t", ";", ",", " "):
+        if (separator in line or separator == " ") and sum(map(is_number, _split(line, separator))) >= 2:
+            return separator
+    return ""
+
+
+def _layout(lines: Sequence[str]) -> tuple[Layout, str] | None:
+    """Where the numbers begin, and what separates them."""
+    separators: dict[int, str] = {}
+
+    def cells(at: int) -> list[str] | None:
+        line = lines[at]
+        if line.lstrip().startswith(_COMMENT):
+            return None
+        known = separators.get(at - 1)
+        found = _split(line, known) if known else []
+        if sum(map(is_number, found)) >= 2:
+            separators[at] = known or ""
+            return found
+        if separator := _separator(line):
+            separators[at] = separator
+            return _split(line, separator)
+        # A row in front of rows of numbers may be one with a cell that is none.
+        if after := separators.get(at + 1):
+            separators[at] = after
+        return _split(line, after) if after else None
+
+    found = layout_of(len(lines), cells)
+    return None if found is None else (found, separators[found.first])
 
 
 def _split(line: str, separator: str) -> list[str]:
@@ -69,92 +96,197 @@ def _split(line: str, separator: str) -> list[str]:
     return line.split(separator)
 
 
-def _split_all(source: Source, lines: list[str], separator: str) -> Sequence[Sequence[str]]:
-    # What stands above the table may quote: nothing is looked at line by line where nothing below does.
-    quoted = bool(lines) and source.data.rfind(b'"') >= source.data.find(
-        lines[0].encode("latin-1", "replace")
+def _read_all(source: Source, options: Options) -> list[Curve]:
+    lines, gaps = lines_and_gaps(source)
+    if lines[0].strip() == _IGOR:
+        lines, gaps = _waves(source, lines), []
+    if re.fullmatch(r"sep=.\s*", lines[0]):  # a line by which spreadsheets name the separator
+        lines, gaps = lines[1:], [gap - 1 for gap in gaps]
+    found = _layout(lines)
+    if found is None:
+        raise FileFormatError(
+            f"{source.name} holds no row of numbers; a table needs a row of names with units, such as "
+            "'depth (um),force (mN)', and rows of numbers below it"
+        )
+    layout, separator = found
+    marks = _COMMENT if separator == ";" else (*_COMMENT, *_ALSO_COMMENT)
+    # Most lines begin as a number does: few are looked at twice.
+    plain_body = _NUMERIC.issuperset(map(itemgetter(0), lines[layout.first :]))
+    looked_at = lines[: layout.first] if plain_body else lines
+    odd = {at: line for at, line in enumerate(looked_at) if line[0] not in _NUMERIC}
+    commented = {at: line for at, line in odd.items() if line.lstrip().startswith(marks)}
+    comments = [line.lstrip("#%/;! \t").rstrip() for line in commented.values()]
+    above = [line for line in lines[: layout.first] if not line.lstrip().startswith(marks)]
+    try:
+        cells_above = [_split_names(line, separator) for line in above]
+        if separator == " ":
+            other = [with_units(line) for line in above]
+            pairs = zip(cells_above, other, strict=True)
+            cells_above = [two if len(two) == layout.cells else one for one, two in pairs]
+        names, units = find_names(
+            source,
+            cells_above,
+            comments,
+            layout,
+            options,
+            lambda text, at: _split_names(text, at or separator),
+        )
+        body = _Body(source, lines, gaps, layout.first, separator, names)
+        del lines
+        cells = body.cells(odd, commented)
+    except csv.Error as error:
+        raise FileFormatError(f"{source.name} is not a readable table: {error}") from error
+    texts = [comment for comment in comments if not comment.startswith(METADATA_MARK)]
+    about = texts + [line.strip() for line, row in zip(above, cells_above, strict=True) if row != names]
+    table = Table(
+        names,
+        cells,
+        body.breaks,
+        # Between commas only what stands in quotes can hold one.
+        may_use_comma=separator != "," or not isinstance(cells, Lines),
+        commas_between=separator == ",",
+        units=units,
+        stated=stated_lever(about),
+        segments=body.segments,
+        starts=body.starts,
     )
-    if quoted and separator != " " and any('"' in line for line in lines):
-        return [_split(line, separator) for line in lines]
-    return Lines(lines, separator)
+    known = {**_known_numbers(about), **({"notes": body.notes} if body.notes else {})}
+    curves = table_curves(source, table, options, comments=about, **known)
+    _require_names(source, names, cells, separator)
+    stored = _stored(comments)
+    return [restored(curve, stored) for curve in curves]
+
+
+def _waves(source: Source, lines: Sequence[str]) -> list[str]:
+    """The waves of an Igor text file (.itx) as one table with a row of names, and its other lines as comments."""
+    columns: list[tuple[str, list[str]]] = []
+    others: list[str] = []
+    names, inside = [], False
+    for line in lines[1:]:
+        word = line.strip()
+        if word.upper().startswith("WAVES"):
+            names = re.split(r"[\s,]+", word.partition("\t")[2].strip() or word.partition(" ")[2].strip())
+            first = len(columns)
+            columns += [(name.strip("'"), []) for name in names]
+        elif word.upper() in {"BEGIN", "END"}:
+            inside = word.upper() == "BEGIN"
+        elif inside and names:
+            cells = word.split()
+            for (_, column), cell in zip(columns[first:], cells, strict=False):
+                column.append(cell)
+        else:
+            others.append(f"# {word}")
+    if not columns or len(columns) > _MOST_WAVES:
+        raise FileFormatError(
+            f"{source.name} is an Igor text file with {len(columns)} waves; a curve has 2 or more"
+        )
+    longest = max(len(column) for _, column in columns)
+    rows = zip(*(column + [""] * (longest - len(column)) for _, column in columns), strict=True)
+    return [*others, "\t".join(name for name, _ in columns), *("\t".join(row) for row in rows)]
+
+
+class _Body:
+    """The rows below the names, and where something else stands between them."""
+
+    def __init__(
+        self,
+        source: Source,
+        lines: list[str],
+        gaps: Iterable[int],
+        first: int,
+        separator: str,
+        names: Sequence[str],
+    ) -> None:
+        self.source, self.first, self.separator = source, first, separator
+        # A row of units stands between the names and the numbers.
+        if first and is_unit_row(_split(lines[first - 1], separator)):
+            self.first -= 1
+        self.lines, self.gaps, self.names = lines, gaps, [name.strip() for name in names]
+        self.breaks: list[int] = []
+        self.notes: list[str] = []
+
+    def cells(self, odd: dict[int, str], commented: dict[int, str]) -> Sequence[Sequence[str]]:
+        """Rows of cells, without comments, blank rows, and names that stand there once more."""
+        below = {at: line for at, line in odd.items() if at >= self.first}
+        blank = {at for at, line in below.items() if not line.strip(',;\t "')}
+        again = {
+            at
+            for at, line in below.items()
+            if at > self.first and at not in blank and at not in commented and self._is_again(line)
+        }
+        left_out = blank | again | {at for at in commented if at >= self.first}
+        breaks = {gap for gap in self.gaps if gap > self.first} | {at + 1 for at in blank | again}
+        rows = self.lines[self.first :]
+        # What stands above the table may quote: nothing is looked at line by line where nothing below does.
+        start = self.source.data.find(rows[0].encode("latin-1", "replace")) if rows else 0
+        quoted = self.source.data.rfind(b'"') >= start and any('"' in line for line in rows)
+        if left_out:
+            rows = [line for at, line in enumerate(rows, self.first) if at not in left_out]
+        gone = sorted(left_out)
+        self.breaks = sorted({at - self.first - bisect_left(gone, at) for at in breaks})
+        self.lines = []
+        row_of = partial(_row_of, self.first, gone)
+        self.segments = _segments(commented, row_of)
+        self.starts = _starts(commented, row_of) if self.segments else []
+        if quoted and self.separator != " ":
+            return [_split(line, self.separator) for line in rows]
+        return Lines(rows, self.separator)
+
+    def _is_again(self, line: str) -> bool:
+        """Whether a line among the numbers is the names, their units or the title of the next test."""
+        cells = [cell.strip() for cell in _split(line, self.separator)]
+        if cells == self.names or is_unit_row(cells):
+            return True
+        filled = [cell for cell in cells if cell]
+        title = len(filled) == 1 and not is_number(filled[0])
+        if title and len(self.notes) < _LISTED:
+            self.notes.append(f"left out: the line {one_line(filled[0])!r:.60} between the rows of numbers")
+        return title or (len(filled) > 1 and filled == [name for name in self.names if name])
+
+
+_LISTED = 3
+# "segment: extend", as JPK's text export says it above each.
+_SEGMENTS = {
+    "extend": LOADING,
+    "approach": LOADING,
+    "retract": UNLOADING,
+    "withdraw": UNLOADING,
+    "pause": HOLD,
+}
+
+
+def _row_of(first: int, gone: Sequence[int], at: int) -> int:
+    """Number of the first row of the table that stands at or below a line."""
+    return max(at - first - bisect_left(gone, at), 0)
+
+
+def _starts(commented: dict[int, str], row_of: Callable[[int], int]) -> list[int]:
+    """Rows at which the number of the curve changes that a comment above each segment says."""
+    found: list[int] = []
+    before = ""
+    for at, line in commented.items():
+        label, _, number = line.lstrip("#%/;! \t").partition(":")
+        if label.strip().lower() == "index" and number.strip() != before:
+            found.append(row_of(at))
+            before = number.strip()
+    return sorted({0, *found})
+
+
+def _segments(commented: dict[int, str], row_of: Callable[[int], int]) -> list[tuple[int, str]]:
+    """First row and label of each segment that a comment above it names."""
+    found = []
+    for at, line in commented.items():
+        label, _, word = line.lstrip("#%/;! \t").partition(":")
+        if label.strip().lower() == "segment" and word.strip().lower() in _SEGMENTS:
+            found.append((row_of(at), _SEGMENTS[word.strip().lower()]))
+    return found
 
 
 def _split_names(line: str, separator: str) -> list[str]:
     if separator == " ":
         labels = _LABEL_WITH_UNIT.findall(line)
         return labels if len(labels) >= 2 else line.split()
-    return _split(line, separator)
-
-
-def _read_all(source: Source, options: Options) -> list[Curve]:
-    lines = lines_of(source)
-    if lines and re.fullmatch(r"sep=.\s*", lines[0]):  # a line by which spreadsheets name the separator
-        lines = lines[1:]
-    # Most files hold no comment, and most lines of the others begin as a number does: few are looked at twice.
-    marked = any(mark[:1].encode() in source.data for mark in _COMMENT)
-    looked_at = [line for line in lines if line[0] not in _NUMERIC] if marked else []
-    commented = [line for line in looked_at if line.lstrip().startswith(_COMMENT)]
-    comments = [line.lstrip("#%/ \t").rstrip() for line in commented]
-    if commented:
-        left_out = frozenset(commented)
-        lines = [line for line in lines if line not in left_out]
-    if not lines:
-        raise FileFormatError(f"{source.name} holds no table")
-    separator = _separator_of_table(lines)
-    if separator is None:
-        raise FileFormatError(
-            f"{source.name} holds no row of numbers; a table needs a row of names with units, such as "
-            "'depth (um),force (mN)', and rows of numbers below it"
-        )
-    try:
-        names_at, names = _find_names(lines, comments, separator, source, options)
-        preamble = [line.strip() for line in lines[: max(names_at, 0)]]
-        # Kept once: the lines of a million points take more than all else.
-        del lines[: names_at + 1]
-        cells = _split_all(source, lines, separator)
-    except csv.Error as error:
-        raise FileFormatError(f"{source.name} is not a readable table: {error}") from error
-    texts = [comment for comment in comments if not comment.startswith(METADATA_MARK)]
-    about = texts + preamble
-    curve = table_curve(
-        source,
-        names,
-        cells,
-        options,
-        # Between commas only what stands in quotes can hold one.
-        may_use_comma=separator != "," or not isinstance(cells, Lines),
-        commas_between=separator == ",",
-        comments=about,
-        **_known_numbers(about),
-    )
-    _require_names(source, names, cells, separator)
-    return [restored(curve, _stored(comments))]
-
-
-def _find_names(
-    lines: Sequence[str], comments: Sequence[str], separator: str, source: Source, options: Options
-) -> tuple[int, list[str]]:
-    """Row number and labels of the first row that names a depth and a force; -1 of the last comment that does."""
-    candidate: tuple[int, list[str]] | None = None
-    for i, line in enumerate(lines[:_MAX_PREAMBLE]):
-        names = [name.strip() for name in _split_names(line, separator)]
-        if sum(map(is_number, names)) >= 2:
-            break
-        if len(names) >= 2:
-            if {"depth", "force"} <= find_columns(names, options.columns).keys():
-                return i, names
-            if candidate is None or len(names) > len(candidate[1]):
-                candidate = i, names
-    if candidate is None:
-        for comment in reversed(comments):  # as numpy.savetxt writes them
-            names = [name.strip() for name in _split_names(comment, separator)]
-            if {"depth", "force"} <= find_columns(names, options.columns).keys():
-                return -1, names
-        raise FileFormatError(
-            f"{source.name} has no row of names above its numbers; write one with units, such as "
-            "'depth (um),force (mN)'"
-        )
-    return candidate
+    return [cell.strip() for cell in _split(line, separator)]
 
 
 def _require_names(
@@ -219,4 +351,5 @@ FORMAT = Format(
     sniff=_sniff,
     read_all=_read_all,
     takes_columns=True,
+    takes_calibration=True,
 )

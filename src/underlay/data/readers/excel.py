@@ -15,16 +15,18 @@ import warnings
 import zipfile
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from typing import Any
 
-from underlay._text import names_there
+from underlay._text import names_there, one_line
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options
+from underlay.data.readers._format import Format, Options, read_parts
+from underlay.data.readers._names import find_names, is_unit_row, layout_of, serves
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip, read_member
-from underlay.data.readers._table import find_columns, table_curve
+from underlay.data.readers._table import Table, is_marker, table_curves
 from underlay.data.readers._text import is_number
-from underlay.errors import FileFormatError, MissingExtraError
+from underlay.errors import FileFormatError, MissingExtraError, missing_extra
 
 __all__ = ["FORMAT", "OLE_MAGIC", "Sheet", "is_xls", "is_xlsx", "padded", "sheets_of", "xlsx_text"]
 
@@ -112,7 +114,7 @@ def sheets_of(source: Source) -> list[Sheet]:
         raise
     except Exception as error:  # both packages raise whatever a damaged file makes of them
         raise FileFormatError(
-            f"{source.name} is a damaged workbook: {type(error).__name__}: {error!s:.120}"
+            f"{source.name} is a damaged workbook: {type(error).__name__}: {one_line(error, 120)}"
         ) from error
 
 
@@ -120,9 +122,7 @@ def _module(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise MissingExtraError(
-            f'reading a spreadsheet needs the package {name}: pip install "underlay[afm]"'
-        ) from error
+        raise missing_extra(f"reading a spreadsheet needs {name}", "afm") from error
 
 
 def _read_xlsx(source: Source) -> list[Sheet]:
@@ -219,30 +219,20 @@ def _text(cell: Any) -> str:
     return str(cell).replace("_x000D_", "").strip()
 
 
-# How far down a sheet the row of names is looked for.
-_MAX_PREAMBLE = 80
-
-
 def _sniff(source: Source) -> bool:
     return is_xlsx(source) or is_xls(source)
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:
     sheets = sheets_of(source)
-    named = [(sheet, _names_at(sheet, options)) for sheet in sheets]
-    curves = [
-        table_curve(
-            source,
-            sheet.rows[at],
-            [row for row in sheet.rows[at + 1 :] if any(row)],
-            options,
-            may_use_comma=True,
-            name=f"{source.path.stem}, sheet {sheet.name}",
-            sheet=sheet.name,
-        )
-        for sheet, at in named
-        if at is not None
-    ]
+    tables = [(sheet, _table(source, sheet, options)) for sheet in sheets]
+    curves = read_parts(
+        [
+            (f"sheet {sheet.name!r:.60}", partial(_curves, source, sheet, table, options))
+            for sheet, table in tables
+            if table is not None
+        ]
+    )
     if curves:
         return curves
     first = next((row for sheet in sheets for row in sheet.rows if _is_header(row)), [])
@@ -253,16 +243,41 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     )
 
 
+def _curves(source: Source, sheet: Sheet, table: Table, options: Options) -> list[Curve]:
+    name = f"{source.path.stem}, sheet {sheet.name}"
+    return table_curves(source, table, options, name=name, sheet=sheet.name)
+
+
 def _is_header(row: Sequence[str]) -> bool:
     filled = [cell for cell in row if cell]
     return len(filled) >= 2 and not any(map(is_number, filled))
 
 
-def _names_at(sheet: Sheet, options: Options) -> int | None:
-    for i, row in enumerate(sheet.rows[:_MAX_PREAMBLE]):
-        if _is_header(row) and {"depth", "force"} <= find_columns(row, options.columns).keys():
-            return i
-    return None
+def _table(source: Source, sheet: Sheet, options: Options) -> Table | None:
+    """The table of a sheet; None where it holds none with what is asked for."""
+    layout = layout_of(len(sheet.rows), lambda at: sheet.rows[at])
+    if layout is None:
+        return None
+    above = [list(row) for row in sheet.rows[: layout.first]]
+    try:
+        names, units = find_names(source, above, (), layout, options, lambda text, _: text.split())
+    except FileFormatError:
+        return None
+    if not serves(names, options):
+        return None
+    first = layout.first
+    if first and is_unit_row(sheet.rows[first - 1]):
+        first -= 1
+    rows: list[list[str]] = []
+    breaks: list[int] = []
+    for row in sheet.rows[first:]:
+        filled = [cell for cell in row if cell]
+        title = len(filled) == 1 and not is_number(filled[0]) and len(row) > 1 and not is_marker(filled[0])
+        if not filled or title or (rows and (row == names or is_unit_row(row))):
+            breaks.append(len(rows))
+        else:
+            rows.append(row)
+    return Table(names, rows, breaks, units=units)
 
 
 FORMAT = Format(
@@ -272,4 +287,5 @@ FORMAT = Format(
     read_all=_read_all,
     extra="afm",
     takes_columns=True,
+    takes_calibration=True,
 )

@@ -15,17 +15,17 @@ the deviations, the scatter of one test about the average, stand in ``depth_scat
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options, make_curve
+from underlay.data.readers._format import Format, Options, make_curve, read_parts, with_note
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import column_factor, numbers
+from underlay.data.readers._table import marked
+from underlay.data.readers._text import column_factor, is_number, numbers
 from underlay.data.readers.excel import Sheet, is_xls, padded, sheets_of
-from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError
 from underlay.units import format_quantity
 
@@ -56,15 +56,34 @@ def _sniff(source: Source) -> bool:
 
 def _read_all(source: Source, options: Options) -> list[Curve]:
     del options
-    curves = []
-    for sheet in sheets_of(source):
-        found = _find(sheet)
-        if found is not None:
-            curves.append(_curve(source, sheet, found))
-    if not curves:
+    tests = [(sheet, found) for sheet in sheets_of(source) if (found := _find(sheet)) is not None]
+    # Where the rows of some are marked, a sheet without marks is one of results.
+    marked = any(_is_marked(sheet) for sheet, _ in tests)
+    kept = [
+        (sheet, found)
+        for sheet, found in tests
+        if not marked or _is_marked(sheet) or "force_scatter" in found
+    ]
+    if not kept:
         raise FileFormatError(f"{source.name} has no sheet with columns for displacement and load")
+    curves = read_parts(
+        [(f"sheet {sheet.name!r:.60}", partial(_curves, source, sheet, found)) for sheet, found in kept]
+    )
+    gone = [
+        f"sheet {sheet.name!r:.60} is left out: no test, it has no marks of segments"
+        for sheet, found in tests
+        if (sheet, found) not in kept
+    ]
     # Whoever counts tests counts the single ones first.
-    return sorted(curves, key=lambda curve: "depth_scatter" in curve.columns)
+    return with_note(sorted(curves, key=lambda curve: "depth_scatter" in curve.columns), gone)
+
+
+def _is_marked(sheet: Sheet) -> bool:
+    return any(row and _MARKER.lower() in row[0].lower() for row in sheet.rows[2:])
+
+
+def _curves(source: Source, sheet: Sheet, found: dict[str, int]) -> list[Curve]:
+    return [_curve(source, sheet, found)]
 
 
 def _find(sheet: Sheet) -> dict[str, int] | None:
@@ -86,7 +105,10 @@ def _find(sheet: Sheet) -> dict[str, int] | None:
 def _curve(source: Source, sheet: Sheet, found: dict[str, int]) -> Curve:
     where = f"{source.name}, sheet {sheet.name!r}"
     units = [*sheet.rows[1], *[""] * len(sheet.rows[0])]
-    rows = padded([row for row in sheet.rows[2:] if row and row[0].lower() != "end"], {0, *found.values()})
+    rows = padded(
+        [row for row in sheet.rows[2:] if row and (row[0].lower() != "end" or _is_reading(row, found))],
+        {0, *found.values()},
+    )
     if not rows:
         raise FileFormatError(f"{where} has no rows of numbers")
     table = numbers(rows, list(found.values()), where)
@@ -95,7 +117,7 @@ def _curve(source: Source, sheet: Sheet, found: dict[str, int]) -> Curve:
         * column_factor(units[at], _KINDS[role.removesuffix("_scatter")], sheet.rows[0][at], where)
         for j, (role, at) in enumerate(found.items())
     }
-    segment = _segments([row[0] for row in rows])
+    segment = marked([row[0] for row in rows])
     scatter = columns.get("force_scatter")
     return make_curve(
         source,
@@ -116,6 +138,10 @@ def _curve(source: Source, sheet: Sheet, found: dict[str, int]) -> Curve:
     )
 
 
+def _is_reading(row: Sequence[str], found: dict[str, int]) -> bool:
+    return all(len(row) > found[role] and is_number(row[found[role]]) for role in ("depth", "force"))
+
+
 def _average_note(scatter: FloatArray | None) -> tuple[str, ...]:
     if scatter is None or not np.isfinite(scatter).any():
         return ()
@@ -125,27 +151,6 @@ def _average_note(scatter: FloatArray | None) -> tuple[str, ...]:
         "of one test, kept for every point in curve.columns['force_scatter']"
     )
     return (note,)
-
-
-def _segments(markers: Sequence[str]) -> NDArray[np.str_] | None:
-    """Label the rows by the marker above them; None if a marker is not understood or there is none."""
-    labels: list[str] = []
-    current = LOADING  # rows above the first marker are the approach
-    seen = False
-    for marker in markers:
-        text = marker.lower()
-        if text and text != "end":
-            seen = True
-            if "unload" in text:
-                current = UNLOADING
-            elif "hold" in text:
-                current = HOLD
-            elif "load" in text or "approach" in text:
-                current = LOADING
-            else:
-                return None
-        labels.append(current)
-    return np.array(labels, dtype="<U9") if seen else None
 
 
 FORMAT = Format(

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from underlay.errors import MissingExtraError, SchedulerError
+from underlay.errors import SchedulerError, missing_extra
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
@@ -98,9 +98,7 @@ def _distributed() -> Any:
     try:
         return import_module("distributed")
     except ImportError as error:
-        raise MissingExtraError(
-            'a Dask scheduler needs the package dask: pip install "underlay[cluster]"'
-        ) from error
+        raise missing_extra("a Dask scheduler needs dask", "cluster") from error
 
 
 def _connect(distributed: Any, address: str, timeout: float) -> Any:

@@ -26,7 +26,7 @@ from underlay._csv import csv_text, numbered_rows, unguarded
 from underlay._door import FileKind, PathLike, printable, read_bytes, read_start, read_text, understood
 from underlay._text import names_there, one_line, unguarded_cell
 from underlay.errors import InputError
-from underlay.inference.batch.results_table import FITTED, LIKELIHOOD, SHARED, read_parquet
+from underlay.inference.batch.results_table import FITTED, LIKELIHOOD, fitted_names, read_parquet
 
 __all__ = [
     "ACCEPT",
@@ -219,9 +219,6 @@ def without_refused(table: pd.DataFrame) -> pd.DataFrame:
     return kept
 
 
-_ERROR = ".stderr"
-
-
 _TEXTS = ("name", "status", "verdict", "reason")
 
 
@@ -242,6 +239,7 @@ _TO_THE_BIT: Mapping[str, Any] = (
 
 
 _HEADER = "name,path,x,y,status,verdict,reason"
+_NORMAL_95 = 1.96
 
 
 def is_map(path: PathLike) -> bool:
@@ -252,11 +250,18 @@ def is_map(path: PathLike) -> bool:
 
 
 def shared_error_of(table: pd.DataFrame) -> float | None:
-    """Relative error of the modulus that the curves of a map share (median); None where the table has none."""
-    if SHARED not in table.columns:
+    """Relative standard error of the modulus that inputs and model give all curves alike; None without answers.
+
+    Inputs of one test act on all of its curves in the same direction: they do not average out.
+    """
+    low, high = "layer.E.syst.low", "layer.E.syst.high"
+    if not {low, high} <= set(table.columns):
         return None
-    shares = table.loc[table["status"] == FITTED, SHARED].astype(float).dropna()
-    return float(shares.median()) if len(shares) else None
+    fitted = table.loc[table["status"] == FITTED, [low, high]].astype(float).dropna()
+    fitted = fitted[fitted[low] > 0.0]
+    if fitted.empty:
+        return None
+    return float(np.median(0.5 * np.log(fitted[high] / fitted[low])) / _NORMAL_95)
 
 
 def read_map(path: PathLike) -> pd.DataFrame:
@@ -292,7 +297,7 @@ def read_map(path: PathLike) -> pd.DataFrame:
         if not table["verdict"].notna().any():
             raise ValueError("it has no row with a verdict")
         names = [str(name) for name in table.columns]
-        fitted = [name.removesuffix(_ERROR) for name in names if name.endswith(_ERROR)]
+        fitted = fitted_names(names)
         absent = [name for name in fitted if name not in names]
         if absent:
             raise ValueError(f"it has no column {absent[0]!r} for its error")

@@ -32,8 +32,8 @@ from underlay.inference.batch.model import (
     scene_file_of,
 )
 from underlay.inference.batch.processes import through_processes
-from underlay.inference.batch.results_table import SHARED, Layout, require_format, to_frame, write_table
-from underlay.inference.batch.work import CurveFitter, Rows, file_hash, states_doubt
+from underlay.inference.batch.results_table import Layout, require_format, to_frame, write_table
+from underlay.inference.batch.work import CurveFitter, Rows, file_hash
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.problem import Given
 from underlay.inference.sampling.derived import ADHESIVE
@@ -98,11 +98,12 @@ def fit_many(
     -------
     pandas.DataFrame
         One row per curve, in the order of the curves (SI): ``name``, ``path``, ``x``, ``y``, ``status``
-        ("fitted" or "failed"), ``verdict``, ``reason``, every free parameter and its ``<parameter>.stderr``,
+        ("fitted" or "failed"), ``verdict``, ``reason``, ``cause``, every free parameter with the ends of its
+        combined interval and of both parts (``<parameter>.low``, ``.high``, ``.stat.low``, ``.stat.high``,
+        ``.syst.low``, ``.syst.high``; without answers ``<parameter>.stderr``),
         every parameter of the manifest or taken from the files, where ``layer.E`` is fitted what the instrument
         itself found for the same Poisson's ratio (``layer.E.instrument``) and by how much ours differs
-        (``layer.E.difference_percent``), where it is said how well the calibration is known the relative error of
-        ``layer.E`` that all curves share (``layer.E.shared_error``; see `population`), ``law``,
+        (``layer.E.difference_percent``), ``law``,
         ``reduced_chi_square`` (one where the noise is estimated),
         ``rms`` (N), ``warnings`` (how many), ``seconds``, ``sha256``. A curve that cannot be fitted is a row
         with its reason. All but ``seconds`` is the same whatever the number of workers.
@@ -146,14 +147,13 @@ def fit_many(
             for place in places
         ]
     derived = () if model.scene.adhesion is None else tuple(f"adhesion.{name}" for name in ADHESIVE)
-    derived += (SHARED,) if states_doubt(model, places) else ()
     layout = Layout.of(
         list(model.free),
         (*given, *told),
         labels=labels,
         derived=derived,
         sampled=model.sampling is not None,
-        intervals=model.intervals,
+        answers=model.answers,
     )
     table = None if output is None else _require_table(output)
     kept: Journal | PassingRows = (

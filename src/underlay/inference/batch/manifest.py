@@ -21,11 +21,14 @@ from typing import Any
 import pandas as pd
 
 from underlay._csv import numbered_rows
-from underlay._door import FileKind, printable, read_text, understood
+from underlay._door import FileKind, printable, read_start, read_text, understood
+from underlay.data.readers._source import load
+from underlay.data.readers.excel import OLE_MAGIC, sheets_of
 from underlay.errors import InputError, UnderlayError
 from underlay.inference.batch.results_table import RESERVED
 from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
+from underlay.units import kind_of as unit_kind
 from underlay.units import parse_quantity
 
 __all__ = ["Entry", "Manifest", "read_manifest"]
@@ -41,7 +44,9 @@ _LABELS = frozenset(
         *("sample", "specimen", "dish", "cell", "site", "region", "day", "batch"),
     }
 )
-_LABEL = "label"
+_LABEL, _REMARK = "label", "remark"
+# Likeness of a slip of the pen to the word that was meant ("thicknes": 0.94).
+_SLIP = 0.8
 _HEADER = re.compile(r"\s*(?P<name>[^()\[\]]+?)\s*(?:[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]])?\s*")
 # A million curves with ten numbers each.
 _KIND = FileKind("a manifest (CSV)", 256_000_000, "it needs a row of names with 'file', and a row per curve")
@@ -107,7 +112,7 @@ def read_manifest(
     Parameters
     ----------
     manifest : path, DataFrame, or sequence of mappings
-        A CSV file (or one with tabs or semicolons), or a table in memory with SI numbers.
+        A CSV file (or one with tabs or semicolons), an Excel workbook, or a table in memory with SI numbers.
     scene : Scene
         What the curves have in common; every row must make a possible scene of it.
 
@@ -147,7 +152,7 @@ def read_manifest(
             raise InputError(f"{where} ({entry.file}): {error}") from error
         entries[entry.file] = entry
     paths = tuple(column.name for column in columns if "." in column.name)
-    labels = tuple(column.name for column in columns if column.unit == _LABEL)
+    labels = tuple(column.name for column in columns if column.unit in (_LABEL, _REMARK))
     return Manifest(entries, paths, source, labels)
 
 
@@ -157,7 +162,27 @@ class _Column:
     unit: str
 
 
+def _read_workbook(path: Path) -> pd.DataFrame:
+    """The first sheet of a workbook that has a column of files, as text."""
+    with understood(path.name, _KIND):
+        for sheet in sheets_of(load(path)):
+            rows = [(number, row) for number, row in enumerate(sheet.rows, start=1) if any(row)]
+            at = next(
+                (i for i, (_, row) in enumerate(rows) if set(_FILE) & {cell.lower() for cell in row}), None
+            )
+            if at is None:
+                continue
+            names = list(rows[at][1])
+            while names and not names[-1]:
+                names.pop()
+            below = [(number, (row + [""] * len(names))[: len(names)]) for number, row in rows[at + 1 :]]
+            return pd.DataFrame([cells for _, cells in below], index=[n for n, _ in below], columns=names)
+        raise ValueError("no sheet has a column 'file' that says which curve each row belongs to")
+
+
 def _read(path: Path) -> pd.DataFrame:
+    if read_start(path, 8).startswith((b"PK\x03\x04", OLE_MAGIC)):
+        return _read_workbook(path)
     text = read_text(path, _KIND)
     head = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
     separator = max((",", ";", "\t"), key=head.count)
@@ -190,7 +215,10 @@ def _column(header: str, scene: Scene, source: str) -> _Column:
     if "." in path:
         error = unknown_parameter(path, scene.parameters)
         raise InputError(f"{source}, column {header!r}: {error}")
-    near = difflib.get_close_matches(name, [*_WORDS, *_SHORT], n=1)
+    near = difflib.get_close_matches(name, [*_WORDS, *_SHORT], n=1, cutoff=_SLIP)
+    # Any further column is a label, which a row may leave empty.
+    if not near and name not in RESERVED and (not unit or unit_kind(unit) is None):
+        return _Column(" ".join(header.split()), _REMARK)
     hint = f"; did you mean {near[0]!r}?" if near else "."
     raise InputError(
         f"{source} has an unknown column {header!r}{hint} Known are {', '.join(_WORDS)}, {', '.join(_SHORT)}, "
@@ -210,7 +238,7 @@ def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from
     numbers: dict[str, float] = {}
     for column, cell in zip(columns, cells, strict=True):
         blank = bool(pd.isna(cell)) or (isinstance(cell, str) and not cell.strip())
-        if column.name in ("file", "name") or column.unit == _LABEL:
+        if column.name in ("file", "name") or column.unit in (_LABEL, _REMARK):
             if blank and column.unit == _LABEL:
                 raise InputError(f"{where}: no {column.name}; every row needs one, or leave the column out")
             texts[column.name] = "" if blank else str(cell).strip()
@@ -224,7 +252,7 @@ def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from
     if not texts["file"]:
         raise InputError(f"{where}: no file")
     x, y = numbers.pop("x", None), numbers.pop("y", None)
-    labels = {column.name: texts[column.name] for column in columns if column.unit == _LABEL}
+    labels = {column.name: texts[column.name] for column in columns if column.unit in (_LABEL, _REMARK)}
     file = texts["file"].replace("\\", "/").removeprefix("./")
     return Entry(file, texts.get("name", ""), x, y, numbers, labels)
 

@@ -131,14 +131,13 @@ class MapOptions:
         What builds the contact law, as in `Problem`; by default what the scene file says.
     quality : bool, default False
         Judge every curve by `check_quality` first. It takes longer than the fit. Without it the verdict is
-        ``"good"`` where the fit has no warnings, ``"doubtful"`` where it has, ``"refused"`` where there is
+        ``"good"`` where the fit has no warnings, ``"check"`` where it has, ``"refused"`` where there is
         no fit.
     sampling : Sampling or bool, default False
-        Sample the posterior of every curve. The table then holds medians, standard deviations and the ends
-        of 95 % intervals.
-    intervals : bool, default False
-        Give every curve the 95 % intervals and the verdict that `Fit.interval` and `Fit.verdict` state, averaged
-        over noise and misfit where no noise is stated. It takes some ten times as long as the fits alone.
+        Sample the posterior of every curve; its answers are then those of the posterior.
+    answers : bool, default True
+        Give every curve the answers and the verdict that `Fit.answer` and `Fit.verdict` state. Without them the
+        table holds values and their least-squares standard errors alone, in a tenth of the time.
     resume : bool, default False
         Continue the run in the output; rows that were written are not computed again.
     folders : sequence of str, default ()
@@ -164,7 +163,7 @@ class MapOptions:
     solver: AnySolver | None = None
     quality: bool = False
     sampling: Sampling | bool = False
-    intervals: bool = False
+    answers: bool = True
     resume: bool = False
     time_limit: float | None = None
     timeout: float = 10.0
@@ -182,8 +181,6 @@ class MapOptions:
         for name, value in (("time_limit", self.time_limit), ("timeout", self.timeout)):
             if value is not None and not value > 0.0:
                 raise InputError(f"{name} must be positive (s); got {value!r}")
-        if self.intervals and self.sampling:
-            raise InputError("posteriors have intervals of their own: ask for intervals or for sampling")
         if self.solver is not None:
             as_solver(self.solver)
 
@@ -222,8 +219,8 @@ class BatchModel:
         Whether each curve is judged by `check_quality` before it is fitted.
     sampling : Sampling or None
         Whether the posterior is sampled after the fit.
-    intervals : bool
-        Whether the fit states its intervals and its verdict.
+    answers : bool
+        Whether every fit gives its answers and its verdict.
     """
 
     scene: Scene
@@ -233,7 +230,7 @@ class BatchModel:
     file: SceneFile | None = None
     quality: bool = False
     sampling: Sampling | None = None
-    intervals: bool = False
+    answers: bool = True
 
     def problem(self, scene: Scene, curve: Curve) -> Problem:
         """Build the problem of one curve."""
@@ -276,7 +273,7 @@ class BatchModel:
             "noise": _hash(self.noise),
             "solver": _hash(self.solver),
             "curve section": _hash(None if file is None else (sorted(file.curve.items()), file.left_out)),
-            "sampling": _hash(self.sampling, self.quality, *([self.intervals] if self.intervals else [])),
+            "sampling": _hash(self.sampling, self.quality, self.answers),
         }
 
 
@@ -321,7 +318,7 @@ def batch_model(
     paths = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     wanted = Auto() if solver is None else as_solver(solver)
     model = BatchModel(
-        scene, paths, noise, wanted, file, options.quality, options.how_sampled, options.intervals
+        scene, paths, noise, wanted, file, options.quality, options.how_sampled, options.answers
     )
     template = model.template
     if model.sampling is not None:

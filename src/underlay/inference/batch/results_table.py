@@ -16,7 +16,7 @@ import pandas as pd
 from underlay._csv import csv_text
 from underlay._files import replacing, write_atomic
 from underlay._text import guarded_cell, one_line, unguarded_cell
-from underlay.errors import InputError, MissingExtraError
+from underlay.errors import InputError, missing_extra
 
 __all__ = [
     "DIFFERENCE",
@@ -25,10 +25,11 @@ __all__ = [
     "INSTRUMENT",
     "LIKELIHOOD",
     "RESERVED",
-    "SHARED",
     "Layout",
+    "fitted_names",
     "read_parquet",
     "require_format",
+    "standard_errors",
     "to_frame",
     "write_frame",
     "write_table",
@@ -40,8 +41,6 @@ FITTED, FAILED = "fitted", "failed"
 #: The instrument's own modulus (Pa) for the same Poisson's ratio, and ours over it less one (per cent).
 INSTRUMENT, DIFFERENCE = "layer.E.instrument", "layer.E.difference_percent"
 
-#: Relative error of the modulus that all curves of a calibration have in common.
-SHARED = "layer.E.shared_error"
 
 #: End of the column with the likelihood of a parameter in nine numbers, where its error alone would not do.
 LIKELIHOOD = "likelihood"
@@ -55,6 +54,7 @@ _BEFORE = (
     ("status", _TEXT),
     ("verdict", _TEXT),
     ("reason", _TEXT),
+    ("cause", _TEXT),
 )
 _AFTER = (
     ("law", _TEXT),
@@ -64,12 +64,32 @@ _AFTER = (
     ("seconds", _NUMBER),
     ("sha256", _TEXT),
 )
+#: What an answer has in a row: value, ends of the combined interval and of its two parts (95 %).
+_ANSWERED = ("", ".low", ".high", ".stat.low", ".stat.high", ".syst.low", ".syst.high")
 _SAMPLED = (("converged", _COUNT), ("seed", _COUNT))
 _DECIDED = ("decision", "decision_reason")
 #: Columns that a label cannot have the name of.
 RESERVED = frozenset((*(name for name, _ in (*_BEFORE, *_AFTER, *_SAMPLED)), *_DECIDED))
 _SUFFIXES = (".csv", ".parquet")
 _ROWS_AT_A_TIME = 20_000
+
+
+_NORMAL_95 = 1.96
+
+
+def fitted_names(columns: Iterable[object]) -> list[str]:
+    """Fitted parameters of a table with these columns: those with an interval, or with a standard error."""
+    names = [str(column) for column in columns]
+    ends = (".stat.low", ".stderr")
+    return list(dict.fromkeys(name.removesuffix(end) for name in names for end in ends if name.endswith(end)))
+
+
+def standard_errors(table: pd.DataFrame, name: str) -> Any:
+    """Standard errors (SI) of a fitted parameter, one a row: those of its statistical interval."""
+    if f"{name}.stderr" in table.columns:
+        return table[f"{name}.stderr"].to_numpy(dtype=float)
+    low, high = (table[f"{name}.stat.{end}"].to_numpy(dtype=float) for end in ("low", "high"))
+    return (high - low) / (2.0 * _NORMAL_95)
 
 
 @dataclass(frozen=True)
@@ -93,13 +113,13 @@ class Layout:
         labels: Sequence[str] = (),
         derived: Sequence[str] = (),
         sampled: bool,
-        intervals: bool = False,
+        answers: bool = True,
     ) -> Layout:
         """Columns for fitted `parameters`, of the manifest `given` ones and `labels`, and what is `derived`.
 
         A map with labels is one of a population: it keeps the likelihood of the modulus too.
         """
-        ends = ("", ".stderr", ".low", ".high") if sampled or intervals else ("", ".stderr")
+        ends = _ANSWERED if sampled or answers else ("", ".stderr")
         fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]
         known = [(path, _NUMBER) for path in given if path not in parameters]
         known += [(name, _NUMBER) for name in derived]
@@ -272,6 +292,4 @@ def _pyarrow() -> tuple[Any, Any]:
     try:
         return import_module("pyarrow"), import_module("pyarrow.parquet")
     except ImportError as error:
-        raise MissingExtraError(
-            'a Parquet table needs the package pyarrow: pip install "underlay[cluster]", or write a .csv'
-        ) from error
+        raise missing_extra("a Parquet table needs pyarrow", "cluster", "write a .csv") from error

@@ -2,15 +2,6 @@
 
 What a single fit states, for a row of a map that asks for it.
 
-What a calibration that is not quite known does to the modulus of every curve of a map alike.
-
-A spring constant or a sensitivity is off by the same factor on all curves: the mean over a map is as wrong as each
-of them, and no scatter shows it. Of one of them, known as its prior says, the part of ln E is
-
-    |ln E(one standard deviation above) - ln E(as stated)|,
-
-both fitted to the same readings, so that the noise is no part of it; two are independent, and add in squares.
-
 What a worker does with one curve of a map: read it, judge it, fit it, and say it in one row.
 
 A row is a function of the model and the curve alone. Which worker made it, and what it made before, leaves
@@ -25,18 +16,15 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import hypot, log
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import ndtr
 
 from underlay._arrays import FloatArray
 from underlay._door import sha256_of
 from underlay.data.curve import Curve, check_fittable
-from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
+from underlay.data.quality import GOOD, REFUSED, check_quality
 from underlay.data.readers import KeptOpen
-from underlay.data.readers._lever import Calibration
 from underlay.errors import CurveError, FitError, UnderlayError, UnderlayWarning
 from underlay.inference.batch.curves import CurvePlace, read_place
 from underlay.inference.batch.model import BatchModel, Sampling
@@ -46,102 +34,45 @@ from underlay.inference.batch.results_table import (
     FITTED,
     INSTRUMENT,
     LIKELIHOOD,
-    SHARED,
     Layout,
 )
 from underlay.inference.batch.separable import SeparableModel, separable_warnings
-from underlay.inference.file_facts import EVERYTHING, UNCERTAINTIES, known_lever, settle
+from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.from_files import require_elastic, within_range
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.provenance import STATED, curve_hash, instrument_modulus
 from underlay.inference.plausibility import in_doubt, require_sizes, require_travel
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.derived import adhesive_numbers
+from underlay.inference.uncertainty.answer import Advice, Answer
+from underlay.inference.uncertainty.verdict import CHECK, REJECT
 from underlay.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
     "DIED",
     "CurveFitter",
     "Rows",
+    "answer_cells",
     "file_hash",
     "given_up",
-    "shared_error",
-    "stated_interval_ends",
-    "stated_reasons",
-    "states_doubt",
     "work",
 ]
-
-
-def stated_interval_ends(fit: Fit) -> Mapping[str, float]:
-    """Ends (SI) of the 95 % interval of every parameter, by column; an end that is open is left out."""
-    ends: dict[str, float] = {}
-    for name in fit.names:
-        known = fit.interval(name)
-        ends |= {f"{name}.low": known.low, f"{name}.high": known.high}
-    return {column: end for column, end in ends.items() if math.isfinite(end)}
-
-
-def stated_reasons(fit: Fit) -> tuple[str, ...]:
-    """Reasons of the verdict; behind its word where that is neither good nor doubtful."""
-    verdict = fit.verdict
-    before = "" if verdict.word in (GOOD, DOUBTFUL) else f"{verdict.word}: "
-    return tuple(before + reason for reason in verdict.reasons)
 
 
 _MODULUS = "layer.E"
 
 
-_ABOVE = np.array(ndtr(1.0))
-
-
-def states_doubt(model: BatchModel, places: Sequence[CurvePlace]) -> bool:
-    """Whether a map fits the modulus and its scene file, or a curve, says how well the calibration is known."""
-    if _MODULUS not in model.free:
-        return False
-    stated = None if model.file is None else model.file.curve.get("calibration")
-    held = (place.curve.metadata for place in places if place.curve is not None)
-    return bool(Calibration.of(stated).uncertainties) or any(
-        key in told for told in held for key in UNCERTAINTIES
-    )
-
-
-def shared_error(model: BatchModel, scene: Scene, curve: Curve) -> float | None:
-    """Relative standard error of the modulus that all curves of this calibration have in common.
-
-    Parameters
-    ----------
-    model : BatchModel
-        What the map fits.
-    scene : Scene
-        Of this curve, its fitted numbers in it.
-    curve : Curve
-        With what is known of its calibration in its metadata.
-
-    Returns
-    -------
-    float or None
-        None where the curve does not say how well its calibration is known, or the scene remembers, of which no
-        calibration is fitted.
-    """
-    known = known_lever(scene, curve)
-    priors = {path: prior for path, prior in known.priors.items() if path not in model.free}
-    if not priors:
-        return None
-    scene = replace(scene, lever=known.lever)
-    as_stated = _log_modulus(model, scene, curve)
-    moved = [
-        _log_modulus(model, scene.with_values({path: float(prior.quantile(_ABOVE))}), curve) - as_stated
-        for path, prior in priors.items()
-    ]
-    return hypot(*moved)
-
-
-def _log_modulus(model: BatchModel, scene: Scene, curve: Curve) -> float:
-    # Most maps say nothing of their calibration, and never load this.
-    from underlay.inference.least_squares.fitting import quick_fit  # noqa: PLC0415
-
-    return log(quick_fit(model.problem(scene, curve)).values[_MODULUS])
+def answer_cells(answers: Mapping[str, Answer]) -> dict[str, float]:
+    """Cells (SI) of the answers of a curve, by column; an end that is open is left out."""
+    cells: dict[str, float] = {}
+    for name, known in answers.items():
+        parts = {"": known.interval, ".stat": known.statistical, ".syst": known.systematic}
+        for part, interval in parts.items():
+            cells |= {f"{name}{part}.low": interval.low, f"{name}{part}.high": interval.high}
+    return {column: end for column, end in cells.items() if math.isfinite(end)}
 
 
 #: Rows (index, CSV text) that came together.
@@ -160,7 +91,8 @@ _NO_CONTACT = 30.0
 _MODULUS_LIKELIHOOD = f"{_MODULUS}.{LIKELIHOOD}"
 
 
-_WIDE, _ON_BOUND = 0.2, 1e-6
+# Arms of an interval of ln E beyond which it is no normal density's: one this much longer, or this long.
+_LOPSIDED, _WIDE = 1.5, 0.4
 
 
 def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> Rows:
@@ -288,41 +220,19 @@ class CurveFitter:
                 row.update({INSTRUMENT: told.youngs, DIFFERENCE: 100.0 * told.difference})
         if self._model.scene.adhesion is not None:
             row.update(adhesive_numbers(self._fitted(place, outcome), self._model.solver))
-        if SHARED in self._layout.kinds:
-            row[SHARED] = shared_error(self._model, self._fitted(place, outcome), curve)
         row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
-        if _MODULUS_LIKELIHOOD in self._layout.kinds and self._error_will_not_do(outcome):
-            row[_MODULUS_LIKELIHOOD] = self._likelihood(place, curve)
         row.update(
             status=FITTED,
             verdict=GOOD,
             reason="",
+            cause="",
             law=outcome.law,
             reduced_chi_square=outcome.reduced_chi_square,
             rms=float(np.sqrt(outcome.sum_of_squares / len(curve))),
             warnings=0,
-            **outcome.more,
         )
+        row.update(outcome.more)
         _add_notes(row, [*notes, *outcome.notes])
-
-    def _error_will_not_do(self, outcome: _Found) -> bool:
-        """Whether a value and its error are no likelihood: a large error, or something on its bound."""
-        relative = outcome.stderr[_MODULUS] / outcome.values[_MODULUS]
-        ends = {path: (c.low, c.high) for path, c in zip(self._names, self._coordinates, strict=True)}
-        on_bound = any(
-            abs(value - end) <= _ON_BOUND * abs(end)
-            for path, value in outcome.values.items()
-            for end in ends.get(path, ())
-            if math.isfinite(end)
-        )
-        return on_bound or not relative <= _WIDE
-
-    def _likelihood(self, place: CurvePlace, curve: Curve) -> str:
-        # As for `quick_fit`: most maps never come here.
-        from underlay.inference.population.likelihood import CurveLikelihood  # noqa: PLC0415
-        from underlay.inference.profiles import profile  # noqa: PLC0415
-
-        return CurveLikelihood.of_profile(profile(self._problem(place, curve), _MODULUS)).as_text()
 
     def _fitted(self, place: CurvePlace, outcome: _Found) -> Scene:
         """The scene with what was fitted."""
@@ -330,7 +240,7 @@ class CurveFitter:
         return self._model.scene.with_values({**place.values, **found})
 
     def _fast(self, place: CurvePlace, curve: Curve) -> _Found | None:
-        if self._separable is None or self._model.sampling is not None or self._model.intervals:
+        if self._separable is None or self._model.sampling is not None or self._model.answers:
             return None
         values = {**self._base, **place.values}
         contact_is_free = any(c.path == "instrument.contact_depth" for c in self._separable.coordinates)
@@ -379,37 +289,48 @@ class CurveFitter:
             tuple(str(warning) for warning in found.warnings if warning.code != "jump"),
             {},
         )
-        if self._model.intervals:
-            notes = (*stated_reasons(found), *outcome.notes)
-            return replace(outcome, notes=notes, more=stated_interval_ends(found))
-        return (
-            outcome
-            if self._model.sampling is None
-            else _sampled(problem, place, self._model.sampling, outcome)
+        if self._model.sampling is not None:
+            return self._sampled(problem, place, self._model.sampling, outcome)
+        if not self._model.answers:
+            return outcome
+        return self._answered(outcome, found, found.verdict)
+
+    def _answered(self, outcome: _Found, found: Fit | Posterior, verdict: Advice) -> _Found:
+        """The same with the answers of a fit or a posterior in place of least squares' numbers."""
+        answers = {name: found.answer(name) for name in self._names}
+        more: dict[str, Any] = answer_cells(answers)
+        more |= {"verdict": verdict.word, "reason": "; ".join(verdict.reasons), "cause": verdict.cause}
+        if _MODULUS_LIKELIHOOD in self._layout.kinds and _is_lopsided(answers[_MODULUS]):
+            # Most maps never come here.
+            from underlay.inference.population.likelihood import CurveLikelihood  # noqa: PLC0415
+
+            more[_MODULUS_LIKELIHOOD] = CurveLikelihood.of_answers(found.answer, _MODULUS).as_text()
+        values = {name: known.value for name, known in answers.items()}
+        return replace(outcome, values=values, notes=(), more=more)
+
+    def _sampled(self, problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Found) -> _Found:
+        """The same with the answers of a posterior."""
+        from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `quick_fit`
+
+        seed = _seed(sampling.seed, place.name)
+        posterior = sample(
+            problem, walkers=sampling.walkers, max_steps=sampling.max_steps, rng=seed, progress=False
         )
+        answered = self._answered(outcome, posterior, posterior.verdict)
+        more = {**answered.more, "converged": bool(posterior.converged), "seed": seed}
+        return replace(answered, more=more)
 
     def _problem(self, place: CurvePlace, curve: Curve) -> Problem:
         return self._model.problem(self._model.scene.with_values(place.values), curve)
 
 
-def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Found) -> _Found:
-    """Replace the fit's numbers by those of the posterior: median, standard deviation, 95 % interval."""
-    from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `quick_fit`
-
-    seed = _seed(sampling.seed, place.name)
-    posterior = sample(
-        problem, walkers=sampling.walkers, max_steps=sampling.max_steps, rng=seed, progress=False
-    )
-    draws = {name: np.asarray(posterior.samples[name]) for name in problem.names}
-    more: dict[str, Any] = {"converged": bool(posterior.converged), "seed": seed}
-    for name, values in draws.items():
-        more[f"{name}.low"], more[f"{name}.high"] = np.quantile(values, [0.025, 0.975]).tolist()
-    return replace(
-        outcome,
-        values={name: float(np.median(values)) for name, values in draws.items()},
-        stderr={name: float(np.std(values)) for name, values in draws.items()},
-        more=more,
-    )
+def _is_lopsided(known: Answer) -> bool:
+    """Whether a value and its error are no likelihood: an end that is open, or one arm far longer."""
+    ends = known.statistical
+    if ends.is_open or not ends.low > 0.0:
+        return True
+    below, above = math.log(known.value / ends.low), math.log(ends.high / known.value)
+    return max(below, above) > _LOPSIDED * min(below, above) or max(below, above) > _WIDE
 
 
 def _seed(seed: int, name: str) -> int:
@@ -451,6 +372,6 @@ def _failure(reason: str) -> dict[str, Any]:
 def _add_notes(row: dict[str, Any], notes: Sequence[str]) -> None:
     fresh = list(dict.fromkeys(" ".join(note.split()) for note in notes))
     if fresh:
-        row["verdict"] = DOUBTFUL
+        row["verdict"] = REJECT if row["verdict"] == REJECT else CHECK
         row["reason"] = "; ".join([row["reason"], *fresh] if row["reason"] else fresh)
         row["warnings"] += len(fresh)

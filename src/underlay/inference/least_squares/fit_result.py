@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -23,7 +23,7 @@ from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.errors import InputError
-from underlay.inference.citation.used import of_fit, used_by
+from underlay.inference.citation import of_fit, used_by
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
 from underlay.inference.least_squares.lmfit_bridge import METHODS, Minimiser
 from underlay.inference.least_squares.models import freeze
@@ -37,6 +37,9 @@ from underlay.scene.noise import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.inference.pointwise.modulus import PointwiseModulus
 
 __all__ = [
     "Alternative",
@@ -203,9 +206,9 @@ class Fit:
     def answer(self, name: str, level: float = 0.95) -> Answer:
         """Return the answer of one quantity: the number that every screen, table, page and file prints.
 
-        Its value is the one with which the model describes the fitted range (least squares). The statistical part is
-        from noise and misfit that the curve shows, the systematic part from inputs and from what the model leaves
-        out; `Answer.budget` lists them. It is computed when first asked for, and kept.
+        Its value is the one with which the model describes the fitted range (least squares). The statistical part
+        is from noise and misfit that the curve shows, the systematic part from inputs and from what the model
+        leaves out; `Answer.budget` lists them. It is computed when first asked for, and kept.
 
         Parameters
         ----------
@@ -268,6 +271,19 @@ class Fit:
             raise InputError(f"unknown part {part!r:.60}; known: {', '.join(parts)}")
         return parts[part]
 
+    def modulus_by_depth(self, curve: int = 0, points: int = 30, level: float = 0.95) -> PointwiseModulus:
+        """Return E by depth: from the force and from its slope at each depth, the half-space's beside it.
+
+        See `pointwise_modulus` for parameters and errors.
+        """
+        found: PointwiseModulus = self.statement.modulus_by_depth(curve, points, level)
+        return found
+
+    def refit(self, problem: Problem) -> Fit:
+        """Fit another problem as this one was, begun at the values of its scenes."""
+        found: Fit = self.statement.refit(problem)
+        return found
+
     def band(self, of: Follows, level: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, each (n,), of positive quantities that follow from the parameters.
 
@@ -308,7 +324,14 @@ class Fit:
 
     @cached_property
     def derived(self) -> tuple[str, ...]:
-        """Moduli of a relaxing layer that follow from what is fitted; `interval` states theirs too."""
+        """What follows from what is fitted and is printed beside it; `interval` states theirs too.
+
+        Moduli of a layer that relaxes, and by how much one that stiffens does at the deepest point.
+        """
+        members = self.problem.members
+        stiff = [i for i, member in enumerate(members) if member.scene.layer.stiffening is not None]
+        if stiff:
+            return tuple(f"layer.stiffening_factor{f'[{i}]' if len(members) > 1 else ''}" for i in stiff)
         if all(member.scene.layer.relaxation is None for member in self.problem.members):
             return ()
         # Not loaded for a sample that does not relax.

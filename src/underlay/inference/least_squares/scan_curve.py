@@ -135,7 +135,8 @@ def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
     forwards = [
         forward
         for member in problem.members
-        if (forward := member.by_power_law) is not None
+        if member.forward.left_out is None
+        and (forward := member.by_power_law) is not None
         and not any(path.startswith("indenter.") for path in member.entries)
         and goes_together(forward, member.base, tuple(member.entries))
     ]

@@ -25,6 +25,7 @@ from underlay.inference.model.coordinates import Coordinate, Spans, make_coordin
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore, quiet_law
 from underlay.inference.model.members import Member, noise_start
+from underlay.inference.model.on_law_priors import begun, require_told_thickness, usual_prior
 from underlay.inference.priors import Given, Prior
 from underlay.mechanics.discrepancy import require_measured
 from underlay.mechanics.response import checked_times
@@ -99,14 +100,17 @@ def require_acting(
             )
 
 
-_SHARED_NOISE = -0.97  # correlation of second differences below which depth and force share their noise
+# Correlations of second differences below which depth and force share their noise, and where the file states its
+# constant
+# too: independent noises of 100 readings reach neither in 10^9 curves.
+_SHARED_NOISE, _CONFIRMED = -0.97, -0.9
+_NOTHING = 1e-12  # share of a column's span that is no change
 _FEWEST_READINGS = 30  # readings that tell
 _ROUNDED = 0.1  # share of second differences that are exactly zero, from which digits decide and not noise
 _ALIKE = 1.6  # how far the constants of the record's halves may differ
 #: Entry of a curve's metadata: its depth is the travel, and its lever a compliance in series.
 IN_SERIES = "lever_in_series"
-# At a correlation of -0.97 a noise of the detector alone makes k too large by 6 %, and noise of a hundred readings by
-# as much again.
+# Noise of a hundred readings makes k off by 6 %; files state it to two or three digits.
 _LIKE_THE_FILE = 0.12
 
 
@@ -114,41 +118,49 @@ _LIKE_THE_FILE = 0.12
 _BEFORE = 0.05
 
 
-def lever_seen(depth: FloatArray, force: FloatArray) -> float | None:
+def lever_seen(depth: FloatArray, force: FloatArray, told: float | None = None) -> float | None:
     """Spring constant (N/m) of a lever whose noise depth and force share; None where they do not.
 
     Parameters
     ----------
     depth, force : FloatArray
         Readings in order of time (m, N), (n,).
+    told : float, optional
+        The constant that the curve's file states: where the noise confirms it, a weaker correlation will do.
 
     Returns
     -------
     float or None
-        The ratio of the second differences' sizes, where they correlate below -0.97 in the whole record and in each
-        of its halves, with constants that agree.
+        The ratio of the second differences' sizes, where they correlate in the whole record and in each of its
+        halves, with constants that agree.
     """
     if len(depth) < _FEWEST_READINGS:
         return None
     rows = np.diff(np.vstack((depth, force)), 2, axis=1)
-    if (np.abs(rows) <= 1e-12 * np.ptp(np.vstack((depth, force)), axis=1)[:, None]).mean(
-        axis=1
-    ).max() > _ROUNDED:
+    spans = np.ptp(np.vstack((depth, force)), axis=1)[:, None]
+    if (np.abs(rows) <= _NOTHING * spans).mean(axis=1).max() > _ROUNDED:
         return None
     half = rows.shape[1] // 2
-    told = [_constant(part) for part in (rows, rows[:, :half], rows[:, half:])]
-    found = [k for k in told if k is not None]
-    if len(found) < len(told) or max(found) > _ALIKE * min(found):
+    limit = _SHARED_NOISE if told is None else _CONFIRMED
+    found = [
+        k for part in (rows, rows[:, :half], rows[:, half:]) if (k := _constant(part, limit)) is not None
+    ]
+    if len(found) < 3 or max(found) > _ALIKE * min(found):
         return None
-    return found[0]
+    if told is not None and abs(found[0] / told - 1.0) < _LIKE_THE_FILE:
+        return told
+    return found[0] if _constant(rows, _SHARED_NOISE) is not None else None
 
 
-def _constant(rows: FloatArray) -> float | None:
-    """Ratio of the sizes of two rows of second differences that correlate below the limit."""
+def _constant(rows: FloatArray, limit: float) -> float | None:
+    """Constant (N/m) of two rows of second differences that correlate below the limit.
+
+    What else shakes the depth, the scanner, is in its own square alone.
+    """
     (xx, xy), (_, yy) = rows @ rows.T
-    if not (xx > 0.0 and yy > 0.0) or xy / (xx * yy) ** 0.5 > _SHARED_NOISE:
+    if not (xx > 0.0 and yy > 0.0) or xy / (xx * yy) ** 0.5 > limit:
         return None
-    return float((yy / xx) ** 0.5)
+    return float(-yy / xy)
 
 
 def against_travel(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Scene, Curve]:
@@ -159,12 +171,10 @@ def against_travel(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[S
     """
     if scene.lever is not None or scene.instrument.compliance != 0.0 or Frame.path in free:
         return scene, curve
-    stiffness = lever_seen(curve.depth, curve.force)
+    told = curve.metadata.get("spring_constant")
+    stiffness = lever_seen(curve.depth, curve.force, told if isinstance(told, float) else None)
     if stiffness is None:
         return scene, curve
-    told = curve.metadata.get("spring_constant")
-    if isinstance(told, float) and abs(stiffness / told - 1.0) < _LIKE_THE_FILE:
-        stiffness = told
     count = max(int(_BEFORE * len(curve)), 1)
     at_rest = float(np.median(curve.force[np.argpartition(curve.depth, count)[:count]]))
     travel = curve.depth + (curve.force - at_rest) / stiffness
@@ -194,6 +204,9 @@ def compile_members(
     requests = _requests(free, shared, len(tests))
     if not requests:
         raise ParameterError("nothing is free: name at least one parameter, for example 'layer.E'")
+    stiffens = any(scene.layer.stiffening is not None for scene, _ in tests)
+    if stiffens:
+        require_told_thickness(free)
     coordinates = []
     entries: list[dict[str, int]] = [{} for _ in tests]
     paths = [request.path for request in requests]
@@ -207,12 +220,15 @@ def compile_members(
             require_acting(request.path, scene, paths, solver, of_noise)
             _require_unstated(request.path, scene)
         known = of_noise.get(request.path) or own[0][0].quantities[request.path]
-        start = _common_start(request, own, first, of_noise)
+        given, start = request.given, _common_start(request, own, first, of_noise)
+        if stiffens:
+            given = usual_prior(request.path, given, own[0][0])
+            start = begun(request.path, start, given)
         widest = Spans(
             depth=max(spans[i].depth for i in request.curves),
             force=max(spans[i].force for i in request.curves),
         )
-        coordinates.append(make_coordinate(request.name, request.path, known, start, request.given, widest))
+        coordinates.append(make_coordinate(request.name, request.path, known, start, given, widest))
         for i in request.curves:
             entries[i][request.path] = index
     members = tuple(
@@ -258,7 +274,7 @@ def _check_tests(tests: Sequence[tuple[Scene, Curve]]) -> None:
         _require(scene, Scene, number)
         _require(curve, Curve, number)
         check_fittable(curve, withdrawn=scene.adhesion is not None)
-        if scene.finite_strain:
+        if scene.finite_strain and scene.layer.stiffening is None:
             require_measured(scene.contact, float(curve.depth.max()) - scene.instrument.contact_depth)
         for key, what in _identities(curve) if len(tests) > 1 else ():
             if key in seen:

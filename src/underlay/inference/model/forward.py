@@ -31,6 +31,7 @@ from underlay._arrays import ArrayLike, FloatArray
 from underlay.errors import RangeError
 from underlay.inference.model.law_slopes import STENCILS, LawSlopes, first_possible, force_scale
 from underlay.inference.model.laws import LawSource, LawStore
+from underlay.inference.model.on_law import OnLinear
 from underlay.inference.model.similarity import Similarity, compile_similarity
 from underlay.mechanics.contact_law import ContactLaw, ScaledLaw
 from underlay.mechanics.discrepancy import DiscrepantLaw, excess_of, further_of, require_measured
@@ -170,10 +171,9 @@ class LeftOutLaws:
         """Return the same contacts with a tip that sticks."""
         return forward.solved_by(forward.laws.solver.without_slip)
 
-    def slope(
-        self, forward: BuildsBare, path: str, values: Mapping[str, float], deepest: float, w: FloatArray
-    ) -> FloatArray:
-        """dP/dp (SI) of the parameter at `path` at fixed tip depths `w` (m), (n,)."""
+    def slope(self, forward: BuildsBare, path: str, slopes: LawSlopes) -> FloatArray:
+        """dP/dp (SI) of the parameter at `path` at fixed tip depths, (n,)."""
+        values, deepest, w = slopes.values, slopes.deepest, slopes.w
         law = self.law(forward, values, deepest)
         if law.sticks is not None and path == FRICTION_PATH:
             return np.asarray(law.sticks.force(w) - law.free.force(w))
@@ -257,8 +257,8 @@ class Forward:
         Times of the readings (s), (n,), for a sample that remembers.
     bending : FloatArray or None
         What was taken off the depth readings for the bending of a lever (m), (n,).
-    left_out : LeftOutLaws or None
-        What the law leaves out, where its sizes are numbers of the scene.
+    left_out : LeftOutLaws, OnLinear or None
+        What linear elasticity leaves out, where its sizes are numbers of the scene.
     is_unbent : bool
         Whether the depths are without what a lever bends beyond what was taken off: of a batch alone.
     over : TipOverPowerLaw or None
@@ -271,7 +271,7 @@ class Forward:
     history: History | None = None
     time: FloatArray | None = None
     bending: FloatArray | None = None
-    left_out: LeftOutLaws | None = None
+    left_out: LeftOutLaws | OnLinear | None = None
     is_unbent: bool = False
     over: TipOverPowerLaw | None = None
 
@@ -293,12 +293,18 @@ class Forward:
         elastic = scene.elastic
         if elastic.discrepancy is not None:
             elastic = replace(elastic, discrepancy=None)
+        if elastic.layer.linear is not elastic.layer:
+            elastic = replace(elastic, layer=elastic.layer.linear)
         reference = tuple(
             getattr(elastic, name) for name in elastic.__dataclass_fields__ if name not in _READING
         )
         similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)
-        told = None if scene.discrepancy is None else LeftOutLaws.of(scene, depth, free)
+        told: LeftOutLaws | OnLinear | None = None
+        if scene.discrepancy is not None:
+            told = LeftOutLaws.of(scene, depth, free)
+        elif scene.layer.linear is not scene.layer:
+            told = OnLinear.of(scene, similarity.gain)
         timed = time if scene.memory is not None else None
         lever = similarity.scene.lever
         bending = None if lever is None or force is None else lever.bending(force)
@@ -361,6 +367,8 @@ class Forward:
 
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
         """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
+        if isinstance(self.left_out, OnLinear):
+            return self.law(values, self._deepest(*self._chain(values)))
         b, _ = self.similarity.factors(values)
         return self.laws.for_statements(
             self.similarity.reduced(values), b * self._deepest(*self._chain(values))
@@ -448,7 +456,7 @@ class Forward:
     def _slope(self, path: str, slopes: LawSlopes) -> FloatArray:
         """dP/dp (n,) at fixed depth of the tip."""
         if self.left_out is not None:
-            return self.left_out.slope(self, path, slopes.values, slopes.deepest, slopes.w)
+            return self.left_out.slope(self, path, slopes)
         return slopes.of(path) if self.over is None else self.over.slope(path, slopes)
 
     def _through_history(

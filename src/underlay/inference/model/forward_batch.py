@@ -34,6 +34,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.groups import ParameterSets, Readings, Values, is_shaped_by_lengths, set_by_set
+from underlay.inference.model.on_law import OnLinear
 from underlay.inference.model.ratio_batch import by_ratios, goes_together, has_exact_batches
 from underlay.mechanics.contact import AdhesionTable
 from underlay.scene.instrument import Frame
@@ -203,6 +204,10 @@ def _with_left_out(forward: Forward, values: Values, empty: Readings, *, stiffne
     from underlay.inference.model.left_out_batch import left_out_readings  # noqa: PLC0415  see above
 
     sets = len(empty.possible)
+    if isinstance(forward.left_out, OnLinear):
+        from underlay.inference.model.on_law_batch import on_law_readings  # noqa: PLC0415  see above
+
+        return on_law_readings(forward, values, sets, forward.left_out, stiffness=stiffness)
     found = None if stiffness else left_out_readings(forward, values, sets, _forces)
     return set_by_set(forward, values, range(sets), empty) if found is None else Readings(*found)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.model.forward import Forward
+from underlay.inference.model.forward import Forward, LeftOutLaws
 from underlay.inference.model.groups import ParameterSets, Values
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
 from underlay.scene.instrument import Frame
@@ -38,7 +38,7 @@ def left_out_readings(
         Readings of a law that leaves nothing out; without stiffness.
     """
     told = forward.left_out
-    if told is None or np.any(values[Frame.path]):
+    if not isinstance(told, LeftOutLaws) or np.any(values[Frame.path]):
         # A frame gives way under the whole force: its depths are those of one law at a time.
         return None
     bare = replace(forward, left_out=None)

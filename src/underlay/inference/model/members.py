@@ -24,6 +24,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
+from underlay.data.foot import converter_noise
 from underlay.errors import InputError
 from underlay.inference.model.forward import Forward, Reading, TipOverPowerLaw
 from underlay.inference.model.forward_batch import batched_readings
@@ -48,9 +49,12 @@ def scatter(curve: Curve) -> float:
     force = curve.force[np.argsort(curve.depth, kind="stable")] if curve.time is None else curve.force
     # In order, which takes a third of numpy.median's time.
     second = np.sort(np.abs(np.diff(force, 2)))
+    if not second.size:  # one or two steps of a test in steps: means, whose errors are known
+        errors = curve.metadata.get("force_standard_error", ())
+        return max(*(float(error) for error in errors), 1e-9 * float(np.abs(curve.force).max()))
     median = 0.5 * float(second[(len(second) - 1) // 2] + second[len(second) // 2])
     floor = 1e-9 * float(np.ptp(curve.force))
-    return max(median / _SECOND_DIFFERENCE, floor)
+    return max(median / _SECOND_DIFFERENCE, floor, converter_noise(curve.force))
 
 
 def noise_start(
@@ -136,7 +140,7 @@ class Member:
             return None
         rounded = tip.apex
         forward = Forward.compile(
-            replace(self.scene, indenter=rounded),
+            replace(self.scene, indenter=rounded, layer=self.scene.layer.linear),
             self.curve.depth,
             tuple(self.entries),
             laws.solver,

@@ -7,10 +7,6 @@ added to the model there. Where the model is right the line is zero, however ben
 
 What one curve of a fit says of the modulus in each of its bins, with intervals.
 
-A quantity depends on the parameters of the fit, and where noise and misfit are averaged over also on what the
-baseline creeps by: that goes with the baseline and its slope, and what is left of the force without all three is
-far better known than any of them.
-
 The modulus depth by depth, E(w): the layer modulus that explains what a curve shows at each depth by itself.
 
 Two readings of a curve, each with the half-space and with the layer and what it stands on:
@@ -33,18 +29,11 @@ from numpy.typing import NDArray
 from scipy import special
 
 from underlay._arrays import FloatArray
-from underlay._given import require_given
 from underlay.data.segments import LOADING
 from underlay.errors import CurveError, InputError
-from underlay.inference.headline.averaged import averaged_fit
-from underlay.inference.headline.derived import band
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.fitting import fit as least_squares_fit
-from underlay.inference.misfit.averaging import Averaged
-from underlay.inference.misfit.blocked import clock_of
 from underlay.inference.model.members import Member
 from underlay.inference.pointwise.explained import Body, Explained, halfspace_of, require_without_adhesion
-from underlay.inference.problem import Problem
 from underlay.scene.instrument import ContactDepth
 
 __all__ = [
@@ -56,8 +45,8 @@ __all__ = [
     "PointwiseModulus",
     "Residuals",
     "bins_of",
+    "modulus_by_depth",
     "noise_in",
-    "pointwise_modulus",
     "residuals_in",
 ]
 
@@ -215,8 +204,6 @@ class BinnedCurve:
     ----------
     fit : Fit
         The fit.
-    averaged : Averaged or None
-        What it was averaged over.
     curve : int
         Number of the curve.
     optimum : FloatArray
@@ -231,12 +218,9 @@ class BinnedCurve:
         Every number of the latter.
     measured : tuple of FloatArray
         Force (N) and slope (N/m) that each bin shows, (n,).
-    creep : tuple of FloatArray
-        Force (N) and slope (N/m) there of a baseline that creeps by the largest force, (n,).
     """
 
     fit: Fit
-    averaged: Averaged | None
     curve: int
     optimum: FloatArray
     bins: Bins
@@ -245,19 +229,17 @@ class BinnedCurve:
     bare: Body
     bare_numbers: Mapping[str, float]
     measured: tuple[FloatArray, FloatArray]
-    creep: tuple[FloatArray, FloatArray]
 
     @classmethod
-    def of(cls, fit: Fit, averaged: Averaged | None, curve: int, points: int) -> BinnedCurve:
+    def of(cls, fit: Fit, curve: int, points: int) -> BinnedCurve:
         """Put the readings of a curve into at most `points` bins, and prepare what they are read with."""
         member, scene = fit.problem.members[curve], fit.scenes[curve]
         require_without_adhesion(scene)
-        optimum = fit.problem.physical(fit.vector if averaged is None else averaged.vector)
+        optimum = fit.problem.physical(fit.vector)
         bins = bins_of(fit, curve, member.values_at(optimum)[ContactDepth.path], points)
         free, bare = tuple(member.entries), halfspace_of(scene)
         made = cls(
             fit=fit,
-            averaged=averaged,
             curve=curve,
             optimum=optimum,
             bins=bins,
@@ -266,7 +248,6 @@ class BinnedCurve:
             bare=Body.of(bare, bins.centre, free, fit.solver),
             bare_numbers=bare.parameters,
             measured=(bins.centre, bins.centre),
-            creep=_creep_in(fit, averaged, curve, bins),
         )
         force, slope = made.model(fit.problem.physical(fit.vector))
         return replace(made, measured=(force + made.residuals.force, slope + made.residuals.slope))
@@ -295,15 +276,10 @@ class BinnedCurve:
             np.array([parabola.deriv()(0.0) for parabola in parabolas]),
         )
 
-    def explained(
-        self, physical: FloatArray, creep: float = 0.0
-    ) -> tuple[Explained, Explained, Explained, Explained]:
-        """Moduli at a vector (k,): of the measured curve by layer and half-space, then of the model's by both.
-
-        What its baseline creeps by, a share of the largest force, is taken off the measured curve.
-        """
+    def explained(self, physical: FloatArray) -> tuple[Explained, Explained, Explained, Explained]:
+        """Moduli at a vector (k,): of the measured curve by layer and half-space, then of the model's by both."""
         values = self.values(physical)
-        force, slope = (own - creep * moved for own, moved in zip(self.measured, self.creep, strict=True))
+        force, slope = self.measured
         bare = {p: values[p] if p in self.member.entries else v for p, v in self.bare_numbers.items()}
         model = self.model(physical)
         return (
@@ -318,9 +294,9 @@ class BinnedCurve:
         n, z = len(self.bins.centre), float(special.ndtri(0.5 * (1.0 + level)))
 
         def of(draws: FloatArray) -> FloatArray:
-            return np.array([_row(self.explained(draw[:-1], draw[-1])) for draw in draws])
+            return np.array([_row(self.explained(draw)) for draw in draws])
 
-        ends = band(self.fit, self.averaged, of, level, creeping=self.curve)
+        ends = self.fit.band(of, level)
         low, middle, high = (end.reshape(8, n) for end in ends)
         layer = self.explained(self.optimum)[0]
         error = self._relative_errors(self.optimum)
@@ -341,19 +317,6 @@ class BinnedCurve:
         # dP/dw = s / (1 - C s): its derivative in s is its square over s squared.
         force = self.residuals.force_error / np.abs(contact.force)
         return force, self.residuals.slope_error * np.abs(contact.stiffness / along**2)
-
-
-def _creep_in(fit: Fit, averaged: Averaged | None, curve: int, bins: Bins) -> tuple[FloatArray, FloatArray]:
-    """Force (N) and slope (N/m) in the middle of each bin, (n,), of a baseline that creeps by the largest force."""
-    if averaged is None:
-        return np.zeros_like(bins.centre), np.zeros_like(bins.centre)
-    measured = fit.curves[curve]
-    added = averaged.creep_at(curve, clock_of(measured))
-    lines = [
-        np.polynomial.Polynomial.fit(measured.depth[own] - centre, added[own], 1).convert(domain=[-1.0, 1.0])
-        for own, centre in zip(bins.points, bins.centre, strict=True)
-    ]
-    return np.array([line(0.0) for line in lines]), np.array([line.deriv()(0.0) for line in lines])
 
 
 def _row(found: tuple[Explained, ...]) -> FloatArray:
@@ -429,27 +392,8 @@ class PointwiseModulus:
         return pd.DataFrame(columns)
 
 
-def pointwise_modulus(
-    result: Fit | Problem, *, curve: int = 0, points: int = 30, level: float = 0.95
-) -> PointwiseModulus:
-    """Read the modulus of the layer from every depth of a curve by itself.
-
-    Parameters
-    ----------
-    result : Fit or Problem
-        Says contact point, baseline and all that is not the layer's modulus; a problem is fitted first.
-    curve : int, default 0
-        Which curve of a joint fit.
-    points : int, default 30
-        Most depths; each stands on eight points of the curve or more.
-    level : float, default 0.95
-        Confidence of the intervals. They hold the noise of the points about each depth and what the fit does not
-        know of its parameters, under the noise that `Fit.interval` assumes.
-
-    Returns
-    -------
-    PointwiseModulus
-        Depths at which the interval is narrower than twice the modulus; the first after contact are not.
+def modulus_by_depth(fit: Fit, *, curve: int = 0, points: int = 30, level: float = 0.95) -> PointwiseModulus:
+    """Modulus of the layer at each depth of one curve of a fit; see `pointwise_modulus`.
 
     Raises
     ------
@@ -457,28 +401,14 @@ def pointwise_modulus(
         If the tip sticks, or the curve is not one of the fit.
     CurveError
         If the modulus is known at no depth.
-
-    Examples
-    --------
-    >>> import numpy as np, underlay as ul
-    >>> scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4), ul.RIGID)
-    >>> curve = ul.synthesize(scene, np.linspace(0.0, 1e-4, 400), ul.Noise(force=1e-4), rng=0)
-    >>> fit = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, noise=ul.Noise(force=1e-4)))
-    >>> found = ul.pointwise_modulus(fit)
-    >>> bool(np.all(np.abs(found.apparent.modulus[10:] / 1e6 - 1.0) < 0.01))
-    True
-    >>> bool(found.apparent_halfspace.modulus[-1] > 2e6)
-    True
     """
-    require_given(result, "result", Fit, Problem)
-    fit = least_squares_fit(result) if isinstance(result, Problem) else result
     if not 0 <= curve < len(fit.curves):
         raise InputError(f"curve must be a number from 0 to {len(fit.curves) - 1}; got {curve!r}")
     if points < 2 or not 0.0 < level <= 0.999:
         raise InputError(
             f"points must be 2 or more and level above 0 and at most 0.999; got {points!r} and {level!r}"
         )
-    binned = BinnedCurve.of(fit, averaged_fit(fit), curve, points)
+    binned = BinnedCurve.of(fit, curve, points)
     curves = binned.curves(level)
     apparent = curves["apparent"]
     # Against what is expected: a depth must not be shown because noise made its modulus large.

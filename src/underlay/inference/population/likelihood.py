@@ -9,17 +9,18 @@ where it does (a likelihood that stays below z = 3 upwards is open: the curve ha
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.profiling.profile_result import LikelihoodProfile
 from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.uncertainty.answer import Answer
 
 __all__ = ["ROOTS", "CurveLikelihood"]
 
@@ -72,24 +73,14 @@ class CurveLikelihood:
         return cls(tuple(middle + spread * root for root in _ROOTS))
 
     @classmethod
-    def of_profile(cls, profile: LikelihoodProfile) -> CurveLikelihood:
-        """From a walked profile; where the noise was estimated, ln L = -n/2 ln(1 + t/(n - k))."""
-        statistics = profile.fit.statistics
-        n, free = float(statistics.points), float(statistics.points - statistics.parameters)
-        estimated = statistics.noise_estimated
-        places = [math.log(float(profile.values[profile.best]))] * len(ROOTS)
-        levels = [-math.inf, math.inf]
-        for upper in (False, True):
-            sign = 1 if upper else -1
-            for step in (1, 2, 3):
-                rise = free * math.expm1(step**2 / n) if estimated else float(step**2)
-                place, reason = profile.end(math.sqrt(rise), upper=upper)
-                places[_MIDDLE + sign * step] = math.log(place) if reason == "data" else sign * math.inf
-            if not math.isfinite(places[_MIDDLE + 3 * sign]):
-                last = float(profile.delta_chi_square[-1 if upper else 0])
-                root = n * math.log1p(last / free) if estimated else last
-                levels[int(upper)] = sign * math.sqrt(root)
-        return cls(tuple(places), levels[0], levels[1])
+    def of_answers(cls, answer: Callable[[str, float], Answer], name: str) -> CurveLikelihood:
+        """From the ends of the statistical intervals of one number, at one, two and three deviates."""
+        parts = [answer(name, float(2.0 * special.ndtr(z) - 1.0)).statistical for z in (1.0, 2.0, 3.0)]
+        middle = math.log(parts[0].value)
+        below = [math.log(part.low) if 0.0 < part.low < math.inf else -math.inf for part in parts]
+        above = [math.log(part.high) if math.isfinite(part.high) else math.inf for part in parts]
+        levels = [-_level(below), _level(above)]
+        return cls((*below[::-1], middle, *above), levels[0], levels[1])
 
     @classmethod
     def of_posterior(cls, posterior: Posterior, name: str) -> CurveLikelihood:
@@ -169,6 +160,12 @@ class CurveLikelihood:
         if len(numbers) != len(ROOTS) + 2:
             raise InputError(f"a likelihood is nine numbers; got {text!r:.100}")
         return cls(tuple(numbers[:-2]), numbers[-2], numbers[-1])
+
+
+def _level(ends: Sequence[float]) -> float:
+    """Root at which a side levels off: that of its last end; inf where it has all three."""
+    known = sum(map(math.isfinite, ends))
+    return math.inf if known == len(ends) else float(known)
 
 
 def _outside(beyond: FloatArray, roots: FloatArray, places: FloatArray, level: float) -> FloatArray:

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from underlay.errors import InputError
 from underlay.inference.batch.decisions import ACCEPT, REFUSED_BY_HAND
-from underlay.inference.batch.results_table import FITTED, LIKELIHOOD
+from underlay.inference.batch.results_table import FITTED, LIKELIHOOD, fitted_names
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.population.likelihood import CurveLikelihood
-from underlay.inference.profiles import profile
 from underlay.inference.profiling.profile_result import LikelihoodProfile
 from underlay.inference.sampling.posterior import Posterior
 
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Labelled", "LabelledCurve", "LeftOut", "select_results", "select_rows"]
 
+_NORMAL_95 = 1.96
 #: Labels by column, beside what was found of one curve.
 Labelled: TypeAlias = tuple[Mapping[str, str], Fit | Posterior | LikelihoodProfile]
 
@@ -71,7 +71,7 @@ def select_rows(
             by_hand = row["status"] == REFUSED_BY_HAND
             left.append(LeftOut(head, name, REFUSED_BY_HAND if by_hand else "no fit"))
         elif doubtful == _DROP and row["verdict"] != "good" and row.get("decision") != ACCEPT:
-            left.append(LeftOut(head, name, "doubtful"))
+            left.append(LeftOut(head, name, f"verdict {row['verdict']}"))
         else:
             told = row.get(text)
             likelihood = (
@@ -135,10 +135,10 @@ def _likelihood(found: Fit | Posterior | LikelihoodProfile, parameter: str) -> C
     if isinstance(found, Posterior):
         return CurveLikelihood.of_posterior(found, parameter)
     if isinstance(found, Fit):
-        return CurveLikelihood.of_profile(profile(found, parameter))
+        return CurveLikelihood.of_answers(found.answer, parameter)
     if found.name != parameter:
         raise InputError(f"a profile of {found.name} says nothing of {parameter}: walk that one")
-    return CurveLikelihood.of_profile(found)
+    return CurveLikelihood.of_answers(found.fit.answer, parameter)
 
 
 def _free(found: Fit | Posterior | LikelihoodProfile) -> tuple[str, ...]:
@@ -160,8 +160,8 @@ def _require_columns(table: pd.DataFrame, wanted: Sequence[str], parameter: str)
     for column in ("status", "verdict"):
         if column not in columns:
             raise InputError(f"this is not the table of a map: it has no column {column!r}")
-    if f"{parameter}.stderr" not in columns:
-        fitted = [name.removesuffix(".stderr") for name in columns if name.endswith(".stderr")]
+    fitted = fitted_names(columns)
+    if parameter not in fitted:
         raise InputError(f"{parameter} was not fitted in this map; fitted were {', '.join(fitted) or 'none'}")
     for column in wanted:
         if column not in columns:
@@ -181,8 +181,18 @@ def _label(row: Mapping[Any, Any], column: str) -> str:
     return text
 
 
+def _error(row: Mapping[Any, Any], parameter: str) -> float:
+    """Standard error (SI) of a row: of its statistical interval in the logarithm, or of least squares."""
+    if f"{parameter}.stderr" in row:
+        return float(row[f"{parameter}.stderr"])
+    low, high = (float(row[f"{parameter}.stat.{end}"]) for end in ("low", "high"))
+    if not 0.0 < low < high:
+        return math.nan
+    return float(row[parameter]) * 0.5 * math.log(high / low) / _NORMAL_95
+
+
 def _normal(row: Mapping[Any, Any], parameter: str, name: str) -> CurveLikelihood:
-    value, error = float(row[parameter]), float(row[f"{parameter}.stderr"])
+    value, error = float(row[parameter]), _error(row, parameter)
     if not (value > 0.0 and error > 0.0 and math.isfinite(value) and math.isfinite(error)):
         raise InputError(
             f"row {name!r} has {parameter} = {value!r} with standard error {error!r}: a population is of the "

@@ -25,7 +25,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._door import FileKind, parse_json, require_regular, understood
-from underlay.errors import FileAccessError, InputError, MissingExtraError
+from underlay.errors import FileAccessError, InputError, missing_extra
 
 __all__ = ["ChainFile", "Progress", "RandomState"]
 
@@ -150,9 +150,7 @@ def _packed(random_state: RandomState, counts: tuple[int, int]) -> FloatArray:
 
 def _hdf5() -> ModuleType:
     if h5py is None:
-        raise MissingExtraError(
-            "keeping a chain in a file needs h5py: install underlay[uq], or sample without a backend"
-        )
+        raise missing_extra("keeping a chain in a file needs h5py", "uq", "sample without a backend")
     module: ModuleType = h5py
     return module
 

@@ -9,7 +9,8 @@ Quantities that follow from the parameters, draw by draw, so that their interval
   confined layer sees; infinite, and left out, where the material is incompressible;
 - instantaneous and equilibrium modulus of a layer that relaxes from one to the other (Pa), E and E e(infinity);
 - stiffness dP/dw of the contact at the deepest point of the curve (N/m);
-- pull-off force (N) and depth (m) of a contact that sticks.
+- pull-off force (N) and depth (m) of a contact that sticks;
+- stiffening factor of a layer that stiffens, at the deepest point of the curve.
 """
 
 from __future__ import annotations
@@ -154,6 +155,7 @@ DERIVED = {
     "instantaneous_modulus": Quantity("pressure", "instantaneous modulus of the {part}"),
     "equilibrium_modulus": Quantity("pressure", "equilibrium modulus of the {part}"),
     "stiffness": Quantity("stiffness", "contact stiffness at the deepest point"),
+    "stiffening_factor": Quantity("dimensionless", "stiffening at the deepest point"),
     **ADHESIVE,
 }
 
@@ -195,6 +197,8 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
             quantities[f"stiffness{suffix}"] = stiffness
         for name, values in _pull_offs(member, flat).items():
             quantities[f"adhesion.{name}{suffix}"] = values
+        if member.scene.layer.stiffening is not None:
+            quantities[f"layer.stiffening_factor{suffix}"] = _stiffening(member, flat)
     quantities |= relaxed_moduli(problem, flat)
     return {name: values.reshape(physical.shape[:-1]) for name, values in quantities.items()}
 
@@ -205,6 +209,18 @@ def _pull_offs(member: Member, flat: FloatArray) -> dict[str, FloatArray]:
         return {}
     found = batched_pull_offs(member.forward, member.values_of(flat), len(flat))
     return {} if found is None else {"pull_off_force": found[0], "pull_off_depth": found[1]}
+
+
+def _stiffening(member: Member, flat: FloatArray) -> FloatArray:
+    """G at the deepest point of one curve, (sets,)."""
+    # Not loaded for a layer that does not stiffen.
+    from underlay.inference.model.on_law import OnLinear  # noqa: PLC0415  see above
+    from underlay.inference.model.on_law_batch import stiffening_factors  # noqa: PLC0415  see above
+
+    told = member.forward.left_out
+    if not isinstance(told, OnLinear):
+        return np.ones(len(flat))
+    return stiffening_factors(member.forward, member.values_of(flat), len(flat), told)
 
 
 def _constants(member: Member, part: str) -> list[str]:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.errors import MissingExtraError
+from underlay.errors import MissingExtraError, missing_extra
 from underlay.inference.model.groups import Readings
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
@@ -240,7 +240,7 @@ def _imported() -> ModuleType:
             warnings.simplefilter("ignore", FutureWarning)
             import arviz  # noqa: PLC0415  # an optional extra
     except ImportError as error:
-        raise MissingExtraError("this needs arviz: install underlay[uq]") from error
+        raise missing_extra("this needs arviz", "uq") from error
     module: ModuleType = arviz
     return module
 

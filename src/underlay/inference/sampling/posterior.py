@@ -32,9 +32,11 @@ from underlay.inference.sampling.diagnostics import (
     rank_normalised_rhat,
 )
 from underlay.inference.sampling.posterior_file import LARGEST, parts_of, read_archive, write_archive
+from underlay.inference.uncertainty.answer import Advice
 from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.inference.uncertainty.reading import Reading
 from underlay.inference.uncertainty.statement import Statement
+from underlay.inference.uncertainty.verdict import CHECK, GOOD, REJECT
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
@@ -256,6 +258,21 @@ class Posterior:
                 "unit": known.unit,
             }
         return pd.DataFrame.from_dict(rows, orient="index")
+
+    @cached_property
+    def verdict(self) -> Advice:
+        """Whether it can be used, as `Fit.verdict`; a chain that did not converge is to be checked first."""
+        own = self.statement.verdict
+        if self.converged or own == REJECT:
+            return own
+        cause, step = "the chain is too short for its correlation", "sample longer (max_steps)"
+        return Advice(
+            CHECK,
+            "the draws have not converged",
+            cause,
+            step,
+            others=() if own == GOOD else (own, *own.others),
+        )
 
     @property
     def provenance(self) -> dict[str, Any]:

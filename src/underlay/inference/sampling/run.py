@@ -524,7 +524,7 @@ class _Proposal:
         own = rng.permutation(self.source.draw(count, rng))
         whole = len(self.kernels.centres) * -(-count // len(self.kernels.centres))
         near = rng.permutation(self.kernels.draw(whole, own[0], rng))[:count]
-        return np.where(rng.uniform(size=(count, 1)) < 0.5, own, near)
+        return np.asarray(np.where(rng.uniform(size=(count, 1)) < 0.5, own, near))
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
         """Log-density (n,) of vectors (n, p)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import pandas as pd
 
@@ -209,6 +209,12 @@ class States(Protocol):
 
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, (n,), of quantities that follow from the parameters."""
+
+    def modulus_by_depth(self, curve: int, points: int, level: float) -> Any:
+        """E by depth of one curve: a `PointwiseModulus`."""
+
+    def refit(self, problem: Any) -> Any:
+        """Fit of another problem, begun at the values of its scenes."""
 
     @property
     def verdict(self) -> Advice:

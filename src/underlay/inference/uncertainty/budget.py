@@ -1,8 +1,9 @@
 """The systematic part: how far every uncertain input, and all that a model leaves out, moves the fitted numbers.
 
 A source adds a force to the readings that the fit takes for the sample's. To first order the scaled vector answers
-by least squares in the metric of the noise (`Likelihood.moved`); where that goes far the curve is fitted again
-with the input moved. A source of several independent shapes has a row of moves for each; each row is a pair, down and up.
+by least squares in the metric of the noise (`Likelihood.moved`); where that goes far the curve is fitted again with
+the input moved. A source of several independent shapes has a row of moves for each; each row is a pair, down and
+up.
 """
 
 from __future__ import annotations
@@ -18,7 +19,15 @@ from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError, UnderlayError
 from underlay.inference.model.compilation import IN_SERIES
 from underlay.inference.problem import Problem
-from underlay.inference.uncertainty.inputs import DEPTH, FORCE, HEIGHTS, SPRING_CONSTANT, Input, inputs_of
+from underlay.inference.uncertainty.inputs import (
+    DEPTH,
+    FORCE,
+    HEIGHTS,
+    SENSITIVITY,
+    SPRING_CONSTANT,
+    Input,
+    inputs_of,
+)
 from underlay.inference.uncertainty.known_errors import KnownError, Pressed, known_errors, left_out
 from underlay.mechanics.profile import Profile
 from underlay.scene.instrument import ContactDepth, Frame
@@ -35,9 +44,12 @@ __all__ = ["LAW", "Moved", "Refit", "Source", "sensitivities", "sources_of"]
 Moved: TypeAlias = Callable[[Sequence[FloatArray]], FloatArray]
 #: Fits a problem, begun at the values of its scenes.
 Refit: TypeAlias = Callable[[Problem], "Fit"]
+#: Means and covariance of the sizes of forces (N), of each curve m arrays, from the deviations of their priors.
+Sized: TypeAlias = Callable[[Sequence[Sequence[FloatArray]], FloatArray], tuple[FloatArray, FloatArray]]
 #: The general error of a contact law.
 LAW = "contact model"
 _NORMAL_95 = 1.96
+_NO_PATHS = {FORCE, SPRING_CONSTANT, SENSITIVITY, DEPTH, HEIGHTS}
 # Sections of a scene whose numbers act on a curve.
 _ACTING = ("indenter.", "layer.", "substrate.", "instrument.compliance", "adhesion.", "history.")
 # Standard, at full depth, of the law's own error: an assumption, marked as such. At 3 % it alone makes 7.4 to 8.4 %
@@ -57,16 +69,19 @@ class Source:
         As in `Contribution`.
     moves : FloatArray
         How far the scaled vector goes, (rows, 2, k): rows are independent, each has two sides.
+    bias : FloatArray
+        Where its middle lies (k,), seen from the fit's vector: an error whose size is not zero on average.
     """
 
     name: str
     size: str
     origin: str
     moves: FloatArray
+    bias: FloatArray | float = 0.0
 
 
 def sources_of(
-    fit: Fit, moved: Callable[[Sequence[FloatArray]], FloatArray], refit: Refit
+    fit: Fit, moved: Callable[[Sequence[FloatArray]], FloatArray], refit: Refit, sized: Sized
 ) -> tuple[Source, ...]:
     """Every source of a fit that moves something.
 
@@ -78,11 +93,13 @@ def sources_of(
         Shift (k,) of the scaled vector that forces (N), one array a curve, make; to first order.
     refit : callable
         For what moves it far, and for another bond.
+    sized : callable
+        How large errors are that the curves tell something of (`Likelihood.sized`).
     """
     if fit.problem.base_scenes[0].uncertainties == "none":
         return ()
     readings = [member.reading(fit.problem.physical(fit.vector)) for member in fit.problem.members]
-    budget = _Budget(fit, moved, refit, readings)
+    budget = _Budget(fit, moved, refit, sized, readings)
     return tuple(source for source in budget.sources() if np.any(source.moves))
 
 
@@ -93,6 +110,7 @@ class _Budget:
     fit: Fit
     moved: Moved
     refit: Refit
+    sized: Sized
     readings: Sequence[Reading]
 
     def sources(self) -> Iterator[Source]:
@@ -122,7 +140,7 @@ class _Budget:
         self, source: str, entries: dict[int, Input], slopes: dict[str, list[FloatArray]]
     ) -> FloatArray | None:
         """Moves (1, 2, k) of one input; None where it cannot act."""
-        if source not in {FORCE, SPRING_CONSTANT, DEPTH, HEIGHTS} and source not in slopes:
+        if source not in _NO_PATHS and source not in slopes:
             return None
         sides = []
         for sign in (-1.0, 1.0):
@@ -130,7 +148,10 @@ class _Budget:
                 sign * (entries[i].up if sign > 0.0 else entries[i].down) if i in entries else 0.0
                 for i in range(len(self.readings))
             ]
-            columns = [self._column(source, i, amount, slopes) for i, amount in enumerate(amounts)]
+            columns = [
+                self._column(source, i, amount, slopes) if amount else np.zeros_like(self.readings[i].force)
+                for i, amount in enumerate(amounts)
+            ]
             # Were the input so much larger, the same readings would come from another sample.
             near = -self.moved(columns)
             far = bool((np.abs(near) > _STRAIGHT).any()) and source in slopes
@@ -140,20 +161,22 @@ class _Budget:
     def _column(self, source: str, i: int, amount: float, slopes: dict[str, list[FloatArray]]) -> FloatArray:
         """Force (N) that curve `i` would show more, were the input larger by `amount`."""
         member, reading = self.fit.problem.members[i], self.readings[i]
-        if amount == 0.0:
-            return np.zeros(len(member.force))
+        if source == HEIGHTS:
+            return _of_heights(self.fit, i, amount) - reading.force
+        if source in slopes:
+            return amount * slopes[source][i]
         kept = _kept(self.fit, i, reading)
+        if source == DEPTH:
+            return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
+        # A force scale that is larger makes the same sample read less.
         if source == SPRING_CONSTANT and member.curve.metadata.get(IN_SERIES):
             # The deflection is measured: a stiffer lever presses harder, and bends no more.
             return -amount * kept * reading.contact
-        if source in {FORCE, SPRING_CONSTANT}:
-            # A force scale that is larger makes the same sample read less.
-            return -amount * member.force
-        if source == DEPTH:
-            return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
-        if source == HEIGHTS:
-            return _of_heights(self.fit, i, amount) - reading.force
-        return amount * slopes[source][i]
+        if source == SENSITIVITY:
+            # The bending that was taken off the travel is larger by it too.
+            bending = member.force / float(member.curve.metadata.get("spring_constant", math.inf))
+            return -amount * (member.force + kept * reading.stiffness * bending)
+        return -amount * member.force
 
     def _moved_input(self, source: str, amounts: Sequence[float], near: FloatArray) -> FloatArray:
         """Shift of the optimum when the curve is fitted again with the input moved; `near` where it cannot be."""
@@ -191,7 +214,11 @@ class _Budget:
             deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)
             found = (*left_out(scene, deepest).errors, *known_errors([scene]))
             errors |= {error.words: error for error in found}
+        free = {coordinate.path for coordinate in self.fit.problem.coordinates}
+        told: list[tuple[KnownError, Sequence[FloatArray]]] = []
         for error in errors.values():
+            if error.path in free:
+                continue
             try:
                 columns = [
                     _kept(self.fit, i, reading) * error.column(_pressed(self.fit, i, reading))
@@ -200,14 +227,32 @@ class _Budget:
             except InputError:
                 # The error was not measured at this test's numbers: the report says which are not known.
                 continue
+            if error.path:
+                told.append((error, columns))
+                continue
             shift = self.moved(columns)
             spread = _NORMAL_95 * error.deviation
+            # What the law lacks the fit has put into its numbers.
             yield Source(
                 error.words,
-                "",
+                error.size,
                 "model",
-                np.array([[-(error.mean - spread) * shift, -(error.mean + spread) * shift]]),
+                np.array([[-spread * shift, spread * shift]]),
+                -error.mean * shift,
             )
+
+        if told:
+            yield from self._told(told)
+
+    def _told(self, told: Sequence[tuple[KnownError, Sequence[FloatArray]]]) -> Iterator[Source]:
+        """Errors whose sizes the curves tell something of: one given another, so that they add in quadrature."""
+        deviations = np.array([error.deviation for error, _ in told])
+        of_curves = list(zip(*(columns for _, columns in told), strict=True))
+        means, covariance = self.sized(of_curves, deviations)
+        shifts = np.array([self.moved(columns) for _, columns in told])
+        independent = _NORMAL_95 * np.linalg.cholesky(covariance).T @ shifts
+        for (error, _), mean, shift, move in zip(told, means, shifts, independent, strict=True):
+            yield Source(error.words, error.size, "model", np.array([[-move, move]]), -mean * shift)
 
     def _bonds(self) -> Iterator[Source]:
         """A face of which nobody knows how it holds, free to slip."""

@@ -74,9 +74,11 @@ from underlay.mechanics.discrepancy import (
     require_measured,
     why_unmeasured,
 )
+from underlay.mechanics.finite_width import NarrowLaw
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Exact, Stuck
+from underlay.mechanics.stiffening import FORM_SPREAD, StiffeningLaw
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
 from underlay.scene.scene import Scene
 
@@ -148,6 +150,10 @@ class KnownError:
         Of the normal prior of the amplitude; the deviation positive.
     told : tuple of str
         What people are told that it is part of; by default its words.
+    size : str
+        How large it is, as people write it; empty where that is no one number.
+    path : str
+        Number of the scene that is its size: where that is free, or given, there is no such error.
 
     Raises
     ------
@@ -160,6 +166,8 @@ class KnownError:
     mean: float = 0.0
     deviation: float = 1.0
     told: tuple[str, ...] = ()
+    size: str = ""
+    path: str = ""
 
     def __post_init__(self) -> None:
         """Refuse a prior that is none."""
@@ -182,8 +190,70 @@ def _column(test: Pressed) -> FloatArray:
     return -test.stiffness * a**4 / (15.0 * test.values["indenter.radius"] ** 3)
 
 
+# Deviation of heights that a contact made gradually may have, over R: within two of them 0.07, from the prior of
+# section 3 of the study of stiffening layers 80 %; its force goes nearly as the square.
+_HEIGHTS = 0.05
+
+
+def stiffening_formula(scene: Scene) -> KnownError | None:
+    """Return the error of G: 3 % of G - 1."""
+    return _of_law(
+        "stiffening formula", "stiffening", "± 6 % of G - 1", has=scene.layer.stiffening is not None
+    )
+
+
+def form_of_energy(scene: Scene) -> KnownError | None:
+    """Return what another form of the strain energy does; none where the scene says it."""
+    path = "layer.stiffening.form"
+    if scene.parameters.get(path) != 0.0:
+        return None
+
+    def column(test: Pressed) -> FloatArray:
+        return _own(test).own_slope("form", test.depth)
+
+    return KnownError(
+        "form of the energy", column, deviation=FORM_SPREAD, size="Ogden's -16 to 20", path=path
+    )
+
+
+def gradual_contact(scene: Scene) -> KnownError | None:
+    """Return what a contact that is made gradually does to a layer that stiffens; none where the scene says it."""
+    path = "layer.stiffening.height_spread"
+    if scene.parameters.get(path) != 0.0:
+        return None
+
+    def column(test: Pressed) -> FloatArray:
+        return _own(test).gradual_excess(test.depth, _HEIGHTS * test.values["indenter.radius"])
+
+    return KnownError("gradual contact", column, size=f"heights ± {_HEIGHTS:g} R", path=path)
+
+
+def sides(scene: Scene) -> KnownError | None:
+    """Return the error of the spring of the sides."""
+    return _of_law("sides", "sides", "± 8 % of their spring", has=scene.layer.half_width is not None)
+
+
+def _of_law(words: str, name: str, size: str, *, has: bool) -> KnownError | None:
+    def column(test: Pressed) -> FloatArray:
+        return _own(test).known_errors(test.depth)[name]
+
+    return KnownError(words, column, size=size) if has else None
+
+
+def _own(test: Pressed) -> StiffeningLaw | NarrowLaw:
+    if not isinstance(test.law, StiffeningLaw | NarrowLaw):
+        raise InputError(f"the law {test.law.method} has no such error")
+    return test.law
+
+
 #: Say of a scene which error its law has, or that it has none of this kind.
-KINDS: Sequence[Callable[[Scene], KnownError | None]] = (paraboloid_for_sphere,)
+KINDS: Sequence[Callable[[Scene], KnownError | None]] = (
+    paraboloid_for_sphere,
+    stiffening_formula,
+    form_of_energy,
+    gradual_contact,
+    sides,
+)
 
 
 def known_errors(scenes: Sequence[Scene]) -> tuple[KnownError, ...]:
@@ -203,7 +273,7 @@ FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large 
 # Of the share of full friction. A flat prior between none and full has its ends outside every 95 % interval, and a
 # tip that slides and one that sticks are both common: there it covers 75 % where this covers 92 (a modulus at 0.3 %
 # noise; 84 to 87 and 90 to 92 with the thickness free), for intervals up to 1.4 times as long
-# (tests/studies/friction_prior.py).
+# (tests/studies/results/friction_prior.csv).
 _SHARE = 0.35
 
 
@@ -285,6 +355,9 @@ def _stuck_in_large_strains(test: Pressed) -> FloatArray:
 def _finite_strain(scene: Scene, depth: float) -> LeftOut:
     if scene.finite_strain is False:
         return LeftOut(declared=("finite_strain = false",))
+    if scene.layer.stiffening is not None:
+        error = _of_law(FINITE_STRAIN, "finite strain", "± 0.8 to 1.4 %", has=True)
+        return LeftOut((error,) if error is not None else ())
     why = why_unmeasured(scene.contact, depth)
     if scene.adhesion is not None or scene.memory is not None:
         why = "measured without adhesion and relaxation"

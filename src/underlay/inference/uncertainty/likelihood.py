@@ -192,8 +192,36 @@ class Likelihood:
             normal += law.T @ law
         kept = np.flatnonzero(self.determined & ~held(self.fit))
         found = np.zeros(len(pulls))
-        found[kept] = np.linalg.solve(normal[kept[:, None], kept] + np.diag(self.priors[kept]), pulls[kept])
+        found[kept] = _solved(normal[kept[:, None], kept] + np.diag(self.priors[kept]), pulls[kept])
         return found
+
+    def sized(
+        self, columns: Sequence[Sequence[FloatArray]], deviations: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Sizes of additive forces that the curves tell beside the law: means (m,) and covariance (m, m).
+
+        Parameters
+        ----------
+        columns : sequence of sequence of FloatArray
+            Of each curve the forces (N) at size one, m arrays (points,).
+        deviations : FloatArray
+            Of the normal priors of the sizes about zero, (m,).
+        """
+        kept = np.flatnonzero(self.determined & ~held(self.fit))
+        blocks, residuals = [], []
+        for state, own in zip(self.states, columns, strict=True):
+            law = state.columns.values[:, state.columns.law][:, kept]
+            blocks.append(np.column_stack((law, *(state.model.rows(column) for column in own))))
+            residuals.append(state.columns.values[:, state.columns.residual][:, 0])
+        A, r = np.concatenate(blocks), np.concatenate(residuals)
+        prior = np.concatenate((self.priors[kept], deviations**-2.0))
+        normal, pull = A.T @ A, A.T @ r
+        left = r - A @ np.linalg.solve(normal + np.diag(prior), pull)
+        # What neither law nor these explain makes all less sure.
+        variance = max(float(left @ left) / max(len(r) - len(pull), 1), 1.0)
+        covariance = np.linalg.inv(normal / variance + np.diag(prior))
+        mean = covariance @ (pull / variance)
+        return mean[len(kept) :], covariance[len(kept) :, len(kept) :]
 
     def simulate(self, rng: np.random.Generator) -> list[Curve]:
         """Replicas of the curves, at the depths of their rows, with all that may disturb them drawn anew."""
@@ -241,5 +269,10 @@ class Likelihood:
             normal = normal + there.columns.T @ there.columns
         kept = np.flatnonzero(self.determined)
         step = np.zeros(k)
-        step[kept] = np.linalg.solve(normal[kept[:, None], kept], pull[kept])
+        step[kept] = _solved(normal[kept[:, None], kept], pull[kept])
         return float(abs(away[i] + step[i]) / abs(away[i]))
+
+
+def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Least-norm solution (k,): two numbers that act alike share what they must do."""
+    return np.asarray(np.linalg.pinv(matrix, hermitian=True) @ right)

@@ -27,12 +27,17 @@ from underlay.units import KINDS
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.pointwise.modulus import PointwiseModulus
 
 __all__ = ["NOISE", "Statement"]
 
 #: The source of the statistical part.
 NOISE = "noise and misfit"
 _LEVEL = 0.95
+# In scaled coordinates: an end a factor of 400 away, or six spans of the curve, is none.
+_FARTHEST = 6.0
+# Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
+_STEP = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +107,7 @@ class Statement:
         """Sources of the systematic part."""
         if self.fit.statistics.robust != "none":
             return ()
-        return sources_of(self.fit, self.likelihood.moved, self.refit)
+        return sources_of(self.fit, self.likelihood.moved, self.refit, self.likelihood.sized)
 
     @one_thread()
     def answer(self, name: str, level: float = _LEVEL) -> Answer:
@@ -128,16 +133,23 @@ class Statement:
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, (n,), of quantities that follow; see `Fit.band`."""
         require_level(level)
-        physical = self.fit.problem.physical(np.vstack([self.reading.corrected, self.reading.draws]))
-        found = np.asarray(of(physical), dtype=np.float64)
-        if found.ndim != 2 or len(found) != len(physical):
-            raise InputError(
-                "of must be a function that takes parameters (draws, k), SI, and gives quantities (draws, n), a "
-                f"row per draw, such as lambda p: p[:, :1]; at {len(physical)} draws it gave shape {found.shape}"
-            )
+        at, k = self.reading.corrected, len(self.fit.names)
+        steps = _STEP * np.vstack([np.zeros((1, k)), np.eye(k), -np.eye(k)])
+        found = _quantities(of, self.fit.problem.physical(at + steps))
+        low, middle, high = np.full(found.shape[1], -np.inf), found[0].copy(), np.full(found.shape[1], np.inf)
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
-        ends = np.array([weighted_quantiles(column, self.reading.weights, tails) for column in found[1:].T])
-        return ends[:, 0], found[0], ends[:, 1]
+        away = self.reading.draws - at
+        for n in np.flatnonzero((found > 0.0).all(axis=0)):
+            above, below = np.split(np.log(found[1:, n]), 2)
+            along = away @ ((above - below) / (2.0 * _STEP))
+            low[n], high[n] = middle[n] * np.exp(weighted_quantiles(along, self.reading.weights, tails))
+        return low, middle, high
+
+    def modulus_by_depth(self, curve: int, points: int, level: float) -> PointwiseModulus:
+        """E by depth of one curve; see `Fit.modulus_by_depth`."""
+        from underlay.inference.pointwise.modulus import modulus_by_depth  # noqa: PLC0415  few ask
+
+        return modulus_by_depth(self.fit, curve=curve, points=points, level=level)
 
     # --- one quantity -------------------------------------------------------------------------------------
     def _scale(self, name: str, level: float) -> _Scale:
@@ -148,15 +160,19 @@ class Statement:
     def _of_parameter(self, name: str, level: float) -> _Scale:
         index = self.fit.names.index(name)
         coordinate, reading = self.fit.problem.coordinates[index], self.reading
-        low, high = reading.interval(index, level)
+        value = float(reading.corrected[index])
+        low, high = (
+            end if abs(end - value) < _FARTHEST else math.copysign(math.inf, end - value)
+            for end in reading.interval(index, level)
+        )
         return _Scale(
             name,
             KINDS[kind_of(name)].si,
-            float(reading.corrected[index]),
+            value,
             low,
             high,
             of=lambda q: q[:, index],
-            physical=lambda q: float(coordinate.physical(q)),
+            physical=lambda q: float(coordinate.physical(np.asarray(q))),
         )
 
     def _of_derived(self, name: str, level: float) -> _Scale:
@@ -183,7 +199,11 @@ class Statement:
         times = float(special.ndtri(0.5 + 0.5 * level) / special.ndtri(0.5 + 0.5 * _LEVEL))
         arms = {source: times * self._arms(scale, source) for source in self.sources}
         systematic = np.sqrt(sum((own * own for own in arms.values()), np.zeros(2)))
-        low, high = scale.at(math.hypot(below, systematic[0]), math.hypot(above, systematic[1]))
+        bias = sum(self._bias(scale, source) for source in self.sources)
+        low, high = scale.at(
+            max(math.hypot(below, systematic[0]) - bias, 0.0),
+            max(math.hypot(above, systematic[1]) + bias, 0.0),
+        )
         value = scale.physical(scale.value)
         rows = [self._row(scale, NOISE, "", "seen", np.array([below, above]), (below, above, systematic))]
         rows += [
@@ -199,7 +219,12 @@ class Statement:
             level,
             scale.unit,
             Interval(scale.name, level, value, *scale.at(below, above)),
-            Interval(scale.name, level, value, *scale.at(*systematic)),
+            Interval(
+                scale.name,
+                level,
+                value,
+                *scale.at(max(systematic[0] - bias, 0.0), max(systematic[1] + bias, 0.0)),
+            ),
             tuple(rows),
             self._notes(scale),
         )
@@ -209,7 +234,13 @@ class Statement:
         at = self.reading.corrected
         ends = scale.of((at + source.moves).reshape(-1, len(at))).reshape(-1, 2) - scale.value
         down, up = np.maximum(-ends.min(axis=1), 0.0), np.maximum(ends.max(axis=1), 0.0)
-        return np.sqrt(np.array([down @ down, up @ up]))
+        return np.asarray(np.sqrt([down @ down, up @ up]))
+
+    def _bias(self, scale: _Scale, source: Source) -> float:
+        """How far the middle of a source lies from the value, on the scale."""
+        if not np.any(source.bias):
+            return 0.0
+        return float(scale.of((self.reading.corrected + source.bias)[None])[0]) - scale.value
 
     def _row(
         self,
@@ -245,3 +276,21 @@ class Statement:
                 f"{taken_out or 'a disturbance'} is taken out; with it in, {scale.physical(plain):.6g}"
             )
         return tuple(notes)
+
+
+def _quantities(of: Follows, physical: FloatArray) -> FloatArray:
+    """What a caller's function gives (draws, n) at parameters (draws, k); refused where it is not that."""
+    asked: object = of
+    given: object = asked(physical) if callable(asked) else asked
+    try:
+        found = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if not (callable(asked) and found.ndim == 2 and len(found) == len(physical)):
+        told = f"an array of shape {np.shape(given)}" if isinstance(given, np.ndarray) else f"{given!r:.80}"
+        where = f"at {len(physical)} draws it gave" if callable(asked) else "got"
+        raise InputError(
+            "of must be a function that takes parameters (draws, k), SI, and gives quantities (draws, n), a row "
+            f"per draw, such as lambda p: p[:, :1]; {where} {told}"
+        )
+    return found

@@ -245,9 +245,9 @@ class AdhesiveBranch(ABC):
     def at(self, radius: FloatArray) -> BranchPoint:
         """States at radii (m), (n,)."""
 
-    def work_slope(self, radius: FloatArray, radius_slope: FloatArray) -> FloatArray | None:
-        """dP/d ln(work) (N) at fixed depth, (n,), at radii a (m) with da/dw; None: a caller takes differences."""
-        del radius, radius_slope
+    def work_slope(self, radius: FloatArray) -> FloatArray | None:
+        """dP/d ln(work) (N) at fixed depth, (n,), at radii (m), (n,); None: a caller takes differences."""
+        del radius
         return None
 
     @cached_property
@@ -379,9 +379,8 @@ class AdhesiveLaw(ContactLaw):
         None where the model does not know it.
         """
         slope, here = np.zeros_like(depth), self._touching(depth)
-        values, slopes = self.path.values(depth[here], slopes=True)
-        radius = np.exp(values[:, 0])
-        known = self.branch.work_slope(radius, radius * slopes[:, 0])
+        values, _ = self.path.values(depth[here], slopes=True)
+        known = self.branch.work_slope(np.exp(values[:, 0]))
         if known is None:
             return None
         slope[here] = known

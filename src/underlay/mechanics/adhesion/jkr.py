@@ -360,9 +360,9 @@ class JKRBranch(AdhesiveBranch):
         force_slope = stiffness * slope - 4.0 * theta * elastic.edge**2 * q
         return BranchPoint(elastic.depth - q, elastic.force - stiffness * q, slope, force_slope)
 
-    def work_slope(self, radius: FloatArray, radius_slope: FloatArray) -> FloatArray:
+    def work_slope(self, radius: FloatArray) -> FloatArray:
         """See `AdhesiveBranch`: - 2 pi a dgamma da/dw."""
-        return -2.0 * np.pi * self.work * radius * radius_slope
+        return -2.0 * np.pi * self.work * radius / self.at(radius).depth_slope
 
 
 def _body(contact: Contact, solver: BuildsElastic) -> Contact:

@@ -11,7 +11,9 @@ They hang together exactly, for every kernel:
     d(eps kappa)/d eps = g(1)^2,     dP_el/da = 4 theta a kappa dw_el/da.
 
 On a half-space g = kappa = 1. On a layer the logarithms of the four, over those of the half-space, are smooth
-in eps and become Chebyshev series. This module is the only one of `adhesion` that knows the exact solver.
+in eps and become Chebyshev series. So does [g(1) dw_el/da - H'(a)] a/H(a), an integral over the contact: a measured
+tip has corners in its curvature, and the derivative of a series of w_el/H is right to 1e-3 where w_el is to 1e-6.
+This module is the only one of `adhesion` that knows the exact solver.
 """
 
 from __future__ import annotations
@@ -24,7 +26,12 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, contact_factors, depth_measure
+from underlay.mechanics.exact.contact_problem import (
+    LARGEST_EPS,
+    contact_factors,
+    depth_measure,
+    weights_over_depth,
+)
 from underlay.mechanics.exact.master_curve import (
     Factor,
     Stretch,
@@ -32,7 +39,7 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_coefficients,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import TABLES, series_terms
+from underlay.mechanics.exact.nodes import TABLES, even_rule, series_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 
@@ -156,12 +163,11 @@ class LayerRelation(RadiusRelation):
             np.cos(angle[:, None] * np.arange(self.series.coefficients.shape[0])) @ self.series.coefficients
         )
         factors = np.exp(both[:, :4])
-        rates = both[:, 4:] * (self.series.stretch.dz(eps) / self.thickness)[:, None]
-        half = self.halfspace.at(radius)
-        depth = half.depth * factors[:, 0]
-        depth_slope = half.depth_slope * factors[:, 0] + depth * rates[:, 0]
+        bend, edge_rate = both[:, 4], both[:, 5] * self.series.stretch.dz(eps) / self.thickness
+        half, edge = self.halfspace.at(radius), factors[:, 3]
+        slope = (half.depth_slope + bend * half.depth / radius) / edge
         return AtRadius(
-            depth, depth_slope, half.force * factors[:, 1], factors[:, 2], factors[:, 3], rates[:, 3]
+            half.depth * factors[:, 0], slope, half.force * factors[:, 1], factors[:, 2], edge, edge_rate
         )
 
 
@@ -200,8 +206,9 @@ class _Series:
     ----------
     stretch : Stretch
         Of eps.
-    coefficients : ndarray (terms, 8)
-        Chebyshev coefficients of ln(w_el/H), ln(P_el/P_half), ln kappa and ln g(1), and of their derivatives.
+    coefficients : ndarray (terms, 6)
+        Chebyshev coefficients of ln(w_el/H), ln(P_el/P_half), ln kappa, ln g(1), [g(1) dw_el/da - H'] a/H, and of
+        the derivative of ln g(1).
     error_estimate : float
         Of the logarithms.
     nodes : int
@@ -223,7 +230,10 @@ class _Series:
         while True:
             angles = chebyshev_angles(terms)
             eps = stretch.v(np.cos(angles))
-            punch = PunchSolution.solve(body, eps, resolution)
+            shape = weights_over_depth(
+                contact.indenter, measure, even_rule(resolution.radial), eps * contact.thickness
+            )
+            punch = PunchSolution.solve(body, eps, resolution, shape)
             varpi, logarithms = contact_factors(punch, contact.indenter, measure, contact.thickness)
             half = halfspace.at(eps * contact.thickness)
             measured = varpi * contact.thickness
@@ -231,13 +241,12 @@ class _Series:
             scale = 4.0 * contact.theta * measure.exponent / (measure.exponent + 1.0)
             force = np.log(scale * measured * depth / half.force) + logarithms[:, Factor.FORCE]
             edge = np.log1p(punch.rho @ punch.rule.weights)
-            columns = (np.log(depth / half.depth), force, logarithms[:, Factor.STIFFNESS], edge)
+            columns = (np.log(depth / half.depth), force, logarithms[:, Factor.STIFFNESS], edge, punch.bend)
             coefficients = chebyshev_coefficients(np.column_stack(columns), angles)
             error = float(truncation_error(coefficients))
             if error <= fine or 2 * terms > _MOST_TERMS:
-                slopes = np.zeros_like(coefficients)
-                slopes[:-1] = np.polynomial.chebyshev.chebder(coefficients)
-                both = read_only(np.hstack((coefficients, slopes)))
+                slopes = np.append(np.polynomial.chebyshev.chebder(coefficients[:, 3]), 0.0)
+                both = read_only(np.column_stack((coefficients, slopes)))
                 return cls(stretch, both, error + fine, resolution.radial)
             terms += terms // 2
 

@@ -57,6 +57,7 @@ __all__ = [
     "known_curve",
     "solve_curve",
     "too_wide",
+    "weights_over_depth",
 ]
 
 #: Largest contact radius over thickness that is solved for.
@@ -150,24 +151,31 @@ class ContactProblem:
         return proved_resolution(self.kernel, float(self.eps(np.array([chi]))[0]), rtol)
 
     def solve(
-        self, chi: FloatArray, resolution: Resolution, rtol: float | None = None
+        self,
+        chi: FloatArray,
+        resolution: Resolution,
+        rtol: float | None = None,
+        octaves: dict[int, Resolution] | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Varpi (radii,) and the logarithms of the three factors (radii, 3) at radii `chi`.
 
         After these, a column each, d ln P/ds at fixed depth towards the bodies beside. With the relative error
-        `rtol` for which `resolution` was chosen, narrow contacts among many take the fewer nodes that do for them.
+        `rtol` for which `resolution` was chosen, narrow contacts among many take the fewer nodes that do for them,
+        kept in `octaves` for whoever asks again up to the same radius.
         """
         eps = self.eps(chi)
-        if rtol is None or not self.scales.charted or eps.size * resolution.size < _MUCH:
+        if rtol is None or eps.size * resolution.size < _MUCH:
             return self._solved(eps, resolution)
-        octaves = np.minimum(np.floor(np.log2(eps.max() / eps)), _MOST_OCTAVES)
+        known = {} if octaves is None else octaves
+        top = float(eps.max())
+        octave = np.minimum(np.floor(np.log2(top / eps)), _MOST_OCTAVES).astype(int)
         varpi, columns = np.empty(eps.size), np.empty((eps.size, len(Factor) + len(self.beside)))
-        for octave in np.unique(octaves):
-            rows = octaves == octave
-            own = (
-                resolution if octave == 0.0 else Resolution.choose(self.scales, float(eps[rows].max()), rtol)
-            )
-            varpi[rows], columns[rows] = self._solved(eps[rows], own)
+        for number in np.unique(octave).tolist():
+            rows = octave == number
+            if number not in known:
+                widest = 0.5**number * top
+                known[number] = proved_resolution(self.kernel, widest, rtol) if number else resolution
+            varpi[rows], columns[rows] = self._solved(eps[rows], known[number])
         return varpi, columns
 
     def _solved(self, eps: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
@@ -175,7 +183,7 @@ class ContactProblem:
         if not self.beside:
             punch = PunchSolution.solve(self.kernel, eps, resolution)
             return contact_factors(punch, self.indenter, self.measure, self.thickness)
-        weights = _weights_over_depth(
+        weights = weights_over_depth(
             self.indenter, self.measure, even_rule(resolution.radial), eps * self.thickness
         )
         u = resolution.wavenumber_rule()[0]
@@ -206,7 +214,7 @@ def contact_factors(
     factors[..., Factor.STIFFNESS] = punch.kappa
     if lengths is None:
         lengths = punch.eps * thickness
-    depth, force = punch.depth_and_force(_weights_over_depth(indenter, measure, punch.rule, lengths))
+    depth, force = punch.depth_and_force(weights_over_depth(indenter, measure, punch.rule, lengths))
     if indenter is measure:
         swell = depth ** (1.0 / exponent)
         factors[..., Factor.RADIUS] = 1.0 / swell
@@ -245,7 +253,7 @@ def depth_measure(indenter: Indenter) -> PowerLawShape:
     return PowerLaw(exponent, deepest / (abel_factor(exponent) * indenter.max_radius**exponent))
 
 
-def _weights_over_depth(
+def weights_over_depth(
     indenter: Indenter, measure: PowerLawShape, rule: EvenRule, lengths: FloatArray
 ) -> FloatArray:
     """Weights of int_0^1 H(a x)/H(a) p(x) dx at contact radii `lengths` (m): of a power law (nodes,), for all."""
@@ -303,8 +311,9 @@ _COARSE = 1e-2
 _MOST_SERIES_TERMS = 400
 
 
-# So many more terms of a series, as a share of those it has, at least.
-_FEW_MORE = 0.1
+# So many more terms of a series, as a share of those it has, at least: where node counts were not fitted to the
+# body, its terms fall late, and a solution too few costs more than a few terms too many.
+_FEW_MORE, _MANY_MORE = 0.1, 0.4
 
 
 # Beyond this growth of errors, at a fold, the radius is not asked for more digits; below this the solution is
@@ -450,6 +459,8 @@ def _direct(
     fine = max(rtol / gain, _FINEST)
     widen = last / float(place(np.array([top]))[0])
     terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol / problem.unevenness)
+    if terms > MOST_TERMS:
+        return None
     resolution = problem.resolution(last, fine)
     while terms <= MOST_TERMS:
         targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
@@ -474,10 +485,12 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
     # What is asked for to place the radii of another solution needs no proof.
     resolution = problem.resolution(last, rtol) if rtol < _COARSE else problem.guess(last, rtol)
     terms = series_terms(problem.scales, last, rtol / problem.unevenness)
+    few = _FEW_MORE if problem.scales.charted else _MANY_MORE
+    octaves: dict[int, Resolution] = {}
     while True:
         angles = chebyshev_angles(terms)
         chi = stretch.v(np.cos(angles))
-        varpi, logarithms = problem.solve(chi, resolution, rtol)
+        varpi, logarithms = problem.solve(chi, resolution, rtol, octaves)
         values = np.column_stack((logarithms, np.log(varpi / chi)))
         # What is left of the radius is ln(eps/chi): smooth, and zero for a power law. Slopes towards other bodies
         # are those at fixed depth, which a change of the radius leaves as they are.
@@ -488,7 +501,7 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
             return series, resolution
         # The terms fall at a steady rate: as many more as the digits that are missing.
         share = log(missed) / -log(min(series.error_estimate, 0.1))
-        terms += ceil(terms * min(max(share, _FEW_MORE), 0.5))
+        terms += ceil(terms * min(max(share, few), 0.5))
 
 
 def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> float:

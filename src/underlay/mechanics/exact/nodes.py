@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import asinh, ceil, log, log1p, log10
 from threading import Lock
 from typing import Any, NamedTuple, Self, TypeVar
@@ -267,10 +267,21 @@ class Resolution:
         """Cosines that one contact radius takes."""
         return self.radial * self.wavenumbers
 
-    def finer(self) -> Resolution:
-        """Twice the nodes, graded finer and reaching further: what a solution is proved with."""
+    def scaled(self, radial: float, wavenumbers: float) -> Resolution:
+        """As graded, with so many times the nodes."""
+        return replace(
+            self,
+            radial=ceil(radial * self.radial),
+            wavenumbers=4 * ceil(0.25 * wavenumbers * self.wavenumbers),
+        )
+
+    def finer(self, share: float = 1.0) -> Resolution:
+        """Twice the nodes, graded finer and reaching further, or a share of that: to prove a solution with."""
         return Resolution(
-            ceil(1.5 * self.radial) + 1, 2 * self.wavenumbers, 0.25 * self.first, 1.2 * self.reach
+            ceil(1.5**share * self.radial) + 1,
+            4 * ceil(0.25 * 2.0**share * self.wavenumbers),
+            0.25**share * self.first,
+            1.2**share * self.reach,
         )
 
     def wavenumber_rule(self) -> tuple[FloatArray, FloatArray]:

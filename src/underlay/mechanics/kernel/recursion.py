@@ -9,17 +9,17 @@ Soc. Am. 55, 335), y' = A y upwards, in q, c, g, S of the layer:
     y11' = S y0 + 2 y12,   y22' = c y0 - 2 q y12 + g yD.
 
 det C is carried, not formed: what is lost by subtraction in 2 x 2 matrices, where a soft layer lies between stiff
-ones, never arises. With p, sigma as in `one_layer` and d^2 = sigma^2/4 - p the eigenvalues of A are 0, +-sigma and
-+-2d, so that the passage through a layer, y <- exp(v A) y, is
-
-- thick layers, times exp(-sigma v), with P = A^2 (A^2 - 4 d^2)/(4 p sigma^2) and Q = 1 - P:
-  (P + A P/sigma)/2 + exp(-2 sigma v) (P - A P/sigma)/2 + exp(-sigma v) Q + ch sh A Q + sh^2 A^2 Q/2;
-- thin layers, v sigma < 2: its Taylor series, which keeps the powers of v that start late.
+ones, never arises. `waves` is the passage through a layer, y <- exp(v A) y.
 
 At an interface with springs C <- C + xi diag(1/k_shear, 1/k_normal), and where it slips C11 -> inf: both are
-linear in y. On top 1 - L = (C_1,22 y0 - y22)/(C_1,22 y0): the first term of the thick passage is absent from the
-numerator, exactly, so that it keeps its digits where it decays. With friction C11 and C12 are wanted too: they are
-the other minors over y0.
+linear in y. On top 1 - L = (C_1,22 y0 - y22)/(C_1,22 y0), C_1 the compliance of a half-space of the layer on top:
+that is the growing wave, and leaves nothing in the numerator, so that it is taken out of y under the layer first
+and its function, absent, does not spoil the digits where the numerator decays. The same material all the way down
+gives zero to the last bit. With friction C11 and C12 are wanted too: they are the other minors over y0.
+
+It is the L(u) of (1.6) and of the paper's appendix for one layer bonded to its base, without the appendix's
+division by gamma_1 - gamma_2: real, equal and complex roots and nu = 0.5 are one formula. Erratum of the appendix:
+a_21 carries a minus, -(2 gamma_1/Z){...}; as printed, the terms in x_1 y_1 cancel and L is wrong.
 
 Constants and thicknesses may be (sets, 1): all sets go up together.
 """
@@ -29,27 +29,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import factorial, inf
+from math import inf
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.body import PlaneConstants, Real
 from underlay.mechanics.kernel.kernel import Compliance
-from underlay.mechanics.kernel.one_layer import EQUAL_ROOTS, passage
+from underlay.mechanics.kernel.waves import WAVES, Waves, products
 
 __all__ = ["Recursion", "Sheet", "scaled"]
 
 # The minors: f, -f C12, f det C, f C11, f C22.
 _UNIT, _CROSS, _BOTH, _RADIAL, _AXIAL = range(5)
-# v sigma below which a layer is thin.
-_THIN = 0.6
-# Terms of the series: the first left out is below 0.6^16/16! = 1e-17.
-_TERMS = 16
-_EVEN = _TERMS // 2
-_FACTORIALS = np.array([1.0 / factorial(k) for k in range(_TERMS)])
-# 1, exp(-2 sigma v), exp(-sigma v), ch sh, sh^2.
-_WAVES = 5
 # Stands for u = 0, where a layer that slips divides zero by zero: 1 - L is continuous there, and this is below
 # the rounding of any term it is added to.
 _NEAREST = 1e-100
@@ -102,19 +94,31 @@ class Recursion:
     """
 
     def __init__(self, sheets: tuple[Sheet, ...], base: PlaneConstants | None) -> None:
-        self._sheets = sheets[::-1]
-        self._base = _halfspace_minors(base)
-        constants = _constants(self._sheets)
-        self._functions = _Functions(self._sheets, constants)
-        tables = _passages(constants)
-        self._whole = tables[..., -1, :, :, :]
-        top = _seen(self._whole, sheets[0])
-        self._tables = [*np.moveaxis(tables[..., :-1, :, :, :], -4, 0), top]
+        self._sheets, under = sheets[::-1], _halfspace_minors(base)
+        columns = [(*sheet.roots, sheet.thickness) for sheet in self._sheets]
+        p, sigma, thick = np.broadcast_arrays(*(_in_rows(column) for column in zip(*columns, strict=True)))
+        self._lead, self._thicknesses = p.shape[:-1], thick
+        self._waves = Waves(p.reshape(-1, 1), sigma.reshape(-1, 1))
+        growing = _halfspace_minors(sheets[0].constants)
+        self._growing = _in_rows(growing)
         # Where the lowest interface does not know the wavenumber, neither does what is below the first passage.
         self._fed = not sheets[-1].sprung
+        self._base = _in_rows(under)
         if self._fed:
-            below = _opened(np.zeros(1), sheets[-1], self._base)
-            self._tables[0] = (np.swapaxes(below, -1, -2)[..., None, :, :] @ self._tables[0])[..., 0, :]
+            under = _slid(under) if sheets[-1].slips else under
+            self._lowest = _parts(sheets[-1].constants, under)
+        self._alone = self._fed and len(sheets) == 1
+        if self._alone:
+            change = [own - under[_UNIT] * grown for own, grown in zip(under, growing, strict=True)]
+            parts = _parts(sheets[0].constants, change)
+            self._seen = (self._growing[..., 1:, :] * parts[..., :1, :] - parts[..., 1:, :])[..., :-1]
+            self._unit = self._lowest[..., :1, :]
+        else:
+            self._tables = _passages(self._sheets)
+            table = self._tables[-1]
+            unit = table[..., :1, :, :]
+            self._seen = (self._growing[..., 1:, :, None] * unit - table[..., 1:, :, :])[..., :-1]
+            self._unit = unit
 
     def one_minus_L(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,) of zero or more.
@@ -122,44 +126,54 @@ class Recursion:
         Returns
         -------
         array (nodes,) or (sets, nodes)
-            Relative error below 1e-13 for the stacks of tests/test_stacks.py, contrasts up to 1e8: 2e-14 seen.
+            Absolute error of L below 1e-14, relative error where it is large below 1e-13, of every material on
+            every base of tests/studies/torture.py.
         """
         u, functions = self._at(u)
-        if self._fed and len(self._sheets) == 1:
-            y = self._tables[0] @ functions[..., 0, :, :]
-        else:
-            below = self._under_the_top(u, functions)
-            y = _applied(self._tables[-1], functions[..., -1, :, :], below)
-        return np.asarray(y[..., 0, :] / y[..., 1, :])
+        axial = self._missing(u, functions, slice(_AXIAL - 1, None))
+        return np.asarray(axial[..., 0, :] / self._growing[..., _AXIAL, :])
 
     def compliance(self, u: FloatArray) -> Compliance:
         """Change of the surface's compliance in every direction at `u` (nodes,) of zero or more.
 
-        The axial entry keeps its digits where it decays; the others are differences with the half-space's, right
-        to the rounding of that.
+        Every entry keeps its digits where it decays.
         """
-        axial = self.one_minus_L(u)
         u, functions = self._at(u)
-        minors = _applied(self._whole, functions[..., -1, :, :], self._under_the_top(u, functions))
+        missing = self._missing(u, functions, slice(None))
+        cross, radial, axial = (missing[..., k - 1, :] for k in (_CROSS, _RADIAL, _AXIAL))
         of = self._sheets[-1].constants
-        unit, theta = minors[..., _UNIT, :], of.g / (of.p * of.sigma)
-        radial = 1.0 - theta * of.p * minors[..., _RADIAL, :] / unit
-        mixed = theta * of.p**0.5 * (of.p_minus_q / of.g - minors[..., _CROSS, :] / unit)
-        return Compliance(np.asarray(radial), np.asarray(mixed), axial)
+        mixed = cross * of.theta * of.p**0.5
+        return Compliance(
+            np.asarray(radial / self._growing[..., _RADIAL, :]),
+            np.asarray(mixed),
+            np.asarray(axial / self._growing[..., _AXIAL, :]),
+        )
+
+    def _missing(self, u: FloatArray, functions: FloatArray, rows: slice) -> FloatArray:
+        """What the minors but the first lack of the growing wave's, over the first: (..., rows, nodes)."""
+        top, part = functions[..., -1, :, :], functions[..., -1, :-1, :]
+        if self._alone:
+            return np.asarray(self._seen[..., rows, :] @ part / (self._unit @ top))
+        below = self._under_the_top(u, functions)
+        change = below - below[..., :1, :] * self._growing
+        return _applied(self._seen[..., rows, :, :], part, change) / _applied(self._unit, top, below)
 
     def _at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Wavenumbers that can be computed at, and the sheets' functions there."""
         if any(sheet.slips for sheet in self._sheets):
             u = np.maximum(u, _NEAREST)
-        return u, self._functions(u)
+        v = (u * self._thicknesses).reshape(-1, u.size)
+        return u, self._waves(v).reshape(*self._lead, WAVES, u.size)
 
     def _under_the_top(self, u: FloatArray, functions: FloatArray) -> FloatArray:
         """Minors above the interface under the sheet on top."""
         y = self._base
         for number, sheet in enumerate(self._sheets[:-1]):
-            basis, table = functions[..., number, :, :], self._tables[number]
-            fed = number == 0 and self._fed
-            y = table @ basis if fed else _applied(table, basis, _opened(u, sheet, y))
+            basis = functions[..., number, :, :]
+            if number == 0 and self._fed:
+                y = self._lowest @ basis
+            else:
+                y = _applied(self._tables[number], basis, _opened(u, sheet, y))
             if number:  # any factor will do; one or two passages cannot grow beyond all numbers
                 y = y / y.max(axis=-2, keepdims=True)
         return _opened(u, self._sheets[-1], y)
@@ -179,110 +193,49 @@ def _applied(table: FloatArray, basis: FloatArray, y: FloatArray) -> FloatArray:
     return np.asarray(np.add.reduce(passage, axis=-2))
 
 
-class _Functions:
-    """Of every sheet, powers of v where it is thin, its waves where it is thick.
-
-    The even powers come first, then the odd ones; the waves are 1, exp(-2 sigma v), exp(-sigma v), ch sh, sh^2.
-    """
-
-    def __init__(self, sheets: tuple[Sheet, ...], constants: PlaneConstants) -> None:
-        p, sigma = constants.p, constants.sigma
-        self._thicknesses = _in_rows([sheet.thickness for sheet in sheets])
-        self._limits = _THIN / (sigma * self._thicknesses)
-        self._p, self._sigma = p, sigma
-        self._equal = bool((np.abs(0.25 * sigma * sigma - p) <= EQUAL_ROOTS * p).all())
-
-    def __call__(self, u: FloatArray) -> FloatArray:
-        """At `u` (nodes,): (..., sheets, functions, nodes)."""
-        v = u * self._thicknesses
-        thin = (u < self._limits).astype(np.float64)
-        functions = np.empty((*v.shape[:-1], _TERMS + _WAVES, v.shape[-1]))
-        even, waves = functions[..., :_EVEN, :], functions[..., _TERMS:, :]
-        small = v * thin
-        even[..., 0, :], even[..., 1:, :] = thin, (small * small)[..., None, :]
-        np.multiply.accumulate(even, axis=-2, out=even)
-        np.multiply(even, small[..., None, :], out=functions[..., _EVEN:_TERMS, :])
-        # What is thin is no wave: every wave but the first carries a factor that is made zero there.
-        thick = np.subtract(1.0, thin, out=waves[..., 0, :])
-        decay = np.exp(v * -self._sigma, out=waves[..., 2, :])
-        decay *= thick
-        np.multiply(decay, decay, out=waves[..., 1, :])
-        if self._equal:
-            np.multiply(decay, v, out=waves[..., 3, :])
-            np.multiply(waves[..., 3, :], v, out=waves[..., 4, :])
-        else:
-            ch, sh = passage(v, self._p, self._sigma * self._sigma, self._sigma)
-            sh *= thick
-            np.multiply(ch, sh, out=waves[..., 3, :])
-            np.multiply(sh, sh, out=waves[..., 4, :])
-        return functions
+def _parts(of: PlaneConstants, y: Sequence[Real]) -> FloatArray:
+    """Minors above a sheet by function, of minors below that know no wavenumber: (..., 5, functions)."""
+    parts = products(of, y)
+    if not isinstance(of.g, np.ndarray):
+        return np.array(parts).T
+    return _table(parts, (len(of.g), 5, 1))[..., 0, :]
 
 
-def _constants(sheets: tuple[Sheet, ...]) -> PlaneConstants:
-    """Of all sheets, entries (..., sheets, 1)."""
-    return PlaneConstants(*(_in_rows(column) for column in zip(*(s.constants for s in sheets), strict=True)))
+def _passages(sheets: Sequence[Sheet]) -> FloatArray:
+    """Minors above every sheet by those below and function, (sheets, ..., 5, 5, functions)."""
+    of = PlaneConstants(*(_in_rows(column) for column in zip(*(s.constants for s in sheets), strict=True)))
+    table = _table(products(of, list(np.eye(5))), (*_in_rows([s.roots[0] for s in sheets]).shape[:-1], 5, 5))
+    return np.moveaxis(table, -4, 0)
+
+
+def _table(parts: Sequence[Sequence[Real]], shape: tuple[int, ...]) -> FloatArray:
+    """Five minors of every function, each (..., columns), as one array (..., 5, columns, functions)."""
+    table = np.empty((*shape, WAVES))
+    for k, part in enumerate(parts):
+        for row, entry in enumerate(part):
+            table[..., row, :, k] = entry
+    return table
 
 
 def _in_rows(of_sheets: Sequence[Real]) -> FloatArray:
-    """One number of every sheet, (sheets, 1) or (sets, sheets, 1)."""
+    """Numbers, one a row, (rows, 1) or (sets, rows, 1)."""
     if not any(isinstance(number, np.ndarray) for number in of_sheets):
         return np.array(of_sheets, dtype=np.float64)[:, None]
     return np.stack(np.broadcast_arrays(*of_sheets), axis=-2)
 
 
-def _passages(constants: PlaneConstants) -> FloatArray:
-    """exp(v A) of sheets with constants (..., 1): the part (..., 5, 5, functions) of each function of v."""
-    A = _generators(constants)
-    powers = np.empty((_TERMS, *A.shape))
-    powers[0], powers[1] = np.eye(5), A
-    done = 2
-    while done < _TERMS:
-        more = min(done, _TERMS - done)
-        np.matmul(powers[1] @ powers[done - 1], powers[:more], out=powers[done : done + more])
-        done += more
-    table = np.empty((*A.shape, _TERMS + _WAVES))
-    series = np.moveaxis(powers, 0, -1) * _FACTORIALS
-    table[..., :_EVEN], table[..., _EVEN:_TERMS] = series[..., ::2], series[..., 1::2]
-    p, sigma = (np.asarray(root)[..., None] for root in (constants.p, constants.sigma))
-    P = (powers[4] - (sigma * sigma - 4.0 * p) * powers[2]) / (4.0 * p * sigma * sigma)
-    Q = powers[0] - P
-    turned = A @ P / sigma
-    for k, wave in enumerate((P + turned, P - turned, 2.0 * Q, 2.0 * A @ Q, powers[2] @ Q), _TERMS):
-        np.multiply(wave, 0.5, out=table[..., k])
-    return table
-
-
-def _seen(table: FloatArray, top: Sheet) -> FloatArray:
-    """Rows that give C_22 y0 - y22 and C_22 y0, C that of a half-space of the sheet on top."""
-    p, sigma = top.roots
-    unit = np.asarray(p * sigma / top.constants.g)[..., None] * table[..., _UNIT, :, :]
-    rows = np.stack([unit - table[..., _AXIAL, :, :], unit], axis=-3)
-    # Such a half-space is the growing wave: nothing of it is left in the difference.
-    rows[..., 0, :, _TERMS] = 0.0
-    return rows
-
-
-def _generators(constants: PlaneConstants) -> FloatArray:
-    """A, (..., 5, 5), of constants (..., 1)."""
-    q, c, g, S = constants
-    A = np.zeros((*np.shape(g)[:-1], 5, 5))
-    for row, column, entry in (
-        (_UNIT, _RADIAL, g), (_CROSS, _RADIAL, -q), (_BOTH, _RADIAL, c), (_BOTH, _AXIAL, S),
-        (_RADIAL, _UNIT, S), (_AXIAL, _UNIT, c), (_AXIAL, _CROSS, -2.0 * q), (_AXIAL, _BOTH, g),
-    ):  # fmt: skip
-        A[..., row, column] = np.asarray(entry)[..., 0]
-    A[..., _CROSS, _AXIAL], A[..., _RADIAL, _CROSS] = 1.0, 2.0
-    return A
-
-
-def _halfspace_minors(base: PlaneConstants | None) -> FloatArray:
-    """Minors (..., 5, 1) of a half-space; of a rigid one all but the first vanish."""
+def _halfspace_minors(base: PlaneConstants | None) -> tuple[Real, ...]:
+    """Minors of a half-space, each a float or (sets, 1); of a rigid one all but the first vanish."""
     if base is None:
-        return np.array([[1.0], [0.0], [0.0], [0.0], [0.0]])
-    g, axial = base.g, base.p * base.sigma / base.g
+        return 1.0, 0.0, 0.0, 0.0, 0.0
+    g, p, gap, sigma = base.g, base.p, base.p_minus_q, base.sigma
     # det C = (p sigma^2 - (p - q)^2)/g^2 without the difference.
-    minors = np.array([g / g, base.p_minus_q / g, (base.p * base.S + base.c) / g, base.sigma / g, axial])
-    return minors.reshape(5, 1) if minors.ndim == 1 else np.moveaxis(minors, 0, -2)
+    return g / g, gap / g, (p * base.S + base.c) / g, sigma / g, p * sigma / g
+
+
+def _slid(minors: Sequence[Real]) -> tuple[Real, ...]:
+    """Minors above an interface that slides freely."""
+    return 0.0, 0.0, minors[_AXIAL], minors[_UNIT], 0.0
 
 
 def _opened(u: FloatArray, sheet: Sheet, y: FloatArray) -> FloatArray:

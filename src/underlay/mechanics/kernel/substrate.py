@@ -1,4 +1,4 @@
-"""The kernel of one layer bonded to a base, as an object: see `one_layer` for the formula."""
+"""The kernel of one layer bonded to a base, as an object: see `recursion` for the formula."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.body import Base, Material, PlaneConstants
 from underlay.mechanics.kernel.kernel import Compliance, Kernel, Scales, u_rule
-from underlay.mechanics.kernel.one_layer import compliance, one_minus_L
 from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 
 __all__ = ["LayerKernel", "SubstrateKernel", "coefficients", "material_contrast"]
@@ -31,7 +30,7 @@ class LayerKernel(Kernel):
 
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,); (nodes,) or (batch, nodes)."""
-        return one_minus_L(u, self.layer, self.base)
+        return _bonded(self.layer, self.base).one_minus_L(u)
 
     @cached_property
     def scales(self) -> Scales:
@@ -98,18 +97,15 @@ class SubstrateKernel(Kernel):
 
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,)."""
-        return one_minus_L(u, *self.constants)
+        return self._recursion.one_minus_L(u)
 
     def compliance(self, u: FloatArray) -> Compliance:
         """Change of the surface's compliance in every direction at `u` (nodes,)."""
-        found = compliance(u, *self.constants)
-        return self._recursion.compliance(u) if found is None else Compliance(*found)
+        return self._recursion.compliance(u)
 
     @cached_property
     def _recursion(self) -> Recursion:
-        layer, base = self.constants
-        sheet = Sheet(scaled(layer, layer.g), thickness=1.0, opening=0.0, sliding=0.0)
-        return Recursion((sheet,), None if base is None else scaled(base, layer.g))
+        return _bonded(*self.constants)
 
     @property
     def coupling(self) -> float:
@@ -144,6 +140,12 @@ class SubstrateKernel(Kernel):
     def contrast(self) -> float:
         """How much the two materials differ; see `material_contrast`."""
         return material_contrast(*self.constants)
+
+
+def _bonded(layer: PlaneConstants, base: PlaneConstants | None) -> Recursion:
+    """The recursion through one layer, in units of its g."""
+    sheet = Sheet(scaled(layer, layer.g), thickness=1.0, opening=0.0, sliding=0.0)
+    return Recursion((sheet,), None if base is None else scaled(base, layer.g))
 
 
 def material_contrast(inner: PlaneConstants, outer: PlaneConstants | None) -> float:

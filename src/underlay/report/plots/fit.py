@@ -2,7 +2,7 @@
 
 A picture and where its axes lie in it, for pages that draw over it.
 
-Pictures of a fit against depth and against time: data, fit, half-space of the same modulus, residuals.
+Pictures of a fit against indentation and against time: data, fit, the half-space's best fit, residuals.
 
 A curve before it is fitted, with what two laws make of it where its contact point is held.
 
@@ -13,9 +13,9 @@ The segments of a curve: where it goes in, rests and comes back.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -25,8 +25,8 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import InputError
-from underlay.inference.pointwise.explained import halfspace_of
 from underlay.report.plots.style import (
+    ACCENT,
     DATA,
     FIT,
     GREY,
@@ -34,10 +34,12 @@ from underlay.report.plots.style import (
     REFERENCE,
     axes,
     drawn,
+    in_words,
     style,
     unit_for,
     with_strip,
 )
+from underlay.report.screen import half_space_fit
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
@@ -74,15 +76,21 @@ class Canvas:
 
 
 # More points than the picture has pixels only make the file heavy.
-_MOST_POINTS = 4000
+_MOST_POINTS = 1500
 
 
 # Share of the contact that is shown of the flat part before it; share of the depth from which logarithms are drawn.
 _BEFORE, _SHALLOWEST = 0.35, 3e-3
+# Points over which the residual of a comparison is averaged, as a share of the curve.
+_SMOOTHED = 0.015
 
 
-def fit(result: Fit, *, curve: int = 0, whole: bool = False, ax: Axes | None = None) -> Axes:
-    """Draw a fit, from shortly before contact: of a long approach the flat line would be all there is to see.
+def fit(
+    result: Fit, *, curve: int = 0, whole: bool = False, half_space: Fit | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw a fit against indentation from its contact point, with the residuals below.
+
+    Of a long approach the part shortly before contact is shown: the flat line would be all there is to see.
 
     Parameters
     ----------
@@ -92,6 +100,8 @@ def fit(result: Fit, *, curve: int = 0, whole: bool = False, ax: Axes | None = N
         Which curve of a joint fit.
     whole : bool, default False
         Draw all points, however long the approach.
+    half_space : Fit, optional
+        The half-space's best fit of the same curve, drawn dashed; by default it is made.
     ax : matplotlib Axes, optional
         Where to draw; its lower part becomes a strip of residuals.
 
@@ -100,40 +110,106 @@ def fit(result: Fit, *, curve: int = 0, whole: bool = False, ax: Axes | None = N
     matplotlib Axes
         The upper axes.
     """
-    measured, scene = result.curves[curve], result.scenes[curve]
-    depth, time = np.linspace(measured.depth.min(), measured.depth.max(), 400), None
-    if scene.memory is not None or scene.adhesion is not None:
-        # Between the points nobody knows the time, nor whether the tip is on its way in or out.
-        depth, time = measured.depth, measured.time
-    length, mm = unit_for(measured.depth, "length")
+    x, metre, length = _indentation(result, curve)
+    bare = half_space_fit(result) if half_space is None else half_space
     with style():
-        upper, lower, newton = _measured(result, curve, measured.depth / mm, ax)
-        upper.plot(
-            depth / mm,
-            scene.force(depth, time, solver=result.solver) / newton,
-            color=FIT,
-            label=_fitted(result),
-        )
-        if scene.substrate is not None:
-            bare = halfspace_of(scene).force(depth, time)
-            upper.plot(depth / mm, bare / newton, "--", color=REFERENCE, label="half-space, same modulus")
-        upper.legend(loc="upper left")
-        lower.set_xlabel(f"depth ({length})")
+        upper, lower, newton, offset = _measured(result, curve, x / metre, ax)
+        fitted = result.curves[curve].force - result.residuals[curve] - offset
+        upper.plot(x / metre, fitted / newton, color=FIT, label="fit")
+        words = [
+            _contact_words(result, curve),
+            ("measured", DATA),
+            (f"{_model_words(result, curve)}, fitted", FIT),
+        ]
+        if bare is not None:
+            words.append((_half_space_line(upper, lower, (bare, x / metre, newton, offset)), REFERENCE))
+        for panel in (upper, lower):
+            panel.axvline(0.0, color=ACCENT, lw=0.9, zorder=0.5)
+        lower.set_xlabel(f"Indentation δ ({length})")
         if not whole:
-            _zoom(upper, measured.depth / mm, scene.instrument.contact_depth / mm)
+            _zoom(upper, x / metre)
+        _say(upper, words)
     return upper
 
 
-def _fitted(result: Fit) -> str:
-    """Name of the line of the optimum: where nobody stated the noise, what is stated is averaged, and another."""
-    return "least-squares fit, before averaging" if result.problem.noise_is_open else "fit"
+def _indentation(result: Fit, curve: int) -> tuple[FloatArray, float, str]:
+    """Indentation from the contact point (m), (n,), and the unit of its axis: SI value and name."""
+    instrument, measured = result.scenes[curve].instrument, result.curves[curve]
+    force = measured.force - result.residuals[curve] - _offset(result, curve)
+    indentation = instrument.chain.travel(measured.depth) - instrument.compliance * force
+    length, metre = _axis_unit(indentation, "length")
+    return indentation, metre, length
 
 
-def _zoom(panel: Axes, depth: FloatArray, contact: float) -> None:
+def _offset(result: Fit, curve: int) -> FloatArray:
+    """Force readings without contact (N), (n,)."""
+    depth = result.curves[curve].depth
+    return np.asarray(result.scenes[curve].instrument.chain.reading(np.zeros(len(depth)), depth))
+
+
+def _axis_unit(values: FloatArray, kind: str) -> tuple[str, float]:
+    """The largest unit in which the largest of `values` is one or more: 286 µm, not 0.286 mm."""
+    return unit_for(0.1 * values, kind)
+
+
+def _model_words(result: Fit, curve: int) -> str:
+    scene = result.scenes[curve]
+    if scene.substrate is None:
+        return "half-space"
+    return "layers on substrate" if len(scene.layers) > 1 else "layer on substrate"
+
+
+def _contact_words(result: Fit, curve: int) -> tuple[str, str]:
+    """The contact point, with how well it is known where it was fitted."""
+    names = ("instrument.contact_depth", f"instrument.contact_depth[{curve}]")
+    name = next((name for name in names if name in result.names), "")
+    known = result.answer(name) if name else None
+    if known is None or known.is_open:
+        return "contact point", ACCENT
+    half = in_words(max(known.high - known.value, known.value - known.low), "length", digits=2)
+    return f"contact point, δ = 0 ± {half}", ACCENT
+
+
+def _half_space_line(upper: Axes, lower: Axes, what: tuple[Fit, FloatArray, float, FloatArray]) -> str:
+    """Draw the half-space's best fit and its smoothed residual; what is said of it."""
+    bare, x, newton, offset = what
+    (residual,), (measured,) = bare.residuals, bare.curves
+    upper.plot(
+        x,
+        (measured.force - residual - offset) / newton,
+        "--",
+        lw=1.2,
+        color=REFERENCE,
+        label="half-space, best fit",
+    )
+    width = max(1, round(_SMOOTHED * len(residual)))
+    smooth = np.convolve(residual, np.full(width, 1.0 / width), "valid")
+    first = (len(residual) - len(smooth)) // 2
+    lower.plot(x[first : first + len(smooth)], smooth / newton, color=REFERENCE, lw=1.0)
+    return f"half-space (Hertz), best fit: {in_words(bare.values['layer.E'], 'pressure', digits=3)}"
+
+
+def _say(panel: Axes, words: Sequence[tuple[str, str]]) -> None:
+    """Name the marks in their colours, from the top left down: there a curve that rises leaves room."""
+    left = panel.transAxes.inverted().transform(panel.transData.transform((0.0, 0.0)))[0]
+    place = float(left) + 0.02 if left < 0.45 else 0.02
+    for row, (text, colour) in enumerate(words):
+        panel.annotate(
+            text,
+            (place, 0.985),
+            xycoords="axes fraction",
+            xytext=(0.0, -11.0 * row),
+            textcoords="offset points",
+            color=colour,
+            va="top",
+        )
+
+
+def _zoom(panel: Axes, x: FloatArray) -> None:
     """Show what is about the contact, in the unit of the picture; all of it where that is most of the curve."""
-    deepest = float(depth.max())
-    first = contact - _BEFORE * (deepest - contact)
-    if deepest > contact and first - float(depth.min()) > _BEFORE * (deepest - contact):
+    deepest = float(x.max())
+    first = -_BEFORE * deepest
+    if deepest > 0.0 and first - float(x.min()) > _BEFORE * deepest:
         margin = 0.02 * (deepest - first)
         panel.set_xlim(first - margin, deepest + margin)
 
@@ -183,9 +259,7 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         x, y = travel[shown][::step] / metre, force[shown][::step] / newton
         panel.loglog(x, y, ".", ms=2.2, color=DATA, label="measured")
         order = np.argsort(travel[seen])
-        panel.plot(
-            travel[seen][order] / metre, fitted[seen][order] / newton, color=FIT, label=_fitted(result)
-        )
+        panel.plot(travel[seen][order] / metre, fitted[seen][order] / newton, color=FIT, label="fit")
         low, high = float(fitted[seen].min()) / newton, float(force.max()) / newton
         _slopes(panel, float(travel.max()) / metre, high)
         panel.set_ylim(0.5 * low, 2.0 * high)
@@ -230,29 +304,32 @@ def fit_in_time(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     if measured.time is None:
         raise InputError("this curve has no times to be drawn against")
     with style():
-        upper, lower, newton = _measured(result, curve, measured.time, ax)
-        upper.plot(measured.time, (measured.force - residual) / newton, color=FIT, label=_fitted(result))
-        upper.legend(loc="best")
-        lower.set_xlabel("time (s)")
+        upper, lower, newton, offset = _measured(result, curve, measured.time, ax)
+        upper.plot(measured.time, (measured.force - residual - offset) / newton, color=FIT, label="fit")
+        _say(upper, [("measured", DATA), ("fit", FIT)])
+        lower.set_xlabel("Time (s)")
     return upper
 
 
-def _measured(result: Fit, curve: int, x: FloatArray, ax: Axes | None) -> tuple[Axes, Axes, float]:
-    """Draw measured forces and residuals against `x`, (n,); axes, strip, and the unit of the forces (N)."""
-    measured, residual = result.curves[curve], result.residuals[curve]
-    load, newton = unit_for(measured.force, "force")
-    small, fine = unit_for(residual, "force")
-    step = max(1, len(measured.depth) // _MOST_POINTS)
+def _measured(
+    result: Fit, curve: int, x: FloatArray, ax: Axes | None
+) -> tuple[Axes, Axes, float, FloatArray]:
+    """Draw measured forces and residuals against `x`, (n,); axes, strip, unit (N), baseline (N), (n,)."""
+    measured, residual, offset = result.curves[curve], result.residuals[curve], _offset(result, curve)
+    load, newton = _axis_unit(measured.force - offset, "force")
+    step = -(-len(x) // _MOST_POINTS)
     upper, lower = with_strip(axes(ax, height=3.4))
-    upper.plot(x[::step], measured.force[::step] / newton, ".", ms=2.2, color=DATA, label="measured")
-    upper.set_ylabel(f"force ({load})")
+    dots: dict[str, Any] = {"ms": 3.0, "mec": "none"}
+    force = (measured.force - offset)[::step] / newton
+    upper.plot(x[::step], force, "o", color=DATA, alpha=0.35, label="measured", **dots)
+    upper.set_ylabel(f"Force F ({load})")
     upper.tick_params(labelbottom=False)
     if len(result.curves) > 1:
         upper.set_title(f"curve {curve + 1}")
-    lower.axhline(0.0, color=FIT, lw=1.0)
-    lower.plot(x[::step], residual[::step] / fine, ".", ms=1.8, color=DATA)
-    lower.set_ylabel(f"residual ({small})")
-    return upper, lower, newton
+    lower.axhline(0.0, color=GREY, lw=0.8, zorder=0.5)
+    lower.plot(x[::step], residual[::step] / newton, "o", color=FIT, alpha=0.5, **dots | {"ms": 2.2})
+    lower.set_ylabel(f"Residual ({load})")
+    return upper, lower, newton, offset
 
 
 # More points than the picture has pixels only make it slow.

@@ -170,7 +170,12 @@ def _squares(across: FloatArray, up: FloatArray) -> FloatArray:
     return np.asarray(sites[:, None, :] + corners)
 
 
-_VERDICTS = (("good", ACCENT, "o"), ("doubtful", YELLOW, "^"), ("refused", REFERENCE, "x"))
+_VERDICTS = (
+    ("good", ACCENT, "o"),
+    ("check", YELLOW, "^"),
+    ("reject", REFERENCE, "x"),
+    ("refused", REFERENCE, "x"),
+)
 
 
 def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
@@ -198,7 +203,7 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
         if not placed.any():
             return histogram(table, column)
         here = table[placed]
-        maps = [name for name in (column, f"{column}.stderr", "layer.thickness") if _has_values(here, name)]
+        maps = [name for name in (column, "layer.thickness") if _has_values(here, name)]
         maps = list(dict.fromkeys(maps))
         panels = len(maps) + 2
         rows = -(-panels // 2)

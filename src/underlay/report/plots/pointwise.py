@@ -1,119 +1,124 @@
 """The modulus depth by depth, of a fit and of a film.
 
-The picture of the modulus depth by depth: with the layer in the model and without, and what is expected.
+The picture of the modulus depth by depth: with the layer in the model, and by the half-space.
 
 The picture of a film: its modulus depth by depth, with the base in the model and without.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
-from underlay.report.plots.style import FIT, PAGE, REFERENCE, axes, style, unit_for
+from underlay.report.plots.style import FIT, REFERENCE, SOFT, axes, style, unit_for, unit_of
 
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
-    from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus
+    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.inference.uncertainty.answer import Answer
 
 __all__ = ["film", "pointwise_modulus"]
 
-# Over the largest modulus of a panel; what noise throws further out is cut off.
-_HEADROOM, _USUAL = 1.25, 0.9
+# Over the largest modulus; what noise throws further out is cut off.
+_HEADROOM, _USUAL = 1.15, 0.95
+# Share of the width that words take.
+_WORDS = 0.6
 
 
-def pointwise_modulus(found: PointwiseModulus, *, ax: Axes | None = None) -> Axes:
-    """Draw the modulus that explains each depth by itself, with its interval.
-
-    Dashed lines are what would be seen if the fitted model were right: the modulus of the fit with the layer in the
-    model, and the rise (or fall) that the substrate makes of it for the formula of a half-space.
+def pointwise_modulus(
+    found: PointwiseModulus, *, answer: Answer | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw E by depth: the modulus read from the force at each depth, and the half-space's beside it.
 
     Parameters
     ----------
     found : PointwiseModulus
         What `pointwise_modulus` returned.
+    answer : Answer, optional
+        The modulus of the fit, drawn as a line in the band of its whole uncertainty; without it the line is what
+        is expected at each depth were the model right.
     ax : matplotlib Axes, optional
-        Where to draw the apparent modulus alone; without it the incremental one stands beside it.
+        Where to draw.
 
     Returns
     -------
     matplotlib Axes
-        Of the apparent modulus.
     """
-    length, metre = unit_for(found.depth, "length")
-    name, pascal = unit_for(_shown(found), "pressure")
+    length, metre = unit_for(0.1 * found.depth, "length")
+    level = float(found.apparent.expected[-1]) if answer is None else answer.value
+    name, pascal = unit_of(level, "pressure")
     with style():
-        panels = (
-            [ax]
-            if ax is not None
-            else list(plt.subplots(1, 2, figsize=(PAGE, 2.8), sharey=True, layout="constrained")[1])
-        )
-        pairs = (
-            (found.apparent, found.apparent_halfspace, "from the force (apparent)"),
-            (found.incremental, found.incremental_halfspace, "from its slope (incremental)"),
-        )
-        for panel, (layer, bare, title) in zip(panels, pairs, strict=False):
-            if found.layered:
-                _draw(panel, found, bare, REFERENCE, "half-space formula", metre, pascal)
-            _draw(
-                panel,
-                found,
-                layer,
-                FIT,
-                "layer and substrate" if found.layered else "half-space",
-                metre,
-                pascal,
+        panel = axes(ax)
+        band = answer is not None and not answer.is_open and not found.relaxing
+        words = [(f"bars: noise of that depth, {100.0 * found.level:.3g} %", SOFT)]
+        if answer is not None and band:
+            panel.axhspan(answer.low / pascal, answer.high / pascal, color=FIT, alpha=0.13, lw=0.0)
+            panel.axhline(answer.value / pascal, color=FIT, lw=1.0)
+            words.append(("band: uncertainty of E, all depths alike", SOFT))
+        else:
+            panel.plot(found.depth / metre, found.apparent.expected / pascal, color=FIT, lw=1.0)
+        words.append(("layer on substrate" if found.layered else "half-space (Hertz)", FIT))
+        if found.layered:
+            bare = found.apparent_halfspace.modulus / pascal
+            panel.plot(
+                found.depth / metre, bare, "s", ms=2.6, mec="none", color=REFERENCE, label="half-space"
             )
-            panel.set_title(title)
-            panel.set_xlabel(f"depth ({length})")
-            panel.set_xlim(0.0, 1.02 * found.depth[-1] / metre)
-            panel.set_ylim(0.0, _HEADROOM * float(np.nanmax(_shown(found))) / pascal)
-        panels[0].set_ylabel(f"modulus at this depth ({name})")
-        panels[0].plot([], [], "--", color="0.4", lw=1.0, label="were the model right")
-        panels[0].fill_between([], [], color="0.4", alpha=0.2, lw=0.0, label=f"{100.0 * found.level:.3g} %")
-        panels[0].legend(loc="best")
-    first: Axes = panels[0]
-    return first
+            words.append(("half-space (Hertz)", REFERENCE))
+        _bars(panel, found, metre, pascal)
+        shown = _shown(found, answer if band else None, level) / pascal
+        panel.set_xlim(0.0, 1.02 * found.depth[-1] / metre)
+        panel.set_ylim(0.0, _HEADROOM * shown.max())
+        panel.set(xlabel=f"Indentation δ ({length})", ylabel=f"Modulus E ({name})")
+        middle = _widest_gap(found, shown * pascal, panel.get_ylim()[1] * pascal)
+        for row, (text, colour) in enumerate(words):
+            place: dict[str, Any] = {
+                "xytext": (0.0, 11.0 * (row - 0.5 * len(words))),
+                "textcoords": "offset points",
+            }
+            panel.annotate(text, (0.03, middle), xycoords="axes fraction", color=colour, **place)
+    return panel
 
 
-def _shown(found: PointwiseModulus) -> FloatArray:
-    """Every modulus that sets the height of the picture (Pa)."""
-    lines = [found.apparent.modulus, found.apparent.expected]
-    if found.layered:
-        lines += [found.apparent_halfspace.modulus, found.incremental_halfspace.expected]
-    slopes = (found.incremental_halfspace if found.layered else found.incremental).modulus
-    # A slope that noise throws far up may stand over the edge.
-    return np.append(
-        np.concatenate(lines), np.nanquantile(slopes, _USUAL) if np.isfinite(slopes).any() else 0.0
+def _bars(panel: Axes, found: PointwiseModulus, metre: float, pascal: float) -> None:
+    """The modulus at each depth, with its interval where that is closed."""
+    own = found.apparent
+    closed = np.isfinite(own.high) & (own.low > 0.0) & np.isfinite(own.modulus)
+    arms = np.zeros((2, len(own.modulus)))
+    arms[:, closed] = np.array([own.modulus - own.low, own.high - own.modulus])[:, closed] / pascal
+    panel.errorbar(
+        found.depth / metre,
+        own.modulus / pascal,
+        arms,
+        fmt="o",
+        ms=3.0,
+        mec="none",
+        color=FIT,
+        elinewidth=0.8,
+        label="layer on substrate" if found.layered else "half-space",
     )
 
 
-def _draw(
-    panel: Axes,
-    found: PointwiseModulus,
-    curve: ModulusCurve,
-    color: str,
-    name: str,
-    metre: float,
-    pascal: float,
-) -> None:
-    depth = found.depth / metre
-    closed = np.isfinite(curve.high) & (curve.low > 0.0)
-    panel.fill_between(
-        depth,
-        curve.low / pascal,
-        curve.high / pascal,
-        where=closed.tolist(),
-        color=color,
-        alpha=0.2,
-        lw=0.0,
-    )
-    panel.plot(depth, curve.modulus / pascal, ".-", ms=3.0, lw=0.9, color=color, label=name)
-    panel.plot(depth, curve.expected / pascal, "--", lw=1.0, color=color)
+def _shown(found: PointwiseModulus, answer: Answer | None, level: float) -> FloatArray:
+    """Moduli that set the height of the picture (Pa); what noise throws up may stand over the edge."""
+    curves = (found.apparent, found.apparent_halfspace) if found.layered else (found.apparent,)
+    moduli = np.concatenate([curve.modulus for curve in curves])
+    moduli = moduli[moduli <= np.nanquantile(moduli, _USUAL)]
+    ends = [] if answer is None else [answer.low, min(answer.high, 2.0 * level)]
+    return np.asarray([level, *ends, *moduli])
+
+
+def _widest_gap(found: PointwiseModulus, shown: FloatArray, top: float) -> float:
+    """Middle of the widest part of the axis in which nothing is drawn where words stand, as a share of it."""
+    left = found.depth <= _WORDS * found.depth[-1]
+    curves = (found.apparent, found.apparent_halfspace) if found.layered else (found.apparent,)
+    drawn = [found.apparent.low[left], found.apparent.high[left], *(curve.modulus[left] for curve in curves)]
+    values = np.concatenate([[0.0, top], shown[:3], *drawn])
+    rungs = np.sort(values[(values >= 0.0) & (values <= top)])
+    place = int(np.argmax(np.diff(rungs)))
+    return float(0.5 * (rungs[place] + rungs[place + 1]) / top)
 
 
 # Standard deviations to the ends of 95 %.

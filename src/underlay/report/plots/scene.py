@@ -31,7 +31,7 @@ from underlay.report.plots.style import (
 from underlay.scene.effects import effect_sizes
 from underlay.scene.scene import Scene
 
-__all__ = ["effects", "scene"]
+__all__ = ["effects", "material_words", "scene"]
 
 # The picture is at least this many contact radii wide on either side, and a thickness deeper than so many
 # contact radii is cut off at the bottom, and said so.
@@ -169,9 +169,9 @@ def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], fact
         middles.append(-min(depth + 0.5 * layer.thickness, 0.995 * -bottom))
         depth += layer.thickness
         bond = _BONDS.get(str(layer.bond), ",\non springs")
-        names.append(f"{in_words(layer.thickness, 'length')}, {_material(layer.material)}{bond}")
+        names.append(f"{in_words(layer.thickness, 'length')}, {material_words(layer.material)}{bond}")
     middles.append(0.5 * (bottom - min(depth, -bottom)))
-    names.append(_material(test.base))
+    names.append(material_words(test.base))
     lines = np.array([1.0 + name.count("\n") for name in names])
     inch = max(2.0 * half / _PICTURE[0], (top - bottom) / _PICTURE[1])
     places = _spread(np.array(middles), lines * _LINE * inch, bottom)
@@ -205,14 +205,14 @@ def _write(ax: Axes, test: Scene, window: tuple[float, float, float, float], fac
     half, shown, bottom, top = window
     left = -0.96 * half / factor
     ax.text(0.0, 0.9 * top / factor, test.indenter.shape.replace("_", " "), ha="center", va="top")
-    layer = f"layer, {_material(test.layer.material)}"
+    layer = f"layer, {material_words(test.layer.material)}"
     thick = test.layer.thickness
     if shown < thick:
         below = f"goes on to {in_words(thick, 'length')}" if np.isfinite(thick) else "a half-space"
         ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
         ax.text(left, -0.94 * shown / factor, below, va="center", ha="left", style="italic")
         return
-    words = f"substrate, {_material(test.base)}"
+    words = f"substrate, {material_words(test.base)}"
     if shown < _THIN * (top - bottom):
         # No room for words in a thin layer: they stand below it.
         words = f"{layer}, {in_words(thick, 'length')} thick\n{words}"
@@ -236,11 +236,12 @@ def _write_thickness(ax: Axes, thick: float, x: float, factor: float) -> None:
     ax.text(0.965 * x / factor, -0.5 * thick / factor, words, ha="right", va="center")
 
 
-def _material(material: Base | None) -> str:
+def material_words(material: Base | None) -> str:
+    """``"E = 0.617 MPa, ν = 0.46"``, or ``"rigid"``."""
     numbers = {} if material is None else numbers_of(material)
     if not numbers:
         return "rigid"
-    return f"E = {in_words(numbers['E'].value, 'pressure')}, $\\nu$ = {numbers['nu'].value:.3g}"
+    return f"E = {in_words(numbers['E'].value, 'pressure')}, ν = {numbers['nu'].value:.3g}"
 
 
 def _mirrored(r: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import io
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -35,11 +37,14 @@ __all__ = [
     "REFERENCE",
     "SEQUENTIAL",
     "SKY",
+    "SOFT",
     "SUBSTRATE",
+    "SYSTEMATIC",
     "YELLOW",
     "axes",
     "drawn",
     "in_words",
+    "inline_svg",
     "save",
     "style",
     "unit_for",
@@ -49,20 +54,22 @@ __all__ = [
 
 #: Width of one journal column, and of the full page (inches).
 COLUMN, PAGE = 3.5, 7.2
-#: Okabe and Ito's colours, distinguishable with every common colour vision.
+#: By role: data, model, comparison, contact. Hues of Okabe and Ito, dark enough for words (4.5:1 on white).
 DATA, FIT, REFERENCE, ACCENT, PURPLE, SKY, YELLOW = (
-    "#5a5a5a",
-    "#0072b2",
-    "#d55e00",
-    "#009e73",
+    "#6b7480",
+    "#0b62a4",
+    "#b8470f",
+    "#0a7d5c",
     "#cc79a7",
     "#56b4e9",
     "#e69f00",
 )
+#: What is systematic (a fill only), and words beside a mark.
+SYSTEMATIC, SOFT = "#c98a00", "#5b6470"
 CYCLE = (FIT, REFERENCE, ACCENT, PURPLE, SKY, YELLOW, DATA)
 GREY = "#b0b0b0"
 #: What a scene is drawn with.
-INK, METAL, LAYER, SUBSTRATE = "#1b1f24", "#9aa5b1", "#cfe5f5", "#c9b79c"
+INK, METAL, LAYER, SUBSTRATE = "#1c2126", "#c3c9d1", "#dcebf7", "#cbbfa9"
 #: Blue for negative, orange for positive, distinguishable with every common colour vision.
 DIVERGING = "PuOr_r"
 #: Dark to light in even steps, also without colour.
@@ -70,11 +77,18 @@ SEQUENTIAL = "viridis"
 
 # Any: the names of all settings differ between versions of matplotlib.
 _STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["Arial", "Helvetica", "Liberation Sans", "DejaVu Sans"],
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.labelsize": 8.0,
-    "xtick.labelsize": 7.0,
-    "ytick.labelsize": 7.0,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "axes.edgecolor": SOFT,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
     # The shorter ticks between decades, where they are labelled: as far out as those of the decades.
     "xtick.minor.pad": 5.0,
     "ytick.minor.pad": 5.0,
@@ -140,8 +154,11 @@ def unit_of(value: float, kind: str) -> tuple[str, float]:
     return printed_unit(unit), factor
 
 
-def in_words(value: float, kind: str, uncertainty: float | None = None) -> str:
-    """Return an SI value in a unit of its size, as it is printed; see `format_quantity`."""
+def in_words(value: float, kind: str, uncertainty: float | None = None, *, digits: int = 0) -> str:
+    """Return an SI value in a unit of its size, as it is printed, with that many digits; see `format_quantity`."""
+    if digits:
+        unit, factor = unit_of(value, kind)
+        return f"{float(f'{value / factor:.{digits}g}'):g} {unit}".rstrip()
     return printed(format_quantity(value, kind, uncertainty))
 
 
@@ -160,6 +177,36 @@ def save(ax: Axes, path: str | os.PathLike[str]) -> Path:
     if format_ not in _FORMATS:
         raise InputError(f"a picture is written as .png, .svg or .pdf; got {target.name!r}")
     return write_atomic(target, drawn(ax, format_))
+
+
+# What a picture says of who made it and when, and names of groups that nothing refers to.
+_PREAMBLE = re.compile(r"^.*?(?=<svg)|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
+_SIZE = re.compile(r'<svg[^>]*viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>')
+_GROUP = re.compile(r'<g id="[^"]*"')
+
+
+def inline_svg(ax: Axes, name: str, alt: str) -> str:
+    """Return the figure of `ax` as an SVG element to stand in a page, and close it; equal pictures give equal text.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        Of the figure.
+    name : str
+        Tells the marks of this picture from those of others on the page.
+    alt : str
+        What a reader hears.
+    """
+    with mpl.rc_context({"svg.hashsalt": f"underlay {name}"}):
+        text = _PREAMBLE.sub("", drawn(ax, "svg").decode("utf-8"))
+    size = _SIZE.search(text)
+    if size is None:
+        raise ValueError("a picture without a size")
+    head = (
+        f'<svg role="img" aria-label="{html.escape(alt)}" viewBox="0 0 {size[1]} {size[2]}" '
+        'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">'
+    )
+    return _GROUP.sub("<g", text[: size.start()] + head + text[size.end() :]).strip()
 
 
 def drawn(ax: Axes, format_: str = "png", *, dpi: float | None = None) -> bytes:

@@ -1,0 +1,445 @@
+"""Which column of a table is what, in which unit: by its name, its number, or a sum or product of several.
+
+What a column mapping says is read by a small grammar and never evaluated::
+
+    sum     = product { ("+" | "-") product }
+    product = factor { ("*" | "/") factor }
+    factor  = "-" factor | "(" sum ")" | column | number [unit]
+    column  = a name of the table, with or without its unit, or "#" and its number from 1
+
+as in ``"ramp - deflection"`` or ``"volts * 41 nm/V * 0.06 N/m"``. Units are carried along: what comes out must be a
+length, a force or a time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.readers._not_readings import plain
+from underlay.data.readers._text import kind_named, split_label, unit_named
+from underlay.errors import InputError, UnitError
+from underlay.units import unit_factor
+
+__all__ = [
+    "KNOWN",
+    "ROLES",
+    "Column",
+    "Node",
+    "bare_name",
+    "check_mapping",
+    "columns_of",
+    "evaluate",
+    "find_columns",
+    "name_of",
+    "parse_column",
+    "require_kind",
+]
+
+#: What a column can be, and the kind of quantity it holds.
+ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
+
+#: Names taken for granted, in small letters without accents, best first. English, German, French, Spanish, Italian.
+KNOWN: dict[str, tuple[str, ...]] = {
+    "depth": (
+        *("depth", "indentation", "indentation depth", "penetration", "penetration depth", "displacement"),
+        *("displacement into surface", "h", "w", "delta", "δ", "pd", "ind"),
+        *(
+            "zugweg",
+            "prufweg",
+            "traversenweg",
+            "stauchung",
+            "eindringtiefe",
+            "tiefe",
+            "eindringung",
+            "verschiebung",
+            "weg",
+            "standardweg",
+        ),
+        *("enfoncement", "profondeur", "deplacement", "allongement"),
+        *("profundidad", "penetracion", "desplazamiento", "profondita", "penetrazione", "spostamento"),
+    ),
+    # Grows towards the sample in most instruments and away from it in others: the motion is asked.
+    "travel": (
+        *("extension", "stroke", "travel", "position"),
+        *("z", "ramp", "piezo", "z sensor", "zsensor", "height sensor", "zsnsr", "lvdt", "raw"),
+    ),
+    # Grows away from the sample.
+    "height": (
+        *("separation", "sep", "tip sample separation", "height measured", "measuredheight"),
+        *("straingaugeheight", "height", "hohe"),
+    ),
+    "force": (
+        *("force", "load", "load on sample", "normal force", "fn", "f", "p"),
+        *("kraft", "normalkraft", "prufkraft", "standardkraft", "last"),
+        *("force normale", "force standard", "charge", "effort"),
+        *("fuerza", "fuerza normal", "carga", "forza", "forza normale", "carico"),
+    ),
+    # Of a lever: a length, a voltage, or a force already.
+    "deflection": (
+        *("deflection", "defl", "vertical deflection", "vdeflection", "cantilever", "cantilever deflection"),
+    ),
+    "time": (
+        *(
+            "time",
+            "t",
+            "test time",
+            "time on sample",
+            "elapsed time",
+            "zeit",
+            "prufzeit",
+            "temps",
+            "temps d'essai",
+        ),
+        *("tiempo", "tempo"),
+    ),
+    "segment": ("segment", "segments"),
+}
+# What stands beside a name and changes nothing of what it means here.
+_BESIDE = frozenset(
+    "axial compressive compression applied measured corrected crosshead actuator calc avg".split()  # noqa: SIM905
+)
+# In brackets behind a name, and no unit.
+_REMARKS = frozenset(("measured", "sensor"))
+_CALLED = re.compile(r"(?:column|col\.?|spalte|#)?\s*#?\s*(\d{1,3})\b[\s,:_/]*(.*)", re.IGNORECASE)
+_NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+_UNIT = re.compile(r"\s*([^\W\d_]+(?:\^-?\d)?(?:/[^\W\d_]+(?:\^-?\d)?)?)")
+_LATER_UNIT = re.compile(r"\s*[(\[{]([^()\[\]{}]{1,20})[)\]}]")
+# A mapping is a line somebody typed; nested calls stay far from Python's limit.
+_LONGEST, _DEEPEST = 400, 20
+
+Dims: TypeAlias = tuple[int, int, int, int, int]
+#: Exponents of metre, newton, second, volt and ampere of each kind of quantity that a column may hold.
+_DIMS: dict[str, Dims] = {
+    "length": (1, 0, 0, 0, 0),
+    "force": (0, 1, 0, 0, 0),
+    "time": (0, 0, 1, 0, 0),
+    "voltage": (0, 0, 0, 1, 0),
+    "stiffness": (-1, 1, 0, 0, 0),
+    "compliance": (1, -1, 0, 0, 0),
+    "sensitivity": (1, 0, 0, -1, 0),
+    "current sensitivity": (1, 0, 0, 0, -1),
+    "speed": (1, 0, -1, 0, 0),
+    "loading rate": (0, 1, -1, 0, 0),
+    "pressure": (-2, 1, 0, 0, 0),
+    "frequency": (0, 0, -1, 0, 0),
+    "dimensionless": (0, 0, 0, 0, 0),
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table, and the unit that is asked for in place of its own."""
+
+    index: int
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class _Number:
+    value: float
+    dims: Dims
+
+
+@dataclass(frozen=True)
+class Mix:
+    """Two parts and what is done with them: one of ``+ - * /``."""
+
+    sign: str
+    left: Node
+    right: Node
+
+
+Node: TypeAlias = Column | _Number | Mix
+
+
+def check_mapping(mapping: Mapping[str, str | int] | None) -> None:
+    """Refuse a column mapping with another role, or with nothing in it."""
+    for role, name in (mapping or {}).items():
+        if role not in ROLES:
+            raise InputError(f"a column mapping has no {role!r}; it takes {', '.join(ROLES)}")
+        if not str(name).strip(" -") or len(str(name)) > _LONGEST:
+            raise InputError(
+                f"the column for {role!r} must be a name such as 'h (nm)'; got {str(name)!r:.80}"
+            )
+
+
+def name_of(label: str) -> str:
+    """Name of a column without its unit, as it is compared: small letters, no accents, blanks for underscores."""
+    name, unit = split_label(label)
+    return " ".join(re.sub(r"[_()\[\]<>-]+", " ", plain(label if unit.lower() in _REMARKS else name)).split())
+
+
+def bare_name(name: str) -> str:
+    """Name without the words beside it that change nothing."""
+    words = [word for word in name.split() if word not in _BESIDE]
+    return " ".join(words) or name
+
+
+def find_columns(labels: Sequence[str], mapping: Mapping[str, str | int] | None = None) -> dict[str, int]:
+    """Index of the column of each role that is there, by name; of a sum, of the first column in it.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        The header, names with or without units.
+    mapping : mapping of role to name, optional
+        As ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here.
+    """
+    found: dict[str, int] = {}
+    names = [name_of(label) for label in labels]
+    for role in (*ROLES, "travel", "height", "deflection"):
+        wanted = (mapping or {}).get(role)
+        if wanted is not None:
+            parsed = parse_column(str(wanted), labels)
+            if parsed is not None:
+                found[role] = columns_of(parsed[0])[0].index
+        elif (index := _known_column(labels, names, role)) is not None:
+            found[role] = index
+    return found
+
+
+def _known_column(labels: Sequence[str], names: Sequence[str], role: str) -> int | None:
+    """The first column with the best name of a role, in a unit of its kind where there is one of several."""
+    kinds = ("length", "voltage") if role == "deflection" else (ROLES.get(role) or "length",)
+    for called in (names, [bare_name(name) for name in names]):
+        for candidate in (*KNOWN[role], *(KNOWN["deflection"] if role == "force" else ())):
+            if candidate not in called:
+                continue
+            there = {
+                at: kind_named(split_label(labels[at])[1])
+                for at, name in enumerate(called)
+                if name == candidate
+            }
+            fitting = [at for kind in kinds for at in there if there[at] == kind]
+            # A deflection is a force where its unit says so.
+            open_ = (
+                []
+                if candidate in KNOWN["deflection"]
+                else [at for at in there if there[at] in (None, "dimensionless")]
+            )
+            alone = [] if candidate in KNOWN["deflection"] else list(there)[: len(there) == 1]
+            if role == "deflection":
+                open_ = [at for at in there if there[at] in (None, "dimensionless")]
+            if chosen := (fitting or open_ or alone):
+                return chosen[0]
+    return None
+
+
+def columns_of(node: Node) -> list[Column]:
+    """The columns that a mapping is made of, in order."""
+    if isinstance(node, Mix):
+        return [*columns_of(node.left), *columns_of(node.right)]
+    return [node] if isinstance(node, Column) else []
+
+
+def parse_column(text: str, labels: Sequence[str]) -> tuple[Node, bool] | None:
+    """What a mapping asks for, and whether with the sign turned; None if the table has no such column.
+
+    Raises
+    ------
+    InputError
+        If it is a sum or a product that cannot be read.
+    """
+    stripped = text.strip()
+    turned = stripped.startswith("-")
+    bare = stripped.removeprefix("-").strip()
+    index = _named(bare, labels)
+    if index is not None:
+        return Column(index, split_label(bare)[1]), turned
+    numbered = _CALLED.fullmatch(bare)
+    if numbered and _is_unit(numbered[2]):
+        index = int(numbered[1]) - 1
+        return (Column(index, _unit_in(numbered[2])), turned) if 0 <= index < len(labels) else None
+    if not re.search(r"[-+*/]", bare):
+        return None
+    parser = _Parser(stripped, labels)
+    node = parser.whole()
+    return None if node is None or not columns_of(node) else (node, False)
+
+
+def _named(text: str, labels: Sequence[str]) -> int | None:
+    name = plain(split_label(text)[0])
+    for of in (plain, lambda label: plain(split_label(label)[0]), name_of):
+        for wanted in (plain(text), name, name_of(text)):
+            there = [index for index, label in enumerate(labels) if label.strip() and of(label) == wanted]
+            if there:
+                return there[0]
+    return None
+
+
+def _unit_in(text: str) -> str:
+    return unit_named(text.strip().strip("()[]{}").removeprefix("in ").strip())
+
+
+def _is_unit(text: str) -> bool:
+    return not text.strip() or kind_named(_unit_in(text)) is not None
+
+
+def _called(label: str) -> tuple[str, str]:
+    return name_of(label), bare_name(name_of(label))
+
+
+class _Parser:
+    """Recursive descent over one mapping; None from a part means that a name in it is not in the table."""
+
+    def __init__(self, text: str, labels: Sequence[str]) -> None:
+        self.text, self.at, self.deep, self.count = text, 0, 0, len(labels)
+        names = [(plain(label), index) for index, label in enumerate(labels)]
+        names += [(plain(split_label(label)[0]), index) for index, label in enumerate(labels)]
+        names += [(called, index) for index, label in enumerate(labels) for called in _called(label)]
+        # The longest first: a name may hold another, or a sign.
+        self.names = sorted((pair for pair in names if pair[0]), key=lambda pair: -len(pair[0]))
+
+    def whole(self) -> Node | None:
+        node = self._sum()
+        if node is not None and self._next():
+            raise self._refused("what stands there")
+        return node
+
+    def _sum(self) -> Node | None:
+        return self._chain("+-", lambda: self._chain("*/", self._factor))
+
+    def _chain(self, signs: str, part: Callable[[], Node | None]) -> Node | None:
+        node = part()
+        while node is not None and (sign := self._next()) and sign in signs:
+            self.at += 1
+            right = part()
+            node = None if right is None else Mix(sign, node, right)
+        return node
+
+    def _factor(self) -> Node | None:
+        self.deep += 1
+        if self.deep > _DEEPEST:
+            raise self._refused("so many brackets and signs")
+        letter = self._next()
+        node: Node | None
+        if letter == "-":
+            self.at += 1
+            inner = self._factor()
+            node = None if inner is None else Mix("*", _Number(-1.0, _DIMS["dimensionless"]), inner)
+        elif letter == "(":
+            self.at += 1
+            node = self._sum()
+            if node is not None and self._next() != ")":
+                raise self._refused("a bracket without its end")
+            self.at += 1
+        else:
+            node = self._column() or self._number()
+        self.deep -= 1
+        return node
+
+    def _column(self) -> Column | None:
+        self._next()
+        rest = plain(self.text[self.at :]) if self.text.isascii() else self.text[self.at :].lower()
+        for name, index in self.names:
+            end = rest[len(name) : len(name) + 1]
+            if rest.startswith(name) and not (end.isalnum() or end == "_"):
+                self.at += len(name)
+                return Column(index, self._later_unit())
+        numbered = re.match(r"#\s*(\d{1,3})", rest)
+        if numbered:
+            index = int(numbered[1]) - 1
+            if not 0 <= index < self.count:
+                raise self._refused(f"column {index + 1} of {self.count}")
+            self.at += numbered.end()
+            return Column(index, self._later_unit())
+        return None
+
+    def _later_unit(self) -> str:
+        matched = _LATER_UNIT.match(self.text, self.at)
+        if matched is None or kind_named(unit_named(matched[1])) is None:
+            return ""
+        self.at = matched.end()
+        return unit_named(matched[1])
+
+    def _number(self) -> _Number | None:
+        matched = _NUMBER.match(self.text, self.at)
+        if matched is None:
+            return None
+        self.at = matched.end()
+        unit = _UNIT.match(self.text, self.at)
+        for text in () if unit is None else (unit[1], unit[1].partition("/")[0]):
+            kind = kind_named(unit_named(text))
+            if kind in _DIMS and unit is not None:
+                self.at = unit.start(1) + len(text)
+                return _Number(float(matched[0]) * unit_factor(unit_named(text), kind), _DIMS[kind])
+        if unit is not None:
+            raise self._refused(f"the unit {unit[1]!r:.40}")
+        return _Number(float(matched[0]), _DIMS["dimensionless"])
+
+    def _next(self) -> str:
+        while self.at < len(self.text) and self.text[self.at].isspace():
+            self.at += 1
+        return self.text[self.at : self.at + 1]
+
+    def _refused(self, what: str) -> InputError:
+        return InputError(
+            f"columns: {self.text!r:.120} is not understood at letter {self.at + 1}: {what}; write names of "
+            "columns and numbers with units, joined by + - * / and brackets, as 'ramp - deflection' or "
+            "'volts * 41 nm/V * 0.06 N/m'"
+        )
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """Values (n,) in SI and what they are."""
+
+    values: FloatArray | float
+    dims: Dims
+
+    def joined(self, sign: str, other: Evaluated) -> Evaluated:
+        """What comes of the two."""
+        if sign in "+-":
+            values = self.values + other.values if sign == "+" else self.values - other.values
+            return Evaluated(values, self.dims)
+        way = 1 if sign == "*" else -1
+        dims = tuple(a + way * b for a, b in zip(self.dims, other.dims, strict=True))
+        values = self.values * other.values if way == 1 else self.values / other.values
+        return Evaluated(values, dims)  # type: ignore[arg-type]
+
+
+def evaluate(
+    node: Node, column: Callable[[Column], FloatArray], unit_of: Callable[[Column], str], what: str
+) -> Evaluated:
+    """Values of a sum or product of columns.
+
+    Raises
+    ------
+    InputError
+        If lengths are added to forces, or something is divided by zero.
+    """
+    if isinstance(node, _Number):
+        return Evaluated(node.value, node.dims)
+    if isinstance(node, Column):
+        unit = unit_of(node)
+        kind = kind_named(unit) if unit else "dimensionless"
+        if kind not in _DIMS:
+            raise UnitError(f"{what}: the unit {unit!r:.40} of a column in it is not known")
+        return Evaluated(column(node) * (unit_factor(unit, kind) if unit else 1.0), _DIMS[kind])
+    left, right = (evaluate(part, column, unit_of, what) for part in (node.left, node.right))
+    if node.sign in "+-" and left.dims != right.dims:
+        raise InputError(
+            f"{what}: {_told(left.dims)} and {_told(right.dims)} cannot be added; check the units"
+        )
+    if node.sign == "/" and not np.all(right.values):
+        raise InputError(f"{what}: it divides by zero")
+    return left.joined(node.sign, right)
+
+
+def _told(dims: Dims) -> str:
+    return next((f"a {kind}" for kind, known in _DIMS.items() if known == dims), "something else")
+
+
+def require_kind(found: Evaluated, kind: str, what: str) -> FloatArray:
+    """Values of a sum that must be of this kind."""
+    if found.dims != _DIMS[kind]:
+        raise UnitError(
+            f"{what} gives {_told(found.dims)}, but a {kind} is needed; check its columns and units"
+        )
+    return np.asarray(found.values)

@@ -1,0 +1,201 @@
+"""Numbers that other programs keep in binary files: MATLAB's .mat and National Instruments' .tdms (Optics11).
+
+Their columns have names, and those of .tdms units; what lacks a unit gets it from a column mapping. No part of a
+file may claim more numbers than it has bytes. MAT-files are read here: of a small one with single bytes turned,
+scipy 1.17's loadmat ended the process (a segmentation fault), so that no check of ours behind it would have helped.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import struct
+import zlib
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay._door import understood
+from underlay._text import one_line
+from underlay.data.curve import Curve
+from underlay.data.readers._format import Format, Options
+from underlay.data.readers._source import CURVES, MAX_BYTES, Source
+from underlay.data.readers._table import Table, table_curves
+from underlay.data.readers._text import Arrays
+from underlay.errors import FileFormatError, missing_extra
+
+__all__ = ["MATLAB_FORMAT", "TDMS_FORMAT"]
+
+_MATLAB, _TDMS = b"MATLAB 5.0 MAT-file", b"TDSm"
+# MAT-file format (MathWorks, "MAT-File Format", level 5): types of elements, and classes of arrays.
+_MATRIX, _COMPRESSED = 14, 15
+_STRUCT, _FIRST_NUMBER, _LAST_NUMBER = 2, 6, 15
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_HEADER, _TAG, _COMPLEX, _DEEPEST = 128, 8, 0x800, 4
+_FEWEST, _MOST_COLUMNS, _LONGEST = 3, 256, 1000
+
+
+def _sniff_matlab(source: Source) -> bool:
+    return source.data.startswith(_MATLAB)
+
+
+def _read_matlab(source: Source, options: Options) -> list[Curve]:
+    order = {b"IM": "<", b"MI": ">"}.get(source.data[126:128])
+    if order is None:
+        raise FileFormatError(f"{source.name} starts as a MATLAB file but its header is damaged")
+    columns: dict[str, FloatArray] = {}
+    size = 0
+    for outer, element in _elements(source.data[_HEADER:], order):
+        kind, body = outer, element
+        if kind == _COMPRESSED:
+            try:
+                unpacked = zlib.decompressobj().decompress(element, MAX_BYTES - size + 1)
+            except zlib.error as error:
+                raise FileFormatError(f"{source.name} is a damaged MATLAB file: {error!s:.80}") from error
+            kind, body = next(_elements(unpacked, order), (0, b""))
+        size += len(body)
+        if size > MAX_BYTES:
+            raise FileFormatError(f"{source.name} unpacks to more than {MAX_BYTES // 1_000_000} MB")
+        if kind == _MATRIX:
+            columns |= _columns(body, order, "", 0)
+    return _curves(source, options, [("", columns)])
+
+
+def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Type and content of each element."""
+    at = 0
+    while at + _TAG <= len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        if kind >> 16:  # up to four bytes are kept in the tag
+            yield kind & 0xFFFF, data[at + 4 : at + 4 + min(kind >> 16, 4)]
+            at += _TAG
+            continue
+        end = at + _TAG + size
+        if end > len(data):
+            return
+        yield kind, data[at + _TAG : end]
+        at = end if kind == _COMPRESSED else end + -size % 8
+
+
+def _columns(matrix: bytes, order: str, above: str, deep: int) -> dict[str, FloatArray]:
+    """Columns of real numbers of a matrix, or of one structure of such, by name; {} of any other."""
+    parts = list(_elements(matrix, order))
+    if len(parts) < 4 or len(parts[0][1]) < 4 or deep > _DEEPEST:
+        return {}
+    flags = struct.unpack_from(f"{order}I", parts[0][1])[0]
+    size = np.frombuffer(parts[1][1][: len(parts[1][1]) // 4 * 4], f"{order}i4").tolist()
+    own = one_line(parts[2][1].rstrip(b"\0").decode("latin-1"))
+    name = ".".join(part for part in (above, own) if part)
+    if flags & 0xFF == _STRUCT and size == [1, 1] and len(parts) >= 5:
+        width = int(np.frombuffer(parts[3][1][:4].ljust(4, b"\0"), f"{order}i4")[0])
+        letters = parts[4][1]
+        fields = (
+            [letters[at : at + width] for at in range(0, len(letters), width)] if 0 < width < _LONGEST else []
+        )
+        found: dict[str, FloatArray] = {}
+        for field, (kind, body) in zip(fields, parts[5:], strict=False):
+            called = one_line(field.partition(b"\0")[0].decode("latin-1"))
+            if kind == _MATRIX:
+                found |= _columns(body, order, f"{name}.{called}" if name else called, deep + 1)
+        return found
+    kind, content = parts[3]
+    if not _FIRST_NUMBER <= flags & 0xFF <= _LAST_NUMBER or flags & _COMPLEX or kind not in _TYPES:
+        return {}
+    type_ = np.dtype(order + _TYPES[kind])
+    numbers = np.frombuffer(content[: len(content) // type_.itemsize * type_.itemsize], type_)
+    if len(size) != 2 or min(size) < 1 or size[0] * size[1] != len(numbers) or max(size) < _FEWEST:
+        return {}
+    table = numbers.reshape(size[1], size[0]).astype(np.float64)
+    table = table if size[0] >= size[1] else table.T
+    if len(table) > _MOST_COLUMNS:
+        return {}
+    return (
+        {name: table[0]}
+        if len(table) == 1
+        else {f"{name} {at + 1}": column for at, column in enumerate(table)}
+    )
+
+
+def _sniff_tdms(source: Source) -> bool:
+    return source.data.startswith(_TDMS)
+
+
+def _read_tdms(source: Source, options: Options) -> list[Curve]:
+    try:
+        library = import_module("nptdms")
+    except ImportError as error:
+        raise missing_extra(
+            f"{source.name} is a TDMS file, as Optics11 writes; reading it needs npTDMS",
+            "afm",
+            "export the curve as text from the instrument's program",
+        ) from error
+    # It prints parts of a damaged file; what is wrong with one is said here.
+    import_module("nptdms.log").log_manager.set_level(logging.CRITICAL + 1)
+    with understood(source.name, CURVES):
+        file = library.TdmsFile.read_metadata(io.BytesIO(source.data))
+        claimed = sum(len(channel) for group in file.groups() for channel in group.channels())
+        if claimed > len(source.data):
+            raise FileFormatError(f"it claims {claimed} numbers and holds {len(source.data)} bytes")
+        file = library.TdmsFile.read(io.BytesIO(source.data))
+        groups = [
+            (str(group.name), {_tdms_label(channel): _numbers(channel[:]) for channel in group.channels()})
+            for group in file.groups()
+        ]
+    return _curves(
+        source, options, [(name, {k: v for k, v in found.items() if len(v)}) for name, found in groups]
+    )
+
+
+def _tdms_label(channel: Any) -> str:
+    unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", ""))
+    name = str(channel.name)
+    return f"{name} ({unit})" if unit and unit not in name else name
+
+
+def _numbers(values: Any) -> FloatArray:
+    array = np.asarray(values)
+    return array.astype(np.float64) if array.dtype.kind in "fiu" and array.ndim == 1 else np.empty(0)
+
+
+def _curves(
+    source: Source, options: Options, groups: Sequence[tuple[str, dict[str, FloatArray]]]
+) -> list[Curve]:
+    """One curve of each group of columns: those of the length that most of them have."""
+    curves: list[Curve] = []
+    for name, columns in groups:
+        lengths = [len(column) for column in columns.values() if len(column) >= _FEWEST]
+        if not lengths:
+            continue
+        length = max(set(lengths), key=lambda one: (lengths.count(one), one))
+        kept = {label: column for label, column in columns.items() if len(column) == length}
+        if len(kept) < 2 and len(groups) > 1:
+            continue
+        called = f"{source.path.stem}, {name}" if name and len(groups) > 1 else None
+        table = Table(list(kept), Arrays(list(kept.values())), may_use_comma=False)
+        curves += table_curves(source, table, options, **({"name": called} if called else {}))
+    if not curves:
+        raise FileFormatError(f"{source.name} holds no two columns of numbers of one length")
+    return curves
+
+
+MATLAB_FORMAT = Format(
+    name="matlab",
+    description="columns of numbers in MATLAB files (.mat, up to version 7)",
+    sniff=_sniff_matlab,
+    read_all=_read_matlab,
+    takes_columns=True,
+    takes_calibration=True,
+)
+
+TDMS_FORMAT = Format(
+    name="tdms",
+    description="National Instruments TDMS files, as newer Optics11 instruments write (.tdms)",
+    sniff=_sniff_tdms,
+    read_all=_read_tdms,
+    extra="afm",
+    takes_columns=True,
+    takes_calibration=True,
+)

@@ -1,1 +1,0 @@
-"""What a fit states to people: `statements.py` is the way in."""

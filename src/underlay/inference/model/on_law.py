@@ -1,0 +1,97 @@
+"""What a layer puts on the law of linear elasticity, stiffening and sides, at the numbers of a problem.
+
+The linear laws come from where they come from without it, tables and all. Derivatives in E and in the layer's own
+numbers are exact; in numbers that move the linear law otherwise than by a scale (thickness, radius, Poisson's
+ratio) they are differences of whole laws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.model.law_slopes import STENCILS, LawSlopes, first_possible
+from underlay.mechanics.body import Layer, Rigid
+from underlay.mechanics.contact_law import ContactLaw, OnLaw
+from underlay.mechanics.finite_width import NarrowLaw, Sides, sides_at
+from underlay.mechanics.stiffening import StiffeningLaw, StiffLayer, at_values
+from underlay.scene.parameters import kind_of
+from underlay.scene.scene import Scene
+
+__all__ = ["OnLinear"]
+
+# Relative (of a ratio: absolute) step of a difference of laws, each right to 1e-6.
+_STEP = 1e-3
+
+
+class Linear(Protocol):
+    """What gives the linear laws: a `Forward`."""
+
+    def bare_law(self, values: Mapping[str, float], deepest: float) -> ContactLaw:
+        """Law at `values` for depths up to `deepest` (m)."""
+
+
+@dataclass(frozen=True)
+class OnLinear:
+    """What the layer of one scene puts on the linear law.
+
+    Parameters
+    ----------
+    layer : Layer
+        As declared.
+    layered : bool
+        Whether it stands on something.
+    gain : callable
+        Force reading over force, of numbers by path: of a lever whose calibration is off.
+    """
+
+    layer: Layer
+    layered: bool
+    gain: Callable[[Mapping[str, Any]], Any]
+
+    @classmethod
+    def of(cls, scene: Scene, gain: Callable[[Mapping[str, Any]], Any]) -> OnLinear:
+        """Prepare for a scene whose law is not linear."""
+        return cls(scene.layer, isinstance(scene.substrate, Rigid), gain)
+
+    def laws(self, values: Mapping[str, Any]) -> tuple[StiffLayer | None, Sides | None]:
+        """Both at numbers by path; (sets, 1) where they vary."""
+        stiff = None
+        if self.layer.stiffening is not None:
+            sliding = self.layered and self.layer.bond == "slip"
+            stiff = at_values(values, sliding=sliding, layered=self.layered)
+        if self.layer.half_width is None:
+            return stiff, None
+        return stiff, sides_at(values, self.layer, self.gain(values))
+
+    def law(self, forward: Linear, values: Mapping[str, float], deepest: float) -> ContactLaw:
+        """Law at `values` for depths up to `deepest` (m)."""
+        build: Callable[[float], ContactLaw] = partial(forward.bare_law, values)
+        for outer in self.laws(values):
+            if outer is not None:
+                build = _put_on(outer, build)
+        return build(deepest)
+
+    def slope(self, forward: Linear, path: str, slopes: LawSlopes) -> FloatArray:
+        """dP/dp (SI) of the parameter at `path` at fixed tip depths, (n,)."""
+        values, law, w = slopes.values, slopes.law, slopes.w
+        section, _, name = path.rpartition(".")
+        if path == "layer.E":
+            return np.asarray(slopes.P / values[path])
+        if section == "layer.stiffening" and isinstance(law, StiffeningLaw | NarrowLaw):
+            return law.own_slope(name, w)
+        size = _STEP if kind_of(path) == "dimensionless" else _STEP * abs(values[path])
+
+        def force(steps: float) -> FloatArray:
+            return self.law(forward, {**values, path: values[path] + steps * size}, slopes.deepest).force(w)
+
+        return np.asarray(first_possible(force, STENCILS) / size)
+
+
+def _put_on(outer: OnLaw, inner: Callable[[float], ContactLaw]) -> Callable[[float], ContactLaw]:
+    return lambda depth: outer.law(inner, depth)

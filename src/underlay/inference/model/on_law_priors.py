@@ -1,0 +1,65 @@
+"""What is known of a layer's stiffening where nobody says it, and what a curve alone cannot tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from underlay.errors import ParameterError
+from underlay.inference.priors import Given, LogNormal, Normal, Prior
+from underlay.mechanics.stiffening import FORM_SPREAD
+from underlay.quantities import path_of
+from underlay.scene.scene import Scene
+
+__all__ = ["begun", "require_told_thickness", "usual_prior"]
+
+_SECTION = "layer.stiffening."
+# Soft tissue: 95 % from 0.02 to 12, locking stretches from 1.18 upward (the study of stiffening layers, section 3).
+_LIMIT, _LIMIT_SPREAD = 0.5, 1.6
+# Standard deviation of heights over the tip's radius, from the same.
+_HEIGHTS, _HEIGHTS_SPREAD = 0.02, 1.5
+
+
+def usual_prior(path: str, given: Given, scene: Scene) -> Given:
+    """What is said of a parameter, or what is usual of a number of a stiffening layer of which nothing is said."""
+    if given is not None or not path.startswith(_SECTION):
+        return given
+    name = path.removeprefix(_SECTION)
+    if name == "height_spread":
+        return LogNormal(_HEIGHTS * scene.parameters["indenter.radius"], _HEIGHTS_SPREAD)
+    return Normal(0.0, FORM_SPREAD) if name == "form" else LogNormal(_LIMIT, _LIMIT_SPREAD)
+
+
+def begun(path: str, start: float, given: Given) -> float:
+    """Where a search begins: at zero such a number has no logarithm, and then in the middle of what is said."""
+    if start != 0.0 or not path.startswith(_SECTION) or path.endswith(".form") or given is None:
+        return start
+    if isinstance(given, Prior):
+        return float(given.quantile(np.array(0.5)))
+    low, high = given
+    return float(np.sqrt(low * high)) if low > 0.0 else 0.5 * (low + high)
+
+
+def require_told_thickness(free: Mapping[str, Given] | Iterable[str]) -> None:
+    """Refuse stiffening and thickness both free where nothing is known of the thickness.
+
+    Raises
+    ------
+    ParameterError
+        With what to do.
+    """
+    told = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    paths = {path_of(name) for name in told}
+    if not {_SECTION + "inverse_limit", "layer.thickness"} <= paths:
+        return
+    if all(
+        isinstance(given, Prior) and given.informative
+        for name, given in told.items()
+        if path_of(name) == "layer.thickness"
+    ):
+        return
+    raise ParameterError(
+        "layer.thickness and layer.stiffening.inverse_limit cannot be told apart by a curve (the thickness "
+        "stays open by 8 to 84 %): give the thickness a Normal prior of 5 % or better, or take one of them as known"
+    )

@@ -1,0 +1,57 @@
+"""The modulus depth by depth of a fit, or of a problem that is fitted first."""
+
+from __future__ import annotations
+
+from underlay._given import require_given
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import fit as least_squares_fit
+from underlay.inference.pointwise.modulus import PointwiseModulus, modulus_by_depth
+from underlay.inference.problem import Problem
+
+__all__ = ["pointwise_modulus"]
+
+
+def pointwise_modulus(
+    result: Fit | Problem, *, curve: int = 0, points: int = 30, level: float = 0.95
+) -> PointwiseModulus:
+    """Read the modulus of the layer from every depth of a curve by itself.
+
+    Parameters
+    ----------
+    result : Fit or Problem
+        Says contact point, baseline and all that is not the layer's modulus; a problem is fitted first.
+    curve : int, default 0
+        Which curve of a joint fit.
+    points : int, default 30
+        Most depths; each stands on eight points of the curve or more.
+    level : float, default 0.95
+        Confidence of the intervals. They hold the noise of the points about each depth and what the fit does not
+        know of its parameters, under the noise that `Fit.interval` assumes.
+
+    Returns
+    -------
+    PointwiseModulus
+        Depths at which the interval is narrower than twice the modulus; the first after contact are not.
+
+    Raises
+    ------
+    InputError
+        If the tip sticks, or the curve is not one of the fit.
+    CurveError
+        If the modulus is known at no depth.
+
+    Examples
+    --------
+    >>> import numpy as np, underlay as ul
+    >>> scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4), ul.RIGID)
+    >>> curve = ul.synthesize(scene, np.linspace(0.0, 1e-4, 400), ul.Noise(force=1e-4), rng=0)
+    >>> fit = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, noise=ul.Noise(force=1e-4)))
+    >>> found = ul.pointwise_modulus(fit)
+    >>> bool(np.all(np.abs(found.apparent.modulus[10:] / 1e6 - 1.0) < 0.01))
+    True
+    >>> bool(found.apparent_halfspace.modulus[-1] > 2e6)
+    True
+    """
+    require_given(result, "result", Fit, Problem)
+    fit = least_squares_fit(result) if isinstance(result, Problem) else result
+    return modulus_by_depth(fit, curve=curve, points=points, level=level)

@@ -1,0 +1,249 @@
+"""The law of a sample of finite width: that of the layer without sides, and a spring in series."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from underlay._arrays import ArrayLike, FloatArray, PerSet
+from underlay.errors import InputError, LawError
+from underlay.mechanics.body import Body, Layer, Rigid
+from underlay.mechanics.contact_law import ContactLaw, OnLaw
+from underlay.mechanics.finite_width.compliance import equivalent_radius, kappa, require_wide, standard_error
+from underlay.mechanics.materials import Isotropic
+from underlay.mechanics.stiffening import StiffeningLaw
+
+__all__ = ["NarrowLaw", "Sides", "Sprung", "sides_at", "sides_of"]
+
+# Newton's method on a force that rises ever faster comes from above and never passes: 4 to 6 steps.
+_MOST_STEPS = 50
+# Of the depth: it converges quadratically, so that after such a step rounding is left.
+_SETTLED = 1e-12
+
+#: Force (N) and dP/dw (N/m) of the law without sides at depths (m), (..., n), in contact.
+Inner = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
+class Sprung(NamedTuple):
+    """Depth u (m) of the layer alone, the force F(u) (N) and its slope there and of the whole (N/m), (..., n)."""
+
+    depth: FloatArray
+    force: FloatArray
+    inner_stiffness: FloatArray
+    stiffness: FloatArray
+
+
+@dataclass(frozen=True)
+class Sides(OnLaw):
+    """Free sides of a layer on a rigid base, as a spring; of many samples the numbers are (sets, 1).
+
+    Parameters
+    ----------
+    compliance : float or FloatArray
+        kappa/(E W) (m/N).
+    error : float or FloatArray
+        Its standard error (m/N).
+    radius : float or FloatArray
+        W (m) of the round plug.
+
+    Examples
+    --------
+    >>> from underlay.mechanics.body import RIGID
+    >>> slice_of_brain = Layer(Isotropic(1e3, 0.5), 3e-3, half_width=2e-3, shape="block")
+    >>> sides = Sides.of(slice_of_brain, RIGID)
+    >>> f"{sides.compliance:.3g} +- {sides.error:.1g} m/N"
+    '0.0677 +- 0.003 m/N'
+    """
+
+    compliance: PerSet
+    error: PerSet
+    radius: PerSet
+
+    @classmethod
+    def of(cls, layer: Layer, base: Body | None) -> Self:
+        """Sides of a layer that has a half-width.
+
+        Raises
+        ------
+        InputError
+            If the layer has no rigid base, or is not isotropic, or held by springs, or nu is below 0.3.
+        """
+        material = layer.material
+        if not isinstance(material, Isotropic):
+            raise InputError(f"finite width is known for isotropic layers; here {type(material).__name__}")
+        if not isinstance(base, Rigid) or not np.isfinite(layer.thickness) or layer.half_width is None:
+            raise InputError(
+                "finite width (layer.half_width) is known for one layer on a rigid base: give thickness and a "
+                "rigid base, or leave the width out"
+            )
+        if layer.bond not in {"bonded", "slip", "unknown"}:
+            raise InputError("finite width is known for a bonded or a sliding base; here springs")
+        radius = equivalent_radius(layer.half_width, layer.shape)
+        return cls.round(layer.thickness, radius, material.E, material.nu, sliding=layer.bond == "slip")
+
+    @classmethod
+    def round(cls, thickness: PerSet, radius: PerSet, E: PerSet, nu: PerSet, *, sliding: bool) -> Self:
+        """Sides of a round plug: lengths in m, E in Pa."""
+        value = kappa(np.asarray(thickness / radius), nu, sliding=sliding)
+        error = standard_error(value) / (E * radius)
+        if value.ndim == 0 and np.ndim(error) == 0:
+            return cls(float(value / (E * radius)), float(error), radius)
+        return cls(value / (E * radius), error, radius)
+
+    def sprung(self, inner: Inner, depth: FloatArray) -> Sprung:
+        """Where u + C F(u) = w, at depths w (m), (..., n), in contact."""
+        u = depth.astype(np.float64)
+        for _ in range(_MOST_STEPS):
+            force, slope = inner(u)
+            step = (u + self.compliance * force - depth) / (1.0 + self.compliance * slope)
+            if (np.abs(step) <= _SETTLED * np.abs(depth)).all():
+                return Sprung(u, force, slope, slope / (1.0 + self.compliance * slope))
+            u = u - step
+        raise LawError(f"the spring of the sides found no balance within {_MOST_STEPS} steps")
+
+    def law(self, inner: Callable[[float], ContactLaw], max_depth: float) -> NarrowLaw:
+        """Law of the layer with these sides up to a depth (m), from the one without.
+
+        Raises
+        ------
+        InputError
+            If the contact of linear elasticity is wider than half of W.
+        """
+        wide = inner(max_depth)
+        require_wide(float(wide.linear_law.contact_radius(max(max_depth, 0.0))), float(self.radius))
+        return NarrowLaw(
+            method=wide.method,
+            reason=f"{wide.reason}; sides as a spring of {self.compliance:.4g} m/N",
+            max_depth=wide.max_depth,
+            error_estimate=wide.error_estimate,
+            warnings=wide.warnings,
+            inner=wide,
+            sides=self,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class NarrowLaw(ContactLaw):
+    """P(w) = F(u), u + C F(u) = w.
+
+    Parameters
+    ----------
+    inner : ContactLaw
+        F, of the layer without sides.
+    sides : Sides
+        C.
+    """
+
+    inner: ContactLaw
+    sides: Sides
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """That of the law without sides (m)."""
+        return self.inner.domain[0], self.max_depth
+
+    @property
+    def nodes(self) -> int | None:
+        """Those of the law without sides."""
+        return self.inner.nodes
+
+    @property
+    def linear_law(self) -> ContactLaw:
+        """That of the law without sides."""
+        return self.inner.linear_law
+
+    def known_errors(self, depth: FloatArray) -> dict[str, FloatArray]:
+        """Standard errors (N) of the force at depths (m), each (n,): of the spring, and of the law behind it."""
+        force, slope = self.force_and_stiffness(depth)
+        inner = self._through(depth, lambda law, u: law.known_errors(u))
+        return {**inner, "sides": np.asarray(force * slope * self.sides.error)}
+
+    def own_slope(self, name: str, depth: FloatArray) -> FloatArray:
+        """dP/d(number of the layer's stiffening) at depths (m), (n,), by its name; zero without stiffening."""
+        found = self._through(depth, lambda law, u: {name: law.own_slope(name, u)})
+        return found.get(name, np.zeros_like(depth))
+
+    def gradual_excess(self, depth: FloatArray, spread: float) -> FloatArray:
+        """What heights of a standard deviation (m) add to the force (N) at depths (m), (n,), to first order."""
+        found = self._through(depth, lambda law, u: {"": law.gradual_excess(u, spread)})
+        return found.get("", np.zeros_like(depth))
+
+    def _through(
+        self, depth: FloatArray, of: Callable[[StiffeningLaw, FloatArray], Mapping[str, FloatArray]]
+    ) -> dict[str, FloatArray]:
+        """Changes (N) of the force at depths (m), (n,), from those of the law without sides at its own depths."""
+        if not isinstance(self.inner, StiffeningLaw):
+            return {}
+        u, kept = depth.astype(np.float64), np.ones(len(depth))
+        touching = depth > self.domain[0]
+        found = self._sprung(depth[touching])
+        u[touching], kept[touching] = found.depth, found.stiffness / found.inner_stiffness
+        return {name: kept * change for name, change in of(self.inner, u).items()}
+
+    def depth(self, force: ArrayLike) -> FloatArray:
+        """See `ContactLaw.depth`: the depth without sides, and what the spring gives."""
+        return np.asarray(
+            self.inner.depth(force) + self.sides.compliance * np.asarray(force, dtype=np.float64)
+        )
+
+    def own_depth(self, depth: FloatArray) -> FloatArray:
+        """Depth u (m), (n,), of the layer alone, at depths (m) in contact."""
+        return self._sprung(depth).depth
+
+    def _sprung(self, depth: FloatArray) -> Sprung:
+        return self.sides.sprung(self.inner.force_and_stiffness, depth)
+
+    @property
+    def _beyond(self) -> str:
+        return self.inner._beyond  # noqa: SLF001  the law behind this one
+
+    def _force(self, depth: FloatArray) -> FloatArray:
+        return self._sprung(depth).force
+
+    def _stiffness(self, depth: FloatArray) -> FloatArray:
+        return self._sprung(depth).stiffness
+
+    def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
+        found = self._sprung(depth)
+        return np.stack((found.force, found.stiffness))
+
+    def _contact_radius(self, depth: FloatArray) -> FloatArray:
+        return np.asarray(self.inner.contact_radius(self.own_depth(depth)))
+
+
+# What a test may not have beside its sides.
+_BESIDE = {
+    "relaxation": "layers that do not relax",
+    "history": "samples without a history",
+    "adhesion": "tips without adhesion",
+    "friction": "tips without friction",
+    "discrepancy": "laws without a discrepancy",
+}
+
+
+def sides_of(layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> Sides:
+    """Sides of the layer of a test; `beside` says what else the test has.
+
+    Raises
+    ------
+    InputError
+        If finite width is not known for it.
+    """
+    for part, words in _BESIDE.items():
+        if beside.get(part) or (part == "relaxation" and layer.relaxation is not None):
+            raise InputError(f"finite width (layer.half_width) is known for {words}: leave out one of them")
+    return Sides.of(layer, base)
+
+
+def sides_at(values: Mapping[str, Any], layer: Layer, gain: PerSet = 1.0) -> Sides:
+    """Sides at the numbers of a scene (SI), by path; (sets, 1) where they vary.
+
+    `gain` is what forces are multiplied with, of a lever whose calibration is off.
+    """
+    wider = equivalent_radius(1.0, layer.shape)
+    radius, E = wider * values["layer.half_width"], gain * values["layer.E"]
+    sliding = layer.bond == "slip"
+    return Sides.round(values["layer.thickness"], radius, E, values["layer.nu"], sliding=sliding)

@@ -1,0 +1,33 @@
+"""A layer that stiffens as it is indented, and finite strain: factors on the exact law of a sphere."""
+
+from underlay.mechanics.stiffening.factors import (
+    FORM_SPREAD,
+    LogFactor,
+    Medium,
+    Place,
+    form,
+    gent,
+    neo_hookean,
+)
+from underlay.mechanics.stiffening.gradual import FIRST_TOUCH
+from underlay.mechanics.stiffening.law import MARGIN, Gent, StiffeningLaw, StiffLayer, at_values
+from underlay.mechanics.stiffening.limits import largest_by_depth, require_known, within_reach
+
+__all__ = [
+    "FIRST_TOUCH",
+    "FORM_SPREAD",
+    "MARGIN",
+    "Gent",
+    "LogFactor",
+    "Medium",
+    "Place",
+    "StiffLayer",
+    "StiffeningLaw",
+    "at_values",
+    "form",
+    "gent",
+    "largest_by_depth",
+    "neo_hookean",
+    "require_known",
+    "within_reach",
+]

@@ -1,0 +1,392 @@
+"""A layer that stiffens: its numbers, and the law of its contact with a sphere.
+
+With `limits` all that this folder knows of the tree; `factors` and `gradual` know arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
+
+import numpy as np
+
+from underlay._arrays import FloatArray, PerSet, finite
+from underlay.errors import InputError
+from underlay.mechanics.body import Body, Layer, Stiffening
+from underlay.mechanics.contact_law import ContactLaw, OnLaw
+from underlay.mechanics.stiffening.factors import (
+    LogFactor,
+    Medium,
+    Place,
+    form,
+    gent,
+    known_errors,
+    neo_hookean,
+)
+from underlay.mechanics.stiffening.gradual import FIRST_TOUCH, GradualDepth, gradual_depth
+from underlay.mechanics.stiffening.limits import FORM_KNOWN_TO, largest_by_depth, require_known, require_reach
+from underlay.quantities import quantity
+
+__all__ = ["MARGIN", "FormUnknown", "Gent", "StiffLayer", "StiffeningLaw", "at_values"]
+
+# Step in ln w of d ln a/d ln w of the linear law, by central differences of fourth order: 1e-12 of it on laws
+# of the exact problem and on half-spaces, for steps of 3e-4 to 3e-3.
+_STEP = 1e-3
+_STENCIL, _WEIGHTS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0]), np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
+#: What the linear law must reach beyond the largest depth for that.
+MARGIN = 1.0 + 3.0 * _STEP
+
+
+@dataclass(frozen=True)
+class FormUnknown:
+    """A depth on a layer at which the form of the energy matters more than its size c says.
+
+    Parameters
+    ----------
+    ratio : float
+        w/h.
+    """
+
+    ratio: float
+
+    def __str__(self) -> str:
+        return (
+            f"the tip goes {self.ratio:.2g} of the thickness deep; beyond {FORM_KNOWN_TO:g} another form of the "
+            "strain energy gives another modulus, by more than its interval says: use less of the curve ([curve] "
+            "max_depth)"
+        )
+
+
+class Linear(Protocol):
+    """What is asked of the linear law of a sphere, at depths (m), (..., n), in contact."""
+
+    def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Force (N) and dP/dw (N/m)."""
+
+    def force(self, depth: FloatArray) -> FloatArray:
+        """Force (N)."""
+
+    def contact_radius(self, depth: FloatArray) -> FloatArray:
+        """Contact radius (m)."""
+
+
+class Pressed(NamedTuple):
+    """Where the linear law is asked, and what it and its factors say there, each (..., n).
+
+    Parameters
+    ----------
+    asked : GradualDepth
+        Depth (m) that gradual contact makes of the tip's.
+    place : Place
+        The same without dimensions.
+    force, stiffness : FloatArray
+        N and N/m, factors in.
+    """
+
+    asked: GradualDepth
+    place: Place
+    force: FloatArray
+    stiffness: FloatArray
+
+
+@dataclass(frozen=True)
+class StiffLayer(OnLaw):
+    """Factors of one contact, or of many: numbers then are (sets, 1).
+
+    Parameters
+    ----------
+    radius, thickness : float or FloatArray
+        R and h (m); h infinite for a half-space.
+    medium : Medium
+        Poisson's ratio and base.
+    inverse_limit : float or FloatArray
+        s = 1/Jm.
+    form : float or FloatArray, default 0
+        Size c of the form of the energy.
+    spread : float or FloatArray, default 0
+        Standard deviation (m) of the heights of a gradual contact.
+    """
+
+    radius: PerSet
+    thickness: PerSet
+    medium: Medium
+    inverse_limit: PerSet
+    form: PerSet = 0.0
+    spread: PerSet = 0.0
+
+    def asked(self, depth: FloatArray) -> GradualDepth:
+        """Depths to ask for; the depths themselves where contact is not gradual."""
+        if not np.any(self.spread):
+            return GradualDepth(depth, np.ones_like(depth), np.zeros_like(depth))
+        return gradual_depth(depth, self.spread)
+
+    def place(self, depth: FloatArray, wide: FloatArray) -> Place:
+        """Depths and contact radii of the linear law (m) without dimensions."""
+        return Place(depth / self.radius, depth / self.thickness, wide / self.thickness, wide / self.radius)
+
+    def factor(self, place: Place) -> LogFactor:
+        """N G F^c."""
+        found = neo_hookean(place, self.medium)
+        if np.any(self.inverse_limit):
+            found = found.times(gent(place, self.medium, self.inverse_limit)[0])
+        return found.times(form(place, self.medium).power(self.form)) if np.any(self.form) else found
+
+    def force(self, linear: Linear, depth: FloatArray) -> FloatArray:
+        """Force (N) alone, (..., n): a third of the work."""
+        asked = self.asked(depth).depth
+        factor = self.factor(self.place(asked, linear.contact_radius(asked)))
+        return np.asarray(linear.force(asked) * factor.value)
+
+    def pressed(self, linear: Linear, depth: FloatArray) -> Pressed:
+        """Everything at depths (m), (..., n), in contact."""
+        asked = self.asked(depth)
+        steps = np.exp(_STEP * _STENCIL).reshape(-1, *(1,) * depth.ndim)
+        wide = linear.contact_radius(asked.depth * steps)
+        rate = np.tensordot(_WEIGHTS, np.log(wide), 1) / _STEP
+        place = self.place(asked.depth, wide[2])
+        factor = self.factor(place)
+        force, slope = linear.force_and_stiffness(asked.depth)
+        rising = force * factor.along_depth(rate) / asked.depth
+        value = factor.value
+        return Pressed(asked, place, force * value, asked.slope * (slope + rising) * value)
+
+    def slopes(self, found: Pressed) -> dict[str, FloatArray]:
+        """dP/ds, dP/dc and dP/d(spread) (N, N/m) at fixed depth, each (..., n), by the names of `Gent`."""
+        _, in_limit = gent(found.place, self.medium, self.inverse_limit)
+        slopes = {
+            "inverse_limit": found.force * in_limit,
+            "form": found.force * form(found.place, self.medium).log,
+        }
+        if np.any(self.spread):
+            in_spread = found.asked.in_spread / self.spread
+            slopes["height_spread"] = found.stiffness / found.asked.slope * in_spread
+        return slopes
+
+    def law(self, inner: Callable[[float], ContactLaw], max_depth: float) -> StiffeningLaw:
+        """Law of the contact for depths up to `max_depth` (m), from the linear one.
+
+        Raises
+        ------
+        RangeError
+            If the factors are not known so deep, with the largest depth (m) that works.
+        """
+
+        def asked(depth: float) -> float:
+            return float(self.asked(np.array([depth])).depth[0])
+
+        radius, thickness, limit = float(self.radius), float(self.thickness), float(self.inverse_limit)
+        deepest = asked(max_depth)
+        known = min(deepest, float(largest_by_depth(radius, thickness)))
+        linear = inner(MARGIN * known)
+
+        def place_at(depth: float) -> Place:
+            at = np.array([asked(depth)])
+            wide = linear.contact_radius(at) if at[0] <= known else np.full(1, np.nan)
+            return self.place(at, wide)
+
+        if max_depth > 0.0:
+            require_reach(place_at, max_depth, self.medium, limit)
+        doubt = () if deepest <= FORM_KNOWN_TO * thickness else (FormUnknown(deepest / thickness),)
+        return StiffeningLaw(
+            method=linear.method,
+            reason=f"stiffening, 1/Jm = {limit:.4g}, on: {linear.reason}",
+            max_depth=max_depth,
+            error_estimate=linear.error_estimate,
+            warnings=(*linear.warnings, *doubt),
+            linear=linear,
+            layer=self,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StiffeningLaw(ContactLaw):
+    """P(w) = P_linear(u) N G F^c at u, the depth that gradual contact makes of w.
+
+    Parameters
+    ----------
+    linear : ContactLaw
+        Of the sphere on the layer in linear elasticity; it reaches a little deeper than `max_depth`.
+    layer : StiffLayer
+        The factors.
+    """
+
+    linear: ContactLaw
+    layer: StiffLayer
+    _last: dict[bytes, Pressed] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """From the first touch, above the mean height where contact is gradual, to `max_depth` (m)."""
+        return FIRST_TOUCH * float(self.layer.spread), self.max_depth
+
+    @property
+    def nodes(self) -> int | None:
+        """Those of the linear law."""
+        return self.linear.nodes
+
+    @property
+    def linear_law(self) -> ContactLaw:
+        """The linear law."""
+        return self.linear
+
+    def stiffening(self, depth: FloatArray) -> FloatArray:
+        """G at depths (m) in contact, (n,)."""
+        place = self._place(self.layer.asked(depth).depth)
+        return gent(place, self.layer.medium, self.layer.inverse_limit)[0].value
+
+    def known_errors(self, depth: FloatArray) -> dict[str, FloatArray]:
+        """Standard errors (N) of the force at depths (m), each (n,), by what they are errors of."""
+        rows = self._in_contact(depth, self._known_errors, 2)
+        return {"stiffening": rows[0], "finite strain": rows[1]}
+
+    def _known_errors(self, depth: FloatArray) -> FloatArray:
+        found = self._pressed(depth)
+        factor, _ = gent(found.place, self.layer.medium, self.layer.inverse_limit)
+        stiffening, soft = known_errors(factor, self.layer.medium)
+        return np.asarray(found.force * np.stack((stiffening, np.broadcast_to(soft, stiffening.shape))))
+
+    def gradual_excess(self, depth: FloatArray, spread: float) -> FloatArray:
+        """What heights of a standard deviation (m) add to the force (N) at depths (m), (n,)."""
+        touching = depth > FIRST_TOUCH * spread
+        asked = depth.copy()
+        asked[touching] = gradual_depth(depth[touching], spread).depth
+        # The last depths, where it adds least, are beyond the law: they follow its slope.
+        inside = np.minimum(asked, self.max_depth)
+        force, slope = self.force_and_stiffness(inside)
+        return np.asarray(force + slope * (asked - inside) - self.force(depth))
+
+    def own_slopes(self, depth: FloatArray) -> Mapping[str, FloatArray]:
+        """dP/ds, dP/dc and dP/d(spread) at fixed depths (m) in contact, each (n,), by the names of `Gent`."""
+        return self.layer.slopes(self._pressed(depth))
+
+    def own_slope(self, name: str, depth: FloatArray) -> FloatArray:
+        """One of these at depths (m), (n,); zero before contact, and where contact is not gradual."""
+        return self._in_contact(depth, lambda w: self.own_slopes(w).get(name, np.zeros_like(w)))
+
+    def _pressed(self, depth: FloatArray) -> Pressed:
+        """Everything at depths (m) in contact, (n,); those asked last are kept: derivatives ask the same."""
+        key = depth.tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = self.layer.pressed(self.linear, depth)
+        return self._last[key]
+
+    @property
+    def _beyond(self) -> str:
+        return "the law was asked for up to there; build it with a larger max_depth"
+
+    def _force(self, depth: FloatArray) -> FloatArray:
+        return self.layer.force(self.linear, depth)
+
+    def _stiffness(self, depth: FloatArray) -> FloatArray:
+        return self._pressed(depth).stiffness
+
+    def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
+        found = self._pressed(depth)
+        return np.stack((found.force, found.stiffness))
+
+    def _contact_radius(self, depth: FloatArray) -> FloatArray:
+        del depth
+        raise InputError(
+            "the contact radius on a layer that stiffens is not known: at 1/Jm = 10 it is 0.84 to 0.73 of the "
+            "linear law's at w = 0.3 to 0.6 R, and 0.58 to 0.46 at 1/Jm = 33; leave out what asks for it, or "
+            "stiffening"
+        )
+
+    def _place(self, depth: FloatArray) -> Place:
+        return self.layer.place(depth, self.linear.contact_radius(depth))
+
+
+@dataclass(frozen=True)
+class Gent(Stiffening):
+    """A layer that stiffens as Gent's solid does: W = -(mu Jm/2) ln(1 - (I1 - 3)/Jm).
+
+    The layer's E is that of small strains. Known for true spheres on one layer on a rigid base or on a
+    half-space, up to w = 0.6 R.
+
+    Parameters
+    ----------
+    inverse_limit : float
+        1/Jm, zero or more; zero is neo-Hookean. Soft tissue 0.02 to 12, gels and rubber about 0.1.
+    form : float, default 0
+        Size of what another form of the strain energy does; 0 is Gent's, 0.3 Ogden's of exponent -7.
+    height_spread : float, default 0
+        Standard deviation (m) of the heights at which tip and surface meet: a contact that is made gradually.
+
+    Raises
+    ------
+    InputError
+        If 1/Jm is negative, since no energy softens so, or the spread of heights is.
+
+    Examples
+    --------
+    >>> import underlay as ul
+    >>> gel = ul.Layer(ul.Isotropic(3e3, 0.5), 50e-6, stiffening=ul.Gent(1.0))
+    >>> law = ul.contact_law(ul.Sphere(25e-6), gel, ul.RIGID, max_depth=7.5e-6)
+    >>> f"{law.force(7.5e-6):.4g} N, G = {law.stiffening(np.array([7.5e-6]))[0]:.4f}"
+    '7.88e-07 N, G = 1.0880'
+    """
+
+    model: ClassVar[str] = "gent"
+
+    inverse_limit: float = field(
+        metadata=quantity(
+            "dimensionless", "stiffening 1/Jm of the {part}", symbol="1/J_m", bounds=(0.0, np.inf)
+        )
+    )
+    form: float = field(
+        default=0.0,
+        metadata=quantity("dimensionless", "form of the strain energy", symbol="c", natural_scale=0.3),
+    )
+    height_spread: float = field(
+        default=0.0,
+        metadata=quantity("length", "spread of heights at contact", symbol="s_z", bounds=(0.0, np.inf)),
+    )
+
+    def __post_init__(self) -> None:
+        for name, unit in (
+            ("inverse_limit", "dimensionless"),
+            ("form", "dimensionless"),
+            ("height_spread", "m"),
+        ):
+            object.__setattr__(self, name, finite(getattr(self, name), f"layer.stiffening.{name}", unit))
+        if self.inverse_limit < 0.0:
+            raise InputError(
+                f"layer.stiffening.inverse_limit (1/Jm) is zero (neo-Hookean) or more; got {self.inverse_limit:g}: "
+                "a layer that softens is not simulated"
+            )
+        if self.height_spread < 0.0:
+            raise InputError(f"layer.stiffening.height_spread is zero or more; got {self.height_spread:g} m")
+
+    @classmethod
+    def locking_at(cls, stretch: float) -> Self:
+        """That which locks at this stretch (above 1) in uniaxial tension: Jm = stretch^2 + 2/stretch - 3."""
+        if not stretch > 1.0:
+            raise InputError(f"a locking stretch is above 1; got {stretch!r}")
+        return cls(1.0 / (stretch**2 + 2.0 / stretch - 3.0))
+
+    @property
+    def unstiffened(self) -> Self:
+        """The neo-Hookean layer."""
+        return replace(self, inverse_limit=0.0)
+
+    def on(self, indenter: Any, layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> StiffLayer:
+        """See `Stiffening.on`."""
+        medium = require_known(indenter, layer, base, beside)
+        thickness = layer.thickness if base is not None else np.inf
+        return StiffLayer(
+            indenter.radius, thickness, medium, self.inverse_limit, self.form, self.height_spread
+        )
+
+
+def at_values(values: Mapping[str, PerSet], *, sliding: bool, layered: bool) -> StiffLayer:
+    """Factors at the numbers of a scene (SI), by path; (sets, 1) where they vary."""
+    return StiffLayer(
+        values["indenter.radius"],
+        values["layer.thickness"] if layered else np.inf,
+        Medium(values["layer.nu"], sliding),
+        values["layer.stiffening.inverse_limit"],
+        values["layer.stiffening.form"],
+        values["layer.stiffening.height_spread"],
+    )

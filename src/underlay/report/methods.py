@@ -1,0 +1,147 @@
+"""The methods paragraph of a fit, with its references, ready to paste."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from underlay._version import VERSION
+from underlay.inference.citation.works import Work, work
+from underlay.mechanics.body import RIGID
+from underlay.quantities import numbers_of
+from underlay.report.labels import label, labelled, start
+from underlay.report.scene_tables import number_rows
+from underlay.report.screen import by_depth_words, in_words, name_of, source_words, told_names, written
+from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.inference.uncertainty.answer import Answer
+    from underlay.scene.scene import Scene
+
+__all__ = ["cited_works", "listed", "methods_paragraph", "references", "sample_words", "tip_words"]
+
+_LAWS = {
+    "exact": "the exact solution of the contact problem",
+    "asymptotic": "the asymptotic solution of the contact problem",
+    "halfspace": "the formula of a half-space",
+    "stuck": "the solution of the contact problem without slip",
+}
+# What every analysis used, which nobody cites in a methods paragraph: `underlay cite` lists it.
+_COMMON = (
+    "arrays",
+    "numerics",
+    "least squares",
+    "size of the noise",
+    "intervals",
+    "correlated noise",
+    "a robust",
+)
+# Sources that are named, largest first, and the share of the variance below which none is.
+_NAMED, _SMALL = 4, 0.01
+
+
+def tip_words(scene: Scene) -> str:
+    """``"sphere, radius 1 mm"``."""
+    numbers = [f"{row['quantity']} {row['value']}" for row in number_rows("", scene.indenter)]
+    return ", ".join([scene.indenter.shape.replace("_", " "), *numbers[:2]])
+
+
+def sample_words(scene: Scene) -> str:
+    """``"a layer bonded to a rigid substrate"``."""
+    if scene.substrate is None:
+        return "a half-space"
+    what = "a layer" if len(scene.layers) == 1 else f"{len(scene.layers)} layers"
+    bond = {"bonded": "bonded to", "slip": "free to slip on"}.get(str(scene.layer.bond), "on")
+    under = "a rigid substrate" if scene.base == RIGID else "an elastic substrate"
+    return f"{what} {bond if len(scene.layers) == 1 else 'on'} {under}"
+
+
+def references(fit: Fit) -> list[Work]:
+    """What a methods paragraph of a fit cites, this program first."""
+    return cited_works(fit.used)
+
+
+def cited_works(used: Mapping[str, str]) -> list[Work]:
+    """Of what an analysis used, what its methods paragraph cites."""
+    return [work(key) for key, why in used.items() if not why.startswith(_COMMON)]
+
+
+def listed(names: Sequence[str]) -> str:
+    """``"a, b and c"``."""
+    *first, last = names or ("nothing",)
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def methods_paragraph(
+    fit: Fit, by_depth: PointwiseModulus | None = None, half_space: Fit | None = None
+) -> str:
+    """Return what was done and found, in sentences for the methods section of a paper."""
+    sentences = [_model(fit), _parameters(fit), *_numbers(fit)]
+    if by_depth is not None and (trend := by_depth_words(by_depth)):
+        sentences.append(f"Read from the force at each depth the modulus was {trend}.")
+    if half_space is not None:
+        value = format_quantity(half_space.values["layer.E"], "pressure")
+        sentences.append(f"A half-space (Hertz) model would have given {value}.")
+    if fit.verdict != "good":
+        sentences.append(f"The analysis notes: {labelled(in_words(fit.verdict.reason), fit.names)}.")
+    return " ".join(sentences)
+
+
+def _model(fit: Fit) -> str:
+    scene, number = fit.scene, len(fit.curves)
+    curves = (
+        "A force-indentation curve was" if number == 1 else f"{number} force-indentation curves were jointly"
+    )
+    law = _LAWS.get(fit.statistics.law_method, f"the contact model {fit.statistics.law_method}")
+    after = ", ".join(f"[{n}]" for n in range(2, len(references(fit)) + 1))
+    cited = f"underlay {VERSION} [1]{f'; after {after}' if after else ''}"
+    return f"{curves} fitted with {law} for a {tip_words(scene)}, on {sample_words(scene)} ({cited})."
+
+
+def _parameters(fit: Fit) -> str:
+    free = listed([label(name) for name in fit.names if not name.startswith("noise.")])
+    parts = {"layer": fit.scene.layer.material, "substrate": fit.scene.base}
+    fixed = [
+        f"{label(path)} ({format_quantity(known.value, known.quantity.kind)})"
+        for part, owner in parts.items()
+        if owner is not None
+        for path, known in numbers_of(owner, part).items()
+        if not any(name.partition("[")[0] == path for name in fit.names)
+    ]
+    if fit.scene.substrate is not None and "layer.thickness" not in fit.names:
+        fixed.append(f"layer thickness ({format_quantity(fit.scene.layer.thickness, 'length')})")
+    were = "was" if len(fit.names) == 1 else "were"
+    given = f"; {listed(fixed)} {'was' if len(fixed) == 1 else 'were'} given" if fixed else ""
+    return f"{start(free)} {were} fitted{given}."
+
+
+def _numbers(fit: Fit) -> list[str]:
+    """One sentence per number of the sample; of the first where its uncertainty comes from."""
+    found = [fit.answer(name) for name in told_names(fit)]
+    return [_number(known, whole=place == 0) for place, known in enumerate(found)]
+
+
+def _number(known: Answer, *, whole: bool) -> str:
+    name, letter = label(known.name), name_of(known.name)[1]
+    if known.is_open:
+        return f"The {name} was not determined."
+    one = written(known)
+    kind = "expanded uncertainty, k = 2, about 95 %" if "±" in one.number else f"{one.level} interval"
+    text = f"The {name} was {letter} = {one.number} {one.unit}".rstrip()
+    if not whole:
+        return f"{text} ({one.level})."
+    return (
+        f"{text} ({kind}), from a statistical part of {one.statistical} {one.unit} (noise and misfit of the curve) "
+        f"and a systematic part of {one.systematic} {one.unit}{_sources(known)}."
+    )
+
+
+def _sources(known: Answer) -> str:
+    rows = [row for row in known.contributions if row.share >= _SMALL and row.origin != "seen"][:_NAMED]
+    if not rows:
+        return ""
+    assumed = [source_words(row.source) for row in rows if row.origin == "assumed"]
+    note = f"; the uncertainty of {listed(assumed)} was assumed" if assumed else ""
+    return f" ({listed([source_words(row.source) for row in rows])}{note})"

@@ -1,0 +1,179 @@
+"""The page of a map: what its sites say on one sheet, tables folded behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from underlay._door import sha256_of
+from underlay._version import VERSION
+from underlay.inference.batch.results_table import FITTED
+from underlay.inference.citation.used import used_by
+from underlay.report import maps, plots
+from underlay.report.labels import label, start
+from underlay.report.methods import cited_works
+from underlay.report.page import (
+    Detail,
+    details,
+    document,
+    figure,
+    number_block,
+    pixels,
+    table,
+    tag,
+    verdict_block,
+    words,
+)
+from underlay.report.page_fit import footer, masthead, sized
+from underlay.report.screen import name_of
+from underlay.scene.parameters import kind_of
+from underlay.units import human_unit
+
+__all__ = ["MapPage"]
+
+# Millimetres: the map, and what stands beside it and below it.
+_MAP, _SMALL = (112.0, 78.0), (70.0, 60.0)
+# Sites above which a map is sent as pixels; numbers in the headline.
+_MANY, _NUMBERS = 2000, 2
+_QUARTILES = (0.25, 0.5, 0.75)
+
+
+@dataclass
+class MapPage:
+    """The page of a map.
+
+    Parameters
+    ----------
+    whole : DataFrame
+        What `fit_many` returned.
+    day, command : str
+        When the page is made, and what repeats it.
+    files : sequence of path
+        Files whose hashes it states.
+    """
+
+    whole: pd.DataFrame
+    day: str
+    command: str = ""
+    files: Sequence[Path] = ()
+
+    @cached_property
+    def sites(self) -> pd.DataFrame:
+        """The table without what a person refused."""
+        return maps.without_refused(self.whole)
+
+    @cached_property
+    def parameters(self) -> list[str]:
+        """Numbers of the sample that some site has."""
+        names = maps.sample_parameters(self.sites)
+        return [name for name in names if np.isfinite(self.sites[name].to_numpy(dtype=float)).any()]
+
+    @property
+    def fitted(self) -> int:
+        """How many sites have a fit."""
+        return int(np.count_nonzero(self.sites["status"].to_numpy() == FITTED))
+
+    def html(self, *, opened: bool = False) -> str:
+        """The page; `opened` with what is folded behind it."""
+        name = self.files[0].name if self.files else "all sites"
+        about = f"{len(self.whole)} curves, {self.fitted} fitted"
+        numbers = [self._number(name, place) for place, name in enumerate(self.parameters[:_NUMBERS])]
+        facts = [f"{path.name} · SHA-256 {sha256_of(path)}" for path in self.files]
+        blocks = [
+            masthead(self.day, f"A map of indentation tests: {name}", about),
+            tag("section", *numbers, self._verdict(), kind="head"),
+            tag("section", *self._pictures(), kind="figs"),
+            self._together(),
+            self._methods(),
+            footer(*facts, command=self.command),
+            details(self._details(), opened=opened),
+        ]
+        return document(f"{name}: a map of indentation tests", *blocks)
+
+    def _quartiles(self, name: str) -> tuple[str, str, str]:
+        """Median with its unit, and the ends of the middle half."""
+        values = self.sites[name].to_numpy(dtype=float)
+        low, middle, high = np.quantile(values[np.isfinite(values)], _QUARTILES)
+        unit, factor = human_unit(float(middle), kind_of(name))
+        return f"{middle / factor:.3g} {unit}".rstrip(), f"{low / factor:.3g}", f"{high / factor:.3g} {unit}"
+
+    def _number(self, name: str, place: int) -> str:
+        middle, low, high = self._quartiles(name)
+        title, letter = name_of(name)
+        number, _, unit = middle.partition(" ")
+        under = f"middle half of the sites: {low} to {high}"
+        return number_block(f"{title} {letter}, median", number, unit, under, "second" if place else "")
+
+    def _verdict(self) -> str:
+        counts = self.sites["verdict"].value_counts()
+        told = [f"{counts.get(word, 0)} {word}" for word in ("good", "check", "reject")]
+        failed = len(self.sites) - self.fitted
+        told += [f"{failed} without a fit"] if failed else []
+        good = int(counts.get("good", 0)) == len(self.sites)
+        sentences = (maps.errors_in_words(self.sites), maps.decision_words(self.whole))
+        more = " ".join(filter(None, sentences))
+        return verdict_block(
+            "good" if good else "check", f"verdicts of the curves: {', '.join(told)}", more=more
+        )
+
+    def _pictures(self) -> Iterator[str]:
+        columns = maps.columns_to_draw(self.sites)
+        if columns:
+            ax = sized(_MAP, lambda panel: plots.map(self.sites, columns[0], ax=panel))
+            alt, title = f"Map of the {label(columns[0])} by position.", "By position."
+            caption = "Sites without a fit are grey."
+            many = len(self.sites) > _MANY
+            yield pixels(ax, alt, title) if many else figure(ax, "map", alt, title, caption)
+        if self.parameters:
+            ax = sized(_SMALL, lambda panel: plots.histogram(self.sites, self.parameters[0], ax=panel))
+            name = label(self.parameters[0])
+            yield figure(ax, "histogram", f"Histogram of the {name}.", "All sites.", kind="side")
+
+    def _together(self) -> str:
+        """What the sites say together: of animals and groups, where the curves carry labels."""
+        found = maps.of_map(self.sites)
+        sentences = [found] if isinstance(found, str) else maps.population_sentences(found)
+        told = [tag("p", words(text)) for text in (*sentences, maps.shared_error_words(self.sites)) if text]
+        if isinstance(found, str):
+            return "<h2>All sites together</h2>" + "".join(told)
+        alt = "Curves, animals and the population with its interval, group by group."
+        drawn = figure(plots.population(found), "population", alt, "Population.")
+        frames = [table(frame) for frame in maps.population_tables(found)]
+        return tag("section", drawn, tag("div", *told), kind="pair") + "".join(frames)
+
+    def _methods(self) -> str:
+        laws = [str(law) for law in self.sites.get("law", []) if isinstance(law, str)]
+        cited = cited_works(used_by(laws))
+        fitted = self.fitted
+        number = len(self.sites)
+        first = f"{number} force-indentation curves were fitted one by one (underlay {VERSION} [1])"
+        sentences = [f"{first}; {fitted} gave a number."]
+        for name in self.parameters:
+            middle, low, high = self._quartiles(name)
+            sentences.append(
+                f"{start(label(name))}: median {middle}, middle half of the sites {low} to {high}."
+            )
+        listed = " ".join(f"[{n}] {start(str(work))}." for n, work in enumerate(cited, start=1))
+        body = tag("div", tag("p", words(" ".join(sentences))), tag("p", words(listed)), kind="methods")
+        return f"<h2>Methods paragraph</h2>{body}"
+
+    def _details(self) -> Iterator[Detail]:
+        yield "Numbers of the sample", "", [table(maps.parameter_table(self.sites))]
+        yield "More maps", "each number by position, and the verdicts", list(self._more_maps())
+        decided = [table(maps.decision_table(self.whole))] if maps.decision_words(self.whole) else []
+        yield "Decisions by hand", "", decided
+        yield "Curves without a fit", "", [table(maps.failure_table(self.sites))]
+        facts = {"to repeat": self.command} if self.command else {}
+        files = [str(path) for path in self.files]
+        yield "Where this comes from", "", [table(maps.map_provenance_table(self.sites, facts, *files))]
+
+    def _more_maps(self) -> Iterator[str]:
+        for name in maps.columns_to_draw(self.sites)[1:]:
+            yield pixels(plots.map(self.sites, name), f"Map of the {label(name)}.", start(label(name)))
+        if maps.has_positions(self.sites):
+            yield pixels(plots.verdicts(self.sites), "Map of the verdicts.", "Verdicts")

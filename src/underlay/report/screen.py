@@ -1,0 +1,401 @@
+"""The short text of a result: number first, one verdict, one next step; at most twelve lines of eighty columns.
+
+Every surface prints these numbers: a value and its expanded uncertainty at 95 %, both ending at the same digit, two
+digits of uncertainty; a range where one arm is far longer; an inequality where an end is open.
+"""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from underlay.errors import UnderlayError
+from underlay.inference.batch.results_table import fitted_names
+from underlay.inference.uncertainty.answer import Advice, Answer, Contribution
+from underlay.mechanics.relaxation import Prony
+from underlay.mechanics.solvers import HalfSpace
+from underlay.quantities import curve_of, path_of
+from underlay.report.labels import is_of_the_sample, label, start
+from underlay.scene.parameters import declared, kind_of
+from underlay.units import format_quantity, human_unit
+
+if TYPE_CHECKING:
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.pointwise.modulus import PointwiseModulus
+
+__all__ = [
+    "LEFT",
+    "Written",
+    "answer_lines",
+    "answer_text",
+    "budget_table",
+    "by_depth_words",
+    "fit_lines",
+    "half_space_fit",
+    "half_space_words",
+    "in_words",
+    "line",
+    "map_lines",
+    "name_of",
+    "next_step",
+    "source_words",
+    "told_names",
+    "verdict_lines",
+    "written",
+    "written_line",
+]
+
+#: Width of the column of names.
+LEFT = 16
+_WIDTH = 80
+# One arm of an interval that is so much longer than the other is told as a range.
+_LOPSIDED = 1.5
+# Inputs that are named, largest first, and the share below which none is.
+_NAMED, _SMALL = 3, 0.02
+_SOURCES = {
+    "noise and misfit": "noise",
+    "force": "force",
+    "depth": "depth scale",
+    "spring_constant": "spring constant",
+    "indenter.heights": "tip heights",
+    "layer.nu": "Poisson's ratio",
+    "a tip that is a sphere, not a paraboloid": "tip shape",
+}
+
+
+def line(name: str, text: str) -> str:
+    """One line: a name in the left column, and what is said of it, broken at the right edge."""
+    folded = textwrap.wrap(text, _WIDTH - LEFT, break_long_words=False, break_on_hyphens=False) or [""]
+    return "\n".join(f"{name if n == 0 else '':<{LEFT}}{part}".rstrip() for n, part in enumerate(folded))
+
+
+# --- one number ---------------------------------------------------------------------------------------------
+class Written(NamedTuple):
+    """One number in its parts: ``"0.617 ± 0.037"``, ``"MPa"``, ``"95 %"``, ``"0.009"``, ``"0.036"``."""
+
+    number: str
+    unit: str
+    level: str
+    statistical: str
+    systematic: str
+
+
+def written(known: Answer) -> Written:
+    """Write a number whose ends are closed, a range where an arm is much longer."""
+    unit, factor = human_unit(known.value, kind_of(path_of(known.name)))
+    below, above = (known.value - known.low) / factor, (known.high - known.value) / factor
+    decimals = _decimals(max(below, above))
+    if max(below, above) > _LOPSIDED * min(below, above):
+        decimals = _decimals(min(below, above))
+        ends = " to ".join(f"{end / factor:.{decimals}f}" for end in (known.low, known.high))
+        number = f"{known.value / factor:.{decimals}f} ({ends})"
+    else:
+        number = f"{known.value / factor:.{decimals}f} ± {max(below, above):.{decimals}f}"
+    own = [
+        _two_digits(max(known.value - part.low, part.high - known.value) / factor)
+        for part in (known.statistical, known.systematic)
+    ]
+    return Written(number, unit, f"{100.0 * known.level:.3g} %", *own)
+
+
+def answer_text(known: Answer, *, parts: bool = True) -> str:
+    """``"0.617 ± 0.037 MPa (95 %; stat 0.009, syst 0.036)"``.
+
+    ``"0.62 (0.52 to 0.81) MPa"`` where an arm is much longer, ``"not determined by this curve (> 1.1 mm)"`` where
+    an end is open.
+    """
+    if known.is_open:
+        return f"not determined by this curve{_one_end(known, kind_of(path_of(known.name)))}"
+    one = written(known)
+    text = f"{one.number} {one.unit}".rstrip()
+    return f"{text} ({one.level}; stat {one.statistical}, syst {one.systematic})" if parts else text
+
+
+def _one_end(known: Answer, kind: str) -> str:
+    if math.isfinite(known.low):
+        return f" (> {format_quantity(known.low, kind)})"
+    return f" (< {format_quantity(known.high, kind)})" if math.isfinite(known.high) else ""
+
+
+def _decimals(width: float) -> int:
+    """Decimals that show two digits of a width."""
+    return max(0, 1 - math.floor(math.log10(width))) if 0.0 < width < math.inf else 3
+
+
+def _two_digits(width: float) -> str:
+    return f"{width:.{_decimals(width)}f}" if width > 0.0 else "0"
+
+
+def answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
+    """One line a number of the sample; without an uncertainty where the model was rejected."""
+    for known in answers:
+        name, symbol = name_of(known.name)
+        text = (
+            f"{format_quantity(known.value, kind_of(path_of(known.name)))} (model rejected: no uncertainty given)"
+            if verdict == "reject"
+            else answer_text(known)
+        )
+        separator = "" if text.startswith("not") else f"{symbol} = "
+        if len(name) >= LEFT:
+            yield name
+            name = ""
+        yield line(name, f"{separator}{text}")
+
+
+def name_of(parameter: str) -> tuple[str, str]:
+    """Short name and letter of a quantity: ``("Layer modulus 2", "E")`` of the second curve's."""
+    short, curve = _SHORT.get(path_of(parameter)), curve_of(parameter)
+    if short is None:
+        return start(label(parameter)), _letter(parameter)
+    return f"{short[0]}{'' if curve is None else f' {curve + 1}'}", short[1]
+
+
+#: Short names and letters of what is printed most, by the path's last part or the whole path.
+_SHORT = {
+    "layer.E": ("Layer modulus", "E"),
+    "layer.thickness": ("Layer thickness", "h"),
+    "layer.nu": ("Poisson's ratio", "nu"),
+    "substrate.E": ("Substrate", "E"),
+    "adhesion.work": ("Adhesion", "work"),
+    "layer.instantaneous_modulus": ("Instantaneous", "E0"),
+    "layer.equilibrium_modulus": ("Equilibrium", "E∞"),
+}
+
+
+def _letter(name: str) -> str:
+    """Letter of a quantity in plain text: E, h, nu."""
+    path = path_of(name)
+    letter = {"layer.thickness": "h", "substrate.E": "Es"}.get(path) or path.rpartition(".")[2]
+    return letter if declared(path).label and len(letter) < 8 else "value"
+
+
+# --- a verdict ----------------------------------------------------------------------------------------------
+def verdict_lines(verdict: Advice) -> Iterator[str]:
+    """The verdict; cause and next step where there are."""
+    yield line("Verdict", f"{verdict.word}: {in_words(verdict.reason)}")
+    if verdict.cause:
+        yield line("Likely cause", in_words(verdict.cause))
+    if verdict.next:
+        yield line("Next step", next_step(verdict))
+
+
+def next_step(verdict: Advice) -> str:
+    """The next step in words, with the key of the scene file where it is one."""
+    section, _, key = (verdict.setting[0] if verdict.setting else "").partition(".")
+    as_key = f': {key} = "{verdict.setting[1]}" in [{section}]' if verdict.setting else ""
+    return in_words(verdict.next) + as_key
+
+
+def in_words(text: str) -> str:
+    """A sentence with parameters by their words."""
+    for path in ("layer.E", "layer.thickness", "substrate.E", "layer.nu", "instrument.contact_depth"):
+        text = text.replace(path, label(path)) if path in text else text
+    return text
+
+
+# --- a budget -----------------------------------------------------------------------------------------------
+def source_words(source: str) -> str:
+    """What a source of a budget is called."""
+    return _SOURCES.get(source) or (label(source) if "." in source else source)
+
+
+def _budget_lines(known: Answer) -> Iterator[str]:
+    """The largest sources, and which of them nobody stated."""
+    rows = [row for row in known.contributions if row.share >= _SMALL][:_NAMED]
+    if not rows:
+        return
+    told = [
+        f"{100.0 * row.share:.0f} % {source_words(row.source)}{'*' if row.origin == 'assumed' else ''}"
+        for row in rows
+    ]
+    yield line("Uncertainty", "; ".join(told))
+    assumed = [
+        f"{source_words(row.source)} {row.size}" for row in rows if row.origin == "assumed" and row.size
+    ]
+    if assumed:
+        yield line("", f"* assumed ({', '.join(assumed)}): state yours")
+
+
+def budget_table(known: Answer) -> pd.DataFrame:
+    """The whole budget of one number as text: source, origin, input, what it moves the number by, its variance."""
+    kind = kind_of(path_of(known.name))
+
+    def moves(row: Contribution) -> str:
+        if not math.isfinite(row.half_width):
+            return "open"
+        return f"{format_quantity(row.half_width, kind)} ({100.0 * row.half_width / abs(known.value):.2g} %)"
+
+    rows = [
+        {
+            "source": start(source_words(row.source)),
+            "origin": row.origin,
+            "input": row.size,
+            "moves it by": moves(row),
+            "variance": f"{100.0 * row.share:.0f} %",
+        }
+        for row in known.contributions
+    ]
+    return pd.DataFrame(rows)
+
+
+# --- a fit --------------------------------------------------------------------------------------------------
+def fit_lines(fit: Fit) -> list[str]:
+    """The short text of a fit."""
+    answers = [fit.answer(name) for name in told_names(fit)]
+    verdict = fit.verdict
+    lines = [*answer_lines(answers, verdict), *_relaxation(fit), *_adhesion(fit), *verdict_lines(verdict)]
+    lines += _by_depth(fit)
+    if answers and verdict != "reject":
+        lines += _budget_lines(answers[0])
+    lines += _half_space(fit)
+    return "\n".join(lines).splitlines()
+
+
+def told_names(fit: Fit) -> list[str]:
+    """Numbers of the sample, each once: a relaxing layer by its moduli, a joint fit by every curve's."""
+    names = [name for name in (*fit.names, *fit.derived) if is_of_the_sample(name)]
+    derived = {path_of(name).rpartition(".")[2] for name in fit.derived}
+    if "instantaneous_modulus" in derived:
+        names = [name for name in names if path_of(name) != "layer.E" and ".relaxation." not in name]
+    return sorted(names, key=lambda name: name not in fit.derived)
+
+
+def _relaxation(fit: Fit) -> Iterator[str]:
+    """Fractions and times of a Prony series in one line."""
+    relaxation = fit.scene.layer.relaxation
+    if isinstance(relaxation, Prony):
+        shares = ", ".join(f"{100.0 * share:.0f} %" for share in relaxation.fractions)
+        times = ", ".join(format_quantity(time, "time") for time in relaxation.times)
+        yield line("Relaxation", f"{shares} with time constants {times}")
+
+
+def _adhesion(fit: Fit) -> Iterator[str]:
+    if fit.scenes[0].adhesion is None:
+        return
+    curve = fit.curves[0]
+    baseline = fit.scenes[0].instrument.baseline
+    lowest = float(curve.force.min()) - baseline
+    if lowest < 0.0:
+        yield line(
+            "Adhesion",
+            f"pull-off force {format_quantity(-lowest, 'force')} (lowest force against the baseline)",
+        )
+
+
+def _by_depth(fit: Fit) -> Iterator[str]:
+    try:
+        words = by_depth_words(fit.modulus_by_depth())
+    except UnderlayError:
+        return
+    if words:
+        yield line("E by depth", words)
+
+
+def by_depth_words(found: PointwiseModulus) -> str:
+    """The modulus read from each depth: its range, and whether it is constant; empty where too few depths tell."""
+    curve = found.apparent
+    known = np.isfinite(curve.modulus) & np.isfinite(curve.low) & np.isfinite(curve.high)
+    if known.sum() < 3:
+        return ""
+    modulus, low, high = curve.modulus[known], curve.low[known], curve.high[known]
+    # Depths at which the band says something: within twice the narrowest.
+    told = (high - low) <= 3.0 * (high - low).min()
+    least, most = float(modulus[told].min()), float(modulus[told].max())
+    if bool(((low <= curve.expected[known]) & (curve.expected[known] <= high)).all()):
+        words = "constant within its uncertainty"
+    else:
+        trend = float(np.polyfit(np.log(found.depth[known][told]), np.log(modulus[told]), 1)[0])
+        words = "rising" if trend > 0.0 else "falling"
+    return f"{_range(least, most)}, {words}"
+
+
+def _range(least: float, most: float) -> str:
+    unit, factor = human_unit(most, "pressure")
+    low, high = f"{least / factor:.3g}", f"{most / factor:.3g}"
+    return f"{high} {unit}" if low == high else f"{low} to {high} {unit}"
+
+
+def half_space_fit(fit: Fit) -> Fit | None:
+    """Fit the same curve by the half-space's formula; None where no base is declared, or the formula has no say."""
+    problem = fit.problem
+    alone = len(problem.members) == 1 and fit.scene.substrate is not None and fit.scene.memory is None
+    if not alone or "layer.E" not in fit.names or fit.scene.adhesion is not None:
+        return None
+    free = {
+        path: given for path, given in problem.free.items() if path.startswith(("layer.E", "instrument."))
+    }
+    try:
+        return fit.refit(problem.revised(free=free, solver=HalfSpace(), scenes=fit.scenes))
+    except UnderlayError:
+        return None
+
+
+def half_space_words(fit: Fit, own: Fit) -> str:
+    """Say what the half-space's formula, fitted as `own`, makes of the curve of `fit`."""
+    value = own.values["layer.E"]
+    change = 100.0 * (value / fit.answer("layer.E").value - 1.0)
+    if abs(change) < 1.0:
+        return "Hertz would give the same within 1 %: the substrate is not felt"
+    felt = "stiffened" if change > 0.0 else "softened"
+    return f"Hertz would give {format_quantity(value, 'pressure')} ({change:+.0f} %): {felt} by the substrate"
+
+
+def _half_space(fit: Fit) -> Iterator[str]:
+    own = half_space_fit(fit)
+    if own is not None:
+        yield line("Half-space", half_space_words(fit, own))
+
+
+def written_line(paths: Sequence[object], folder: object, stem: str) -> str:
+    """Where the files are: one line."""
+    endings = " ".join(sorted({str(path).rpartition(stem)[2] for path in paths}))
+    return line("Written", f"{folder}/{stem} ({endings})")
+
+
+# --- a map --------------------------------------------------------------------------------------------------
+def map_lines(table: pd.DataFrame) -> list[str]:
+    """The short text of a map: medians, one curve's uncertainty, verdicts."""
+    fitted = table[table["status"] == "fitted"]
+    lines: list[str] = []
+    for name in (name for name in fitted_names(table.columns) if is_of_the_sample(name)):
+        lines += _of_map(fitted, name)
+    counts = table["verdict"].value_counts()
+    words = [f"{counts.get(word, 0)} {word}" for word in ("good", "check", "reject")]
+    failed = int((table["status"] != "fitted").sum())
+    lines.append(
+        line("Curves", f"{len(table)}: {', '.join(words)}{f', {failed} without a fit' if failed else ''}")
+    )
+    if "layer.E.syst.low" in table.columns:
+        lines.append(line("Shared by all", "inputs and model shift all curves alike and do not average out"))
+    return "\n".join(lines).splitlines()
+
+
+def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
+    values = fitted[name].to_numpy(dtype=float)
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return
+    low, middle, high = (float(value) for value in np.quantile(values, [0.25, 0.5, 0.75]))
+    kind = kind_of(name)
+    unit, factor = human_unit(middle, kind)
+    decimals = _decimals(max((high - low) / factor, 1e-3 * abs(middle / factor)))
+    ends = " to ".join(f"{end / factor:.{decimals}f}" for end in (low, high))
+    median = f"median {_letter(name)} = {middle / factor:.{decimals}f} {unit}".rstrip()
+    yield line(start(label(name)), f"{median}, middle half {ends} {unit}".rstrip())
+    widths = {}
+    for part in ("", ".stat", ".syst"):
+        columns = [f"{name}{part}.low", f"{name}{part}.high"]
+        if set(columns) <= set(fitted.columns):
+            ends_of = fitted[columns].to_numpy(dtype=float)
+            widths[part] = float(np.nanmedian(0.5 * (ends_of[:, 1] - ends_of[:, 0]))) / factor
+    if "" in widths:
+        own = f"± {_two_digits(widths[''])} {unit}".rstrip()
+        yield line(
+            "One curve",
+            f"{own} (95 %; stat {_two_digits(widths['.stat'])}, syst {_two_digits(widths['.syst'])})",
+        )
