@@ -26,6 +26,7 @@ from support.posterior_cases import (
     halfspace_scene,
 )
 from underlay.inference.priors import Flat
+from underlay.inference.sampling import draws as drawing
 from underlay.inference.sampling import run as sampling
 from underlay.inference.sampling.diagnostics import (
     INFORMED,
@@ -177,13 +178,13 @@ def test_by_default_weighted_draws_are_judged_by_a_short_chain():
 
 def shifted(monkeypatch, by):
     """Weighted draws that are off by so many standard deviations, and do not know it."""
-    weigh = sampling._weigh
+    weigh = sampling.weigh
 
     def off(density, rng):
         drawn = weigh(density, rng)
         return replace(drawn, vectors=drawn.vectors + by * drawn.vectors.std(axis=0))
 
-    monkeypatch.setattr(sampling, "_weigh", off)
+    monkeypatch.setattr(sampling, "weigh", off)
 
 
 def test_draws_that_a_chain_contradicts_are_not_the_answer(monkeypatch):
@@ -201,7 +202,7 @@ def test_draws_that_a_chain_contradicts_are_not_the_answer(monkeypatch):
 
 
 def test_refused_weights_make_a_chain_or_an_error(monkeypatch):
-    monkeypatch.setattr(sampling, "_FEWEST", 1e9)
+    monkeypatch.setattr(drawing, "_FEWEST", 1e9)
     posterior = ul.sample(halfspace_problem())
     assert not posterior.diagnostics.weighted
     assert posterior.converged

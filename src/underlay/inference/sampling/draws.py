@@ -1,0 +1,313 @@
+"""Weighted draws of a posterior: along the reading of a fit's likelihood, weighed by its density.
+
+What they came from, with Student kernels about them, also proposes to a chain: kernels as wide as their neighbours
+lie (Raftery and Bao 2010, doi:10.1111/j.1541-0420.2010.01399.x).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Self, cast
+
+import numpy as np
+from scipy.special import gammaln, logsumexp
+
+from underlay._arrays import FloatArray
+from underlay.errors import FitError, InputError, UnderlayError
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.problem import Problem
+from underlay.inference.sampling.diagnostics import LEVELS, Importance, chain_errors, memory, quantile_errors
+from underlay.inference.uncertainty.adapt import Kernels
+from underlay.inference.uncertainty.likelihood import Likelihood
+from underlay.inference.uncertainty.linear import Mixture
+from underlay.inference.uncertainty.mixture import pareto_shape, weighted_quantiles
+from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
+
+__all__ = ["Proposal", "Source", "Target", "WeightedDraws", "differs", "weigh"]
+
+# Weighted draws: of so many four fifths count, and an end of a 95 % interval is known to 0.05 standard deviations.
+_DRAWS = 4000
+# Weights with a heavier tail, or worth fewer draws, are refused: the reading's own rule (`uncertainty/ridge`).
+# Where the closed form was drawn from, rounds from kernels about the draws follow, up to so many: one did in 43 of
+# 47 cases.
+_LARGEST_PARETO, _FEWEST, _EVEN, _ROUNDS = 0.7, 300.0, 0.99, 4
+# Quantiles that differ by so many of their joint standard errors, and by so many standard deviations of the
+# posterior beyond what the two are asked for, are not one.
+_SIGMAS, _SLACK = 4.0, 0.05
+# Sets that are asked for together: of more, what is in between does not stay in the processor's near memory.
+_TOGETHER = 256
+# The same density in another batch repeats to rounding times the condition of the contact problem, far below
+# a thousandth of a log unit; another problem differs by log units.
+_SAME_DENSITY = 1e-3
+
+
+class Target:
+    """Callable (m, p) -> (m,) that gives -inf for a failed evaluation and remembers it.
+
+    An evaluation fails when the prior allows the parameters and the model has no finite likelihood there, or
+    raises one of the project's errors or an arithmetic one.
+    """
+
+    def __init__(self, found: Fit, likelihood: Likelihood) -> None:
+        self.fit, self.problem, self.likelihood = found, found.problem, likelihood
+        self.evaluations = self.failures = 0
+        self._low, self._high = np.full((2, len(found.names)), np.array([[np.inf], [-np.inf]]))
+
+    @classmethod
+    def of(cls, found: Fit) -> Self:
+        """That of a fit's likelihood."""
+        return cls(found, cast(Any, found.statement).likelihood)
+
+    def __call__(self, vectors: FloatArray) -> FloatArray:
+        """Log-posterior (m,) at scaled vectors (m, p)."""
+        values = self.peek(vectors)
+        self.evaluations += len(vectors)
+        impossible = np.isneginf(values)
+        if impossible.any():
+            failed = vectors[impossible][np.isfinite(self.problem.log_prior(vectors[impossible]))]
+            self.failures += len(failed)
+            self._low = np.minimum(self._low, failed.min(axis=0, initial=np.inf))
+            self._high = np.maximum(self._high, failed.max(axis=0, initial=-np.inf))
+        return values
+
+    def peek(self, vectors: FloatArray) -> FloatArray:
+        """Return the same without counting."""
+        if len(vectors) > _TOGETHER:
+            parts = np.array_split(vectors, -(-len(vectors) // _TOGETHER))
+            return np.concatenate([self.peek(part) for part in parts])
+        try:
+            values = self.likelihood.log_density(vectors)
+        except (UnderlayError, ArithmeticError, np.linalg.LinAlgError):
+            # One of them broke the batch: find out which.
+            if len(vectors) == 1:
+                return np.array([-np.inf])
+            return np.concatenate([self.peek(vector[None]) for vector in vectors])
+        return np.where(np.isfinite(values), values, -np.inf)
+
+    def require_same(self, vectors: FloatArray, before: FloatArray) -> None:
+        """Refuse a chain whose log-posterior `before` (m,) at `vectors` (m, p) is not that of this problem."""
+        now = self.peek(vectors)
+        if not np.allclose(now, before, rtol=1e-6, atol=_SAME_DENSITY):
+            worst = int(np.argmax(np.abs(now - before)))
+            raise InputError(
+                "the file holds the chain of another problem: the log-posterior of its last step is "
+                f"{before[worst]:.6g} there and {now[worst]:.6g} here; did the curve, a prior, the noise or "
+                "the contact law change?"
+            )
+
+    @property
+    def failure_region(self) -> dict[str, tuple[float, float]]:
+        """Range (SI) of each parameter over the failures of this run; empty where there are none."""
+        if not (self._low <= self._high).all():
+            return {}
+        low, high = self.problem.physical(self._low), self.problem.physical(self._high)
+        return {name: (float(a), float(b)) for name, a, b in zip(self.problem.names, low, high, strict=True)}
+
+
+@dataclass(frozen=True, eq=False)
+class WeightedDraws:
+    """Weighted draws of a posterior: scaled vectors (n, p), log-density and weights (n,)."""
+
+    source: Source
+    vectors: FloatArray
+    log_density: FloatArray
+    weights: FloatArray
+    pareto: float
+    log_evidence: float
+
+    @classmethod
+    def of(
+        cls, source: Source, vectors: FloatArray, log_density: FloatArray, log_weights: FloatArray
+    ) -> Self:
+        """Draws of one distribution, with the logarithms of density over proposal, (n,)."""
+        total = float(logsumexp(log_weights))
+        weights = np.exp(log_weights - total)
+        # Where the closed form is the density all weights are alike, and what rounding leaves of them has no tail.
+        even = 1.0 / float(weights @ weights) > _EVEN * len(weights)
+        pareto = 0.0 if even and np.ptp(log_weights) < 1.0 else pareto_shape(log_weights)
+        return cls(source, vectors, log_density, weights, pareto, total - math.log(len(vectors)))
+
+    @property
+    def effective(self) -> float:
+        """Kish's effective sample size."""
+        return 1.0 / float(self.weights @ self.weights)
+
+    @property
+    def refused(self) -> str:
+        """Why the weights are not believed; empty where they are."""
+        if not self.pareto < _LARGEST_PARETO:
+            return f"the Pareto k of their weights is {self.pareto:.2f}, where {_LARGEST_PARETO} may be"
+        few = self.effective < _FEWEST
+        return f"{len(self.weights)} draws are worth {self.effective:.0f}, too few" if few else ""
+
+    @property
+    def quantiles(self) -> FloatArray:
+        """Quantiles (3, p) at `LEVELS`."""
+        return np.array([weighted_quantiles(x, self.weights, np.array(LEVELS)) for x in self.vectors.T]).T
+
+    @property
+    def quantile_errors(self) -> FloatArray:
+        """Their Monte Carlo errors (3, p), in standard deviations."""
+        below = self.vectors <= self.quantiles[:, None]
+        off = self.weights[None, :, None] * (below - np.array(LEVELS)[:, None, None])
+        return quantile_errors(self.vectors, self.weights, np.sqrt(np.square(off).sum(axis=1)))
+
+    def record(self, disagreement: str, *, is_open: bool) -> Importance:
+        """What they say, for the record; of noise that nobody stated without an evidence."""
+        error = math.sqrt(max(1.0 / self.effective - 1.0 / len(self.weights), 0.0))
+        return Importance(
+            draws=len(self.weights),
+            effective=self.effective,
+            k_hat=self.pareto,
+            log_evidence=None if is_open else self.log_evidence,
+            log_evidence_error=None if is_open else error,
+            quantile_error=float(np.nanmax(self.quantile_errors)),
+            refused=self.refused,
+            disagreement=disagreement,
+        )
+
+    def rows(self, count: int, rng: np.random.Generator) -> np.ndarray[Any, Any]:
+        """Numbers (count,) of draws by their weights: systematic, then in an order of chance."""
+        places = (np.arange(count) + rng.random()) / count
+        found = np.minimum(np.searchsorted(np.cumsum(self.weights), places), len(self.weights) - 1)
+        return rng.permutation(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What a reading draws from; entries that act on no curve (`silent`) are drawn from their priors."""
+
+    reading: Reading
+    problem: Problem
+    silent: np.ndarray[Any, Any]
+
+    @classmethod
+    def of(cls, reading: Reading) -> Self:
+        """That of a reading."""
+        problem, silent = reading.likelihood.fit.problem, ~reading.likelihood.determined
+        silent[sorted(problem.noise_entries)] = False
+        return cls(reading, problem, np.flatnonzero(silent))
+
+    def draw(self, count: int, rng: Any) -> FloatArray:
+        """Vectors (count, p)."""
+        own = self.reading
+        if isinstance(own, DrawnReading):
+            return self.filled(own.ridge.source.draw(count, rng), rng)
+        return self.filled(cast(LinearReading, own).mixture.draws(count, rng), rng)
+
+    def filled(self, vectors: FloatArray, rng: Any) -> FloatArray:
+        """Vectors (n, p) with what acts on no curve drawn from its prior."""
+        filled = vectors.copy()
+        for i in self.silent:
+            c = self.problem.coordinates[i]
+            values = c.prior.truncated(c.low, c.high).quantile(rng.uniform(size=len(vectors)))
+            filled[:, i] = [c.scaled(float(x)) for x in values]
+        return filled
+
+    def log_density(self, vectors: FloatArray) -> FloatArray:
+        """Log-density (n,) of vectors (n, p)."""
+        own = self.reading
+        if isinstance(own, DrawnReading):
+            return own.ridge.source.log_density(vectors) + self.log_prior(vectors)
+        return _log_density(cast(LinearReading, own).mixture, vectors) + self.log_prior(vectors)
+
+    def log_prior(self, vectors: FloatArray) -> FloatArray:
+        """Log-density (n,) before the test of what acts on no curve."""
+        found = np.zeros(len(vectors))
+        for i in self.silent:
+            found += self.problem.coordinates[i].log_prior(vectors[:, i])
+        return found
+
+
+def weigh(density: Target, rng: np.random.Generator) -> WeightedDraws:
+    """Draw along the likelihood's reading, and weigh by the density itself.
+
+    Raises
+    ------
+    FitError
+        If there is nothing to draw along.
+    """
+    try:
+        reading = density.likelihood.read(rng, _DRAWS)
+        source = Source.of(reading)
+        vectors = source.filled(reading.draws, rng)
+    except RuntimeError as error:
+        raise FitError(f"nothing can be drawn: {error}") from error
+    if isinstance(reading, DrawnReading):
+        ridge = reading.ridge
+        density.evaluations += len(vectors)
+        density.failures += ridge.failed
+        levels = density.peek(vectors) if len(source.silent) else ridge.log_density
+        evidence = ridge.log_evidence - float(source.log_prior(density.fit.vector[None])[0])
+        return WeightedDraws(source, vectors, levels, ridge.weights, ridge.pareto, evidence)
+    levels = density(vectors)
+    drawn = WeightedDraws.of(source, vectors, levels, levels - source.log_density(vectors))
+    for _ in range(_ROUNDS):
+        if not drawn.refused:
+            break
+        proposal = Proposal.of(drawn, rng)
+        vectors = proposal.draw(_DRAWS, rng)
+        levels = density(vectors)
+        drawn = WeightedDraws.of(source, vectors, levels, levels - proposal.log_density(vectors))
+    return drawn
+
+
+def _log_density(mixture: Mixture, vectors: FloatArray) -> FloatArray:
+    """Log-density (n,) of a mixture at vectors (n, p), in the entries that scatter."""
+    free = np.flatnonzero(mixture.deviations > 0.0)
+    freedom, q = mixture.freedom, len(free)
+    roots = np.linalg.cholesky(mixture.covariances[:, free[:, None], free])
+    off = vectors[:, None, free] - mixture.means[:, free]
+    z = np.linalg.solve(roots, off[..., None])[..., 0]
+    constant = gammaln(0.5 * (freedom + q)) - gammaln(0.5 * freedom) - 0.5 * q * np.log(freedom * np.pi)
+    told = constant - np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
+    told = told - 0.5 * (freedom + q) * np.log1p(np.square(z).sum(axis=2) / freedom)
+    return np.asarray(logsumexp(told, axis=1, b=mixture.weights))
+
+
+def differs(names: tuple[str, ...], drawn: WeightedDraws, coords: FloatArray) -> str:
+    """Quantiles of a chain (steps, walkers, p) and of weighted draws that differ beyond their errors, in words."""
+    kept = coords[memory(coords)[0] :]
+    flat = kept.reshape(-1, kept.shape[-1])
+    deviations = np.sqrt(drawn.weights @ np.square(drawn.vectors - drawn.weights @ drawn.vectors))
+    off = (np.quantile(flat, LEVELS, axis=0) - drawn.quantiles) / deviations
+    error = np.hypot(chain_errors(kept), drawn.quantile_errors)
+    return ", ".join(
+        f"the {100.0 * LEVELS[level]:g} % quantile of {names[i]} by {off[level, i]:+.2f} standard deviations"
+        for level, i in np.argwhere(~(np.abs(off) <= _SIGMAS * error + _SLACK))
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """Half from what the draws came from, half from Student kernels about them."""
+
+    source: Source
+    kernels: Kernels
+
+    @classmethod
+    def of(cls, drawn: WeightedDraws, rng: np.random.Generator) -> Self:
+        """Kernels about weighted draws."""
+        with np.errstate(divide="ignore"):  # a draw without weight is no place for a kernel
+            log_weights = np.log(drawn.weights)
+        entries = np.arange(drawn.vectors.shape[1])
+        return cls(drawn.source, Kernels.about(drawn.vectors, log_weights, entries, rng))
+
+    def __call__(self, places: FloatArray, random: Any) -> tuple[FloatArray, FloatArray]:
+        """Proposals (m, p), and log q(old) - log q(new), (m,), for walkers at `places` (m, p)."""
+        proposed = self.draw(len(places), random)
+        return proposed, self.log_density(places) - self.log_density(proposed)
+
+    def draw(self, count: int, rng: Any) -> FloatArray:
+        """Vectors (count, p)."""
+        # In an order of chance: draws are stratified, and a walker's are of the whole mixture, not of one stratum.
+        own = rng.permutation(self.source.draw(count, rng))
+        whole = len(self.kernels.centres) * -(-count // len(self.kernels.centres))
+        near = rng.permutation(self.kernels.draw(whole, own[0], rng))[:count]
+        return np.asarray(np.where(rng.uniform(size=(count, 1)) < 0.5, own, near))
+
+    def log_density(self, vectors: FloatArray) -> FloatArray:
+        """Log-density (n,) of vectors (n, p)."""
+        both = self.source.log_density(vectors), self.kernels.log_density(vectors)
+        return np.asarray(np.logaddexp(*both) - np.log(2.0))
