@@ -33,7 +33,7 @@ GROUND = {
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
 HOMES = {
     "lmfit": ("inference/least_squares", "inference/answer_cost"),
-    "emcee": ("inference/sampling/run"),
+    "emcee": ("inference/sampling/run", "inference/sampling/diagnostics"),
     "dask": ("inference/batch/dask",),
     "distributed": ("inference/batch/dask",),
     "matplotlib": ("report/plots", "report/kernel"),
@@ -44,7 +44,7 @@ HOMES = {
     "typer": ("cli",),
     "nicegui": ("app/server", "app/pages"),
     "starlette": ("app/security",),
-    "rich": ("cli", "inference/sampling/progress", "inference/batch/model"),
+    "rich": ("cli", "inference/sampling/run", "inference/batch/model"),
 }
 
 
