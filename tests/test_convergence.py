@@ -55,16 +55,11 @@ def test_errors_of_weighted_quantiles_are_those_of_their_shares():
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_walker_that_rests_at_an_end_hides_no_tail(side):
-    """One walker of 32 is more than the 2.5 % beyond the outer quantile: no draw lies beyond it."""
+    """One walker of 32 is more than the 2.5 % beyond the outer quantile: no other draw lies beyond it."""
     steps, walkers = 100, 32
     chain = ar1(0.0, steps, walkers)
     chain[:, 0] = side * 9.0
-    outer = 0 if side < 0.0 else 2
-    errors = chain_errors(chain[..., None])[:, 0]
-    assert errors[outer] > 10.0 * errors[1]
-    outcome = judge(chain[:, :, None], steps)
-    assert not outcome.converged
-    assert np.isfinite(outcome.quantile_errors).all()
+    assert not judge(chain[:, :, None], steps).converged
 
 
 def test_a_chain_that_never_moved_is_worth_nothing():

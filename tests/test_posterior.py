@@ -122,7 +122,8 @@ def test_an_answer_has_the_fits_value_and_sources_and_the_draws_scatter(posterio
         assert own.statistical.high == pytest.approx(theirs.statistical.high, abs=0.05 * width)
     low, high = np.quantile(posterior.samples["layer.E"], [0.025, 0.975])
     stated = posterior.answer("layer.E").statistical
-    assert (stated.low, stated.high) == pytest.approx((low, high), rel=1e-6)
+    # Quantiles between draws are interpolated otherwise.
+    assert (stated.low, stated.high) == pytest.approx((low, high), rel=1e-5)
     assert {*known.answers.columns} == {*posterior.answers.columns}
     assert posterior.answers.loc["layer.E", "value"] == known.values["layer.E"]
     path = tmp_path / "posterior.npz"
