@@ -380,7 +380,8 @@ def test_a_fit_is_drawn_about_its_contact_and_whole_where_asked():
     contact, deepest = fit.values["instrument.contact_depth"] * 1e6, fit.curves[0].depth.max() * 1e6
     low, high = ul.plots.fit(fit).get_xlim()
     assert -0.5 * (deepest - contact) < low < 0.0
-    assert high > deepest - contact - 0.5
+    # Less than the travel: the lever bends.
+    assert 0.7 * (deepest - contact) < high < deepest - contact
     assert ul.plots.fit(fit, whole=True).get_xlim()[0] < 1.0 - contact
     plt.close("all")
 
