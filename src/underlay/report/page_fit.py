@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from underlay._version import VERSION
 from underlay.data.segments import LOADING
@@ -37,7 +36,7 @@ from underlay.report.page import (
     words,
 )
 from underlay.report.plots.scene import material_words
-from underlay.report.plots.style import axes, in_words, style
+from underlay.report.plots.style import Axes, axes, in_words, style
 from underlay.report.reading import beyond_loading
 from underlay.report.scene_tables import effects_table, scene_table
 from underlay.report.screen import (
