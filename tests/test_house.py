@@ -33,7 +33,7 @@ GROUND = {
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
 HOMES = {
     "lmfit": ("inference/least_squares", "inference/answer_cost"),
-    "emcee": ("inference/sampling/run"),
+    "emcee": ("inference/sampling/run", "inference/sampling/diagnostics"),
     "dask": ("inference/batch/dask",),
     "distributed": ("inference/batch/dask",),
     "matplotlib": ("report/plots", "report/kernel"),
@@ -44,7 +44,7 @@ HOMES = {
     "typer": ("cli",),
     "nicegui": ("app/server", "app/pages"),
     "starlette": ("app/security",),
-    "rich": ("cli", "inference/sampling/progress", "inference/batch/model"),
+    "rich": ("cli", "inference/sampling/run", "inference/batch/model"),
 }
 
 
@@ -264,7 +264,9 @@ def test_the_search_for_open_files_finds_them():
 #: What outlives its callers, and where it is argued why.
 KEPT_FOR_THE_PROCESS = {
     "mechanics/exact/nodes": {"TABLES"},
-    # Two functions of nothing but their own printed numbers, made when first asked for.
+    # Functions of nothing but their own numbers, made when first asked for.
+    "inference/uncertainty/columns": {"_eigenvectors"},
+    "inference/uncertainty/hypotheses": {"_choices"},
     "mechanics/finite_width/compliance": {"_splines"},
     "mechanics/stiffening/gradual": {"_near"},
     "plugins": {"plugins"},

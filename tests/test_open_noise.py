@@ -110,5 +110,5 @@ def test_the_name_that_goes_says_so_and_still_works():
     vectors = ul.fit(problem).vector + np.array([[0.0, 0.0], [1e-3, -1e-3], [0.0, 2e-3]])
     np.testing.assert_allclose(averaged.log_posterior(vectors), likelihood.log_density(vectors), rtol=1e-9)
     stated = problem.revised(noise=ul.Noise())
-    with pytest.warns(DeprecationWarning):
+    with pytest.warns(DeprecationWarning, match="next version"):
         assert ul.marginalised(stated) is stated

@@ -38,7 +38,12 @@ def main(given, seeds=20, noise="unknown"):
     rows = list(csv.DictReader(path.open())) if path.exists() else []
     known = {(float(row["h/R"]), int(row["stuck"]), row["w/h"]) for row in rows}
     for (nu, ratio, stuck), own in table.groupby(["nu", "h/R", "stuck"]):
-        scene = ul.Scene(ul.Sphere(THICKNESS / ratio), ul.Layer(ul.Isotropic(E, nu), THICKNESS), ul.RIGID, uncertainties=EXACT)
+        scene = ul.Scene(
+            ul.Sphere(THICKNESS / ratio),
+            ul.Layer(ul.Isotropic(E, nu), THICKNESS),
+            ul.RIGID,
+            uncertainties=EXACT,
+        )
         last = float(own["w/h"].max())
         for deepest in sorted({min(depth, last) for depth in DEPTHS}):
             if (ratio, stuck, f"{deepest:.3g}") in known:

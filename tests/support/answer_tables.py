@@ -28,7 +28,14 @@ def worlds() -> str:
     """One row a world: coverage and width of E alone, then with the thickness free."""
     alone, both = stored("worlds_E").set_index("kind"), stored("worlds_E_h")
     modulus = both[both["parameter"] == "layer.E"].set_index("kind")
-    head = ["95 % of", f"E ({alone['curves'].iloc[0]} curves)", "control", "width", f"E, h free ({modulus['curves'].iloc[0]})", "control"]
+    head = [
+        "95 % of",
+        f"E ({alone['curves'].iloc[0]} curves)",
+        "control",
+        "width",
+        f"E, h free ({modulus['curves'].iloc[0]})",
+        "control",
+    ]
     return markdown(
         head,
         [
@@ -37,8 +44,8 @@ def worlds() -> str:
                 f"{row['covered %']:g} %",
                 f"{row['white covered %']:g} %",
                 f"{row['width, median']:g}",
-                f"{modulus.at[kind, 'covered %']:g} %",
-                f"{modulus.at[kind, 'white covered %']:g} %",
+                f"{modulus.loc[kind, 'covered %']:g} %",
+                f"{modulus.loc[kind, 'white covered %']:g} %",
             ]
             for kind, row in alone.iterrows()
         ],
@@ -49,10 +56,11 @@ def scenes() -> str:
     """One row a parameter and what is free with it."""
     rows = []
     for free in ("E", "E_h", "E_E2", "E_h_E2"):
+        beside = ", ".join(free.replace("E2", "E of the substrate").split("_"))
         for _, row in stored(f"scenes_{free}").iterrows():
             rows.append(
                 [
-                    f"{_NAMES[row['parameter']]}; free: {', '.join(free.replace('E2', 'E of the substrate').split('_'))}",
+                    f"{_NAMES[row['parameter']]}; free: {beside}",
                     f"{row['curves']}",
                     f"{row['covered %']:g} %",
                     f"{row['white covered %']:g} %",

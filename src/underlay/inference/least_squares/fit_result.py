@@ -39,7 +39,7 @@ from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
-    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.inference.pointwise.result import PointwiseModulus
 
 __all__ = [
     "Alternative",

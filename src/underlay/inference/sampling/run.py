@@ -72,8 +72,9 @@ Told: TypeAlias = Callable[[int, int, float], None]
 
 # Weighted draws: of so many four fifths count, and an end of a 95 % interval is known to 0.05 standard deviations.
 _DRAWS = 4000
-# Weights with a heavier tail, or worth fewer draws, are refused: the reading's own rule (`uncertainty/ridge`). Where
-# the closed form was drawn from, up to so many rounds from kernels about the draws follow: one did in 43 of 47 cases.
+# Weights with a heavier tail, or worth fewer draws, are refused: the reading's own rule (`uncertainty/ridge`).
+# Where the closed form was drawn from, up to so many rounds from kernels about the draws follow: one did in 43 of
+# 47 cases.
 _LARGEST_PARETO, _FEWEST, _EVEN, _ROUNDS = 0.7, 300.0, 0.99, 4
 # Quantiles that differ by so many of their joint standard errors, and by so many standard deviations of the
 # posterior beyond what the two are asked for, are not one.
@@ -171,7 +172,7 @@ def sample(
     drawn = _weigh(density, for_draws)
     if method == "importance":
         if drawn.refused:
-            raise FitError(f"weighted draws are refused: {drawn.refused}; take method='emcee'")
+            raise FitError(f"weighted draws are refused: {drawn.refused}; take the method emcee")
         answer = _Answer.of_weights(drawn, for_draws, None, "")
     else:
         names = found.problem.names
@@ -1001,7 +1002,7 @@ def marginalised(problem: Problem) -> Problem:
     """
     require_given(problem, "problem", Problem)
     warnings.warn(
-        "marginalised goes with the next version: ask fit(problem).statement.likelihood.log_density",
+        "marginalised goes with the next version: the likelihood of a fit has the density",
         DeprecationWarning,
         stacklevel=2,
     )
