@@ -236,6 +236,7 @@ DOORS = {
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
     "report/bench_users": {"read_text", "np.loadtxt"},  # the processor's name; a peer that is timed
+    "report/page": {"read_text"},  # of the package itself
     "report/review": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
 }
