@@ -236,6 +236,7 @@ DOORS = {
     "inference/citation": {"read_text"},  # of the package itself
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
     "report/review": {"read_text"},  # of the package itself
+    "report/page": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
 }
 

@@ -283,9 +283,9 @@ class FitPage:
         known = self.fit.answer("layer.E") if "layer.E" in self.fit.names else None
         shown = None if self.fit.verdict == "reject" else known
         ax = sized(_HALF, lambda panel: plots.pointwise_modulus(found, answer=shown, ax=panel))
-        caption = (
-            f"Modulus read from the force at each depth: {by_depth_words(found) or 'too few depths to tell'}."
-        )
+        # Intervals of a rejected model are no judge of whether it is constant.
+        trend = "" if shown is None else by_depth_words(found)
+        caption = f"Modulus read from the force at each depth{': ' if trend else ''}{trend}."
         return figure(ax, "depth", "Modulus against depth, and the half-space's.", "E by depth.", caption)
 
     def _budget(self) -> str:
