@@ -569,7 +569,7 @@ def test_sampler_hands_over_its_chain():
     spread = np.linalg.cholesky(fit.scaled_covariance)
     begin = fit.vector + rng.standard_normal((24, 2)) @ spread.T
     # 2.4 / sqrt(parameters): the best step of a normal (Gelman, Roberts and Gilks 1996).
-    chain = metropolis(problem.log_posterior, begin, 1.7 * spread, 800, rng)
+    chain = metropolis(problem.log_posterior, begin, 1.7 * spread, 1600, rng)
     posterior = ul.posterior_from_chain(problem, chain)
     assert posterior.converged
     table = posterior.summary()
@@ -581,7 +581,7 @@ def test_sampler_hands_over_its_chain():
     # The control: chains that do not move are judged as such.
     stuck = np.broadcast_to(begin, (200, *begin.shape)) + 1e-6 * rng.standard_normal((200, *begin.shape))
     assert not ul.posterior_from_chain(problem, stuck).converged
-    with pytest.raises(ul.InputError, match=r"got shape \(800, 24\)"):
+    with pytest.raises(ul.InputError, match=r"got shape \(1600, 24\)"):
         ul.posterior_from_chain(problem, chain[..., 0])
     with pytest.raises(ul.InputError, match="no probability at step 0 of walker 0"):
         ul.posterior_from_chain(problem, chain + 50.0)

@@ -78,7 +78,7 @@ def coverage(problems, samples):
     held = []
     for problem, sample in zip(problems, samples, strict=True):
         low, high = np.quantile(sample, [0.025, 0.975])
-        held.append(low <= problem.base_scenes[0].layer.E <= high)
+        held.append(low <= problem.base_scenes[0].parameters[E] <= high)
     return np.mean(held)
 
 
@@ -110,5 +110,5 @@ def test_the_name_that_goes_says_so_and_still_works():
     vectors = ul.fit(problem).vector + np.array([[0.0, 0.0], [1e-3, -1e-3], [0.0, 2e-3]])
     np.testing.assert_allclose(averaged.log_posterior(vectors), likelihood.log_density(vectors), rtol=1e-9)
     stated = problem.revised(noise=ul.Noise())
-    with pytest.warns(DeprecationWarning, match="next version"):
+    with pytest.warns(DeprecationWarning, match="marginalised goes"):
         assert ul.marginalised(stated) is stated

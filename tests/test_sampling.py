@@ -206,7 +206,7 @@ def test_refused_weights_make_a_chain_or_an_error(monkeypatch):
     assert not posterior.diagnostics.weighted
     assert posterior.converged
     assert "too few" in posterior.diagnostics.importance.refused
-    with pytest.raises(ul.FitError, match=r"weighted draws are refused: .*too few; take the method emcee"):
+    with pytest.raises(ul.FitError, match=r"weighted draws are refused: .*too few; take the sampler emcee"):
         ul.sample(halfspace_problem(), method="importance")
 
 

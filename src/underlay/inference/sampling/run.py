@@ -7,8 +7,8 @@ deviations, or the result says that it is not. Both ask one density, `Likelihood
 coordinates, so that a modulus moves in ratios; all walkers are evaluated in one call of the batched forward model.
 
 Moves are emcee's own (Foreman-Mackey, Hogg, Lang and Goodman 2013, doi:10.1086/670067): proposals from what the
-draws came from and from Student kernels about them, whatever the place of a walker (Tierney 1994,
-doi:10.1214/aos/1176325750); from a kernel estimate of the other half, which follows a bent ridge; differences of
+draws came from and from Student kernels about them (Raftery and Bao 2010, doi:10.1111/j.1541-0420.2010.01399.x),
+whatever the place of a walker (Tierney 1994, doi:10.1214/aos/1176325750); from a kernel estimate of the other half, which follows a bent ridge; differences of
 walkers (ter Braak 2006, doi:10.1007/s11222-006-8769-1), and a full difference (gamma0 = 1) that jumps between
 separate tops. The snooker is left out: up to version 3.1.6 it divides by the root of a length where the length
 belongs, and the variance it yields is too small.
@@ -172,7 +172,7 @@ def sample(
     drawn = _weigh(density, for_draws)
     if method == "importance":
         if drawn.refused:
-            raise FitError(f"weighted draws are refused: {drawn.refused}; take the method emcee")
+            raise FitError(f"weighted draws are refused: {drawn.refused}; take the sampler emcee")
         answer = _Answer.of_weights(drawn, for_draws, None, "")
     else:
         names = found.problem.names
