@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from underlay._version import VERSION
-from underlay.inference.citation.works import Work, work
+from underlay.inference.citation import Work, work
 from underlay.mechanics.body import RIGID
 from underlay.quantities import numbers_of
 from underlay.report.labels import label, labelled, start
