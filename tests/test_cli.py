@@ -64,7 +64,9 @@ def test_fit_says_a_second_optimum_beside_the_headline_and_once(run, tmp_path):
     assert second.startswith("Layer thickness")
     # Both optima lie within what is stated; what else was found is said with the details.
     assert "known to a factor" in out
-    assert "another optimum explains" in run("fit", curve, "--scene", scene, "--details")[1].replace("\n", " ")
+    assert "another optimum explains" in run("fit", curve, "--scene", scene, "--details")[1].replace(
+        "\n", " "
+    )
 
 
 def test_formats_says_how_a_file_is_read_and_draws_its_segments(run, tmp_path):

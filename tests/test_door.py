@@ -287,7 +287,9 @@ def test_curves_that_are_none_on_the_command_line(folder):
 def saved(tmp_path_factory):
     path = tmp_path_factory.mktemp("posterior") / "posterior.npz"
     with pytest.warns(ul.UnderlayWarning, match="not converged"):
-        posterior = ul.sample(halfspace_problem(), walkers=16, max_steps=60, rng=1, progress=False, method="emcee")
+        posterior = ul.sample(
+            halfspace_problem(), walkers=16, max_steps=60, rng=1, progress=False, method="emcee"
+        )
     posterior.save(path)
     return path.read_bytes()
 
