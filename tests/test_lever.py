@@ -5,7 +5,6 @@ import pytest
 
 import underlay as ul
 from support import microscope_files
-from underlay.inference.misfit.blocked import Blocked
 from underlay.report.scene_tables import scene_table
 
 K = 0.05
@@ -117,20 +116,6 @@ def test_the_likelihood_is_that_of_the_scenes_own_force(body):
             np.testing.assert_allclose(
                 column, change / (2.0 * step[entry]), atol=1e-4 * np.abs(column).max(), err_msg=path
             )
-
-
-def test_a_drift_of_the_law_goes_by_the_depths_of_the_model():
-    """Drift and jump have the depths at which the law has its force: no noise of the readings is in them."""
-    scene = ul.Scene(
-        *BODIES["half-space"], ul.Instrument(3e-7, 2e-10, 5e-5, 1.0), lever=ul.Lever(K, 1.1, 0.95)
-    )
-    depth = np.linspace(-5e-7, 1e-6, 100)
-    curve = ul.synthesize(scene, depth, ul.Noise(force=0.05 * float(np.ptp(scene.force(depth)))), rng=1)
-    problem = ul.Problem(scene, curve, {"layer.E": None, CONTACT: None, SIGMA: ul.LogNormal(1.0, 0.05)})
-    vector = problem.vector({name: scene.parameters[name] for name in problem.names})
-    (part,) = Blocked.of(problem, vector).linearised(vector).parts
-    force = scene.lever.gain * scene.contact_law(2e-6).force(part.depth)
-    np.testing.assert_allclose(part.force * problem.members[0].scatter, force, atol=1e-6 * force.max())
 
 
 def test_noise_is_not_taken_for_bending():
@@ -278,29 +263,10 @@ def load(tmp_path):
     return write
 
 
-def test_an_uncertain_calibration_of_a_file_is_a_prior_of_the_fit(load):
-    problem = load('spring_constant = "± 10 %", sensitivity = "60 nm/V +- 3 nm/V"')
-    priors = {coordinate.path: coordinate.prior for coordinate in problem.coordinates}
-    assert priors[KAPPA] == ul.LogNormal(1.0, 0.1)
-    assert (priors[SIGMA].median, priors[SIGMA].sigma) == pytest.approx((1.0, 0.05))
-    assert problem.members[0].scene.lever == ul.Lever(0.04)
-    # What the file frees comes first: the report speaks of that.
-    assert problem.names[0] == "layer.E"
-    notes = problem.members[0].curve.metadata["notes"]
-    assert "known is the spring constant to 10 % and sensitivity to 5 %" in notes[-1]
-
-
 def test_a_calibration_without_its_uncertainty_adds_nothing(load):
     problem = load('spring_constant = "0.04 N/m"')
     assert problem.members[0].scene.lever is None
     assert KAPPA not in problem.names
-
-
-def test_the_scene_files_own_prior_goes_first(load):
-    own = 'lever.spring_constant_ratio = { prior = "lognormal", median = 1.0, relative_sd = 0.2 }'
-    problem = load('spring_constant = "± 10 %"', '[lever]\nspring_constant = "0.04 N/m"', free=own)
-    priors = {coordinate.path: coordinate.prior for coordinate in problem.coordinates}
-    assert priors[KAPPA] == ul.LogNormal(1.0, 0.2)
 
 
 def test_a_lever_is_written_and_read_back(tmp_path):
@@ -317,3 +283,13 @@ def test_a_report_lists_the_lever():
 def test_a_lever_of_the_scene_and_the_file_of_the_curve_are_compared(load):
     with pytest.raises(ul.InputError, match=r"says lever.spring_constant = 40 mN/m, the scene 50 mN/m"):
         load('sensitivity = "± 3 %"', '[lever]\nspring_constant = "0.05 N/m"')
+
+
+def test_a_calibration_known_to_a_share_is_a_row_of_the_budget(load):
+    """A file that states its calibration to 10 and 3 %: 95 % is twice that, and the modulus follows."""
+    problem = load('spring_constant = "0.04 N/m ± 10 %", sensitivity = "± 3 %"')
+    rows = ul.fit(problem).answer("layer.E").budget.set_index("source")
+    assert rows.loc["spring_constant", "origin"] == "given"
+    assert rows.loc["spring_constant", "size"] == "± 20 %"
+    assert rows.loc["sensitivity", "size"] == "± 5.9 %"
+    assert KAPPA not in problem.names

@@ -7,11 +7,9 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on, measured
-from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.pointwise.explained import Body, halfspace_of
 from underlay.inference.pointwise.modulus import BinnedCurve
 from underlay.report import fit_files as pointwise_tables
-from underlay.scene.instrument import Chain
 
 ELASTIC = ul.Isotropic(5e6, 0.3)
 CLEAN = ul.Noise(force=1e-9)
@@ -152,34 +150,12 @@ def tilted_fit(seed):
     return ul.fit(ul.Problem(layer_on(ul.RIGID), curve, TILTED))
 
 
-def test_a_slope_and_a_creep_that_cancel_leave_the_modulus():
-    fit = tilted_fit(0)
-    averaged = averaged_fit(fit)
-    binned = BinnedCurve.of(fit, averaged, 0, 15)
-    (curve,) = fit.curves
-    largest = averaged.creep_at(0, curve.time)
-    share, tilted = 1e-3, binned.optimum.copy()
-    tilted[fit.names.index("instrument.baseline_slope")] -= share * np.ptp(largest) / np.ptp(curve.depth)
-    # What slope and creep together add to the first reading the baseline takes away.
-    offsets = [
-        Chain.of(binned.values(numbers)).reading(np.zeros(1), curve.depth[:1])[0]
-        for numbers in (binned.optimum, tilted)
-    ]
-    tilted[fit.names.index("instrument.baseline")] += offsets[0] - offsets[1] - share * largest[0]
-    plain, both = binned.explained(binned.optimum)[0], binned.explained(tilted, share)[0]
-    alone = binned.explained(tilted)[0]
-    # Sums of forces that differ by rounding alone: of the first bins' forces, a thousandth of the largest.
-    np.testing.assert_allclose(both.apparent, plain.apparent, rtol=1e-10)
-    np.testing.assert_allclose(both.incremental, plain.incremental, rtol=1e-10)
-    assert np.abs(alone.apparent / plain.apparent - 1.0).min() > 1e-4
-
-
 def test_without_a_stated_noise_the_intervals_cover_and_do_not_hold_what_the_baseline_alone_is_not_known():
     """The control: with baselines and slopes whose creep compensates nothing they are nearly twice as wide."""
     hits, ratios = [], []
     for seed in range(6):
         fit = tilted_fit(seed)
-        binned = BinnedCurve.of(fit, averaged_fit(fit), 0, 15)
+        binned = BinnedCurve.of(fit, 0, 15)
         still = replace(binned, creep=tuple(np.zeros_like(part) for part in binned.creep))
         own, alone = (each.curves(0.95)["apparent"] for each in (binned, still))
         hits.append(np.mean((own.low < 1e6) & (own.high > 1e6)))

@@ -96,5 +96,5 @@ def test_what_cannot_be_advised_is_said(fit):
 def test_the_summary_says_which_tip_would_fix_what_is_open(fit):
     text = words.summary(fit)
     assert np.isinf(fit.interval(H).high)
-    assert "the data set no upper end" in text
+    assert "not determined by this curve" in text
     assert f"Layer thickness: {ul.remedy(fit, H).sentence}." in text

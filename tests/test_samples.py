@@ -109,7 +109,9 @@ def test_the_tip_that_sticks_is_held_by_what_the_curve_shows():
     level = abs(curve.force[after] - fit.values["instrument.baseline"])
     gone = curve.depth[after][level < 1e-9].max()
     assert base == pytest.approx(gone, abs=2e-8)
-    assert str(fit.verdict).startswith("model wrong"), "its dip is deeper than JKR's, and the fit must say so"
+    assert str(fit.verdict).startswith("check: the model"), (
+        "its dip is deeper than JKR's, and the fit must say so"
+    )
 
 
 def test_the_small_map_is_made_again_to_the_bit(tmp_path):

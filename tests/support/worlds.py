@@ -132,3 +132,82 @@ def disturbed(clean, world, rng, noise=0.003):
         depth, white = depth + noise * depth.max() * rng.standard_normal(len(depth)), 0.1 * noise
     noise = white * clean.top * rng.standard_normal(len(depth))
     return ul.Curve(depth, clean.force + disturbance(clean, rng) + noise, time=clean.time)
+
+
+def pink(clean, rng):
+    """Noise of equal power in every octave."""
+    n = len(clean.depth)
+    frequency = np.fft.rfftfreq(n)
+    amplitude = np.zeros(len(frequency), complex)
+    amplitude[1:] = rng.standard_normal((2, n // 2)).T @ np.array([1.0, 1.0j]) / np.sqrt(frequency[1:])
+    own = np.fft.irfft(amplitude, n)
+    return 0.006 * clean.top * own / own.std()
+
+
+def vibration(clean, rng):
+    return 0.01 * clean.top * np.sin(2.0 * np.pi * (rng.uniform(15.0, 40.0) * clean.time + rng.uniform()))
+
+
+def outliers(clean, rng):
+    hit = rng.uniform(size=len(clean.depth)) < 0.03
+    return 0.03 * clean.top * rng.standard_t(2, len(clean.depth)) * hit
+
+
+def growing(clean, rng):
+    return 0.01 * rng.standard_normal(len(clean.depth)) * np.maximum(clean.force, 0.0)
+
+
+def kinked(clean, rng):
+    """A baseline with two slopes before contact."""
+    kink = rng.uniform(-0.35, -0.1) * clean.depth.max()
+    return (
+        0.02 * rng.standard_normal() * clean.top * np.maximum(clean.depth - kink, 0.0) / np.ptp(clean.depth)
+    )
+
+
+def turning(clean, rng):
+    """A thermal ramp that turns on the way."""
+    turn = rng.uniform(0.3, 0.7)
+    return 0.06 * abs(rng.standard_normal()) * clean.top * np.abs(clean.time - turn)
+
+
+def soft_touch(clean, rng):
+    """A soft film of a few per cent of the depth: contact is made gradually."""
+    scale = rng.uniform(0.02, 0.08) * clean.depth.max()
+    return -0.6 * clean.force * np.exp(-np.maximum(clean.depth, 0.0) / scale)
+
+
+#: Further worlds: what is added to the force, and the white noise beside it, over the largest force.
+FURTHER = {
+    "1/f": (pink, 0.003),
+    "vibration": (vibration, 0.003),
+    "outliers": (outliers, 0.003),
+    "growing": (growing, 0.0005),
+    "kinked baseline": (kinked, 0.003),
+    "ramp that turns": (turning, 0.003),
+    "soft touch": (soft_touch, 0.003),
+}
+#: Worlds of noise, judged by the truth; and worlds in which the law is wrong, judged by what it makes of the range.
+NOISES = (
+    "clean", "AR(1)", "AR(1) and white", "random walk", "fringes", "slope of the baseline", "drag step", "adhesion",
+    "1/f", "vibration", "outliers", "growing", "quantised", "kinked baseline", "ramp that turns",
+)  # fmt: skip
+LAW_LIKE = ("stiffening", "relaxation", "bent depth", "bowed depth", "soft touch")
+
+
+def world_curves(clean, world, rng):
+    """A curve of a world, and the same without white noise."""
+    depth, white = clean.depth, 0.003 * clean.top * rng.standard_normal(len(clean.depth))
+    if world in {"bent depth", "bowed depth"}:
+        x = np.clip(depth / depth.max(), -1.0, 1.0)
+        shape = np.maximum(x - 0.5, 0.0) if world == "bent depth" else x * (1.0 - x) * (x > 0.0)
+        read = depth + 0.02 * rng.choice([-1.0, 1.0]) * depth.max() * shape
+        return (ul.Curve(read, clean.force + own, time=clean.time) for own in (white, 0.0))
+    if world == "quantised":
+        step = 0.02 * clean.top
+        rounded = np.round((clean.force + white) / step) * step
+        return (ul.Curve(depth, force, time=clean.time) for force in (rounded, clean.force))
+    disturbance, size = FURTHER.get(world) or WORLDS[world]
+    added = disturbance(clean, rng)
+    noise = size * clean.top * rng.standard_normal(len(depth))
+    return (ul.Curve(depth, clean.force + added + own, time=clean.time) for own in (noise, 0.0))

@@ -97,7 +97,7 @@ def _parts(
 
 
 def _exact(known: Answer) -> list[str]:
-    """The numbers that are printed of a quantity, as Python writes them: value, ends, ends of the statistical part."""
+    """The numbers that are printed of a quantity: value, ends, and ends of the statistical part."""
     numbers = (known.value, known.low, known.high, known.statistical.low, known.statistical.high)
     return [repr(float(number)) for number in numbers]
 

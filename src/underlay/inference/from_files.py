@@ -17,7 +17,7 @@ from underlay.data.segments import LOADING, UNLOADING
 from underlay.data.signs import flipped, require_signs
 from underlay.data.withdrawal import imprint_of, remembering_withdrawal
 from underlay.errors import CurveError, InputError, UnderlayError
-from underlay.inference.file_facts import known_lever, settle
+from underlay.inference.file_facts import settle
 from underlay.inference.plausibility import require_plausible
 from underlay.inference.priors import Normal, Uniform, prior_from_numbers
 from underlay.inference.problem import Given, Problem
@@ -233,15 +233,11 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
         overrule=file.curve.get("overrule", ()),
         free=[entry.path for entry in file.free],
     )
-    known = known_lever(file.draft, curve)
-    draft = replace(file.draft.with_values(settled.values), lever=known.lever)
-    file = replace(file, draft=draft, left_out=())
-    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes, *known.notes))
+    file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
+    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
     require_elastic(file.draft, curve, file.curve.get("overrule", ()))
     curve = within_range(file, file.draft, curve)
-    # What the file frees comes first, in its own words; the calibration stands behind it.
     free = {**free_of(file, curve), **(priors or {})}
-    free = {**free, **{path: prior for path, prior in known.priors.items() if path not in free}}
     problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem

@@ -68,8 +68,8 @@ def line(name: str, text: str) -> str:
 def answer_text(known: Answer, *, parts: bool = True) -> str:
     """``"0.617 ± 0.037 MPa (95 %; stat 0.009, syst 0.036)"``.
 
-    ``"0.62 (0.52 to 0.81) MPa"`` where an arm is much longer, ``"not determined by this curve (> 1.1 mm)"`` where an
-    end is open.
+    ``"0.62 (0.52 to 0.81) MPa"`` where an arm is much longer, ``"not determined by this curve (> 1.1 mm)"`` where
+    an end is open.
     """
     kind = kind_of(path_of(known.name))
     if known.is_open:

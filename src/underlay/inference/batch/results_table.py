@@ -85,7 +85,7 @@ def fitted_names(columns: Iterable[object]) -> list[str]:
 
 
 def standard_errors(table: pd.DataFrame, name: str) -> Any:
-    """Standard errors (SI) of a fitted parameter, one a row: a quarter of the statistical interval's width, or so."""
+    """Standard errors (SI) of a fitted parameter, one a row: those of its statistical interval."""
     if f"{name}.stderr" in table.columns:
         return table[f"{name}.stderr"].to_numpy(dtype=float)
     low, high = (table[f"{name}.stat.{end}"].to_numpy(dtype=float) for end in ("low", "high"))

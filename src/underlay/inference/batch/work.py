@@ -16,7 +16,7 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,10 +44,12 @@ from underlay.inference.least_squares.provenance import STATED, curve_hash, inst
 from underlay.inference.plausibility import in_doubt, require_sizes, require_travel
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.derived import adhesive_numbers
-from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.uncertainty.answer import Advice, Answer
 from underlay.inference.uncertainty.verdict import CHECK, REJECT
 from underlay.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
     "DIED",
@@ -89,7 +91,7 @@ _NO_CONTACT = 30.0
 _MODULUS_LIKELIHOOD = f"{_MODULUS}.{LIKELIHOOD}"
 
 
-# Arms of an interval of ln E beyond which it is not taken for a normal density's: one this much longer, or this long.
+# Arms of an interval of ln E beyond which it is no normal density's: one this much longer, or this long.
 _LOPSIDED, _WIDE = 1.5, 0.4
 
 
@@ -228,8 +230,8 @@ class CurveFitter:
             reduced_chi_square=outcome.reduced_chi_square,
             rms=float(np.sqrt(outcome.sum_of_squares / len(curve))),
             warnings=0,
-            **outcome.more,
         )
+        row.update(outcome.more)
         _add_notes(row, [*notes, *outcome.notes])
 
     def _fitted(self, place: CurvePlace, outcome: _Found) -> Scene:

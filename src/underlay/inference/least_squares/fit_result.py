@@ -206,9 +206,9 @@ class Fit:
     def answer(self, name: str, level: float = 0.95) -> Answer:
         """Return the answer of one quantity: the number that every screen, table, page and file prints.
 
-        Its value is the one with which the model describes the fitted range (least squares). The statistical part is
-        from noise and misfit that the curve shows, the systematic part from inputs and from what the model leaves
-        out; `Answer.budget` lists them. It is computed when first asked for, and kept.
+        Its value is the one with which the model describes the fitted range (least squares). The statistical part
+        is from noise and misfit that the curve shows, the systematic part from inputs and from what the model
+        leaves out; `Answer.budget` lists them. It is computed when first asked for, and kept.
 
         Parameters
         ----------
@@ -272,7 +272,7 @@ class Fit:
         return parts[part]
 
     def modulus_by_depth(self, curve: int = 0, points: int = 30, level: float = 0.95) -> PointwiseModulus:
-        """Return E by depth: read from the force, and from its slope, at each depth, with the half-space's beside it.
+        """Return E by depth: from the force and from its slope at each depth, the half-space's beside it.
 
         See `pointwise_modulus` for parameters and errors.
         """

@@ -100,8 +100,9 @@ def require_acting(
             )
 
 
-# Correlations of second differences below which depth and force share their noise: independent noises of 100 readings
-# reach neither in 10^9 curves; smooth curves of opposite curvature may reach the first, and do not find the file's k.
+# Correlations of second differences below which depth and force share their noise, and where the file states its
+# constant
+# too: independent noises of 100 readings reach neither in 10^9 curves.
 _SHARED_NOISE, _CONFIRMED = -0.97, -0.9
 _NOTHING = 1e-12  # share of a column's span that is no change
 _FEWEST_READINGS = 30  # readings that tell
@@ -109,8 +110,7 @@ _ROUNDED = 0.1  # share of second differences that are exactly zero, from which 
 _ALIKE = 1.6  # how far the constants of the record's halves may differ
 #: Entry of a curve's metadata: its depth is the travel, and its lever a compliance in series.
 IN_SERIES = "lever_in_series"
-# At a correlation of -0.97 a noise of the detector alone makes k too large by 6 %, and noise of a hundred readings by
-# as much again.
+# Noise of a hundred readings makes k off by 6 %; files state it to two or three digits.
 _LIKE_THE_FILE = 0.12
 
 
@@ -131,8 +131,8 @@ def lever_seen(depth: FloatArray, force: FloatArray, told: float | None = None) 
     Returns
     -------
     float or None
-        The ratio of the second differences' sizes, where they correlate in the whole record and in each of its halves,
-        with constants that agree.
+        The ratio of the second differences' sizes, where they correlate in the whole record and in each of its
+        halves, with constants that agree.
     """
     if len(depth) < _FEWEST_READINGS:
         return None

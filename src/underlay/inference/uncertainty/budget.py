@@ -1,8 +1,9 @@
 """The systematic part: how far every uncertain input, and all that a model leaves out, moves the fitted numbers.
 
 A source adds a force to the readings that the fit takes for the sample's. To first order the scaled vector answers
-by least squares in the metric of the noise (`Likelihood.moved`); where that goes far the curve is fitted again
-with the input moved. A source of several independent shapes has a row of moves for each; each row is a pair, down and up.
+by least squares in the metric of the noise (`Likelihood.moved`); where that goes far the curve is fitted again with
+the input moved. A source of several independent shapes has a row of moves for each; each row is a pair, down and
+up.
 """
 
 from __future__ import annotations
@@ -18,7 +19,15 @@ from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError, UnderlayError
 from underlay.inference.model.compilation import IN_SERIES
 from underlay.inference.problem import Problem
-from underlay.inference.uncertainty.inputs import DEPTH, FORCE, HEIGHTS, SPRING_CONSTANT, Input, inputs_of
+from underlay.inference.uncertainty.inputs import (
+    DEPTH,
+    FORCE,
+    HEIGHTS,
+    SENSITIVITY,
+    SPRING_CONSTANT,
+    Input,
+    inputs_of,
+)
 from underlay.inference.uncertainty.known_errors import KnownError, Pressed, known_errors, left_out
 from underlay.mechanics.profile import Profile
 from underlay.scene.instrument import ContactDepth, Frame
@@ -40,6 +49,7 @@ Sized: TypeAlias = Callable[[Sequence[Sequence[FloatArray]], FloatArray], tuple[
 #: The general error of a contact law.
 LAW = "contact model"
 _NORMAL_95 = 1.96
+_NO_PATHS = {FORCE, SPRING_CONSTANT, SENSITIVITY, DEPTH, HEIGHTS}
 # Sections of a scene whose numbers act on a curve.
 _ACTING = ("indenter.", "layer.", "substrate.", "instrument.compliance", "adhesion.", "history.")
 # Standard, at full depth, of the law's own error: an assumption, marked as such. At 3 % it alone makes 7.4 to 8.4 %
@@ -130,7 +140,7 @@ class _Budget:
         self, source: str, entries: dict[int, Input], slopes: dict[str, list[FloatArray]]
     ) -> FloatArray | None:
         """Moves (1, 2, k) of one input; None where it cannot act."""
-        if source not in {FORCE, SPRING_CONSTANT, DEPTH, HEIGHTS} and source not in slopes:
+        if source not in _NO_PATHS and source not in slopes:
             return None
         sides = []
         for sign in (-1.0, 1.0):
@@ -138,7 +148,10 @@ class _Budget:
                 sign * (entries[i].up if sign > 0.0 else entries[i].down) if i in entries else 0.0
                 for i in range(len(self.readings))
             ]
-            columns = [self._column(source, i, amount, slopes) for i, amount in enumerate(amounts)]
+            columns = [
+                self._column(source, i, amount, slopes) if amount else np.zeros_like(self.readings[i].force)
+                for i, amount in enumerate(amounts)
+            ]
             # Were the input so much larger, the same readings would come from another sample.
             near = -self.moved(columns)
             far = bool((np.abs(near) > _STRAIGHT).any()) and source in slopes
@@ -148,20 +161,22 @@ class _Budget:
     def _column(self, source: str, i: int, amount: float, slopes: dict[str, list[FloatArray]]) -> FloatArray:
         """Force (N) that curve `i` would show more, were the input larger by `amount`."""
         member, reading = self.fit.problem.members[i], self.readings[i]
-        if amount == 0.0:
-            return np.zeros(len(member.force))
+        if source == HEIGHTS:
+            return _of_heights(self.fit, i, amount) - reading.force
+        if source in slopes:
+            return amount * slopes[source][i]
         kept = _kept(self.fit, i, reading)
+        if source == DEPTH:
+            return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
+        # A force scale that is larger makes the same sample read less.
         if source == SPRING_CONSTANT and member.curve.metadata.get(IN_SERIES):
             # The deflection is measured: a stiffer lever presses harder, and bends no more.
             return -amount * kept * reading.contact
-        if source in {FORCE, SPRING_CONSTANT}:
-            # A force scale that is larger makes the same sample read less.
-            return -amount * member.force
-        if source == DEPTH:
-            return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
-        if source == HEIGHTS:
-            return _of_heights(self.fit, i, amount) - reading.force
-        return amount * slopes[source][i]
+        if source == SENSITIVITY:
+            # The bending that was taken off the travel is larger by it too.
+            bending = member.force / float(member.curve.metadata.get("spring_constant", math.inf))
+            return -amount * (member.force + kept * reading.stiffness * bending)
+        return -amount * member.force
 
     def _moved_input(self, source: str, amounts: Sequence[float], near: FloatArray) -> FloatArray:
         """Shift of the optimum when the curve is fitted again with the input moved; `near` where it cannot be."""

@@ -210,7 +210,7 @@ class Density:
         own = self.curves[0].moments
         rows = fallen + own.residual
         information, offset = own.information[:, self.kept[:, None], self.kept], own.offset[:, self.kept]
-        solved = np.linalg.solve(information, offset[..., None])[..., 0]
+        solved = (np.linalg.pinv(information, hermitian=True) @ offset[..., None])[..., 0]
         least = _squares(own, own.residual[None])[0] - (offset * solved).sum(axis=1)
         return np.asarray(np.maximum((_squares(own, rows) - least) / own.variance, 0.0))
 

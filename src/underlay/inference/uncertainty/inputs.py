@@ -1,4 +1,4 @@
-"""How well the inputs of a test are known: what was stated for it, and what is assumed where nobody stated anything.
+"""How well the inputs of a test are known: what was stated for it, and what is assumed where nobody did.
 
 All sizes are at 95 %. Those that are assumed are what laboratories and makers commonly quote (a cantilever's spring
 constant by the thermal method 10 to 20 %: Hutter & Bechhoefer 1993, doi:10.1063/1.1143970, te Riet et al. 2011,
@@ -17,10 +17,11 @@ from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
-__all__ = ["DEPTH", "FORCE", "HEIGHTS", "SPRING_CONSTANT", "Input", "inputs_of"]
+__all__ = ["DEPTH", "FORCE", "HEIGHTS", "SENSITIVITY", "SPRING_CONSTANT", "Input", "inputs_of"]
 
 #: Inputs that are no number of a scene: scales of all forces, depths, and heights of a measured tip.
-FORCE, DEPTH, SPRING_CONSTANT, HEIGHTS = "force", "depth", "spring_constant", "indenter.heights"
+FORCE, DEPTH, SPRING_CONSTANT, SENSITIVITY = "force", "depth", "spring_constant", "sensitivity"
+HEIGHTS = "indenter.heights"
 _GIVEN, _ASSUMED = "given", "assumed"
 _NORMAL_95 = 1.96
 # Assumed, relative, 95 %.
@@ -40,7 +41,7 @@ class Input:
     Parameters
     ----------
     source : str
-        Path of the scene, or `FORCE`, `DEPTH`, `SPRING_CONSTANT`, `HEIGHTS`.
+        Path of the scene, or `FORCE`, `DEPTH`, `SPRING_CONSTANT`, `SENSITIVITY`, `HEIGHTS`.
     down, up : float
         How far it may be below and above what was entered, 95 %: SI for a path, a share otherwise.
     size : str
@@ -84,12 +85,22 @@ def _instrument(curve: Curve, told: Mapping[str, float], free: Collection[str]) 
         assumed = _spring(curve) if of_force == SPRING_CONSTANT else (_FORCE, _ASSUMED)
         yield _share(of_force, told, *assumed)
     yield _share(DEPTH, told, _DEPTH, _ASSUMED)
+    if (own := _stated_share(curve, "sensitivity_uncertainty")) and not any(
+        p.startswith("lever.") for p in free
+    ):
+        yield Input(SENSITIVITY, own, own, _percent(own), _GIVEN)
 
 
 def _spring(curve: Curve) -> tuple[float, str]:
     """How well a file says that its spring constant is known; else what is assumed."""
-    own = curve.metadata.get("spring_constant_uncertainty")
-    return (_NORMAL_95 * own, _GIVEN) if isinstance(own, float) and own > 0.0 else (_SPRING, _ASSUMED)
+    own = _stated_share(curve, "spring_constant_uncertainty")
+    return (own, _GIVEN) if own else (_SPRING, _ASSUMED)
+
+
+def _stated_share(curve: Curve, key: str) -> float:
+    """A relative standard uncertainty that a file states, at 95 %; zero without one."""
+    own = curve.metadata.get(key)
+    return _NORMAL_95 * own if isinstance(own, float) and own > 0.0 else 0.0
 
 
 def _share(source: str, told: Mapping[str, float], assumed: float, origin: str) -> Input:

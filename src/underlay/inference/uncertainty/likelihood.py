@@ -191,7 +191,7 @@ class Likelihood:
             normal += law.T @ law
         kept = np.flatnonzero(self.determined & ~held(self.fit))
         found = np.zeros(len(pulls))
-        found[kept] = np.linalg.solve(normal[kept[:, None], kept] + np.diag(self.priors[kept]), pulls[kept])
+        found[kept] = _solved(normal[kept[:, None], kept] + np.diag(self.priors[kept]), pulls[kept])
         return found
 
     def sized(
@@ -268,5 +268,10 @@ class Likelihood:
             normal = normal + there.columns.T @ there.columns
         kept = np.flatnonzero(self.determined)
         step = np.zeros(k)
-        step[kept] = np.linalg.solve(normal[kept[:, None], kept], pull[kept])
+        step[kept] = _solved(normal[kept[:, None], kept], pull[kept])
         return float(abs(away[i] + step[i]) / abs(away[i]))
+
+
+def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Least-norm solution (k,): two numbers that act alike share what they must do."""
+    return np.asarray(np.linalg.pinv(matrix, hermitian=True) @ right)

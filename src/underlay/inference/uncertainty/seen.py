@@ -129,7 +129,7 @@ def _amplitudes(
         normal = (coefficients[:, active].T @ weighted[:, active]) / scale / scale[:, None]
         precision = np.zeros(len(active))
         precision[len(acting) :] = 1.0 / (sizes[active[len(acting) :]] * scale[len(acting) :]) ** 2
-        inverse = np.linalg.inv(normal + np.diag(precision)) / scale / scale[:, None]
+        inverse = np.linalg.pinv(normal + np.diag(precision), hermitian=True) / scale / scale[:, None]
         found = np.zeros(columns.values.shape[1])
         found[active] = inverse @ (coefficients[:, active].T @ weighted[:, -1])
         yield float(weight), found, active, inverse * hypotheses.variance[one]

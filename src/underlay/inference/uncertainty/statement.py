@@ -34,6 +34,8 @@ __all__ = ["NOISE", "Statement"]
 #: The source of the statistical part.
 NOISE = "noise and misfit"
 _LEVEL = 0.95
+# In scaled coordinates: an end a factor of 400 away, or six spans of the curve, is none.
+_FARTHEST = 6.0
 # Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
 
@@ -158,11 +160,15 @@ class Statement:
     def _of_parameter(self, name: str, level: float) -> _Scale:
         index = self.fit.names.index(name)
         coordinate, reading = self.fit.problem.coordinates[index], self.reading
-        low, high = reading.interval(index, level)
+        value = float(reading.corrected[index])
+        low, high = (
+            end if abs(end - value) < _FARTHEST else math.copysign(math.inf, end - value)
+            for end in reading.interval(index, level)
+        )
         return _Scale(
             name,
             KINDS[kind_of(name)].si,
-            float(reading.corrected[index]),
+            value,
             low,
             high,
             of=lambda q: q[:, index],

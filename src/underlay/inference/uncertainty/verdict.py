@@ -1,7 +1,7 @@
 """Whether a fit can be used: one word, one clause, the likeliest cause, and the next step.
 
 Judged by what a disturbance does to the number, not by a test: the change of the apparent modulus over the fitted
-range, the force that sets in at contact, the drift of the baseline, all as the likelihood sees them (`Seen`), and by
+range, the force that sets in at contact and the drift of the baseline as the likelihood sees them (`Seen`), and by
 the width of the answers. Correlated noise alone is no fault of the model.
 """
 
@@ -11,8 +11,12 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from underlay.inference.least_squares.diagnostics import diagnose
 from underlay.inference.uncertainty.answer import Advice, Answer
 from underlay.inference.uncertainty.reading import Reading
+from underlay.scene.instrument import ContactDepth
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -24,7 +28,11 @@ __all__ = ["CHECK", "GOOD", "REJECT", "verdict_of"]
 GOOD, CHECK, REJECT = "good", "check", "reject"
 # Changes of the apparent modulus over the range from which on a model is checked, and rejected; and the deviations
 # that a change must stand above: of 2000 clean curves one in a thousand is above by chance.
-_CHANGED, _WRONG, _SURE = math.log(1.10), math.log(1.30), 3.0
+_CHANGED, _WRONG, _SURE = math.log(1.10), math.log(1.30), 4.0
+# A half-space whose modulus rises by so much has a base below.
+_CHANGED_HALF_SPACE = math.log(1.20)
+# Share of the depth over which a step at contact rises, and the depth that counts as shallow.
+_RISE, _TENTH = 0.03, 0.1
 # Share of a misfit that lies in the first fifth of the depth, from which on contact is made gradually.
 _FOOT = 0.7
 # Probabilities from which on a step or a ramp is said, and the shares of the largest force that they must reach.
@@ -77,11 +85,12 @@ def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Itera
 # --- the model ----------------------------------------------------------------------------------------------
 def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     """A law that is off by an amount that changes with depth."""
-    change, sure = abs(seen.change), abs(seen.change) > _SURE * seen.change_deviation
-    if not sure or change < _CHANGED:
+    signed, deviation = change_with_depth(fit, i)
+    change = abs(signed)
+    if change < _CHANGED or change < _SURE * deviation:
         return
     scene, curve = fit.scenes[i], fit.curves[i]
-    share = f"{100.0 * abs(math.expm1(seen.change)):.0f} %"
+    share = f"{100.0 * abs(math.expm1(signed)):.0f} %"
     if seen.foot > _FOOT:
         yield Advice(
             CHECK,
@@ -91,7 +100,9 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             ("curve.fit_from", "20 % of force"),
         )
         return
-    word = REJECT if change > _WRONG else CHECK
+    if scene.substrate is None and signed > 0.0 and scene.adhesion is None:
+        change = max(change, _WRONG) if change > _CHANGED_HALF_SPACE else change
+    word = REJECT if change >= _WRONG else CHECK
     if scene.adhesion is not None:
         yield Advice(
             word,
@@ -101,8 +112,8 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             ("curve.segment", "all"),
         )
         return
-    stiffer = "stiffer" if seen.change > 0.0 else "softer"
-    if scene.substrate is None and seen.change > 0.0:
+    stiffer = "stiffer" if signed > 0.0 else "softer"
+    if scene.substrate is None and signed > 0.0:
         yield Advice(
             word,
             f"the half-space model does not describe the curve: E rises with depth by {share}",
@@ -112,7 +123,7 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
         )
         return
     deepest = format_quantity(0.5 * (float(curve.depth.max()) - scene.instrument.contact_depth), "length")
-    cause = _cause(scene, seen.change)
+    cause = _cause(scene, signed)
     yield Advice(
         word,
         f"the curve is {stiffer} at depth than the model, by {share}",
@@ -120,6 +131,31 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
         f"fit up to half of the depth ({deepest})",
         ("curve.fit_to", deepest),
     )
+
+
+def change_with_depth(fit: Fit, i: int) -> tuple[float, float]:
+    """ln of the apparent modulus at full depth over that at a tenth of it, and its standard deviation.
+
+    From the residuals of one curve: a relative error of the force that grows as sqrt(w), beside all that is free
+    and a step at contact, whose shape is like it; as much less sure as the residuals that are left hang together.
+    """
+    problem = fit.problem
+    member, physical = problem.members[i], problem.physical(fit.vector)
+    reading, jacobian = member.jacobian(physical, rough=True)
+    w = member.forward.depth - member.values_at(physical)[ContactDepth.path]
+    deepest = float(w.max())
+    grown, stepped = np.sqrt(np.maximum(w, 0.0) / deepest), np.clip(w / (_RISE * deepest), 0.0, 1.0)
+    acting = np.abs(jacobian).max(axis=0) > 0.0
+    columns = np.column_stack((reading.contact * grown, stepped, jacobian[:, acting]))
+    scale = np.abs(columns).max(axis=0)
+    design, residual = columns / scale, member.force - reading.force
+    found = np.linalg.lstsq(design, residual, rcond=None)[0]
+    left = residual - design @ found
+    variance = float(left @ left) / max(len(left) - len(scale), 1)
+    inverse = np.linalg.pinv(design.T @ design)
+    over = (1.0 - _TENTH**0.5) / scale[0]
+    deviation = (variance * float(inverse[0, 0])) ** 0.5 * diagnose(left, left).too_narrow_by
+    return float(found[0]) * over, deviation * over
 
 
 def _cause(scene: object, change: float) -> str:

@@ -1,0 +1,188 @@
+"""Do answers hold the truth, and how wide are they? Worlds of noise, random scenes, and false verdicts.
+
+    python tests/studies/answers.py worlds [--curves 200] [--free E] [--seed 1]
+    python tests/studies/answers.py scenes [--curves 100] [--free E h E2] [--seed 1]
+    python tests/studies/answers.py verdicts [--curves 2000] [--seed 1]
+
+`worlds` are disturbances of one scene (`tests/support/worlds.py`), `scenes` clean tests of a user's range. A row of
+``results/answers_KIND_FREE.csv`` says how many statistical parts (95 %) hold the truth, how wide they are over that
+of white noise (median and geometric mean), the Winkler score and white's (both of ln of the number), how many
+intervals of white noise hold the truth (the control: it must fail where noise is not white), and the cost in
+milliseconds of processor (median, 90 %). In worlds in which the law is wrong the truth is what the law makes of the
+curve without its white noise. `verdicts` counts what is called check or reject of clean and of correlated curves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parents[2] / "src")]
+
+import underlay as ul  # noqa: E402  after the path
+from support.user_scenes import user_test  # noqa: E402
+from support.worlds import LAW_LIKE, NOISES, Clean, world_curves  # noqa: E402
+
+RESULTS = Path(__file__).with_name("results")
+PATHS = {"E": "layer.E", "h": "layer.thickness", "E2": "substrate.E"}
+CONTACT, BASELINE = "instrument.contact_depth", "instrument.baseline"
+ONE = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID, uncertainties="none")
+_Z = 1.96
+
+
+def read(problem, truth):
+    """One row a number: scaled truth, ends, least squares and its white error, and the cost."""
+    began = time.process_time()
+    fit = ul.fit(problem)
+    bare = time.process_time()
+    ends = {name: fit.interval(name, part="statistical") for name in truth}
+    done = time.process_time()
+    rows = []
+    for name, value in truth.items():
+        i = fit.names.index(name)
+        known = ends[name]
+        rows.append(
+            {
+                "parameter": name,
+                "true": np.log(value),
+                "low": np.log(known.low) if known.low > 0.0 else -np.inf,
+                "high": np.log(known.high) if np.isfinite(known.high) else np.inf,
+                "value": np.log(fit.values[name]),
+                "white": float(fit.scaled_covariance[i, i]) ** 0.5,
+                "fit ms": 1e3 * (bare - began),
+                "ms": 1e3 * (done - bare),
+            }
+        )
+    return rows
+
+
+def free_of(keys, deep, scene, rng=None):
+    """Bounds: of one scene wide ones, else some way about the truth."""
+    known = scene.parameters
+    wide = {"E": 1e4, "h": 30.0, "E2": 1e4}
+
+    def about(value, factor):
+        below, above = (0.5, 0.5) if rng is None else rng.uniform(0.2, 0.8, 2)
+        return (value * factor**-below, value * factor**above)
+
+    bounds = {PATHS[key]: about(known[PATHS[key]], wide[key]) for key in keys}
+    return {**bounds, CONTACT: (-0.4 * deep, 0.4 * deep), BASELINE: None}
+
+
+def worlds(keys, count, seed):
+    clean = Clean.of(ONE, 1.5e-4, 240)
+    for number, world in enumerate((*NOISES, *LAW_LIKE)):
+        for k in range(count):
+            curve, quiet = world_curves(clean, world, np.random.default_rng([seed, number, k]))
+            free = free_of(keys, 2.5e-4, ONE)
+            truth = {PATHS[key]: ONE.parameters[PATHS[key]] for key in keys}
+            if world in LAW_LIKE:
+                values = ul.fit(ul.Problem(ONE, quiet, free)).values
+                truth = {name: values[name] for name in truth}
+            for row in read(ul.Problem(ONE, curve, free), truth):
+                yield {"kind": world, "curve": k, **row}
+
+
+def scenes(keys, count, seed):
+    made = number = 0
+    while made < count:
+        rng = np.random.default_rng([seed, number])
+        number += 1
+        name, scene, deep, points, noise = user_test(rng)
+        if "E2" in keys and name not in {"soft base", "film"}:
+            continue
+        made += 1
+        clean = Clean.of(scene, deep, min(points, 600))
+        force = clean.force + noise * clean.top * rng.standard_normal(len(clean.depth))
+        curve = ul.Curve(clean.depth, force, time=clean.time)
+        truth = {PATHS[key]: scene.parameters[PATHS[key]] for key in keys}
+        for row in read(ul.Problem(scene, curve, free_of(keys, deep, scene, rng)), truth):
+            yield {"kind": "clean scenes", "curve": made, **row}
+
+
+def winkler(low, high, true):
+    """Score of 95 % intervals: width, and forty times what they miss by."""
+    return high - low + 40.0 * np.maximum(low - true, 0.0) + 40.0 * np.maximum(true - high, 0.0)
+
+
+def _share(low, high, true):
+    return round(100.0 * ((low <= true) & (true <= high)).mean(), 1)
+
+
+def summed(rows):
+    for (kind, parameter), own in rows.groupby(["kind", "parameter"], sort=False):
+        closed = own[np.isfinite(own["low"]) & np.isfinite(own["high"])]
+        ratio = (closed["high"] - closed["low"]) / (2.0 * _Z * closed["white"])
+        white = own["value"] - _Z * own["white"], own["value"] + _Z * own["white"]
+        ours = winkler(closed["low"], closed["high"], closed["true"]).mean()
+        theirs = winkler(*(end[closed.index] for end in white), closed["true"]).mean()
+        yield {
+            "kind": kind,
+            "parameter": parameter,
+            "curves": len(own),
+            "covered %": round(
+                100.0 * ((own["low"] <= own["true"]) & (own["true"] <= own["high"])).mean(), 1
+            ),
+            "white covered %": round(
+                100.0 * ((white[0] <= own["true"]) & (own["true"] <= white[1])).mean(), 1
+            ),
+            "open": len(own) - len(closed),
+            "width, median": round(float(ratio.median()), 2),
+            "width, geometric": round(float(np.exp(np.log(ratio).mean())), 2),
+            "score": float(f"{ours:.3g}"),
+            "score of white": float(f"{theirs:.3g}"),
+            "ms, median": round(float(own["ms"].median()), 1),
+            "ms, 90 %": round(float(own["ms"].quantile(0.9)), 1),
+        }
+
+
+def verdicts(count, seed):
+    """False alarms: what is called check or reject of clean curves, thickness known and free, and of correlated ones."""
+    clean = Clean.of(ONE, 1.5e-4, 240)
+    for kind, world, keys, share in (
+        ("clean, h known", "clean", ("E",), 1.0),
+        ("clean, h free", "clean", ("E", "h"), 1.0),
+        ("correlated, h known", "AR(1) and white", ("E",), 0.25),
+    ):
+        words = []
+        for k in range(int(count * share)):
+            curve, _ = world_curves(clean, world, np.random.default_rng([seed, 99, k]))
+            words.append(ul.fit(ul.Problem(ONE, curve, free_of(keys, 2.5e-4, ONE))).verdict)
+        misfit = [word for word in words if "at depth" in word.reason or "gradually" in word.reason]
+        alarms = [word for word in words if word != "good"]
+        yield {"kind": kind, "curves": len(words), "not good": len(alarms), "for a misfit": len(misfit)}
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("kind", choices=["worlds", "scenes", "verdicts"])
+    parser.add_argument("--curves", type=int, default=200)
+    parser.add_argument("--free", nargs="+", default=["E"], choices=list(PATHS))
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    if asked.kind == "verdicts":
+        table = pd.DataFrame(verdicts(asked.curves, asked.seed))
+        path = RESULTS / "answers_verdicts.csv"
+    else:
+        made = {"worlds": worlds, "scenes": scenes}[asked.kind](asked.free, asked.curves, asked.seed)
+        table = pd.DataFrame(summed(pd.DataFrame(made)))
+        if asked.kind == "worlds":
+            noise = table[table["kind"].isin(NOISES)]
+            print(
+                f"score over white's, noise worlds: {noise['score'].mean() / noise['score of white'].mean():.3f}"
+            )
+        path = RESULTS / f"answers_{asked.kind}_{'_'.join(asked.free)}.csv"
+    table.insert(0, "seed", asked.seed)
+    table.to_csv(path, index=False)
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
