@@ -107,10 +107,6 @@ def test_what_a_test_cannot_be():
     with pytest.raises(InputError, match="the record has 4 points after the ramp ends at 1 s"):
         judgement.checked_hold(np.linspace(0.0, 1.4, 15), 1.0)
     assert judgement.checked_hold(np.linspace(0.0, 2.0, 21), 1.0) == 10
-    with pytest.raises(InputError, match="rigid base that lets no water through"):
-        judgement.refuse_elastic_base(rigid=False)
-    with pytest.raises(InputError, match=r"got 0.01 J/m\^2"):
-        judgement.refuse_adhesion(0.01)
     with pytest.raises(InputError, match="the force changes by 0 % and the depth by 50 %"):
         judgement.refuse_load_control(np.linspace(1.0, 2.0, 9), np.ones(9), slice(0, None))
     judgement.refuse_load_control(np.ones(9), np.linspace(2.0, 1.0, 9), slice(0, None))

@@ -110,6 +110,10 @@ from .mechanics.kernel import (
     StackKernel as StackKernel,
     SubstrateKernel as SubstrateKernel,
 )
+from .mechanics.biphasic.material import (
+    Biphasic as Biphasic,
+    BiphasicTransverse as BiphasicTransverse,
+)
 from .mechanics.materials import (
     Isotropic as Isotropic,
     TransverselyIsotropic as TransverselyIsotropic,

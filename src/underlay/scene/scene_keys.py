@@ -14,7 +14,8 @@ from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 import numpy as np
 
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import BONDS, Spring, Stiffening
+from underlay.mechanics.biphasic.material import Biphasic, BiphasicTransverse
+from underlay.mechanics.body import BONDS, TIP_DRAINAGES, Spring, Stiffening
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -74,12 +75,18 @@ _BEFORE_SECTIONS = {
         "unknown",
         "false says that strains are small; unknown or true widens the second interval where its size is known",
     ),
+    "drainage": (
+        f"one of {', '.join(TIP_DRAINAGES)}",
+        "none",
+        "of a layer with a permeability: whether water leaves through the tip; unknown: a fit spans both",
+    ),
     "uncertainties": (
         '"none", or a section',
         "sizes that are assumed",
         "how well the inputs are known: [uncertainties]; none takes all for exact",
     ),
 }
+_BEFORE_WORDS = {"friction": FRICTIONS, "finite_strain": ("true", "false"), "drainage": TIP_DRAINAGES}
 #: What a scene file says of how well its inputs are known, at 95 %.
 _UNCERTAINTIES = {
     "PATH": (
@@ -134,13 +141,20 @@ def scene_keys() -> list[SceneKey]:
 
 def _all() -> Iterator[SceneKey]:
     for key, (takes, default, meaning) in _BEFORE_SECTIONS.items():
-        words = {"friction": FRICTIONS, "finite_strain": ("true", "false")}.get(key, ())
+        words = _BEFORE_WORDS.get(key, ())
         yield SceneKey(TOP, key, takes, default, meaning, words=tuple(words))
     shapes = _own(Indenter)
     yield _choice("indenter", "shape", sorted([*shapes, *EQUIVALENT_CONES]))
     for name, shape in sorted(shapes.items()):
         yield from _of_class(shape, "indenter", f" ({name})")
     yield from _of_layer("layer")
+    yield from _of_class(Biphasic, "layer", "", seen=("E", "nu"))
+    yield from _of_class(
+        BiphasicTransverse,
+        "layer",
+        " (transversely isotropic)",
+        seen=(*_names(TransverselyIsotropic), "permeability"),
+    )
     models = _own(Relaxation)
     section = "layer.relaxation"
     yield _choice(section, "model", sorted(models))
@@ -184,6 +198,10 @@ def _of_layer(section: str) -> Iterator[SceneKey]:
     yield from _of_model(ThicknessSection.model_fields, section)
     takes = f"one of {', '.join(BONDS)}, or {{ {', '.join(schema_of(Spring).model_fields)} }}"
     yield SceneKey(section, "bond", takes, BONDS[0], _CHOICES[section, "bond"], words=BONDS)
+
+
+def _names(kind: type[Any]) -> tuple[str, ...]:
+    return tuple(schema_of(kind).model_fields)
 
 
 def _choice(section: str, key: str, words: Sequence[str], default: str = "") -> SceneKey:

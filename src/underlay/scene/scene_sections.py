@@ -83,7 +83,7 @@ def _discrepancy(document: Mapping[str, Any]) -> Discrepancy | None:
 
 def _words(document: Mapping[str, Any]) -> dict[str, Any]:
     """What the file says of the whole scene, before its sections."""
-    said = {key: document[key] for key in ("friction", "finite_strain") if key in document}
+    said = {key: document[key] for key in ("friction", "finite_strain", "drainage") if key in document}
     if said.get("friction", "none") not in FRICTIONS:
         raise InputError(f"friction: {said['friction']!r:.60} is not known; allowed: {', '.join(FRICTIONS)}")
     if not isinstance(said.get("finite_strain", True), bool):
@@ -188,7 +188,13 @@ def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
 
 
 def _material(section: str, table: dict[str, Any], besides: tuple[str, ...]) -> Material:
-    kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
+    transverse = bool({"E_axial", "G_axial", "nu_axial"} & table.keys())
+    kind: type[Material] = TransverselyIsotropic if transverse else Isotropic
+    if {"permeability", "permeability_ratio"} & table.keys():
+        # Not loaded for a layer without water.
+        from underlay.mechanics.biphasic.material import Biphasic, BiphasicTransverse  # noqa: PLC0415
+
+        kind = BiphasicTransverse if transverse or "permeability_ratio" in table else Biphasic
     material: Material = _build(kind, section, table, besides=besides)
     return material
 

@@ -35,8 +35,8 @@ __all__ = [
     "TipRecord",
 ]
 
-# Forces above minus this share of the largest are the rounding of none.
-_ROUNDING = 1e-9
+# Forces above minus this share of the largest are what the noise of a depth record makes of none.
+_RIPPLED = 1e-3
 
 
 class PunchTable(Protocol):
@@ -67,6 +67,8 @@ class DrainingPunch:
         Relaxation of the skeleton's moduli, times in s; the material's are those at once.
     table : PunchTable or None
         Responses of isotropic layers, where a table is at hand; what it does not cover is solved.
+    solve : callable
+        Solves for the response of a transfer function; a caller may keep what it found.
 
     Examples
     --------
@@ -82,6 +84,7 @@ class DrainingPunch:
     drainage: str
     modes: Modes | None = None
     table: PunchTable | None = None
+    solve: Callable[[Transfer], Response] = relaxation
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", positive(self.radius, "punch radius", "m"))
@@ -119,7 +122,7 @@ class DrainingPunch:
         if table is not None and plain and table.covers(self.eps, nu):
             found = table(self.eps, nu)
         else:
-            found = relaxation(self.transfer)
+            found = self.solve(self.transfer)
         return found.scaled(self.unit_stiffness, self.unit_time)
 
     @cached_property
@@ -148,7 +151,7 @@ class DrainingPunch:
         t = as_finite(time, "time")
         found = depth.in_contact.superposed(self.response, t)
         lowest = int(found.argmin()) if found.size else 0
-        if found.size and found[lowest] < -_ROUNDING * np.abs(found).max():
+        if found.size and found[lowest] < -_RIPPLED * np.abs(found).max():
             raise RangeError(
                 f"the punch comes off at {t[lowest]:.6g} s: under it the layer would have to pull with "
                 f"{-found[lowest]:.3g} N; end the record before it is withdrawn"
@@ -241,10 +244,11 @@ class DrainingTip:
             self.material.plane_constants, self.indenter, self.thickness, max_depth, _ELASTIC_RTOL
         )
 
-    def force(self, depth: Polyline, time: ArrayLike) -> FloatArray:
+    def force(self, depth: Polyline, time: ArrayLike, now: FloatArray | None = None) -> FloatArray:
         """Force (N) at times (s), (n,), under a history of depth (m), negative before contact.
 
-        Ramps and holds, or one sudden step.
+        Ramps and holds, or one sudden step; `now` are the depths at those times, (n,), where a record says them
+        better than the ramps and holds that stand for it.
 
         Raises
         ------
@@ -257,14 +261,21 @@ class DrainingTip:
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         law = self.undrained(deepest)
         end = float(t.max(initial=depth.time[0]))
+        w = np.clip(depth.at(t) if now is None else now, 0.0, deepest)
         if end == depth.time[0]:
-            return np.asarray(law.force(depth.at(t)))
+            return np.asarray(law.force(w))
         kept = self._tabulated(depth, float(law.contact_radius(deepest)), end)
         if kept is None:
-            return self.record(depth, end).force(t)
-        w = np.maximum(depth.at(t), 0.0)
+            return np.asarray(law.force(w) * self.record(depth, end).ratio_at(t))
         drained = self.drained(deepest).force(w)
         return np.asarray(drained + kept(t) * (law.force(w) - drained))
+
+    def is_tabulated(self, depth: Polyline, end: float) -> bool:
+        """Whether a table covers a history of depth (m) up to a time (s)."""
+        depth = depth.in_contact
+        deepest = checked_contact(depth, self.thickness, _RIPPLE)
+        radius = float(self.undrained(deepest).contact_radius(deepest))
+        return self._tabulated(depth, radius, end) is not None
 
     def _tabulated(
         self, depth: Polyline, length: float, end: float

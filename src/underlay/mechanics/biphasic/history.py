@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -15,13 +16,22 @@ from underlay.mechanics.biphasic.response import Response
 
 __all__ = [
     "Polyline",
+    "followed",
     "ramp_and_hold",
+    "ramps_and_holds",
 ]
 
 # Entries of a table of lags that are worked on at once.
 _AT_ONCE = 2_000_000
 # Slopes below this share of the largest are the rounding of a straight line.
 _STRAIGHT = 1e-12
+# A record is followed to so many times its ripple, and to these shares of its depth: what superposes exactly, and
+# what a moving contact goes by (its force takes the depths themselves: its memory alone is this coarse).
+_RIPPLES, _EXACT, _COARSE = 4.0, 1e-5, 2e-3
+# A ramp whose record begins this near to the surface, over its largest depth, began on it.
+_FOOT = 0.1
+# The median of |second difference| of white noise of deviation 1: sqrt(6) times 0.6745.
+_SECOND_DIFFERENCE = 1.6522
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +151,49 @@ class Polyline:
                 part = slice(first, first + chunk)
                 total[part] += answer(np.subtract.outer(t[part], starts)) @ sizes
         return total
+
+
+def followed(depth: FloatArray, time: FloatArray) -> Polyline:
+    """History of a record of depths (m) at times (s), (n,) each, to its own ripple."""
+    return Polyline.thinned(time, depth, _tolerance(depth, _EXACT))
+
+
+def ramps_and_holds(depth: FloatArray, time: FloatArray) -> Polyline:
+    """Ramps and holds that a record of depths (m) at times (s), (n,) each, goes by.
+
+    Neighbouring rises are one ramp: the line of the largest of them, from the level before it to the one after.
+    """
+    tolerance = _tolerance(depth, _COARSE)
+    line = Polyline.thinned(time, depth, tolerance)
+    t, w = line.time, line.value
+    turns = np.sign(np.diff(w)) * (np.abs(np.diff(w)) > 2.0 * tolerance)
+    ends = np.flatnonzero(np.diff(turns)) + 1
+    knots = [(float(t[0]), float(w[0]))]
+    if 0.0 < w[0] < _FOOT * w.max() and turns.size and turns[0] > 0.0:
+        knots = [(-np.inf, 0.0)]
+    for first, last in pairwise([0, *ends.tolist(), turns.size]):
+        part = slice(first, last + 1)
+        knots += _ramp(t[part], w[part], knots[-1]) if turns[first] > 0.0 else []
+        if turns[first] <= 0.0:
+            knots.append((float(t[last]), float(w[last]) if turns[first] < 0.0 else knots[-1][1]))
+    known = [(when, level) for when, level in knots if np.isfinite(when)]
+    return Polyline(*np.array(known).T)
+
+
+def _ramp(t: FloatArray, w: FloatArray, before: tuple[float, float]) -> list[tuple[float, float]]:
+    """Both ends of a ramp through rising knots, (m,), from the level at `before`."""
+    main = int(np.argmax(np.diff(w)))
+    slope = (w[main + 1] - w[main]) / (t[main + 1] - t[main])
+    start = max(float(t[main] + (before[1] - w[main]) / slope), before[0])
+    end = min(float(t[main] + (w[-1] - w[main]) / slope), float(t[-1]))
+    return [(start, before[1]), (max(end, start), float(w[-1]))]
+
+
+def _tolerance(depth: FloatArray, share: float) -> float:
+    """Of a record of depths (m): so many times its ripple, or a share of its largest depth."""
+    second = np.abs(np.diff(depth, 2))
+    ripple = float(np.median(second)) / _SECOND_DIFFERENCE if second.size else 0.0
+    return max(_RIPPLES * ripple, share * float(np.abs(depth).max()))
 
 
 def ramp_and_hold(value: float, duration: float) -> Polyline:

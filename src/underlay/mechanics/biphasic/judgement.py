@@ -7,16 +7,18 @@ import numpy as np
 from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.biphasic.history import Polyline
+from underlay.mechanics.body import Body, Layer, Rigid
+from underlay.quantities import Part
 
 __all__ = [
     "anisotropy_doubt",
+    "check_beside",
+    "checked_contact",
     "checked_hold",
     "checked_thickness",
     "hold_doubt",
     "peak_doubt",
     "ramp_doubt",
-    "refuse_adhesion",
-    "refuse_elastic_base",
     "refuse_load_control",
 ]
 
@@ -39,33 +41,39 @@ def checked_thickness(thickness: float) -> float:
     return np.inf if thickness == np.inf else positive(thickness, "layer thickness", "m")
 
 
-def refuse_elastic_base(*, rigid: bool) -> None:
-    """A draining layer stands on a rigid sealed base.
+def check_beside(
+    layer: Layer, substrate: Body | None, adhesion: Part | None, history: Part | None, discrepant: bool
+) -> None:
+    """Refuse what a draining layer is not simulated with.
 
     Raises
     ------
     InputError
-        If it does not.
+        If its base is not rigid and bonded, or there is adhesion, another history, stiffening, sides, a relaxation
+        that is no Prony series or a discrepancy of the law.
     """
-    if not rigid:
+    if substrate is not None and not isinstance(substrate, Rigid):
         raise InputError(
             "a draining layer is simulated on a rigid base that lets no water through, or as a half-space: make "
             "the base rigid, or the layer elastic"
         )
-
-
-def refuse_adhesion(work: float) -> None:
-    """Drainage is simulated without adhesion.
-
-    Raises
-    ------
-    InputError
-        If there is any (J/m^2).
-    """
-    if work != 0.0:
+    if layer.bond != "bonded" and substrate is not None:
+        raise InputError(f"a draining layer is simulated bonded to its base; got bond = {layer.bond!r:.40}")
+    if adhesion is not None:
         raise InputError(
-            f"a draining layer is simulated without adhesion; got {work:.3g} J/m^2: leave out adhesion or drainage"
+            f"a draining layer is simulated without adhesion; got {adhesion!r:.60}: leave out adhesion or drainage"
         )
+    for given, what in (
+        (history is not None, "a history"),
+        (layer.linear is not layer, "stiffening or sides"),
+        (
+            layer.relaxation is not None and not layer.relaxation.bounded,
+            "a relaxation without a modulus at once",
+        ),
+        (discrepant, "a discrepancy of the law"),
+    ):
+        if given:
+            raise InputError(f"a draining layer beside {what} is not simulated: leave one of them out")
 
 
 def checked_hold(time: FloatArray, ramp_end: float) -> int:

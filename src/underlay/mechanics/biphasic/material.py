@@ -95,6 +95,8 @@ _PERMEABILITY = "m^4/(N s)"
 class BiphasicMaterial(Material):
     """What drains: a skeleton, its permeability, and the two elastic materials between which it relaxes."""
 
+    drains: ClassVar[bool] = True
+
     permeability: float
 
     @property
