@@ -16,6 +16,7 @@ from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
@@ -45,6 +46,8 @@ _RESPONSES, _ANSWERS = 64, 16
 _RATIOS, _ANISOTROPIES, _PER_DECADE = (0.05, 0.2, 0.35), (1.5, 4.0, 10.0), 2
 # Reach of those times beyond the record's own, and starts that are kept.
 _BEYOND, _STARTS = 10.0, 2
+# Readings of a record that a search begins with.
+_SEEN = 200
 # Knots of a ramp by which a search sees a rounded tip.
 _RAMP_KNOTS = 8
 
@@ -76,6 +79,13 @@ def _remembered(kept: OrderedDict[Hashable, Any], key: Hashable, solve: Callable
             kept.popitem(last=False)
     kept.move_to_end(key)
     return kept[key]
+
+
+def _thinned(count: int) -> NDArray[np.intp]:
+    """Which of so many readings a search begins with: even ones, and more of the first."""
+    even = np.linspace(0.0, count - 1.0, min(count, _SEEN))
+    first = np.geomspace(1.0, count, min(count, _SEEN)) - 1.0
+    return np.unique(np.concatenate((even, first)).astype(np.intp))
 
 
 def _key(transfer: Transfer) -> Hashable:
@@ -231,6 +241,8 @@ class Drainage(WholeHistory):
         self, free: Mapping[str, tuple[float, float]], depth: FloatArray, force: FloatArray, time: FloatArray
     ) -> Sequence[Mapping[str, float]]:
         """See `WholeHistory.starts`: over times a^2/c and shapes of the material, the moduli by least squares."""
+        seen = _thinned(time.size)
+        depth, force, time = depth[seen], force[seen], time[seen]
         found = []
         for shape, unit in product(self._shapes(free), self._units(free, depth, time)):
             try:

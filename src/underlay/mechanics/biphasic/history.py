@@ -27,7 +27,9 @@ _AT_ONCE = 2_000_000
 _STRAIGHT = 1e-12
 # A record is followed to so many times its ripple, and to these shares of its depth: what superposes exactly, and
 # what a moving contact goes by (its force takes the depths themselves: its memory alone is this coarse).
-_RIPPLES, _EXACT, _COARSE = 4.0, 1e-5, 2e-3
+_RIPPLES, _EXACT, _COARSE = 6.0, 1e-5, 2e-3
+# What rests for less than this share of the ramps beside it does not rest.
+_SHORT = 0.1
 # A ramp whose record begins this near to the surface, over its largest depth, began on it.
 _FOOT = 0.1
 # The median of |second difference| of white noise of deviation 1: sqrt(6) times 0.6745.
@@ -167,6 +169,11 @@ def ramps_and_holds(depth: FloatArray, time: FloatArray) -> Polyline:
     line = Polyline.thinned(time, depth, tolerance)
     t, w = line.time, line.value
     turns = np.sign(np.diff(w)) * (np.abs(np.diff(w)) > 2.0 * tolerance)
+    long = np.diff(t)
+    for i in range(1, turns.size - 1):
+        # A ripple within a ramp is no hold.
+        if turns[i - 1] > 0.0 < turns[i + 1] and long[i] < _SHORT * (long[i - 1] + long[i + 1]):
+            turns[i] = 1.0
     ends = np.flatnonzero(np.diff(turns)) + 1
     knots = [(float(t[0]), float(w[0]))]
     if 0.0 < w[0] < _FOOT * w.max() and turns.size and turns[0] > 0.0:
