@@ -203,6 +203,7 @@ _WORDS: Mapping[str, Quantity] = {
     "stiffness": Quantity("stiffness"),
     "compliance": Quantity("compliance", bounds=_POSITIVE),
     "permeability": Quantity("permeability", bounds=_POSITIVE),
+    "diffusivity": Quantity("diffusivity", bounds=_POSITIVE),
 }
 _UNKNOWN = Quantity("dimensionless")
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, TypeAlias, runtime_checkable
+from typing import ClassVar, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from underlay.errors import InputError
 from underlay.quantities import Part, numbers_of, replace_values
 
 __all__ = [
+    "Doubt",
     "Elastic",
     "History",
     "Invertible",
@@ -154,6 +155,16 @@ class History(Part, ABC):
         del free, time
 
 
+class Doubt(NamedTuple):
+    """What a memory says of a fit of its numbers: a verdict's word, what is the case, why, and what to do."""
+
+    word: str
+    reason: str
+    cause: str
+    next: str
+    setting: tuple[str, str] | tuple[()] = ()
+
+
 class WholeHistory(History):
     """A memory that is not linear in the force of one elastic law: it answers a motion itself.
 
@@ -183,6 +194,15 @@ class WholeHistory(History):
 
         Depths since contact (m), forces (N) and times (s), (n,) each.
         """
+
+    def doubts(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> Sequence[Doubt]:
+        """What a record of depths since contact (m), forces (N) and times (s) cannot tell, at fitted numbers."""
+        del depth, force, time
+        return ()
+
+    def derived(self) -> Mapping[str, float]:
+        """What follows from its numbers (SI), by name; none by default."""
+        return {}
 
     def require_record(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> None:
         """Refuse a record of depths (m), forces (N) and times (s), (n,) each, that cannot tell its numbers.

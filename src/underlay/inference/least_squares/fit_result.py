@@ -324,13 +324,14 @@ class Fit:
 
     @cached_property
     def derived(self) -> tuple[str, ...]:
-        """Moduli of a relaxing layer that follow from what is fitted; `interval` states theirs too."""
-        if all(member.scene.layer.relaxation is None for member in self.problem.members):
+        """Moduli of a relaxing or draining layer that follow from what is fitted; `interval` states theirs too."""
+        if all(member.scene.memory is None for member in self.problem.members):
             return ()
         # Not loaded for a sample that does not relax.
-        from underlay.inference.relaxed_moduli import relaxed_moduli  # noqa: PLC0415  see above
+        from underlay.inference.relaxed_moduli import of_memory, relaxed_moduli  # noqa: PLC0415  see above
 
-        return tuple(relaxed_moduli(self.problem, self.problem.physical(self.vector)[None]))
+        flat = self.problem.physical(self.vector)[None]
+        return (*relaxed_moduli(self.problem, flat), *of_memory(self.problem, flat))
 
     @property
     def scenes(self) -> tuple[Scene, ...]:

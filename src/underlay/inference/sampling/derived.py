@@ -26,7 +26,7 @@ from underlay.errors import InputError
 from underlay.inference.model.forward_batch import batched_pull_offs
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.inference.relaxed_moduli import relaxed_moduli, suffixes
+from underlay.inference.relaxed_moduli import of_memory, relaxed_moduli, suffixes
 from underlay.mechanics.body import Base
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Quantity, numbers_of, path_of
@@ -195,7 +195,7 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
             quantities[f"stiffness{suffix}"] = stiffness
         for name, values in _pull_offs(member, flat).items():
             quantities[f"adhesion.{name}{suffix}"] = values
-    quantities |= relaxed_moduli(problem, flat)
+    quantities |= relaxed_moduli(problem, flat) | of_memory(problem, flat)
     return {name: values.reshape(physical.shape[:-1]) for name, values in quantities.items()}
 
 

@@ -22,15 +22,23 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.biphasic import punch_table, tip_table
 from underlay.mechanics.biphasic.contacts import DrainingPunch, DrainingTip
+from underlay.mechanics.biphasic.elastic_ends import punch_factor
 from underlay.mechanics.biphasic.history import Polyline, followed, ramps_and_holds
-from underlay.mechanics.biphasic.judgement import checked_hold, refuse_load_control
-from underlay.mechanics.biphasic.material import BiphasicMaterial
+from underlay.mechanics.biphasic.judgement import (
+    anisotropy_doubt,
+    checked_hold,
+    hold_doubt,
+    peak_doubt,
+    ramp_doubt,
+    refuse_load_control,
+)
+from underlay.mechanics.biphasic.material import Biphasic, BiphasicMaterial
 from underlay.mechanics.biphasic.response import Response
 from underlay.mechanics.biphasic.transfer import Relaxing, Transfer, relaxation
 from underlay.mechanics.body import Layer
 from underlay.mechanics.indenters import FlatPunch, Indenter, Paraboloid, Sphere
 from underlay.mechanics.relaxation import Modes
-from underlay.mechanics.response import Invertible, WholeHistory
+from underlay.mechanics.response import Doubt, Invertible, WholeHistory
 from underlay.quantities import numbers_of, replace_values
 
 __all__ = ["CONTACT_DEPTH", "Drainage", "Kept"]
@@ -46,6 +54,12 @@ _RESPONSES, _ANSWERS = 64, 16
 _RATIOS, _ANISOTROPIES, _PER_DECADE = (0.05, 0.2, 0.35), (1.5, 4.0, 10.0), 2
 # Reach of those times beyond the record's own, and starts that are kept.
 _BEYOND, _STARTS = 10.0, 2
+# The last share of a record that stands for equilibrium, how near to the deepest it must be, and how many standard
+# deviations of noise the largest of many readings may be above the peak.
+_LATE, _AT_REST, _SURE = 0.05, 0.01, 4.0
+_TRANSVERSE = "stiffer in plane than along the axis: transversely isotropic"
+_TRY = "fit a transversely isotropic layer: give E_axial, nu_axial and G_axial, and free layer.E and layer.E_axial"
+_SETTING = ("layer.E_axial", "<a fifth of E>")
 # Readings of a record that a search begins with.
 _SEEN = 200
 # Knots of a ramp by which a search sees a rounded tip.
@@ -224,6 +238,77 @@ class Drainage(WholeHistory):
             except InputError:
                 continue
         raise InputError(f"no neighbour of {path} = {own[path].value:.6g} is a draining layer")
+
+    # --- what follows, and what is doubtful ---------------------------------------------------------------
+    def derived(self) -> Mapping[str, float]:
+        """See `WholeHistory.derived`."""
+        material = self.material
+        found = {
+            "layer.aggregate_modulus": material.aggregate_modulus,
+            "layer.diffusivity": material.diffusivity,
+        }
+        if isinstance(self.contact, DrainingPunch):
+            found["layer.drainage_time"] = self.contact.unit_time
+            found["layer.peak_ratio"] = self._peak_ratio
+        return found
+
+    @cached_property
+    def _peak_ratio(self) -> float:
+        """Undrained over drained stiffness of a punch."""
+        skeleton, eps = self.material.skeleton, self._radius(1.0) / self.layer.thickness
+        stiff = punch_factor(skeleton.undrained, eps) * skeleton.theta_undrained
+        return stiff / (punch_factor(skeleton.drained, eps) * skeleton.theta_drained)
+
+    def doubts(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> Sequence[Doubt]:
+        """See `WholeHistory.doubts`: section 9 of the note."""
+        line, deepest = ramps_and_holds(depth, time).in_contact, float(depth.max())
+        radius = self._radius(deepest)
+        unit, eps = self.material.drainage_time(radius), radius / self.layer.thickness
+        rises = np.flatnonzero(np.diff(line.value) > 0.0)
+        if not rises.size:
+            return ()
+        hold = float(time[-1] - line.time[rises[-1] + 1])
+        ramp = float(line.time[rises[0] + 1] - line.time[rises[0]])
+        found = [
+            self._peak_doubt(force, depth),
+            Doubt(
+                "check",
+                hold_doubt(hold, unit, eps),
+                "the hold ends before the water has drained",
+                "hold longer",
+            ),
+            Doubt("check", ramp_doubt(ramp, unit), "water drains while the tip goes in", "ramp faster"),
+            self._shape_doubt(),
+        ]
+        return [doubt for doubt in found if doubt.reason]
+
+    def _shape_doubt(self) -> Doubt:
+        own = {path: number.value for path, number in numbers_of(self).items()}
+        if _AXIAL in own:
+            reason = anisotropy_doubt(modulus_ratio=own[_E] / own[_AXIAL])
+            return Doubt("check", reason, "thickness or drainage is not as entered", "check both")
+        return Doubt("check", anisotropy_doubt(nu=own[_NU]), _TRANSVERSE, _TRY, _SETTING)
+
+    def _peak_doubt(self, force: FloatArray, depth: FloatArray) -> Doubt:
+        """Peak over equilibrium above what an isotropic layer gives with nu = 0 at once: reject."""
+        nothing = Doubt("reject", "", _TRANSVERSE, _TRY, _SETTING)
+        deepest = float(depth.max())
+        level = deepest - 2.0 * _AT_REST * deepest
+        late = force[-max(int(_LATE * force.size), 1) :]
+        if not self.material.isotropic or self._modes is not None or depth[-1] < level or late.mean() <= 0.0:
+            return nothing
+        firm = Biphasic(1.0, 0.0, 1.0)
+        tip = self.indenter
+        if isinstance(tip, FlatPunch):
+            largest = replace(self, layer=replace(self.layer, material=firm))._peak_ratio  # noqa: SLF001
+        elif isinstance(tip, Sphere | Paraboloid):
+            contact = DrainingTip(tip, firm, self.layer.thickness, self.drainage)
+            largest = float(
+                contact.undrained(deepest).force(deepest) / contact.drained(deepest).force(deepest)
+            )
+        noise = float(np.std(late)) * _SURE
+        ratio = (float(force.max()) - noise) / float(late.mean())
+        return nothing._replace(reason=peak_doubt(ratio, largest))
 
     # --- a search -----------------------------------------------------------------------------------------
     def require_record(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> None:
