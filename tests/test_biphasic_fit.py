@@ -135,6 +135,22 @@ def test_long_records_are_no_longer():
     assert fit.statistics.seconds < 10.0
 
 
+def test_what_laboratories_report():
+    time = np.linspace(0.0, 12000.0, 3001)
+    depth = 1e-5 * np.interp(time, [0.0, 4.0, 6000.0, 6004.0, 12000.0], [0.0, 1.0, 1.0, 2.0, 2.0])
+    found = ul.relaxation_moduli(ul.simulate(wet(), depth, time), wet())
+    assert found.depth == pytest.approx([1e-5, 2e-5], rel=1e-6)
+    assert found.equilibrium == pytest.approx(0.5e6, rel=2e-3)
+    # A ramp of 4 s lets some water go.
+    assert 0.9 * wet().layer.material.undrained.E < found.instantaneous < wet().layer.material.undrained.E
+
+
+def test_the_ledger_has_a_row():
+    table = wet().effects(5e-5).set_index("effect")
+    assert 40.0 < table.loc["drainage", "size_percent"] < 120.0
+    assert table.loc["drainage", "cost_percent"] > 0.0
+
+
 def test_elastic_scenes_load_none_of_its_code():
     told = """
 import sys, numpy as np, underlay as ul

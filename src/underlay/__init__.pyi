@@ -74,6 +74,10 @@ from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
 from .inference.recipe import steps_to_ours as steps_to_ours
+from .inference.reported_moduli import (
+    RelaxationModuli as RelaxationModuli,
+    relaxation_moduli as relaxation_moduli,
+)
 from .inference.sampling.assembly import posterior_from_chain as posterior_from_chain
 from .inference.sampling.counted import marginalised as marginalised
 from .inference.sampling.model_comparison import (
