@@ -76,6 +76,10 @@ from .inference.design.second_test import remedy as remedy
 from .inference.recipe import steps_to_ours as steps_to_ours
 from .inference.sampling.run import posterior_from_chain as posterior_from_chain
 from .inference.sampling.run import marginalised as marginalised
+from .inference.reported_moduli import (
+    RelaxationModuli as RelaxationModuli,
+    relaxation_moduli as relaxation_moduli,
+)
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
     with_model_error as with_model_error,
@@ -109,6 +113,10 @@ from .mechanics.kernel import (
     Kernel as Kernel,
     StackKernel as StackKernel,
     SubstrateKernel as SubstrateKernel,
+)
+from .mechanics.biphasic.material import (
+    Biphasic as Biphasic,
+    BiphasicTransverse as BiphasicTransverse,
 )
 from .mechanics.materials import (
     Isotropic as Isotropic,
