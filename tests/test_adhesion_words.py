@@ -1,6 +1,5 @@
 """What is said and drawn of adhesion: tables, pictures, maps, the ledger, proposals, refusals."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from underlay.mechanics.adhesion.jkr import range_limit
 from underlay.report import maps, scene_tables
 from underlay.report.adhesion_tables import adhesion_frame, adhesion_table, halfspace_of, halfspace_sentence
 from underlay.report.limits import quality_doubts
-from underlay.report.render import file_notebook
 
 SCENE = ul.Scene(
     ul.Paraboloid(1e-5),
@@ -117,20 +115,6 @@ def test_fits_that_leave_out_different_readings_compare():
     assert less.aic == pytest.approx(2.0 * 3 - 2.0 * less.log_likelihood)
     # One reading weighs 2 ln(sigma sqrt(2 pi)) + 1 = -43 here.
     assert abs(less.aic - whole.aic) < 20.0
-
-
-def test_a_page_has_a_part_on_adhesion_only_where_something_sticks(tmp_path):
-    frame = made().to_frame()
-    frame.columns = [f"{name} ({'N' if name == 'force' else 'm'})" for name in frame]
-    frame.to_csv(tmp_path / "curve.csv", index=False)
-    for scene, wanted in ((SCENE, True), (BARE, False)):
-        path = scene.save(tmp_path / "scene.toml")
-        free = "[fit]\nlayer.E = { min = '1 Pa', max = '1 MPa' }\n"
-        path.write_text(f"{path.read_text()}\n[curve]\nsegment = 'unloading'\n{free}")
-        notebook = file_notebook(tmp_path / "curve.csv", path, tmp_path, "underlay report")
-        text = json.dumps(notebook)
-        assert ("ul.plots.adhesion" in text) == wanted
-        assert ("## Adhesion" in text) == wanted
 
 
 # --- the picture --------------------------------------------------------------------------------------------

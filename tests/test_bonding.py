@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import underlay as ul
 from underlay.cli.app import app
-from underlay.report.limits import bonds_sentences, bonds_told
+from underlay.report.limits import bonds_sentences
 from underlay.report.tables import fit_table, interval_table
 from underlay.report.words import headline
 
@@ -149,10 +149,6 @@ def test_a_known_bond_is_not_fitted_twice(monkeypatch):
     fit = ul.fit(posed(GEL))
     monkeypatch.setattr("underlay.inference.problem.Problem.revised", None)
     assert fit.bonds == ()
-
-
-def test_without_a_base_there_is_nothing_to_say():
-    assert bonds_told(ul.fit(posed(HALF_SPACE))) == []
 
 
 def test_the_command_prints_both(tmp_path):

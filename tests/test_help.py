@@ -15,7 +15,7 @@ from support.populations import write_study
 from support.reports import SAMPLES, write_result
 from support.timing import timed_once
 from underlay.cli.app import app, main
-from underlay.report import render
+from underlay.report import notebook
 
 COMMANDS = typer.main.get_command(app).commands
 EXAMPLE = re.compile(r"`(underlay [^`]+)`")
@@ -64,7 +64,7 @@ def test_example_works_as_written(example, folder, monkeypatch, capsys):
         monkeypatch.setattr("underlay.app.server.serve", lambda *_, **__: None)
     if example.split()[1] == "report":
         # Cells of the same notebooks are run by tests/test_cli_report.py.
-        monkeypatch.setattr(render, "execute", lambda notebook, _: notebook)
+        monkeypatch.setattr(notebook, "execute", lambda made, _: made)
     timed_once(monkeypatch)
     code = 0
     try:
@@ -72,7 +72,7 @@ def test_example_works_as_written(example, folder, monkeypatch, capsys):
     except SystemExit as stop:
         code = stop.code or 0
     assert code == 0, capsys.readouterr().err
-    for output in re.findall(r"--(?:output|new-notebook) (\S+)", example):
+    for output in re.findall(r"--(?:output|notebook) (\S+)", example):
         assert (folder / output).exists(), output
 
 

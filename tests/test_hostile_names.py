@@ -1,4 +1,4 @@
-"""Reports of data that try to be code: the cells that run are the templates', and a page shows words as words."""
+"""Reports of data that try to be code: a page shows words as words, and the cells that run are the templates'."""
 
 import ast
 import html
@@ -7,9 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
 
-import nbformat
 import numpy as np
 import pandas as pd
 import pytest
@@ -22,15 +20,14 @@ from nbconvert.filters.markdown_mistune import markdown2html_mistune
 import underlay as ul
 from support.chromium import browser, chromium
 from support.hostile import CANARY, NAMES, file_name
-from support.reports import SAMPLES, cells_of, page_text, small_posterior
+from support.reports import SAMPLES, page_text
 from underlay._csv import csv_text
 from underlay._files import write_atomic
-from underlay.data.export import curve_csv, write_curves
-from underlay.report import labels, posterior_tables, render, tables, words
-from underlay.report.notebook import Source, filled, html_page, import_path, make_notebook
-from underlay.report.reading import segments_of_file, segments_part
-from underlay.report.render import problem_source
+from underlay._text import one_line
+from underlay.report import labels
+from underlay.report.notebook import filled, import_path, make_notebook
 from underlay.report.spoken import markdown_text
+from underlay.units import printed
 
 anything = st.lists(
     st.sampled_from(
@@ -43,30 +40,13 @@ anything = st.lists(
 # --- cells ------------------------------------------------------------------------------------------------
 
 
-def all_cells(words_, problem):
+def all_cells(words_):
     """Every template, filled with data alone."""
-    a, b, c, d = words_
-    facts = {"to repeat": c, f"curve 1 taken from {a}": b}
-    measured = segments_part({1: a, 2: d})
-    parts = {"time_part": filled("relaxation", {}), "adhesion_part": filled("adhesion", {})}
-    parts |= {"bond_part": filled("bonding", {}), "log_part": filled("fit_log", {})}
-    parts["pointwise_part"] = filled("pointwise", {})
-    common = {"title": a, "facts": facts, "files": [b, c], **parts}
-    load = Source(problem_source(problem, [c, d]))
+    a, b, c, _ = words_
     return (
-        *filled("fit", {**common, "load": load, "segments_part": measured}),
-        *filled("fit", {**common, "load": render._load_source([a, d]), "segments_part": segments_of_file()}),
-        *filled(
-            "posterior",
-            {
-                **common,
-                "posterior": d,
-                "load": Source(""),
-                "segments_part": (),
-                "scene_part": filled("posterior_missing", {"missing": c}),
-            },
-        ),
-        *filled("map", {**common, "table": b}),
+        *filled("fit", {"title": a, "curve": b, "scene": c}),
+        *filled("posterior", {"title": b, "posterior": c}),
+        *filled("map", {"title": c, "table": a}),
     )
 
 
@@ -82,28 +62,23 @@ def shape(source):
 
 
 @pytest.fixture(scope="module")
-def problem():
-    return small_posterior()[0]
-
-
-@pytest.fixture(scope="module")
-def templates(problem):
+def templates():
     """What the cells are where no data want anything: (is it code, its shape or its number of lines)."""
-    return [what(cell) for cell in all_cells(("p", "q", "r", "s"), problem)]
+    return [what(cell) for cell in all_cells(("p", "q", "r", "s"))]
 
 
 def what(cell):
-    return (True, shape(cell.source), cell.alt) if cell.code else (False, cell.source.count("\n"), "")
+    return (True, shape(cell.source)) if cell.code else (False, cell.source.count("\n"))
 
 
 @settings(max_examples=25)
 @given(data=st.tuples(anything, anything, anything, anything))
 @example(data=("\n```python\nopen('x', 'w')\n```\n",) * 4)
-def test_the_cells_are_those_of_the_templates_whatever_the_data_are(problem, templates, data):
-    made = all_cells(data, problem)
+def test_the_cells_are_those_of_the_templates_whatever_the_data_are(templates, data):
+    made = all_cells(data)
     assert [what(cell) for cell in made] == templates
     notebook = make_notebook(made, data[0])
-    assert [cell.cell_type == "code" for cell in notebook.cells] == [code for code, _, _ in templates]
+    assert [cell.cell_type == "code" for cell in notebook.cells] == [code for code, _ in templates]
     assert [cell.source for cell in notebook.cells] == [cell.source for cell in made]
     assert notebook.metadata["title"].isprintable()
     json.dumps(notebook, ensure_ascii=False).encode("utf-8")
@@ -111,17 +86,14 @@ def test_the_cells_are_those_of_the_templates_whatever_the_data_are(problem, tem
 
 def test_data_arrive_in_the_cells_as_they_are():
     for name in NAMES:
-        _, cell, *_, last = filled(
-            "map", {"title": "", "table": name, "facts": {name: name}, "files": [name]}
-        )
-        for source, times in ((cell.source, 1), (last.source, 3)):
-            tree = ast.parse(TransformerManager().transform_cell(source))
-            texts = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)]
-            assert texts.count(name) == times
+        _, cell, *_ = filled("map", {"title": "", "table": name})
+        tree = ast.parse(TransformerManager().transform_cell(cell.source))
+        texts = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+        assert texts.count(name) == 1
 
 
 def test_a_placeholder_in_data_stays_what_it_is():
-    (cell,) = filled("posterior_missing", {"missing": "${title} $missing"})
+    cell, *_ = filled("map", {"title": "${title} $missing", "table": ""})
     assert "`$`{title} `$`missing" in cell.source
 
 
@@ -141,7 +113,7 @@ def shown(markup):
 def test_words_in_markdown_are_shown_as_they_are(text):
     source = f"# Title: {markdown_text(text)}"
     assert "\n" not in source
-    wanted = "".join(f"Title: {' '.join(words.noted(text)[6:].split())}".split())
+    wanted = "".join(f"Title: {' '.join(one_line(text).split())}".split())
     # The page's converter sets an anchor at every heading.
     for page in (markdown2html_mistune(source.removeprefix("# ")), COMMONMARK.render(source)):
         seen, tags = shown(page)
@@ -205,7 +177,6 @@ def trapped(tmp_path_factory):
     (startup / "first.py").write_text(trap, encoding="utf-8")
     (startup.parent / "ipython_kernel_config.py").write_text(trap, encoding="utf-8")
     (folder / "matplotlibrc").write_text("figure.dpi: 13\n", encoding="utf-8")
-    (folder / "index.html.j2").write_text("{{ 1 / 0 }}", encoding="utf-8")
     told = {
         **os.environ,
         "HOME": str(folder / "home"),
@@ -235,36 +206,8 @@ def test_nothing_beside_the_data_runs(trapped):
 
 def test_nothing_else_is_written(trapped):
     folder, _ = trapped
-    laid = {f"{name}.py" for name in TRAPS} | {"home", "matplotlibrc", "index.html.j2", MAP}
-    assert {path.name for path in folder.iterdir()} - laid == {"report.html", "report.ipynb"}
-
-
-def test_the_executed_cells_are_the_templates(trapped):
-    _, page = trapped
-    ran = [cell for cell in cells_of(page.with_suffix(".ipynb")) if cell["cell_type"] == "code"]
-    plain = filled("map", {"title": "", "table": "", "facts": {"to repeat": ""}, "files": [""]})
-    wanted = [shape(cell.source) for cell in plain if cell.code]
-    assert [shape("".join(cell["source"])) for cell in ran] == wanted
-
-
-def test_a_notebook_of_a_hostile_curve_has_the_cells_of_any(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    scene = SAMPLES / "cartilage_on_bone.toml"
-    curve = ul.read(SAMPLES / "cartilage_on_bone.csv")
-    plain = render.file_notebook(SAMPLES / "cartilage_on_bone.csv", scene, tmp_path, "x")
-    path = tmp_path / file_name(NAMES[0], ".csv")
-    path.write_text(curve_csv(curve, [NAMES[0]]), encoding="utf-8")
-    made = render.file_notebook(path, scene, tmp_path, NAMES[0])
-    assert [cell.cell_type for cell in made.cells] == [cell.cell_type for cell in plain.cells]
-    # A name in the metadata of the file, and one in memory.
-    told = write_curves(curve.with_metadata(name=NAMES[1]), tmp_path / "told.csv")
-    problem = ul.load_problem(told, scene)
-    assert problem.curves[0].metadata["name"] == NAMES[1]
-    monkeypatch.setattr(render, "write_report", lambda notebook, _: notebook)
-    made = ul.report(ul.fit(problem), tmp_path / "report.html")
-    assert [cell.cell_type for cell in made.cells] == [cell.cell_type for cell in plain.cells]
-    assert made.metadata["title"].isprintable()
-    assert not (tmp_path / CANARY).exists()
+    laid = {f"{name}.py" for name in TRAPS} | {"home", "matplotlibrc", MAP}
+    assert {path.name for path in folder.iterdir()} - laid == {"report.html"}
 
 
 def test_the_kernel_looks_for_modules_where_none_of_the_data_lie(tmp_path, monkeypatch):
@@ -281,76 +224,31 @@ def test_the_kernel_looks_for_modules_where_none_of_the_data_lie(tmp_path, monke
 # --- pages ------------------------------------------------------------------------------------------------
 
 
-EVERY = " ".join(NAMES)
-
-
 @pytest.fixture(scope="module")
-def shared_posterior(tmp_path_factory):
-    """A posterior that somebody sent, as it is loaded: (file, posterior)."""
-    given = small_posterior()[1]
-    path = tmp_path_factory.mktemp("shared") / file_name(NAMES[0][:40], ".npz")
-    replace(
-        given,
-        problem=None,
-        missing=EVERY,
-        names=(NAMES[0], "![a](https://example.invalid/k.png)$x$<script>window.ran = true</script>"),
-        diagnostics=replace(given.diagnostics, reason=EVERY),
-    ).save(path)
-    return path, ul.Posterior.load(path)
-
-
-@pytest.fixture(scope="module")
-def hostile_pages(trapped, shared_posterior, tmp_path_factory):
-    """Pages of hostile names: of a map, and of cells of every kind with what a shared posterior makes of them."""
-    _, posterior = shared_posterior
-    cells = [
-        cell
-        for name in NAMES
-        for cell in (
-            *filled("map", {"title": name, "table": name, "facts": {name: name}, "files": [name]}),
-            *filled("posterior_missing", {"missing": name}),
-        )
-    ]
-    notebook = make_notebook(cells, EVERY)
-    shown_ = nbformat.v4.new_code_cell("")
-    tables_ = [
-        posterior_tables.posterior_table(posterior),
-        posterior_tables.posterior_diagnostics_table(posterior),
-        tables.facts_table({name: name for name in NAMES}),
-    ]
-    shown_.outputs = [
-        nbformat.v4.new_output("display_data", {"text/markdown": words.posterior_summary(posterior)}),
-        *(nbformat.v4.new_output("display_data", {"text/html": table.to_html()}) for table in tables_),
-        nbformat.v4.new_output("stream", text=words.noted(EVERY), name="stderr"),
-    ]
-    notebook.cells.append(shown_)
-    page = tmp_path_factory.mktemp("pages") / "cells.html"
-    page.write_text(html_page(notebook), encoding="utf-8")
-    return {"map": trapped[1], "cells": page}
-
-
-def test_a_shared_posterior_makes_the_cells_of_any(shared_posterior, tmp_path):
-    path, posterior = shared_posterior
-    assert posterior.names[0] == NAMES[0]
-    made = render.posterior_notebook(path, tmp_path / "page.html", "x")
-    replace(small_posterior()[1], problem=None, missing="x").save(tmp_path / "plain.npz")
-    plain = render.posterior_notebook(tmp_path / "plain.npz", tmp_path / "page.html", "x")
-    assert [cell.cell_type for cell in made.cells] == [cell.cell_type for cell in plain.cells]
-    for cell, same in zip(made.cells, plain.cells, strict=True):
-        if cell.cell_type == "code":
-            assert shape(cell.source) == shape(same.source)
-    # Its names are drawn, not set as formulas.
-    ul.plots.save(ul.plots.corner(posterior), tmp_path / "corner.png")
+def hostile_pages(trapped, tmp_path_factory):
+    """Pages of hostile names: of a map, and of a fit whose curve carries every one of them."""
+    curve = ul.read(SAMPLES / "cartilage_on_bone.csv")
+    evil = {
+        "name": " ".join(NAMES),
+        "path": NAMES[0],
+        "sha256": NAMES[1],
+        "notes": NAMES,
+        "scene_path": NAMES[2],
+    }
+    scene = ul.load_scene(SAMPLES / "cartilage_on_bone.toml")
+    free = {"layer.E": None, "instrument.contact_depth": None, "instrument.baseline": None}
+    fit = ul.fit(ul.Problem(scene, curve.with_metadata(**evil), free))
+    page = tmp_path_factory.mktemp("pages") / "fit.html"
+    return {"map": trapped[1], "fit": ul.report(fit, page, command=" ".join(NAMES))}
 
 
 def test_a_page_shows_hostile_names_as_text(hostile_pages):
     for page in hostile_pages.values():
         text = page_text(page)
         for name in NAMES:
-            assert " ".join(words.noted(name)[6:].split()).replace("\\udce9", "\\xe9") in text.replace(
-                "\\udce9", "\\xe9"
-            )
-        assert not re.search(r"<(script|iframe|link|base|svg|math|a)\b", page.read_text(encoding="utf-8"))
+            shown_ = " ".join(printed(one_line(name)).split())
+            assert shown_.replace("\\udce9", "\\xe9") in text.replace("\\udce9", "\\xe9")
+        assert not re.search(r"<(script|iframe|link|base|math|a)\b", page.read_text(encoding="utf-8"))
     assert "layer.?script?window.ran" in page_text(hostile_pages["map"])
 
 
@@ -364,7 +262,7 @@ def test_in_a_browser_nothing_runs_and_nothing_is_fetched(hostile_pages):
                 e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"
             ]
             assert asked[0].startswith("file:")
-            assert all(url.startswith("data:image/png") for url in asked[1:])
+            assert all(url.startswith("data:image/png;base64,") for url in asked[1:])
             assert tab.evaluate("window.ran === undefined && document.scripts.length === 0")
             assert tab.evaluate("document.querySelectorAll('a, iframe, object, embed, form').length") == 0
             assert tab.evaluate("[...document.images].every(i => i.src.startsWith('data:image/png;base64,'))")

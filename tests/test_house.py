@@ -236,6 +236,7 @@ DOORS = {
     "inference/citation": {"read_text"},  # of the package itself
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
     "report/review": {"read_text"},  # of the package itself
+    "report/page": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
 }
 
@@ -264,7 +265,9 @@ def test_the_search_for_open_files_finds_them():
 #: What outlives its callers, and where it is argued why.
 KEPT_FOR_THE_PROCESS = {
     "mechanics/exact/nodes": {"TABLES"},
-    # Two functions of nothing but their own printed numbers, made when first asked for.
+    # Functions of nothing but their own numbers, made when first asked for.
+    "inference/uncertainty/columns": {"_eigenvectors"},
+    "inference/uncertainty/hypotheses": {"_choices"},
     "mechanics/finite_width/compliance": {"_splines"},
     "mechanics/stiffening/gradual": {"_near"},
     "plugins": {"plugins"},

@@ -103,7 +103,7 @@ def test_saving_writes_each_format_closes_the_figure_and_refuses_others(fit, tmp
         assert path.read_bytes().startswith(start)
     # Text in a vector picture stays text.
     words = [node.text for node in ET.parse(tmp_path / "a.svg").iter() if node.text]  # noqa: S314  our own
-    assert any("force (N)" in text for text in words)
+    assert any("Force F (mN)" in text for text in words)
     assert plt.get_fignums() == []
     ax = ul.plots.fit(fit)
     with pytest.raises(ul.InputError, match=r"\.png, \.svg or \.pdf"):
@@ -111,25 +111,35 @@ def test_saving_writes_each_format_closes_the_figure_and_refuses_others(fit, tmp
     plt.close("all")
 
 
-def test_fit_shows_the_data_the_law_and_the_half_space(fit):
+def test_fit_shows_the_data_the_fit_and_the_half_space_from_contact_on(fit):
     upper = ul.plots.fit(fit)
-    lines = {line.get_label(): line for line in upper.get_lines()}
-    # Nobody stated its noise: the values of the headline are averaged, and those of the line are not.
-    own = "least-squares fit, before averaging"
-    assert set(lines) == {"measured", own, "half-space, same modulus"}
-    assert {line.get_label() for line in ul.plots.fit_log(fit).get_lines()} >= {"measured", own}
-    stated = ul.fit(fit.problem.revised(noise=ul.Noise(force=5.9e-4)))
-    assert "fit" in {line.get_label() for line in ul.plots.fit(stated).get_lines()}
-    assert upper.get_ylabel() == "force (N)"
-    # 0.3 mm: the largest unit in which the number is at least a tenth.
+    lines = {line.get_label(): line for line in upper.get_lines() if not line.get_label().startswith("_")}
+    assert set(lines) == {"measured", "fit", "half-space, best fit"}
+    assert {line.get_label() for line in ul.plots.fit_log(fit).get_lines()} >= {"measured", "fit"}
+    assert upper.get_ylabel() == "Force F (mN)"
+    contact, baseline = (fit.values[f"instrument.{name}"] for name in ("contact_depth", "baseline"))
     x, y = lines["measured"].get_data()
-    assert x.max() == pytest.approx(fit.curves[0].depth.max() / 1e-3)
-    assert y.max() == pytest.approx(fit.curves[0].force.max())
-    # The half-space of the same modulus carries less than the layer on bone.
-    assert lines["half-space, same modulus"].get_ydata()[-1] < 0.8 * lines[own].get_ydata()[-1]
+    assert x.max() == pytest.approx((fit.curves[0].depth.max() - contact) / 1e-6)
+    assert y.max() == pytest.approx((fit.curves[0].force.max() - baseline) / 1e-3)
+    # The half-space's best fit misses the deepest point, which the layer does not.
+    assert lines["half-space, best fit"].get_ydata()[-1] < lines["fit"].get_ydata()[-1] - 2.0
+    assert any("best fit: 1.11 MPa" in text.get_text() for text in upper.texts)
     strip = upper.get_figure(root=True).axes[1]
-    residual = strip.get_lines()[1].get_ydata()
+    residual = next(line.get_ydata() for line in strip.get_lines() if len(line.get_ydata()) == len(x))
     np.testing.assert_allclose(residual * 1e-3, fit.residuals[0], rtol=1e-12)
+    plt.close("all")
+
+
+def test_a_budget_has_a_bar_for_every_source_and_one_for_all(fit):
+    answer = fit.answer("layer.E")
+    ax = ul.plots.budget(answer)
+    whole = max(answer.high - answer.value, answer.value - answer.low)
+    assert ax.patches[-1].get_width() == pytest.approx(whole / 1e3)
+    assert ax.get_yticklabels()[-1].get_text() == "combined"
+    hatched = [bar for bar in ax.patches if bar.get_hatch()]
+    assert len(hatched) >= 3
+    with pytest.raises(ul.InputError, match="is not determined"):
+        ul.plots.budget(replace(answer, high=np.inf))
     plt.close("all")
 
 
@@ -367,12 +377,12 @@ def chiaro_fit():
 
 def test_a_fit_is_drawn_about_its_contact_and_whole_where_asked():
     fit = chiaro_fit()
-    contact = fit.values["instrument.contact_depth"] * 1e6
-    deepest = fit.curves[0].depth.max() * 1e6
+    contact, deepest = fit.values["instrument.contact_depth"] * 1e6, fit.curves[0].depth.max() * 1e6
     low, high = ul.plots.fit(fit).get_xlim()
-    assert contact - 0.5 * (deepest - contact) < low < contact
-    assert high > deepest
-    assert ul.plots.fit(fit, whole=True).get_xlim()[0] < 1.0
+    assert -0.5 * (deepest - contact) < low < 0.0
+    # Less than the travel: the lever bends.
+    assert 0.7 * (deepest - contact) < high < deepest - contact
+    assert ul.plots.fit(fit, whole=True).get_xlim()[0] < 1.0 - contact
     plt.close("all")
 
 

@@ -190,7 +190,7 @@ def test_a_mistake_in_nested_keys_is_named_by_its_whole_path(tmp_path, written, 
         ("curve", "flip = ['time']", r"\[curve\] flip: must be a list of 'depth', 'force'"),
         ("curve", "test = 0", r"\[curve\] test: must be a whole number from 1"),
         ("curve", "test = true", r"\[curve\] test: must be a whole number"),
-        ("curve", "columns = { depth = 3 }", r"\[curve\] columns: must be a table"),
+        ("curve", "columns = { depth = 3.5 }", r"\[curve\] columns: must be a table"),
         ("curve", "file = 3", r"\[curve\] file: must be text; got 3"),
         ("simulate", "points = 20", r"\[simulate\] needs 'max_depth'"),
         (

@@ -55,7 +55,7 @@ from .inference.least_squares import (
 from .inference.design.planning import plan as plan
 from .inference.answer_cost import posterior_cost as posterior_cost
 from .inference.modulus_by_depth import pointwise_modulus as pointwise_modulus
-from .inference.pointwise.modulus import (
+from .inference.pointwise.result import (
     ModulusCurve as ModulusCurve,
     PointwiseModulus as PointwiseModulus,
 )
@@ -76,6 +76,10 @@ from .inference.design.second_test import remedy as remedy
 from .inference.recipe import steps_to_ours as steps_to_ours
 from .inference.sampling.run import posterior_from_chain as posterior_from_chain
 from .inference.sampling.run import marginalised as marginalised
+from .inference.reported_moduli import (
+    RelaxationModuli as RelaxationModuli,
+    relaxation_moduli as relaxation_moduli,
+)
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
     with_model_error as with_model_error,
@@ -109,6 +113,10 @@ from .mechanics.kernel import (
     Kernel as Kernel,
     StackKernel as StackKernel,
     SubstrateKernel as SubstrateKernel,
+)
+from .mechanics.biphasic.material import (
+    Biphasic as Biphasic,
+    BiphasicTransverse as BiphasicTransverse,
 )
 from .mechanics.materials import (
     Isotropic as Isotropic,

@@ -208,6 +208,8 @@ _WORDS: Mapping[str, Quantity] = {
     "force": Quantity("force"),
     "stiffness": Quantity("stiffness"),
     "compliance": Quantity("compliance", bounds=_POSITIVE),
+    "permeability": Quantity("permeability", bounds=_POSITIVE),
+    "diffusivity": Quantity("diffusivity", bounds=_POSITIVE),
 }
 _UNKNOWN = Quantity("dimensionless")
 

@@ -71,6 +71,8 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "sensitivity": Kind("m/V", ("nm/V", "um/V", "m/V"), "60 nm/V"),
         "current sensitivity": Kind("m/A", ("nm/nA", "um/nA"), "60 nm/nA"),
         "surface energy": Kind("J/m^2", ("uJ/m^2", "mJ/m^2", "J/m^2"), "5 mJ/m^2"),
+        "diffusivity": Kind("m^2/s", ("um^2/s", "mm^2/s", "m^2/s"), "1 mm^2/s"),
+        "permeability": Kind("m^4/(N s)", ("m^4/(N s)", "mm^4/(N s)"), "1e-15 m^4/(N s)"),
         "dimensionless": Kind("", ("",), "0.45"),
     }
 )
@@ -135,6 +137,11 @@ _NAMED = {
     "J/m^2": ("surface energy", 1.0),
     "mJ/m^2": ("surface energy", 1e-3),
     "uJ/m^2": ("surface energy", 1e-6),
+    "m^2/s": ("diffusivity", 1.0),
+    "mm^2/s": ("diffusivity", 1e-6),
+    "um^2/s": ("diffusivity", 1e-12),
+    "m^4/(N s)": ("permeability", 1.0),
+    "mm^4/(N s)": ("permeability", 1e-12),
 }
 
 

@@ -3,6 +3,7 @@
     python tests/studies/answers.py worlds [--curves 200] [--free E] [--seed 1]
     python tests/studies/answers.py scenes [--curves 100] [--free E h E2] [--seed 1]
     python tests/studies/answers.py verdicts [--curves 2000] [--seed 1]
+    python tests/studies/answers.py pages    # writes the tables of the pages again
 
 `worlds` are disturbances of one scene (`tests/support/worlds.py`), `scenes` clean tests of a user's range. A row of
 ``results/answers_KIND_FREE.csv`` says how many statistical parts (95 %) hold the truth, how wide they are over that
@@ -25,6 +26,7 @@ import pandas as pd
 sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parents[2] / "src")]
 
 import underlay as ul  # noqa: E402  after the path
+from support.answer_tables import write  # noqa: E402
 from support.user_scenes import user_test  # noqa: E402
 from support.worlds import LAW_LIKE, NOISES, Clean, world_curves  # noqa: E402
 
@@ -162,11 +164,14 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("kind", choices=["worlds", "scenes", "verdicts"])
+    parser.add_argument("kind", choices=["worlds", "scenes", "verdicts", "pages"])
     parser.add_argument("--curves", type=int, default=200)
     parser.add_argument("--free", nargs="+", default=["E"], choices=list(PATHS))
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
+    if asked.kind == "pages":
+        write()
+        return
     if asked.kind == "verdicts":
         table = pd.DataFrame(verdicts(asked.curves, asked.seed))
         path = RESULTS / "answers_verdicts.csv"

@@ -27,7 +27,7 @@ from underlay.errors import InputError, UnderlayError
 from underlay.inference.films import fit_film
 from underlay.inference.from_files import problem_from, weak_bounds
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.pointwise.modulus import PointwiseModulus
+from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
 from underlay.inference.uncertainty.answer import Answer

@@ -15,7 +15,7 @@ from underlay.app.shown import Film, Found, Sampled
 from underlay.app.state import Snapshot
 from underlay.errors import InputError
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.pointwise.modulus import PointwiseModulus
+from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.report.excel import excel_bytes
 from underlay.report.fit_files import pointwise_of
 from underlay.report.render import report

@@ -71,7 +71,7 @@ def fit(
 
 def _write_excel(result: Fit, path: Path) -> Path:
     """Write the fit and its modulus at each depth, where there is one, as an Excel file."""
-    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.report.excel import write_excel
     from underlay.report.fit_files import pointwise_of
 

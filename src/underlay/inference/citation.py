@@ -71,7 +71,7 @@ def of_fit(*, robust: bool, averaged: bool) -> dict[str, str]:
     if robust:
         used["lmfit"] = "a robust loss"
     if averaged:
-        used |= {"kennedy2001": "intervals that allow for drift", "rybicki1995": "correlated noise"}
+        used["kennedy2001"] = "a contact model that may be off"
     return used
 
 

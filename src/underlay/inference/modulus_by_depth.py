@@ -5,7 +5,8 @@ from __future__ import annotations
 from underlay._given import require_given
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit as least_squares_fit
-from underlay.inference.pointwise.modulus import PointwiseModulus, modulus_by_depth
+from underlay.inference.pointwise.modulus import modulus_by_depth
+from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.problem import Problem
 
 __all__ = ["pointwise_modulus"]

@@ -15,8 +15,9 @@ from underlay._arrays import FloatArray
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.relaxation import Prony
+from underlay.mechanics.response import WholeHistory
 
-__all__ = ["relaxed_moduli", "suffixes"]
+__all__ = ["of_memory", "relaxed_moduli", "suffixes"]
 
 
 def suffixes(problem: Problem, paths: Sequence[Sequence[str]]) -> list[str]:
@@ -60,6 +61,20 @@ def relaxed_moduli(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
             )
             found.setdefault(f"layer.instantaneous_modulus{first}", modulus)
             found.setdefault(f"layer.equilibrium_modulus{last}", modulus * (1.0 - np.sum(fractions, axis=0)))
+    return found
+
+
+def of_memory(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
+    """What follows from the numbers of memories that answer a motion themselves, (n,), at draws (n, parameters)."""
+    found: dict[str, FloatArray] = {}
+    several = len(problem.members) > 1
+    for number, member in enumerate(problem.members):
+        history = member.forward.history
+        if not isinstance(history, WholeHistory) or not history.derived():
+            continue
+        rows = [history.at(member.values_at(row)).derived() for row in flat]
+        for name in rows[0] if rows else ():
+            found[f"{name}[{number}]" if several else name] = np.array([row[name] for row in rows])
     return found
 
 

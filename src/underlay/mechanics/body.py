@@ -39,6 +39,7 @@ __all__ = [
     "MOST_LAYERS",
     "RIGID",
     "SHAPES",
+    "TIP_DRAINAGES",
     "Base",
     "Body",
     "Bond",
@@ -60,6 +61,9 @@ __all__ = [
 #: Bonds that have a name: no gap and no slip; no gap and no friction; and one that nobody knows, which is computed
 #: as bonded, and a fit says what slip would give.
 BONDS = ("bonded", "slip", "unknown")
+#: How water leaves a draining layer at the tip: not through it, or freely; an unknown one is computed as solid,
+#: and a fit spans both.
+TIP_DRAINAGES = ("solid", "porous", "unknown")
 
 
 @dataclass(frozen=True)
@@ -251,8 +255,16 @@ class Material(Base):
     the plane of the surface) among them.
     """
 
+    #: Whether it is filled with water that drains.
+    drains: ClassVar[bool] = False
+
     E: float
     nu: float
+
+    @property
+    def drained(self) -> Material:
+        """The elastic material when no water is left that could drain: itself."""
+        return self
 
     @property
     @abstractmethod
@@ -387,7 +399,8 @@ class Layer(Part):
     def __post_init__(self) -> None:
         if not isinstance(self.material, Material):
             raise InputError(
-                f"a layer is made of Isotropic or TransverselyIsotropic material; got {self.material!r}"
+                "a layer is made of Isotropic, TransverselyIsotropic, Biphasic or BiphasicTransverse material; got "
+                f"{self.material!r}"
             )
         if self.thickness != np.inf:
             object.__setattr__(self, "thickness", positive(self.thickness, "layer thickness", "m"))

@@ -16,7 +16,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, TypeAlias, runtime_checkable
+from typing import ClassVar, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -24,7 +24,17 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
 from underlay.quantities import Part, numbers_of, replace_values
 
-__all__ = ["Elastic", "History", "Invertible", "Motion", "Remembered", "Response", "checked_times"]
+__all__ = [
+    "Doubt",
+    "Elastic",
+    "History",
+    "Invertible",
+    "Motion",
+    "Remembered",
+    "Response",
+    "WholeHistory",
+    "checked_times",
+]
 
 #: A function of depths (m), (n,): the elastic force (N), or a derivative of it.
 Elastic: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -143,6 +153,76 @@ class History(Part, ABC):
             With what to do instead.
         """
         del free, time
+
+
+class Doubt(NamedTuple):
+    """What a memory says of a fit of its numbers: a verdict's word, what is the case, why, and what to do."""
+
+    word: str
+    reason: str
+    cause: str
+    next: str
+    setting: tuple[str, str] | tuple[()] = ()
+
+
+class WholeHistory(History):
+    """A memory that is not linear in the force of one elastic law: it answers a motion itself.
+
+    Its numbers are those of the scene that it is made of (its fields are the scene's parts), under their own paths.
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ()
+    prefix: ClassVar[str] = ""
+
+    @abstractmethod
+    def answer(self, depth: FloatArray, time: FloatArray) -> FloatArray:
+        """Force (N), (n,), of depths since contact (m) at times (s), (n,) each."""
+
+    @abstractmethod
+    def stiffness(self, depth: FloatArray, force: FloatArray) -> FloatArray:
+        """dP/dw (N/m), (n,), were all depths (m) larger by one share, from the force (N) that it answered."""
+
+    @abstractmethod
+    def slopes(self, paths: Sequence[str], depth: FloatArray, time: FloatArray) -> Mapping[str, FloatArray]:
+        """d force / d number (SI), (n,), at `paths` of its numbers, and of ``instrument.contact_depth``."""
+
+    @abstractmethod
+    def starts(
+        self, free: Mapping[str, tuple[float, float]], depth: FloatArray, force: FloatArray, time: FloatArray
+    ) -> Sequence[Mapping[str, float]]:
+        """Values (SI) to begin a search from, best first, of the `free` paths with their bounds, from a record.
+
+        Depths since contact (m), forces (N) and times (s), (n,) each.
+        """
+
+    def doubts(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> Sequence[Doubt]:
+        """What a record of depths since contact (m), forces (N) and times (s) cannot tell, at fitted numbers."""
+        del depth, force, time
+        return ()
+
+    def derived(self) -> Mapping[str, float]:
+        """What follows from its numbers (SI), by name; none by default."""
+        return {}
+
+    def require_record(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> None:
+        """Refuse a record of depths (m), forces (N) and times (s), (n,) each, that cannot tell its numbers.
+
+        Raises
+        ------
+        InputError
+            With what to do instead.
+        """
+
+    def force(self, elastic: Elastic, depth: FloatArray, time: FloatArray) -> FloatArray:
+        """See `answer`; the elastic force of one law is not what it goes by."""
+        del elastic
+        return self.answer(depth, time)
+
+    def at(self, values: Mapping[str, float]) -> WholeHistory:
+        """The same with the numbers of `values`, by path; others than its own are left aside."""
+        own = numbers_of(self)
+        told = {path: value for path, value in values.items() if path in own and value != own[path].value}
+        return replace_values(self, told, known=own) if told else self
 
 
 @dataclass(frozen=True)

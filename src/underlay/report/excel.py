@@ -27,7 +27,7 @@ from underlay._text import one_line
 from underlay._version import VERSION
 from underlay.errors import InputError, missing_extra
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.pointwise.modulus import PointwiseModulus
+from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.population.result import Population
 from underlay.mechanics.solver import Solver
 from underlay.quantities import curve_of, numbers_of, path_of

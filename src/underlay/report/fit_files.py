@@ -14,7 +14,8 @@ import pandas as pd
 from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay.errors import UnderlayError
-from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus, modulus_by_depth
+from underlay.inference.pointwise.modulus import modulus_by_depth
+from underlay.inference.pointwise.result import ModulusCurve, PointwiseModulus
 from underlay.report import plots
 from underlay.report.adhesion_tables import adhesion_frame
 from underlay.report.intervals import quantity_with_interval

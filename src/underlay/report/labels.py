@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection
 
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import curve_of, path_of
@@ -29,8 +29,10 @@ def label(name: str) -> str:
     return words if curve is None else f"{words} (curve {curve + 1})"
 
 
-def labelled(text: str, names: Iterable[str]) -> str:
+def labelled(text: str, names: Collection[str]) -> str:
     """Return `text` with parameters called by their words: ``"layer.E is ..."`` -> ``"layer modulus is ..."``."""
+    if not names:
+        return text
     # A name may begin a longer one, and may end a sentence.
     named = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, names))})(?!\w|\[|\.\w)")
     return named.sub(lambda found: label(found[1]), text)

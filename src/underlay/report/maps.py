@@ -245,7 +245,7 @@ def of_map(table: pd.DataFrame) -> Population | str:
     if _WHOSE not in table.columns or not parameters:
         return (
             "The curves are not told apart by animal. Sites of one animal are not independent: an interval that "
-            "takes them so is too narrow. A column `animal` in the manifest, and `group` for those to compare, "
+            "takes them so is too narrow. A column animal in the manifest, and group for those to compare, "
             "lets this page say what the animals say."
         )
     # Populations are loaded where there is one.

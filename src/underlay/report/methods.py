@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from underlay._version import VERSION
-from underlay.inference.citation.works import Work, work
+from underlay.inference.citation import Work, work
 from underlay.mechanics.body import RIGID
 from underlay.quantities import numbers_of
 from underlay.report.labels import label, labelled, start
@@ -16,7 +16,7 @@ from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.uncertainty.answer import Answer
     from underlay.scene.scene import Scene
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 import base64
 import html
 from collections.abc import Iterable
-from pathlib import Path
+from importlib import resources
 
 import pandas as pd
-from matplotlib.axes import Axes
 
 from underlay._text import one_line
-from underlay.report.plots.style import drawn, inline_svg
+from underlay.report.plots.style import Axes, drawn, inline_svg
 from underlay.units import printed
 
 __all__ = [
@@ -30,7 +29,6 @@ __all__ = [
     "words",
 ]
 
-_STYLE = Path(__file__).parent / "templates" / "page" / "page.css"
 # Nothing runs and nothing is fetched, whatever a name or a file holds.
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 _SHAPES = {
@@ -115,7 +113,9 @@ def details(parts: Iterable[Detail], *, opened: bool = False) -> str:
 
 def document(title: str, *blocks: str) -> str:
     """Return the whole page."""
-    style = _STYLE.read_text(encoding="utf-8")
+    style = (resources.files("underlay.report") / "templates" / "page" / "page.css").read_text(
+        encoding="utf-8"
+    )
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

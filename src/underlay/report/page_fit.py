@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from underlay._version import VERSION
 from underlay.data.segments import LOADING
@@ -37,7 +36,7 @@ from underlay.report.page import (
     words,
 )
 from underlay.report.plots.scene import material_words
-from underlay.report.plots.style import axes, in_words, style
+from underlay.report.plots.style import Axes, axes, in_words, style
 from underlay.report.reading import beyond_loading
 from underlay.report.scene_tables import effects_table, scene_table
 from underlay.report.screen import (
@@ -57,7 +56,7 @@ from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.uncertainty.answer import Advice, Answer
     from underlay.mechanics.body import Layer
     from underlay.mechanics.solver import Solver
@@ -284,9 +283,9 @@ class FitPage:
         known = self.fit.answer("layer.E") if "layer.E" in self.fit.names else None
         shown = None if self.fit.verdict == "reject" else known
         ax = sized(_HALF, lambda panel: plots.pointwise_modulus(found, answer=shown, ax=panel))
-        caption = (
-            f"Modulus read from the force at each depth: {by_depth_words(found) or 'too few depths to tell'}."
-        )
+        # Intervals of a rejected model are no judge of whether it is constant.
+        trend = "" if shown is None else by_depth_words(found)
+        caption = f"Modulus read from the force at each depth{': ' if trend else ''}{trend}."
         return figure(ax, "depth", "Modulus against depth, and the half-space's.", "E by depth.", caption)
 
     def _budget(self) -> str:

@@ -13,7 +13,7 @@ import pandas as pd
 from underlay._door import sha256_of
 from underlay._version import VERSION
 from underlay.inference.batch.results_table import FITTED
-from underlay.inference.citation.used import used_by
+from underlay.inference.citation import used_by
 from underlay.report import maps, plots
 from underlay.report.labels import label, start
 from underlay.report.methods import cited_works

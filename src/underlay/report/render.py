@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from underlay._door import FileKind, read_bytes
 from underlay._files import require_writable_folder, write_atomic
 from underlay.errors import FileAccessError, InputError, MissingExtraError
 from underlay.inference.least_squares.fit_result import Fit
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["page_path", "report"]
 
 _PDF = ".pdf"
+_PRINTED = FileKind("a PDF", 200_000_000, "print the HTML page to a file")
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 _ON_MACS = "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome"
 _OPTIONS = ("--headless", "--disable-gpu", "--disable-extensions", "--no-first-run", "--no-pdf-header-footer")
@@ -189,4 +191,4 @@ def _printed(html: str, target: Path, browser: str) -> Path:
             raise FileAccessError(
                 f"{browser} did not print the page; open the HTML page and print it to a file"
             )
-        return write_atomic(target, made.read_bytes())
+        return write_atomic(target, read_bytes(made, _PRINTED))

@@ -7,6 +7,7 @@ digits of uncertainty; a range where one arm is far longer; an inequality where 
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,13 +21,13 @@ from underlay.inference.uncertainty.answer import Advice, Answer, Contribution
 from underlay.mechanics.relaxation import Prony
 from underlay.mechanics.solvers import HalfSpace
 from underlay.quantities import curve_of, path_of
-from underlay.report.labels import is_of_the_sample, label, start
+from underlay.report.labels import is_of_the_sample, label, labelled, start
 from underlay.scene.parameters import declared, kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.inference.pointwise.result import PointwiseModulus
 
 __all__ = [
     "LEFT",
@@ -193,9 +194,10 @@ def next_step(verdict: Advice) -> str:
 
 def in_words(text: str) -> str:
     """A sentence with parameters by their words."""
-    for path in ("layer.E", "layer.thickness", "substrate.E", "layer.nu", "instrument.contact_depth"):
-        text = text.replace(path, label(path)) if path in text else text
-    return text
+    return labelled(text, set(_PATHS.findall(text)))
+
+
+_PATHS = re.compile(r"\b(?:layer|substrate|indenter|instrument|lever|adhesion)\.\w+(?:\.\w+|\[\d+\])*")
 
 
 # --- a budget -----------------------------------------------------------------------------------------------

@@ -34,7 +34,6 @@ from underlay.scene.parameters import declared, kind_of
 from underlay.units import format_quantity, human_unit, printed
 
 if TYPE_CHECKING:
-    from underlay.inference.design.identifiability import Identifiability
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.sampling.posterior import Posterior
 
@@ -42,7 +41,6 @@ __all__ = [
     "accuracy_summary",
     "amounts",
     "answer_summary",
-    "combinations_table",
     "correlated_pairs",
     "diagnostics_table",
     "facts_table",
@@ -323,19 +321,6 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
     }
     rows["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
     return facts_table({**rows, **facts})
-
-
-def combinations_table(told: Identifiability) -> pd.DataFrame:
-    """Return which products of parameters the data fix, best first, as text."""
-    rows = [
-        {
-            "product": entry.formula,
-            "verdict": entry.verdict,
-            "relative error": f"{100.0 * entry.relative_sd:.2g} %",
-        }
-        for entry in told.combinations
-    ]
-    return labelled_table(rows or [{"product": "none", "verdict": "", "relative error": ""}])
 
 
 def source_rows(files: Iterable[str]) -> dict[str, str]:

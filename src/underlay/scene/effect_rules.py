@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -29,6 +29,14 @@ from underlay.quantities import replace_values
 from underlay.scene.instrument import Instrument
 
 __all__ = ["Effect", "EffectRule", "Simulated", "effects_of", "left_out_effects", "range_asked"]
+
+
+@runtime_checkable
+class Drains(Protocol):
+    """A material whose water evens out over a length (m) in a time (s)."""
+
+    def drainage_time(self, length: float) -> float:
+        """Time (s)."""
 
 
 class Simulated(Protocol):
@@ -55,6 +63,10 @@ class Simulated(Protocol):
     @property
     def base(self) -> Base | None:
         """The half-space that the layers stand on."""
+
+    @property
+    def drainage(self) -> str | None:
+        """How water leaves at the tip."""
 
     @property
     def instrument(self) -> Instrument:
@@ -129,6 +141,8 @@ class Effect:
 EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
 
 
+# Of a^2/c: a ramp after which most of the water is still there.
+_QUICK = 0.1
 _FRICTION, _FINITE_STRAIN = "friction", "finite strain"
 
 
@@ -200,6 +214,7 @@ def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
         *left_out_effects(level)[: 1 if above.layer.stiffening else None],
         *_effects_on_law(above, level),
         *_relaxation_effects(given, level),
+        *_drainage_effects(given, level, law),
         _history_effect(remembers=given.history is not None),
     ]
 
@@ -372,6 +387,21 @@ def _relaxation_effects(given: Simulated, level: Simulated) -> list[Effect]:
         Effect("relaxation", relaxing, level, simulated=True, note=note, duration=ramp),
         *_shear_alone(level, relaxation.equilibrium),
     ]
+
+
+def _drainage_effects(given: Simulated, level: Simulated, law: ContactLaw) -> list[Effect]:
+    """What water that has not drained adds along a ramp; a row where the layer has any.
+
+    `level` is the scene without memory and baseline, `law` its own, as deep as is asked.
+    """
+    material = given.layer.material
+    if not isinstance(material, Drains):
+        return []
+    radius = float(given.indenter.halfspace_radius(np.array([law.max_depth]))[0])
+    ramp = _QUICK * material.drainage_time(radius)
+    wet = replace(level, layer=replace(level.layer, material=material), drainage=given.drainage)
+    note = f"a ramp of {ramp:.4g} s, {_QUICK:g} a^2/c, against the layer without water"
+    return [Effect("drainage", wet, level, simulated=True, note=note, duration=ramp)]
 
 
 def _shear_alone(level: Simulated, kept: float) -> list[Effect]:

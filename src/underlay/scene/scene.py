@@ -17,7 +17,7 @@ import pandas as pd
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.body import Base, Body, Bond, Layer, Stack
+from underlay.mechanics.body import TIP_DRAINAGES, Base, Body, Bond, Layer, Stack
 from underlay.mechanics.contact import Adhesion, Contact, laws_on
 from underlay.mechanics.contact_law import ContactLaw, ScaledLaw
 from underlay.mechanics.discrepancy import as_friction
@@ -73,6 +73,9 @@ class Scene:
         How well its inputs are known: half widths of 95 % intervals, by path, ``{"indenter.radius": 2e-5}`` (SI);
         of ``force``, ``depth`` and ``spring_constant`` as shares, ``{"force": 0.02}``. Zero is exact; ``"none"``
         takes every input for exact. A scene with other parts keeps the rows of the numbers that it still has.
+    drainage : {"solid", "porous", "unknown"}, optional
+        How water leaves a draining layer at the tip, which such a layer needs said: not through it, or freely. An
+        unknown one is computed as solid, and a fit's answers span both.
 
     Raises
     ------
@@ -99,6 +102,7 @@ class Scene:
     finite_strain: bool | None = None
     discrepancy: Discrepancy | None = None
     uncertainties: Mapping[str, float] | str | None = None
+    drainage: str | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.indenter, Indenter):
@@ -110,6 +114,7 @@ class Scene:
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
         _check_optional(self)
+        _check_drainage(self)
         as_friction(self.friction)
         if self.finite_strain not in (None, True, False):
             raise InputError(f"finite_strain must be True, False or None; got {self.finite_strain!r:.60}")
@@ -132,8 +137,12 @@ class Scene:
 
     @cached_property
     def memory(self) -> History | None:
-        """What remembers earlier depths: the layer's relaxation, the scene's history, or nothing."""
+        """What remembers earlier depths: the layer's relaxation or drainage, the scene's history, or nothing."""
         relaxation = self.layer.relaxation
+        if self.layer.material.drains:
+            from underlay.mechanics.biphasic.drainage import Drainage  # noqa: PLC0415  not for a layer without water
+
+            return Drainage(self.indenter, self.layer, "porous" if self.drainage == "porous" else "solid")
         if relaxation is None:
             return self.history
         # Not loaded for a layer that does not relax, nor by the two methods below.
@@ -143,10 +152,11 @@ class Scene:
 
     @property
     def elastic(self) -> Scene:
-        """The scene without memory: what it shows at once. Itself where there is none."""
+        """The scene without memory: what it shows at once, or when all has drained. Itself where there is none."""
         if self.memory is None:
             return self
-        return replace(self, layer=replace(self.layer, relaxation=None), history=None)
+        layer = replace(self.layer, material=self.layer.material.drained, relaxation=None)
+        return replace(self, layer=layer, history=None, drainage=None)
 
     @property
     def layers(self) -> tuple[Layer, ...]:
@@ -161,7 +171,8 @@ class Scene:
     @property
     def contact(self) -> Contact:
         """What a solver is given."""
-        contact = Contact.of(self.indenter, self.layer, self.substrate)
+        layer = replace(self.layer, material=self.layer.material.drained)
+        contact = Contact.of(self.indenter, layer, self.substrate)
         if self.friction == "stuck":
             contact = replace(contact, friction=self.friction)
         return contact if self.adhesion is None else replace(contact, adhesion=self.adhesion)
@@ -247,7 +258,7 @@ class Scene:
     @property
     def ages(self) -> bool:
         """Whether the layer relaxes on an elastic base, against which its kernel changes in time."""
-        if self.layer.relaxation is None:
+        if self.layer.relaxation is None or self.layer.material.drains:
             return False
         from underlay.mechanics.viscoelastic.elastic_base import ages  # noqa: PLC0415  see `memory`
 
@@ -361,6 +372,28 @@ def _check_optional(scene: Scene) -> None:
     ):
         if part is not None and not isinstance(part, kind):
             raise InputError(f"{example} or None; got {part!r}")
+
+
+def _check_drainage(scene: Scene) -> None:
+    """Refuse a layer with water whose scene does not say how it drains, and what is not simulated beside it."""
+    drains = scene.layer.material.drains
+    for number, layer in enumerate(scene.layers[1:]):
+        if layer.material.drains:
+            raise InputError(f"substrate.layers[{number}] drains: only the layer on top may, on a rigid base")
+    if not drains and scene.drainage is None:
+        return
+    if not drains:
+        raise InputError(
+            f"drainage = {scene.drainage!r:.40} is of a layer with a permeability; give it one, or leave it out"
+        )
+    if scene.drainage not in TIP_DRAINAGES:
+        raise InputError(
+            "a draining layer needs how water leaves at the tip: drainage must be one of "
+            f"{', '.join(map(repr, TIP_DRAINAGES))}; got {scene.drainage!r:.40}"
+        )
+    from underlay.mechanics.biphasic.judgement import check_beside  # noqa: PLC0415  see `Scene.memory`
+
+    check_beside(scene.layer, scene.substrate, scene.adhesion, scene.history, scene.discrepancy is not None)
 
 
 def _check_sticking(scene: Scene) -> None:

@@ -31,6 +31,16 @@ holds, ``bond = "slip"`` or ``bond = { normal = "1 GPa/m", shear = "0 Pa/m" }``:
     nu = 0.4
     thickness = "100 um"
 
+A layer filled with water says its permeability and, before all sections, how water leaves at the tip::
+
+    drainage = "solid"
+
+    [layer]
+    E = "0.4 MPa"
+    nu = 0.1
+    permeability = "1e-15 m^4/(N s)"
+    thickness = "1.5 mm"
+
 Optional sections: ``[layer.relaxation]``, ``[history]`` and ``[adhesion]`` (model, and its numbers),
 ``[instrument]``, ``[uncertainties]`` (how well the inputs are known), ``[solver]`` (name, rtol, order, form),
 ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made curve). A
@@ -291,6 +301,7 @@ _SECTIONS = (
     "title",
     "friction",
     "finite_strain",
+    "drainage",
     "indenter",
     "layer",
     "substrate",
@@ -308,12 +319,18 @@ _SECTIONS = (
 )
 
 
+# Words of the whole scene stand before its sections.
+_FIRST = _SECTIONS.index("indenter")
+
+
 def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     _require_filled_in(document)
     for name in document:
         if name not in _SECTIONS:
             meant = hint(name, _SECTIONS) or ";"
-            raise InputError(f"unknown section [{name}]{meant} allowed: {', '.join(_SECTIONS[3:])}")
+            raise InputError(
+                f"unknown section [{name}]{meant} allowed: {', '.join(_SECTIONS[_SECTIONS.index('indenter') :])}"
+            )
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")

@@ -21,7 +21,8 @@ import numpy as np
 from underlay._arrays import physical_length
 from underlay.errors import InputError
 from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import BONDS, Layer, Spring, Stiffening
+from underlay.mechanics.biphasic.material import Biphasic, BiphasicTransverse
+from underlay.mechanics.body import BONDS, TIP_DRAINAGES, Layer, Spring, Stiffening
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -385,6 +386,8 @@ def _all() -> Iterator[SceneKey]:
     yield Key(tuple(FRICTIONS), FRICTIONS[0], friction).listed(TOP, "friction")
     strain = "false: strains are small; unknown or true widens the second interval where its size is known"
     yield Key(bool, "unknown", strain).listed(TOP, "finite_strain")._replace(words=("true", "false"))
+    drains = "of a layer with a permeability: whether water leaves through the tip; unknown: a fit spans both"
+    yield Key(tuple(TIP_DRAINAGES), "none", drains).listed(TOP, "drainage")
     known = "how well the inputs are known: [uncertainties]; none takes all for exact"
     yield SceneKey(TOP, "uncertainties", '"none", or a section', "sizes that are assumed", known)
     shapes = (*_own(Indenter), *EQUIVALENT_CONES)
@@ -393,6 +396,8 @@ def _all() -> Iterator[SceneKey]:
     )
     holds = "how its lower face holds to what is under it; slip: no friction; unknown: a fit says both; or springs"
     yield from _of_layer("layer", holds)
+    yield from _of_class(Biphasic, "layer", seen=("E", "nu"))
+    yield from _of_class(BiphasicTransverse, "layer", _AXIAL, (*keys_of(TransverselyIsotropic), "permeability"))
     relaxing = "how the modulus falls with time; without the section the layer is elastic"
     yield from _family(Relaxation, "layer.relaxation", relaxing, seen=("relaxes",))
     both = "shear_and_bulk keeps Poisson's ratio; shear alone needs nu = 0.5"

@@ -73,7 +73,7 @@ def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
 
 def _words(document: Mapping[str, Any]) -> dict[str, Any]:
     """What the file says of the whole scene, before its sections."""
-    said = {key: document[key] for key in ("friction", "finite_strain") if key in document}
+    said = {key: document[key] for key in ("friction", "finite_strain", "drainage") if key in document}
     if said.get("friction", "none") not in FRICTIONS:
         raise InputError(f"friction: {said['friction']!r:.60} is not known; allowed: {', '.join(FRICTIONS)}")
     if not isinstance(said.get("finite_strain", True), bool):
@@ -153,7 +153,13 @@ def _bond(section: str, given: Any) -> Bond:
 
 
 def _kind_of_material(table: Mapping[str, Any]) -> type[Material]:
-    return TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
+    transverse = bool({"E_axial", "G_axial", "nu_axial"} & table.keys())
+    if not {"permeability", "permeability_ratio"} & table.keys():
+        return TransverselyIsotropic if transverse else Isotropic
+    # Not loaded for a layer without water.
+    from underlay.mechanics.biphasic.material import Biphasic, BiphasicTransverse  # noqa: PLC0415
+
+    return BiphasicTransverse if transverse or "permeability_ratio" in table else Biphasic
 
 
 def _substrate(document: Mapping[str, Any]) -> Body | None:

@@ -39,7 +39,7 @@ from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
-    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.inference.pointwise.result import PointwiseModulus
 
 __all__ = [
     "Alternative",
@@ -326,18 +326,19 @@ class Fit:
     def derived(self) -> tuple[str, ...]:
         """What follows from what is fitted and is printed beside it; `interval` states theirs too.
 
-        Moduli of a layer that relaxes, and by how much one that stiffens does at the deepest point.
+        Moduli of a layer that relaxes or drains, and by how much one that stiffens does at the deepest point.
         """
         members = self.problem.members
         stiff = [i for i, member in enumerate(members) if member.scene.layer.stiffening is not None]
         if stiff:
             return tuple(f"layer.stiffening_factor{f'[{i}]' if len(members) > 1 else ''}" for i in stiff)
-        if all(member.scene.layer.relaxation is None for member in self.problem.members):
+        if all(member.scene.memory is None for member in members):
             return ()
         # Not loaded for a sample that does not relax.
-        from underlay.inference.relaxed_moduli import relaxed_moduli  # noqa: PLC0415  see above
+        from underlay.inference.relaxed_moduli import of_memory, relaxed_moduli  # noqa: PLC0415  see above
 
-        return tuple(relaxed_moduli(self.problem, self.problem.physical(self.vector)[None]))
+        flat = self.problem.physical(self.vector)[None]
+        return (*relaxed_moduli(self.problem, flat), *of_memory(self.problem, flat))
 
     @property
     def scenes(self) -> tuple[Scene, ...]:

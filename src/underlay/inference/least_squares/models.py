@@ -24,6 +24,7 @@ from underlay.errors import InputError
 from underlay.inference.model.jacobian_batch import batched_jacobians, goes_together
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
+from underlay.mechanics.response import WholeHistory
 from underlay.scene.noise import NoiseModel
 
 __all__ = ["LOSSES", "SQUARES", "FrozenNoise", "Loss", "Models", "freeze", "robust_inflation"]
@@ -116,7 +117,8 @@ class Models:
         self._last_columns: dict[bool, tuple[bytes, list[FloatArray]]] = {}
         self._followed = b"", b""
         # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
-        self._one_law = not any(
+        self._one_law = not any(isinstance(member.forward.history, WholeHistory) for member in members)
+        self._one_law &= not any(
             member.forward.similarity.ratio_slopes(path, member.base)
             for member in members
             if not member.forward.laws.know_slopes

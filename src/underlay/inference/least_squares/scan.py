@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -36,10 +36,12 @@ from underlay.inference.least_squares.scan_curve import (
     ScanCurve,
     blocked_forward,
 )
+from underlay.inference.least_squares.told_starts import Start, told_starts
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.indenters import FlatPunch
+from underlay.mechanics.response import WholeHistory
 from underlay.scene.scene import Scene
 
 __all__ = ["LIKELY", "Landscape", "Start", "scan", "tried_base_moduli", "tried_contacts", "tried_thicknesses"]
@@ -181,13 +183,6 @@ class _Grid:
         return _Grid(np.einsum("tkm,tkm->tk", residuals, residuals), values, residuals)
 
 
-class Start(NamedTuple):
-    """A place to search from: scaled vector (k,), and how many times the best's misfit its own is."""
-
-    vector: FloatArray
-    misfit: float
-
-
 def scan(problem: Problem, count: int = 3) -> list[Start]:
     """Local minima of the grid, best first, at most `count`.
 
@@ -196,6 +191,8 @@ def scan(problem: Problem, count: int = 3) -> list[Start]:
     """
     if any(member.scene.adhesion for member in problem.members):
         return [Start(vector, 1.0) for vector in adhesive_starts(problem, count)]
+    if any(isinstance(member.forward.history, WholeHistory) for member in problem.members):
+        return told_starts(problem, count)
     landscape = Landscape.of(problem)
     places = landscape.minima(count)
     misfits = [float(landscape.misfit[place]) for place in places]

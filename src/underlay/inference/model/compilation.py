@@ -28,7 +28,7 @@ from underlay.inference.model.members import Member, noise_start
 from underlay.inference.model.on_law_priors import begun, require_told_thickness, usual_prior
 from underlay.inference.priors import Given, Prior
 from underlay.mechanics.discrepancy import require_measured
-from underlay.mechanics.response import checked_times
+from underlay.mechanics.response import WholeHistory, checked_times
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Quantity, curve_of, field_quantities, path_of
 from underlay.scene.instrument import SPRING_CONSTANT_RATIO, ContactDepth, Frame
@@ -403,7 +403,10 @@ def _check_history(scene: Scene, curve: Curve, free: Mapping[str, int]) -> None:
             "a layer that relaxes on an elastic base is simulated but not fitted: its force is not one elastic "
             "force seen through a memory; take a rigid base, or one 1000 times stiffer"
         )
-    scene.memory.require_told(tuple(free), checked_times(curve.time, curve.depth))
+    times = checked_times(curve.time, curve.depth)
+    scene.memory.require_told(tuple(free), times)
+    if isinstance(scene.memory, WholeHistory):
+        scene.memory.require_record(curve.depth - scene.instrument.contact_depth, curve.force, times)
     if Frame.path in free:
         raise ParameterError(
             f"{Frame.path} cannot be fitted beside a history or a relaxation: take the frame's share out of "

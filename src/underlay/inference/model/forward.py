@@ -36,7 +36,14 @@ from underlay.inference.model.similarity import Similarity, compile_similarity
 from underlay.mechanics.contact_law import ContactLaw, ScaledLaw
 from underlay.mechanics.discrepancy import DiscrepantLaw, excess_of, further_of, require_measured
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.response import Elastic, History, Remembered, Response, checked_times
+from underlay.mechanics.response import (
+    Elastic,
+    History,
+    Remembered,
+    Response,
+    WholeHistory,
+    checked_times,
+)
 from underlay.mechanics.solver import Solver
 from underlay.quantities import replace_values
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
@@ -298,6 +305,8 @@ class Forward:
         reference = tuple(
             getattr(elastic, name) for name in elastic.__dataclass_fields__ if name not in _READING
         )
+        if isinstance(scene.memory, WholeHistory):
+            free = [path for path in free if path in elastic.parameters]
         similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)
         told: LeftOutLaws | OnLinear | None = None
@@ -380,6 +389,8 @@ class Forward:
         Without `stiffness` a sample that remembers is not asked for it: it is zero.
         """
         chain, depth = self._chain(values)
+        if isinstance(self.history, WholeHistory):
+            return self._whole(self.history.at(values), chain)
         law = self.law(values, self._deepest(chain, depth))
         w = self._tip_depth(chain, law, depth)
         if self.history is not None:
@@ -392,6 +403,9 @@ class Forward:
     def force(self, values: Mapping[str, float]) -> FloatArray:
         """Force of the instrument (N), (n,), alone; raises as `law` does."""
         chain, depth = self._chain(values)
+        if isinstance(self.history, WholeHistory):
+            w = chain.travel(self.depth)
+            return chain.reading(self.history.at(values).answer(w, checked_times(self.time, w)), self.depth)
         law: Response = self.law(values, self._deepest(chain, depth))
         w = self._tip_depth(chain, law, depth)
         if self.history is not None:
@@ -408,6 +422,8 @@ class Forward:
         costs a minimiser nothing.
         """
         chain, depth = self._chain(values, paths)
+        if isinstance(self.history, WholeHistory):
+            return self._whole_jacobian(self.history.at(values), chain, paths)
         deepest = self._deepest(chain, depth)
         law = self.law(values, deepest)
         w = self._tip_depth(chain, law, depth)
@@ -436,6 +452,22 @@ class Forward:
         for row, path in enumerate(paths):
             rows[row] = columns[path]
         return reading, rows.T
+
+    def _whole(self, history: WholeHistory, chain: Chain) -> Reading:
+        """Reading of a sample that answers a motion itself, without what gives way in series."""
+        w = chain.travel(self.depth)
+        contact = history.answer(w, checked_times(self.time, w))
+        return Reading(contact, history.stiffness(w, contact), chain.reading(contact, self.depth))
+
+    def _whole_jacobian(
+        self, history: WholeHistory, chain: Chain, paths: Sequence[str]
+    ) -> tuple[Reading, FloatArray]:
+        """See `jacobian`."""
+        reading, columns = self._whole(history, chain), chain.offset_slopes(self.depth)
+        own = [path for path in paths if path not in columns]
+        w = chain.travel(self.depth)
+        columns |= history.slopes(own, w, checked_times(self.time, w))
+        return reading, np.stack([columns[path] for path in paths], axis=1)
 
     def _with_slopes(self, law: ContactLaw, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         if self.over is None:

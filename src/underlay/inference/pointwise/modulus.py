@@ -24,7 +24,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
@@ -34,15 +33,13 @@ from underlay.errors import CurveError, InputError
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.model.members import Member
 from underlay.inference.pointwise.explained import Body, Explained, halfspace_of, require_without_adhesion
+from underlay.inference.pointwise.result import KINDS, ModulusCurve, PointwiseModulus
 from underlay.scene.instrument import ContactDepth
 
 __all__ = [
-    "KINDS",
     "BinnedCurve",
     "Bins",
-    "ModulusCurve",
     "Noise",
-    "PointwiseModulus",
     "Residuals",
     "bins_of",
     "modulus_by_depth",
@@ -171,29 +168,6 @@ def noise_in(fit: Fit, curve: int, bins: Bins) -> Noise:
     together = min(max(product / max(square, np.finfo(float).tiny), 0.0), 0.99)
     size = 1.0 if fit.problem.noise_is_stated and not fit.statistics.noise_estimated else np.sqrt(variance)
     return Noise(sigma * size, float(np.sqrt((1.0 + together) / (1.0 - together))))
-
-
-#: Names of the four moduli, in the order of the table.
-KINDS = ("apparent", "incremental", "apparent_halfspace", "incremental_halfspace")
-
-
-@dataclass(frozen=True, eq=False)
-class ModulusCurve:
-    """One modulus at every depth.
-
-    Parameters
-    ----------
-    modulus, low, high : FloatArray
-        The modulus and its interval (Pa), (n,); NaN where no modulus explains the curve there: the noise of a slope
-        may turn it downwards.
-    expected : FloatArray
-        What it would be if the fitted model were right (Pa), (n,).
-    """
-
-    modulus: FloatArray
-    low: FloatArray
-    high: FloatArray
-    expected: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,58 +312,6 @@ def _widened(
 
 # Half of an interval over the expected modulus: what is known to less than that is not shown.
 _KNOWN = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class PointwiseModulus:
-    """Modulus of the layer at each depth of one curve.
-
-    Parameters
-    ----------
-    name : str
-        Of the curve.
-    depth : FloatArray
-        Tip depth since contact (m), (n,).
-    force : FloatArray
-        Contact force there (N), (n,), without the baseline.
-    points : FloatArray
-        How many points each depth stands on, (n,).
-    apparent, incremental : ModulusCurve
-        With the layer's thickness and what is under it, from the force and from its local slope.
-    apparent_halfspace, incremental_halfspace : ModulusCurve
-        The same by the formula of a half-space.
-    layered : bool
-        Whether there is anything under the layer; otherwise both pairs are the same.
-    relaxing : bool
-        Whether the sample relaxes: each modulus is then what was left of it when the tip came by.
-    level : float
-        Confidence of the intervals, point by point.
-    """
-
-    name: str
-    depth: FloatArray
-    force: FloatArray
-    points: FloatArray
-    apparent: ModulusCurve
-    incremental: ModulusCurve
-    apparent_halfspace: ModulusCurve
-    incremental_halfspace: ModulusCurve
-    layered: bool
-    relaxing: bool
-    level: float
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """One row per depth (SI): depth, force, points, and of each modulus value, low, high and expected.
-
-        Columns are named as in ``apparent``, ``apparent.low``, ``apparent.high``, ``apparent.expected``.
-        """
-        columns = {"depth": self.depth, "force": self.force, "points": self.points.astype(int)}
-        for kind in KINDS if self.layered else KINDS[:2]:
-            curve: ModulusCurve = getattr(self, kind)
-            columns[kind] = curve.modulus
-            columns |= {f"{kind}.{end}": getattr(curve, end) for end in ("low", "high", "expected")}
-        return pd.DataFrame(columns)
 
 
 def modulus_by_depth(fit: Fit, *, curve: int = 0, points: int = 30, level: float = 0.95) -> PointwiseModulus:

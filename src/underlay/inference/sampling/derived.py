@@ -27,7 +27,7 @@ from underlay.errors import InputError
 from underlay.inference.model.forward_batch import batched_pull_offs
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.inference.relaxed_moduli import relaxed_moduli, suffixes
+from underlay.inference.relaxed_moduli import of_memory, relaxed_moduli, suffixes
 from underlay.mechanics.body import Base
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Quantity, numbers_of, path_of
@@ -199,7 +199,7 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
             quantities[f"adhesion.{name}{suffix}"] = values
         if member.scene.layer.stiffening is not None:
             quantities[f"layer.stiffening_factor{suffix}"] = _stiffening(member, flat)
-    quantities |= relaxed_moduli(problem, flat)
+    quantities |= relaxed_moduli(problem, flat) | of_memory(problem, flat)
     return {name: values.reshape(physical.shape[:-1]) for name, values in quantities.items()}
 
 

@@ -119,6 +119,7 @@ class _Budget:
         yield self._law()
         yield from self._left_out()
         yield from self._bonds()
+        yield from self._drainage()
 
     # --- inputs -------------------------------------------------------------------------------------------
     def _inputs(self) -> Iterator[Source]:
@@ -270,6 +271,25 @@ class _Budget:
             yield Source(
                 f"bond of {face}", "bonded to slipping", "model", np.array([[np.zeros_like(move), move]])
             )
+
+
+    def _drainage(self) -> Iterator[Source]:
+        """A tip of which nobody knows whether water leaves through it, as one that lets it."""
+        problem = self.fit.problem
+        if not any(scene.drainage == "unknown" for scene in problem.base_scenes):
+            return
+        scenes = [
+            replace(scene, drainage="porous") if scene.drainage == "unknown" else scene
+            for scene in problem.base_scenes
+        ]
+        try:
+            again = self.refit(problem.revised(scenes=scenes))
+        except (InputError, FitError):
+            return
+        move = problem.vector(again.values) - self.fit.vector
+        yield Source(
+            "drainage at the tip", "solid to porous", "model", np.array([[np.zeros_like(move), move]])
+        )
 
 
 def _input_slopes(fit: Fit, paths: set[str]) -> dict[str, list[FloatArray]]:

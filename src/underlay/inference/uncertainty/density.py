@@ -28,7 +28,7 @@ from underlay.inference.uncertainty.moments import CurveMoments
 from underlay.inference.uncertainty.tree import CurveModel, Tangent, log_posterior, log_prior, scales_force
 
 if TYPE_CHECKING:
-    from underlay.inference.uncertainty.likelihood import CurveState, Likelihood
+    from underlay.inference.uncertainty.weighed import CurveState, Weighed
 
 __all__ = ["Density", "Local", "Place"]
 
@@ -98,7 +98,7 @@ class Density:
 
     Parameters
     ----------
-    likelihood : Likelihood
+    likelihood : Weighed
         Whose curves and hypotheses these are.
     curves : tuple of DensityCurve
         One each.
@@ -110,14 +110,14 @@ class Density:
         Inverse of V_m, (m, k, k).
     """
 
-    likelihood: Likelihood
+    likelihood: Weighed
     curves: tuple[DensityCurve, ...]
     kept: NDArray[np.intp]
     height: FloatArray
     precision: FloatArray
 
     @classmethod
-    def of(cls, likelihood: Likelihood, bends: Sequence[FloatArray] | None = None) -> Density:
+    def of(cls, likelihood: Weighed, bends: Sequence[FloatArray] | None = None) -> Density:
         """Density whose moments are those of the law and, of each curve, `bends` (n, p)."""
         vector, kept = likelihood.fit.vector, likelihood.entries
         curves = tuple(

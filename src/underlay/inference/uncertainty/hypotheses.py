@@ -8,6 +8,9 @@ the size s of the white noise under 1/s,
 V the noise in units of s^2, N the normal matrix of columns and law, S the whitened sum of squares that they leave.
 Nothing is tested and nothing chosen: what weighs more than 0.4 % is kept and averaged. Priors of none: at .5 clean
 intervals are 1.5 times white's, at .8 1.1 times.
+
+Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001), doi:10.1111/1467-9868.00294: a model that is off by a smooth
+function of unknown size.
 """
 
 from __future__ import annotations

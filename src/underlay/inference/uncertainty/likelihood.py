@@ -15,28 +15,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
-from underlay.inference.uncertainty.columns import Columns
-from underlay.inference.uncertainty.hypotheses import Hypotheses, weigh, white
-from underlay.inference.uncertainty.linear import Combined, Mixture, combine, linear_mixture
-from underlay.inference.uncertainty.moments import CurveMoments
-from underlay.inference.uncertainty.noise import NoiseTable, from_cosines, growth, noise_table, white_table
 from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
-from underlay.inference.uncertainty.seen import Seen, seen_in
-from underlay.inference.uncertainty.tree import (
-    CurveModel,
-    Tangent,
-    curve_models,
-    has_common_errors,
-    held,
-    noise_entries,
-    prior_precision,
-    straight,
-)
+from underlay.inference.uncertainty.tree import curve_models, has_common_errors, held, straight
+from underlay.inference.uncertainty.weighed import CurveState, Weighed, least_norm
 
 if TYPE_CHECKING:
     from underlay.inference.uncertainty.density import Density
@@ -44,64 +29,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Likelihood"]
 
-_KNOWN = 1e9  # degrees of freedom of a noise whose size is stated
 _BENT = 0.35  # of two standard deviations: how far from straight the force may be in the contact
 
 
 @dataclass(frozen=True, eq=False)
-class CurveState:
-    """One curve at least squares: its model, tangent, columns and hypotheses."""
-
-    model: CurveModel
-    tangent: Tangent
-    columns: Columns
-    table: NoiseTable
-    growth: FloatArray
-    hypotheses: Hypotheses
-
-    @classmethod
-    def of(cls, model: CurveModel, vector: FloatArray) -> CurveState:
-        """Weigh what disturbs a curve at the optimum `vector` (k,)."""
-        tangent = model.tangent(vector)
-        columns, n = Columns.of(tangent, model.measured), len(model.measured)
-        if not model.is_open:
-            own = white(columns, 1.0 if model.size_is_known else None)
-            return cls(model, tangent, columns, white_table(n), np.ones(n), own)
-        table, grown = noise_table(n), np.ones(n)
-        if model.least_variance == 0.0:
-            grown = growth(columns.values[:, -1], tangent.stiffness)
-        top = float(np.abs(tangent.contact).max())
-        own = weigh(columns, table, grown, top, model.least_variance)
-        return cls(model, tangent, columns, table, grown, own)
-
-    @cached_property
-    def moments(self) -> CurveMoments:
-        """Moments on this linearisation."""
-        return CurveMoments.of(self.columns, self.hypotheses, self.table, self.growth)
-
-    @cached_property
-    def seen(self) -> Seen:
-        """What is seen of the curve."""
-        model = self.model
-        return seen_in(
-            self.columns, self.tangent, self.hypotheses, self.table, self.growth, model.deviation, model.size
-        )
-
-    def disturbed(self, rng: np.random.Generator) -> FloatArray:
-        """Rows (n,) of the model with a draw of everything that may disturb it."""
-        own = self.hypotheses
-        one = int(rng.choice(len(own.weight), p=own.weight))
-        n = len(self.model.measured)
-        coefficients = rng.standard_normal((n, 1)) * np.sqrt(self.table.spectra[own.noise[one]])[:, None]
-        noise = from_cosines(coefficients)[:, 0] * np.sqrt(self.growth)
-        sizes = own.sizes(self.columns, one)
-        amplitudes = sizes * rng.standard_normal(len(sizes))
-        disturbance = own.variance[one] ** 0.5 * (noise + self.columns.values @ amplitudes)
-        return np.asarray(self.tangent.force + disturbance)
-
-
-@dataclass(frozen=True, eq=False)
-class Likelihood:
+class Likelihood(Weighed):
     """Everything that a fit's curves say of what is free, about its optimum.
 
     Parameters
@@ -112,43 +44,10 @@ class Likelihood:
         One a curve.
     """
 
-    fit: Any
-    states: Sequence[CurveState]
-
     @classmethod
     def of(cls, fit: Any) -> Likelihood:
         """Weigh what disturbs each curve of a fit."""
         return cls(fit, tuple(CurveState.of(model, fit.vector) for model in curve_models(fit)))
-
-    @property
-    def seen(self) -> tuple[Seen, ...]:
-        """What is seen of each curve."""
-        return tuple(state.seen for state in self.states)
-
-    @cached_property
-    def combined(self) -> Combined:
-        """Hypotheses of all curves together."""
-        return combine([state.hypotheses for state in self.states])
-
-    @cached_property
-    def freedom(self) -> float:
-        """Degrees of freedom that the size of the noise is known with."""
-        if all(state.model.size_is_known for state in self.states):
-            return _KNOWN
-        rows = sum(len(state.model.measured) for state in self.states)
-        return float(max(rows - len(self.fit.vector), 1))
-
-    @cached_property
-    def mixture(self) -> Mixture:
-        """Distribution of the scaled vector where the force is straight in it."""
-        moments = [state.moments for state in self.states]
-        free = self.determined & ~held(self.fit)
-        found = linear_mixture(moments, self.combined, self.fit.vector, free, self.freedom, self.priors)
-        entries = noise_entries(self.fit.problem)
-        found.covariances[:, entries[:, None], entries] = self.fit.scaled_covariance[
-            entries[:, None], entries
-        ]
-        return found
 
     @cached_property
     def is_straight(self) -> bool:
@@ -183,18 +82,6 @@ class Likelihood:
 
         return Ridges.of(self)
 
-    def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
-        """Shift (k,) of the scaled vector that additive forces (N), one (points,) a curve, make, to first order."""
-        pulls, normal = np.zeros(len(self.fit.vector)), np.zeros((len(self.fit.vector),) * 2)
-        for state, column in zip(self.states, columns, strict=True):
-            law = state.columns.values[:, state.columns.law]
-            pulls += law.T @ state.model.rows(column)
-            normal += law.T @ law
-        kept = np.flatnonzero(self.determined & ~held(self.fit))
-        found = np.zeros(len(pulls))
-        found[kept] = _solved(normal[kept[:, None], kept] + np.diag(self.priors[kept]), pulls[kept])
-        return found
-
     def sized(
         self, columns: Sequence[Sequence[FloatArray]], deviations: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -227,22 +114,6 @@ class Likelihood:
         """Replicas of the curves, at the depths of their rows, with all that may disturb them drawn anew."""
         return [state.model.curve(state.disturbed(rng)) for state in self.states]
 
-    @cached_property
-    def priors(self) -> FloatArray:
-        """Curvature (k,) of the log-density of the priors that say something."""
-        return prior_precision(self.fit.problem)
-
-    @cached_property
-    def determined(self) -> NDArray[np.bool_]:
-        """Entries that act on some curve, (k,)."""
-        acts = [np.abs(own.columns.values[:, own.columns.law]).max(axis=0) > 0.0 for own in self.states]
-        return np.asarray(np.any(acts, axis=0))
-
-    @property
-    def entries(self) -> NDArray[np.intp]:
-        """The same as numbers."""
-        return np.flatnonzero(self.determined)
-
     def _bend(self) -> float:
         """How far a step back from two standard deviations of the contact misses, in these."""
         mixture, problem = self.mixture, self.fit.problem
@@ -269,10 +140,5 @@ class Likelihood:
             normal = normal + there.columns.T @ there.columns
         kept = np.flatnonzero(self.determined)
         step = np.zeros(k)
-        step[kept] = _solved(normal[kept[:, None], kept], pull[kept])
+        step[kept] = least_norm(normal[kept[:, None], kept], pull[kept])
         return float(abs(away[i] + step[i]) / abs(away[i]))
-
-
-def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Least-norm solution (k,): two numbers that act alike share what they must do."""
-    return np.asarray(np.linalg.pinv(matrix, hermitian=True) @ right)

@@ -15,9 +15,9 @@ from underlay.inference.uncertainty.linear import Mixture
 from underlay.inference.uncertainty.mixture import weighted_quantiles
 
 if TYPE_CHECKING:
-    from underlay.inference.uncertainty.likelihood import Likelihood
     from underlay.inference.uncertainty.ridge import Ridge
     from underlay.inference.uncertainty.seen import Seen
+    from underlay.inference.uncertainty.weighed import Weighed
 
 __all__ = ["DrawnReading", "LinearReading", "Reading"]
 
@@ -30,11 +30,11 @@ class Reading(ABC):
 
     Parameters
     ----------
-    likelihood : Likelihood
+    likelihood : Weighed
         What is read.
     """
 
-    likelihood: Likelihood
+    likelihood: Weighed
 
     @property
     def seen(self) -> tuple[Seen, ...]:
@@ -87,7 +87,7 @@ class Reading(ABC):
         """Standard deviations (k,) of the scaled vector."""
 
     def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
-        """As `Likelihood.moved`."""
+        """As `Weighed.moved`."""
         return self.likelihood.moved(columns)
 
 

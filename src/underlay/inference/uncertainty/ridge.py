@@ -24,7 +24,7 @@ from underlay.inference.uncertainty.tree import noise_entries, straight
 from underlay.inference.uncertainty.walk import Node, Path, bends_of, walk
 
 if TYPE_CHECKING:
-    from underlay.inference.uncertainty.likelihood import Likelihood
+    from underlay.inference.uncertainty.weighed import Weighed
 
 __all__ = ["Ridge", "Ridges", "Source", "draw"]
 
@@ -122,7 +122,7 @@ class Ridges:
     nodes: Sequence[Sequence[Node]]
 
     @classmethod
-    def of(cls, likelihood: Likelihood) -> Ridges:
+    def of(cls, likelihood: Weighed) -> Ridges:
         """Walk the ridge of the entry least fixed.
 
         Raises
@@ -176,7 +176,7 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
     )
 
 
-def _coordinates(likelihood: Likelihood) -> list[int]:
+def _coordinates(likelihood: Weighed) -> list[int]:
     """Entries along which a ridge may be walked, the best first: the least fixed that the force is bent in."""
     problem, deviations = likelihood.fit.problem, likelihood.mixture.deviations
     deviations = np.where(deviations > _HELD, deviations, np.inf)
@@ -186,7 +186,7 @@ def _coordinates(likelihood: Likelihood) -> list[int]:
     return [*base, *order] or [int(i) for i in likelihood.entries]
 
 
-def _groups(likelihood: Likelihood) -> list[list[int]]:
+def _groups(likelihood: Weighed) -> list[list[int]]:
     """Hypotheses that share a ridge: those that leave the value, and those that correct it."""
     every = list(range(len(likelihood.combined.weights)))
     if len(likelihood.states) > 1:
@@ -199,7 +199,7 @@ def _groups(likelihood: Likelihood) -> list[list[int]]:
 
 
 def _paths(
-    likelihood: Likelihood, coordinate: int, groups: Sequence[Sequence[int]]
+    likelihood: Weighed, coordinate: int, groups: Sequence[Sequence[int]]
 ) -> tuple[Density, list[list[Node]]]:
     """Walk each group's ridge; the density knows the bends of the first."""
     plain = Density.of(likelihood)

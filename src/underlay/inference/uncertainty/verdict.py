@@ -16,6 +16,7 @@ import numpy as np
 from underlay.inference.least_squares.diagnostics import diagnose
 from underlay.inference.uncertainty.answer import Advice, Answer
 from underlay.inference.uncertainty.reading import Reading
+from underlay.mechanics.response import WholeHistory
 from underlay.scene.instrument import ContactDepth
 from underlay.units import format_quantity
 
@@ -71,6 +72,7 @@ def _residuals(fit: Fit) -> str:
 def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Iterator[Advice]:
     for i, seen in enumerate(reading.seen):
         yield from _of_misfit(fit, i, seen)
+        yield from _of_memory(fit, i)
     yield from _of_reading(reading)
     names = [name for name in fit.names if not name.startswith(("noise.", "instrument.", "lever."))]
     answers = [answer(name) for name in names]
@@ -156,6 +158,16 @@ def change_with_depth(fit: Fit, i: int) -> tuple[float, float]:
     over = (1.0 - _TENTH**0.5) / scale[0]
     deviation = (variance * float(inverse[0, 0])) ** 0.5 * diagnose(left, left).too_narrow_by
     return float(found[0]) * over, deviation * over
+
+
+def _of_memory(fit: Fit, i: int) -> Iterator[Advice]:
+    """What the memory of a sample says of its record at the fitted numbers."""
+    scene, curve = fit.scenes[i], fit.curves[i]
+    memory = scene.memory
+    if isinstance(memory, WholeHistory) and curve.time is not None:
+        force = curve.force - scene.instrument.chain.reading(np.zeros_like(curve.depth), curve.depth)
+        for doubt in memory.doubts(curve.depth - scene.instrument.contact_depth, force, curve.time):
+            yield Advice(*doubt)
 
 
 def _cause(scene: object, change: float) -> str:

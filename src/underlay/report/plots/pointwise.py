@@ -17,7 +17,7 @@ from underlay.report.plots.style import FIT, REFERENCE, SOFT, axes, style, unit_
 
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
-    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.uncertainty.answer import Answer
 
 __all__ = ["film", "pointwise_modulus"]

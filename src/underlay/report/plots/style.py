@@ -41,6 +41,7 @@ __all__ = [
     "SUBSTRATE",
     "SYSTEMATIC",
     "YELLOW",
+    "Axes",
     "axes",
     "drawn",
     "in_words",

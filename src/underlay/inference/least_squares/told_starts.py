@@ -1,0 +1,77 @@
+"""Starts that the memory of a sample tells from its own record, where it is more than one law seen through time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+from underlay.mechanics.response import WholeHistory, checked_times
+
+__all__ = ["Start", "told_starts"]
+
+
+class Start(NamedTuple):
+    """A place to search from: scaled vector (k,), and how many times the best's misfit its own is."""
+
+    vector: FloatArray
+    misfit: float
+
+
+def told_starts(problem: Problem, count: int) -> list[Start]:
+    """At most `count` starts, best first: what each curve tells, the others at what they tell best themselves."""
+    told = [_told(member, problem) for member in problem.members]
+    own = problem.start
+    for member, values in zip(problem.members, told, strict=True):
+        own = _with(problem, member, values[0], own) if values else own
+    vectors = [
+        _with(problem, member, each, own)
+        for member, values in zip(problem.members, told, strict=True)
+        for each in values
+    ] or [own]
+    ranked = sorted(((_misfit(problem, vector), tuple(vector)) for vector in vectors), key=lambda one: one[0])
+    best = ranked[0][0]
+    return [
+        Start(np.array(vector), misfit / best if best > 0.0 else 1.0)
+        for misfit, vector in dict.fromkeys(ranked[:count])
+    ]
+
+
+def _told(member: Member, problem: Problem) -> list[Mapping[str, float]]:
+    """Values (SI) by path that one curve tells, best first."""
+    history = member.forward.history
+    if not isinstance(history, WholeHistory):
+        return []
+    bounds = {
+        path: (problem.coordinates[entry].low, problem.coordinates[entry].high)
+        for path, entry in member.entries.items()
+    }
+    depth = member.curve.depth - member.scene.instrument.contact_depth
+    return list(history.starts(bounds, depth, member.force, checked_times(member.curve.time, depth)))
+
+
+def _with(problem: Problem, member: Member, values: Mapping[str, float], vector: FloatArray) -> FloatArray:
+    """Scaled vector (k,) with the numbers of one curve at `values`."""
+    found = np.array(vector)
+    for path, entry in member.entries.items():
+        if path in values:
+            coordinate = problem.coordinates[entry]
+            found[entry] = coordinate.scaled(min(max(values[path], coordinate.low), coordinate.high))
+    return found
+
+
+def _misfit(problem: Problem, vector: FloatArray) -> float:
+    """Sum of squares over the scatter of every curve; inf where there is no law."""
+    physical = problem.physical(vector)
+    try:
+        return sum(
+            float(np.square(member.model(physical) - member.force).sum()) / member.scatter**2
+            for member in problem.members
+        )
+    except InputError:
+        return np.inf

@@ -1,0 +1,155 @@
+"""Curves at least squares with what may disturb each weighed: everything that is read of them begins here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.columns import Columns
+from underlay.inference.uncertainty.hypotheses import Hypotheses, weigh, white
+from underlay.inference.uncertainty.linear import Combined, Mixture, combine, linear_mixture
+from underlay.inference.uncertainty.moments import CurveMoments
+from underlay.inference.uncertainty.noise import NoiseTable, from_cosines, growth, noise_table, white_table
+from underlay.inference.uncertainty.seen import Seen, seen_in
+from underlay.inference.uncertainty.tree import CurveModel, Tangent, held, noise_entries, prior_precision
+
+__all__ = ["CurveState", "Weighed", "least_norm"]
+
+_KNOWN = 1e9  # degrees of freedom of a noise whose size is stated
+
+
+@dataclass(frozen=True, eq=False)
+class CurveState:
+    """One curve at least squares: its model, tangent, columns and hypotheses."""
+
+    model: CurveModel
+    tangent: Tangent
+    columns: Columns
+    table: NoiseTable
+    growth: FloatArray
+    hypotheses: Hypotheses
+
+    @classmethod
+    def of(cls, model: CurveModel, vector: FloatArray) -> CurveState:
+        """Weigh what disturbs a curve at the optimum `vector` (k,)."""
+        tangent = model.tangent(vector)
+        columns, n = Columns.of(tangent, model.measured), len(model.measured)
+        if not model.is_open:
+            own = white(columns, 1.0 if model.size_is_known else None)
+            return cls(model, tangent, columns, white_table(n), np.ones(n), own)
+        table, grown = noise_table(n), np.ones(n)
+        if model.least_variance == 0.0:
+            grown = growth(columns.values[:, -1], tangent.stiffness)
+        top = float(np.abs(tangent.contact).max())
+        own = weigh(columns, table, grown, top, model.least_variance)
+        return cls(model, tangent, columns, table, grown, own)
+
+    @cached_property
+    def moments(self) -> CurveMoments:
+        """Moments on this linearisation."""
+        return CurveMoments.of(self.columns, self.hypotheses, self.table, self.growth)
+
+    @cached_property
+    def seen(self) -> Seen:
+        """What is seen of the curve."""
+        model = self.model
+        return seen_in(
+            self.columns, self.tangent, self.hypotheses, self.table, self.growth, model.deviation, model.size
+        )
+
+    def disturbed(self, rng: np.random.Generator) -> FloatArray:
+        """Rows (n,) of the model with a draw of everything that may disturb it."""
+        own = self.hypotheses
+        one = int(rng.choice(len(own.weight), p=own.weight))
+        n = len(self.model.measured)
+        coefficients = rng.standard_normal((n, 1)) * np.sqrt(self.table.spectra[own.noise[one]])[:, None]
+        noise = from_cosines(coefficients)[:, 0] * np.sqrt(self.growth)
+        sizes = own.sizes(self.columns, one)
+        amplitudes = sizes * rng.standard_normal(len(sizes))
+        disturbance = own.variance[one] ** 0.5 * (noise + self.columns.values @ amplitudes)
+        return np.asarray(self.tangent.force + disturbance)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """Curves of a fit about its optimum, and all that may disturb them.
+
+    Parameters
+    ----------
+    fit : Fit
+        Its vector is the value; its problem says what is free, and what is known of the noise.
+    states : tuple of CurveState
+        One a curve.
+    """
+
+    fit: Any
+    states: Sequence[CurveState]
+
+    @property
+    def seen(self) -> tuple[Seen, ...]:
+        """What is seen of each curve."""
+        return tuple(state.seen for state in self.states)
+
+    @cached_property
+    def combined(self) -> Combined:
+        """Hypotheses of all curves together."""
+        return combine([state.hypotheses for state in self.states])
+
+    @cached_property
+    def freedom(self) -> float:
+        """Degrees of freedom that the size of the noise is known with."""
+        if all(state.model.size_is_known for state in self.states):
+            return _KNOWN
+        rows = sum(len(state.model.measured) for state in self.states)
+        return float(max(rows - len(self.fit.vector), 1))
+
+    @cached_property
+    def mixture(self) -> Mixture:
+        """Distribution of the scaled vector where the force is straight in it."""
+        moments = [state.moments for state in self.states]
+        free = self.determined & ~held(self.fit)
+        found = linear_mixture(moments, self.combined, self.fit.vector, free, self.freedom, self.priors)
+        entries = noise_entries(self.fit.problem)
+        found.covariances[:, entries[:, None], entries] = self.fit.scaled_covariance[
+            entries[:, None], entries
+        ]
+        return found
+
+    def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
+        """Shift (k,) of the scaled vector that additive forces (N), one (points,) a curve, make, to first order."""
+        pulls, normal = np.zeros(len(self.fit.vector)), np.zeros((len(self.fit.vector),) * 2)
+        for state, column in zip(self.states, columns, strict=True):
+            law = state.columns.values[:, state.columns.law]
+            pulls += law.T @ state.model.rows(column)
+            normal += law.T @ law
+        kept = np.flatnonzero(self.determined & ~held(self.fit))
+        found = np.zeros(len(pulls))
+        found[kept] = least_norm(normal[kept[:, None], kept] + np.diag(self.priors[kept]), pulls[kept])
+        return found
+
+    @cached_property
+    def priors(self) -> FloatArray:
+        """Curvature (k,) of the log-density of the priors that say something."""
+        return prior_precision(self.fit.problem)
+
+    @cached_property
+    def determined(self) -> NDArray[np.bool_]:
+        """Entries that act on some curve, (k,)."""
+        acts = [np.abs(own.columns.values[:, own.columns.law]).max(axis=0) > 0.0 for own in self.states]
+        return np.asarray(np.any(acts, axis=0))
+
+    @property
+    def entries(self) -> NDArray[np.intp]:
+        """The same as numbers."""
+        return np.flatnonzero(self.determined)
+
+
+def least_norm(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Least-norm solution (k,): two numbers that act alike share what they must do."""
+    return np.asarray(np.linalg.pinv(matrix, hermitian=True) @ right)

@@ -1,0 +1,351 @@
+"""A flat punch on a draining layer, in units: force under any depth history, depth under any load history.
+
+A sphere or paraboloid on a draining layer, in units: force under ramps and holds of depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from underlay._arrays import ArrayLike, FloatArray, as_finite, positive
+from underlay.errors import InputError, RangeError
+from underlay.mechanics.biphasic.elastic_ends import elastic_law
+from underlay.mechanics.biphasic.equations import as_drainage
+from underlay.mechanics.biphasic.history import Polyline
+from underlay.mechanics.biphasic.judgement import checked_contact, checked_thickness
+from underlay.mechanics.biphasic.material import BiphasicMaterial
+from underlay.mechanics.biphasic.response import Response
+from underlay.mechanics.biphasic.stepping import Stepping, between_bends
+from underlay.mechanics.biphasic.transfer import PunchTransfer, Relaxing, Transfer, creep, relaxation
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.relaxation import Modes
+
+__all__ = [
+    "DrainingPunch",
+    "DrainingTip",
+    "PunchTable",
+    "RampTable",
+    "Ramped",
+    "TipRecord",
+]
+
+# Forces above minus this share of the largest are what the noise of a depth record makes of none.
+_RIPPLED = 1e-3
+
+
+class PunchTable(Protocol):
+    """Responses of isotropic layers by a/h and nu, without units."""
+
+    def covers(self, eps: float, nu: float) -> bool:
+        """Whether they are inside."""
+
+    def __call__(self, eps: float, nu: float) -> Response:
+        """Read the table."""
+
+
+@dataclass(frozen=True)
+class DrainingPunch:
+    """A flat punch on a biphasic layer on a rigid sealed base, or on a biphasic half-space.
+
+    Parameters
+    ----------
+    radius : float
+        Of the punch (m).
+    material : BiphasicMaterial
+        Of the layer.
+    thickness : float
+        h (m); inf for a half-space.
+    drainage : str
+        One of `DRAINAGES`: how water leaves at the tip.
+    modes : Modes or None
+        Relaxation of the skeleton's moduli, times in s; the material's are those at once.
+    table : PunchTable or None
+        Responses of isotropic layers, where a table is at hand; what it does not cover is solved.
+    solve : callable
+        Solves for the response of a transfer function; a caller may keep what it found.
+
+    Examples
+    --------
+    >>> from underlay.mechanics.biphasic.history import ramp_and_hold
+    >>> from underlay.mechanics.biphasic.material import Biphasic
+    >>> punch = DrainingPunch(0.5e-3, Biphasic(E=0.5e6, nu=0.1, permeability=1e-15), 1e-3, "solid")
+    >>> force = punch.force(ramp_and_hold(5e-5, 10.0), [10.0, 100.0, 1e5])
+    """
+
+    radius: float
+    material: BiphasicMaterial
+    thickness: float
+    drainage: str
+    modes: Modes | None = None
+    table: PunchTable | None = None
+    solve: Callable[[Transfer], Response] = relaxation
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", positive(self.radius, "punch radius", "m"))
+        object.__setattr__(self, "thickness", checked_thickness(self.thickness))
+        as_drainage(self.drainage)
+
+    @property
+    def eps(self) -> float:
+        """a/h."""
+        return self.radius / self.thickness
+
+    @cached_property
+    def unit_time(self) -> float:
+        """a^2/c (s)."""
+        return self.material.drainage_time(self.radius)
+
+    @cached_property
+    def unit_stiffness(self) -> float:
+        """4 theta_d a (N/m)."""
+        return 4.0 * float(self.material.plane_constants.theta) * self.radius
+
+    @cached_property
+    def transfer(self) -> Transfer:
+        """khat(s), without units."""
+        elastic = PunchTransfer(self.material.skeleton, self.eps, self.drainage)
+        if self.modes is None:
+            return elastic
+        return Relaxing(elastic, replace(self.modes, times=self.modes.times / self.unit_time))
+
+    @cached_property
+    def response(self) -> Response:
+        """Force (N) after a unit step of depth (m), times in s."""
+        table, nu = self.table, self.material.nu
+        plain = self.material.isotropic and self.modes is None
+        if table is not None and plain and table.covers(self.eps, nu):
+            found = table(self.eps, nu)
+        else:
+            found = self.solve(self.transfer)
+        return found.scaled(self.unit_stiffness, self.unit_time)
+
+    @cached_property
+    def compliance(self) -> Response:
+        """Depth (m) after a unit step of load (N), times in s."""
+        return creep(self.transfer).scaled(1.0 / self.unit_stiffness, self.unit_time)
+
+    @property
+    def peak_ratio(self) -> float:
+        """Undrained over drained stiffness: peak over equilibrium of a sudden step."""
+        return self.response.start / self.response.end
+
+    def peak_over_equilibrium(self, depth: Polyline) -> float:
+        """Largest force of a history over the force that is left of its last depth."""
+        corners = np.unique(np.concatenate((depth.jumps[0], depth.bends[0])))
+        return float(self.force(depth, corners).max() / (self.response.end * depth.value[-1]))
+
+    def force(self, depth: Polyline, time: ArrayLike) -> FloatArray:
+        """Force (N) at times (s), (n,), under a history of depth (m), negative before contact; exact superposition.
+
+        Raises
+        ------
+        RangeError
+            If the punch comes off: the force would pull.
+        """
+        t = as_finite(time, "time")
+        found = depth.in_contact.superposed(self.response, t)
+        lowest = int(found.argmin()) if found.size else 0
+        if found.size and found[lowest] < -_RIPPLED * np.abs(found).max():
+            raise RangeError(
+                f"the punch comes off at {t[lowest]:.6g} s: under it the layer would have to pull with "
+                f"{-found[lowest]:.3g} N; end the record before it is withdrawn"
+            )
+        return found
+
+    def depth(self, load: Polyline, time: ArrayLike) -> FloatArray:
+        """Depth (m) at times (s), (n,), under a history of load (N): creep."""
+        return load.superposed(self.compliance, time)
+
+
+# Of the depth: what a hold may fall back by.
+_RIPPLE = 3e-3
+_ELASTIC_RTOL = 1e-8
+# a0/R up to which a sphere is read off the table of paraboloids: what it is wrong by goes as the square, 8e-4 here.
+_FLAT_ENOUGH = 0.2
+# For the rounding of depths in other units.
+_ROOM = 1e-9
+
+
+class Ramped(Protocol):
+    """One ramp and hold of a table."""
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """(P - P_drained)/(P_undrained - P_drained) at times (a0^2/c) since the ramp began, (n,)."""
+
+
+class RampTable(Protocol):
+    """Ramps and holds by a0/h, nu and the ramp's duration (a0^2/c)."""
+
+    def covers(self, eps: float, nu: float, ramp: float, end: float) -> bool:
+        """Whether they, and the end of the hold (a0^2/c), are inside."""
+
+    def __call__(self, eps: float, nu: float, ramp: float) -> Ramped:
+        """Read the table."""
+
+
+@dataclass(frozen=True)
+class DrainingTip:
+    """A rounded tip on a biphasic layer on a rigid sealed base, or on a biphasic half-space.
+
+    Parameters
+    ----------
+    indenter : Sphere or Paraboloid
+        The tip.
+    material : BiphasicMaterial
+        Of the layer.
+    thickness : float
+        h (m); inf for a half-space.
+    drainage : str
+        One of `DRAINAGES`.
+    modes : Modes or None
+        Relaxation of the skeleton's moduli, times in s; the material's are those at once.
+    steps : int, default 20
+        Of the shortest ramp. With half as many beside them (Richardson) the force is within 1.5e-4 of the undrained
+        one at the deepest point; 5e-4 in the first steps of the hold if E/E_axial is 5. Twice the steps: a third.
+    table : RampTable or None
+        Ramps and holds on isotropic layers, where a table is at hand; what it does not cover is solved.
+    """
+
+    indenter: Sphere | Paraboloid
+    material: BiphasicMaterial
+    thickness: float
+    drainage: str
+    modes: Modes | None = None
+    steps: int = 20
+    table: RampTable | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.indenter, Sphere | Paraboloid):
+            raise InputError(
+                f"drainage is simulated under flat punches, spheres and paraboloids; got {self.indenter!r:.80}"
+            )
+        object.__setattr__(self, "thickness", checked_thickness(self.thickness))
+        as_drainage(self.drainage)
+
+    def undrained(self, max_depth: float) -> ContactLaw:
+        """Elastic law (N, m) of a test too fast for the water."""
+        return elastic_law(
+            self.material.undrained.plane_constants,
+            self.indenter,
+            self.thickness,
+            max_depth * (1.0 + _ROOM),
+            _ELASTIC_RTOL,
+        )
+
+    def drained(self, max_depth: float) -> ContactLaw:
+        """Elastic law (N, m) of a test so slow that the water has gone."""
+        return elastic_law(
+            self.material.plane_constants, self.indenter, self.thickness, max_depth, _ELASTIC_RTOL
+        )
+
+    def force(self, depth: Polyline, time: ArrayLike, now: FloatArray | None = None) -> FloatArray:
+        """Force (N) at times (s), (n,), under a history of depth (m), negative before contact.
+
+        Ramps and holds, or one sudden step; `now` are the depths at those times, (n,), where a record says them
+        better than the ramps and holds that stand for it.
+
+        Raises
+        ------
+        InputError
+            If the contact would open, or a sudden step comes after others.
+        RangeError
+            If the tip goes too deep, or the history needs too many steps.
+        """
+        t, depth = as_finite(time, "time"), depth.in_contact
+        deepest = checked_contact(depth, self.thickness, _RIPPLE)
+        law = self.undrained(deepest)
+        end = float(t.max(initial=depth.time[0]))
+        w = np.clip(depth.at(t) if now is None else now, 0.0, deepest)
+        if end == depth.time[0]:
+            return np.asarray(law.force(w))
+        kept = self._tabulated(depth, float(law.contact_radius(deepest)), end)
+        if kept is None:
+            return np.asarray(law.force(w) * self.record(depth, end).ratio_at(t))
+        drained = self.drained(deepest).force(w)
+        return np.asarray(drained + kept(t) * (law.force(w) - drained))
+
+    def is_tabulated(self, depth: Polyline, end: float) -> bool:
+        """Whether a table covers a history of depth (m) up to a time (s)."""
+        depth = depth.in_contact
+        deepest = checked_contact(depth, self.thickness, _RIPPLE)
+        radius = float(self.undrained(deepest).contact_radius(deepest))
+        return self._tabulated(depth, radius, end) is not None
+
+    def _tabulated(
+        self, depth: Polyline, length: float, end: float
+    ) -> Callable[[FloatArray], FloatArray] | None:
+        """What has not drained at times (s), where the table covers this history up to `end` (s)."""
+        one_ramp = not depth.jumps[0].size and depth.rises.size == 1 and depth.value[0] == 0.0
+        blunt = isinstance(self.indenter, Paraboloid) or length <= _FLAT_ENOUGH * self.indenter.radius
+        plain = self.modes is None and self.material.isotropic
+        if self.table is None or not (one_ramp and blunt and plain):
+            return None
+        start, unit = float(depth.bends[0][0]), self.material.drainage_time(length)
+        ramp, eps, nu = (float(depth.rises[0]) / unit, length / self.thickness, self.material.nu)
+        if not self.table.covers(eps, nu, ramp, (end - start) / unit):
+            return None
+        found = self.table(eps, nu, ramp)
+        return lambda time: found.at((time - start) / unit)
+
+    def record(self, depth: Polyline, end: float) -> TipRecord:
+        """Solve up to a time (s)."""
+        depth = depth.in_contact
+        deepest = checked_contact(depth, self.thickness, _RIPPLE)
+        law = self.undrained(deepest)
+        length = float(law.contact_radius(deepest))
+        unit = self.material.drainage_time(length)
+        start = float(depth.time[0])
+        solved = Stepping(
+            self.material.skeleton,
+            self.thickness / length,
+            self.drainage,
+            None if self.modes is None else replace(self.modes, times=self.modes.times / unit),
+            lambda radius: self.indenter.surface(radius * length) / length,
+            lambda w: (
+                law.force(w * length) / (self.material.shear_modulus * length**2),
+                law.contact_radius(w * length) / length,
+            ),
+            Polyline((depth.time - start) / unit, np.minimum(depth.value, deepest) / length),
+            self.steps,
+        )
+        nodes, ratio = solved.until((end - start) / unit)
+        return TipRecord(law, depth, start + unit * nodes, ratio, solved.first)
+
+
+@dataclass(frozen=True, eq=False)
+class TipRecord:
+    """Force of one history, at any time up to the end of what was solved.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        Undrained.
+    depth : Polyline
+        The history (m, s).
+    time, ratio : FloatArray
+        Steps (s), and the force there over the undrained one of the same depth, (n,).
+    first : float, optional
+        The ratio at the beginning, where it is known: 1 after a sudden step. On a ramp it is not: the contact grows
+        as the water spreads, and the ratio begins with what a half-space gives.
+    """
+
+    law: ContactLaw
+    depth: Polyline
+    time: FloatArray
+    ratio: FloatArray
+    first: float | None = None
+
+    def force(self, time: FloatArray) -> FloatArray:
+        """Force (N) at times (s), (n,)."""
+        depth = np.maximum(self.depth.at(time), 0.0)
+        return np.asarray(self.law.force(depth) * self.ratio_at(time))
+
+    def ratio_at(self, time: FloatArray) -> FloatArray:
+        """Force over the undrained force of the same depth at times (s), (n,)."""
+        return between_bends(self.depth.time, self.time, self.ratio, self.first, time)

@@ -1,0 +1,421 @@
+"""What a scene and a fit ask of a layer that drains: its force along any record of depths, and where to begin.
+
+A flat punch superposes exactly, along the record itself; its response comes from the shipped table where that
+covers it, and is solved for and kept otherwise. A rounded tip goes by the ramps and holds of the record, through
+their table or by the moving contact. Derivatives are differences: in Poisson's ratio and the permeability the force
+is not that of one elastic law seen through a memory.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.mechanics.biphasic import punch_table, tip_table
+from underlay.mechanics.biphasic.contacts import DrainingPunch, DrainingTip
+from underlay.mechanics.biphasic.elastic_ends import punch_factor
+from underlay.mechanics.biphasic.history import Polyline, followed, ramps_and_holds
+from underlay.mechanics.biphasic.judgement import (
+    anisotropy_doubt,
+    checked_hold,
+    hold_doubt,
+    peak_doubt,
+    ramp_doubt,
+    refuse_load_control,
+)
+from underlay.mechanics.biphasic.material import Biphasic, BiphasicMaterial
+from underlay.mechanics.biphasic.response import Response
+from underlay.mechanics.biphasic.transfer import Relaxing, Transfer, relaxation
+from underlay.mechanics.body import Layer
+from underlay.mechanics.indenters import FlatPunch, Indenter, Paraboloid, Sphere
+from underlay.mechanics.relaxation import Modes
+from underlay.mechanics.response import Doubt, Invertible, WholeHistory
+from underlay.quantities import numbers_of, replace_values
+
+__all__ = ["CONTACT_DEPTH", "Drainage", "Kept"]
+
+CONTACT_DEPTH = "instrument.contact_depth"
+_E, _K, _NU, _AXIAL = "layer.E", "layer.permeability", "layer.nu", "layer.E_axial"
+# Relative steps (of Poisson's ratios absolute; of the contact over the deepest reading) of differences: both ways
+# where the force is smooth to 1e-7, one way where a moving contact is solved, which its steps make so to 1e-5.
+_FINE_STEP, _COARSE_STEP = 1e-4, 3e-3
+# What is kept of one problem: responses of a punch, and answers to one record.
+_RESPONSES, _ANSWERS = 64, 16
+# A search begins from the best of these: Poisson's ratios and ratios of moduli of cartilage, times a^2/c a decade.
+_RATIOS, _ANISOTROPIES, _PER_DECADE = (0.05, 0.2, 0.35), (1.5, 4.0, 10.0), 2
+# Reach of those times beyond the record's own, and starts that are kept.
+_BEYOND, _STARTS = 10.0, 2
+# The last share of a record that stands for equilibrium, how near to the deepest it must be, and how many standard
+# deviations of noise the largest of many readings may be above the peak.
+_LATE, _AT_REST, _SURE = 0.05, 0.01, 4.0
+_TRANSVERSE = "stiffer in plane than along the axis: transversely isotropic"
+_TRY = "fit a transversely isotropic layer: give E_axial, nu_axial and G_axial, and free layer.E and layer.E_axial"
+_SETTING = ("layer.E_axial", "<a fifth of E>")
+# Readings of a record that a search begins with.
+_SEEN = 200
+# Knots of a ramp by which a search sees a rounded tip.
+_RAMP_KNOTS = 8
+
+
+class Kept:
+    """What one problem has solved for: the last responses and answers."""
+
+    def __init__(self) -> None:
+        self._responses: OrderedDict[Hashable, Response] = OrderedDict()
+        self._answers: OrderedDict[Hashable, Any] = OrderedDict()
+
+    def response(self, transfer: Transfer) -> Response:
+        """Response of a transfer function, solved for once."""
+        found: Response = _remembered(
+            self._responses, _key(transfer), lambda: relaxation(transfer), _RESPONSES
+        )
+        return found
+
+    def answer(self, key: Hashable, solve: Callable[[], FloatArray]) -> FloatArray:
+        """Answer to a motion, found once."""
+        found: FloatArray = _remembered(self._answers, key, solve, _ANSWERS)
+        return found
+
+
+def _remembered(kept: OrderedDict[Hashable, Any], key: Hashable, solve: Callable[[], Any], most: int) -> Any:
+    if key not in kept:
+        kept[key] = solve()
+        while len(kept) > most:
+            kept.popitem(last=False)
+    kept.move_to_end(key)
+    return kept[key]
+
+
+def _thinned(count: int) -> NDArray[np.intp]:
+    """Which of so many readings a search begins with: even ones, and more of the first."""
+    even = np.linspace(0.0, count - 1.0, min(count, _SEEN))
+    first = np.geomspace(1.0, count, min(count, _SEEN)) - 1.0
+    return np.unique(np.concatenate((even, first)).astype(np.intp))
+
+
+def _key(transfer: Transfer) -> Hashable:
+    if isinstance(transfer, Relaxing):
+        modes = transfer.modes
+        return transfer.elastic, modes.constant, modes.weights.tobytes(), modes.times.tobytes()
+    return (transfer,)
+
+
+@dataclass(frozen=True)
+class Drainage(WholeHistory):
+    """The memory of a draining layer under a tip.
+
+    Parameters
+    ----------
+    indenter : FlatPunch, Sphere or Paraboloid
+        The tip.
+    layer : Layer
+        Of a biphasic material, alone or on a rigid sealed base; its Prony series is that of the skeleton.
+    drainage : str
+        "solid" or "porous".
+    kept : Kept, optional
+        What was solved for, which a problem owns.
+
+    Raises
+    ------
+    InputError
+        If the tip is another one.
+    """
+
+    indenter: Indenter
+    layer: Layer
+    drainage: str
+    kept: Kept = field(default_factory=Kept, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.indenter, FlatPunch | Sphere | Paraboloid):
+            raise InputError(
+                f"drainage is simulated under flat punches, spheres and paraboloids; got {self.indenter!r:.80}"
+            )
+
+    @property
+    def material(self) -> BiphasicMaterial:
+        """What drains."""
+        if not isinstance(self.layer.material, BiphasicMaterial):
+            raise InputError(f"this layer does not drain: {self.layer.material!r:.80}")
+        return self.layer.material
+
+    @property
+    def _modes(self) -> Modes | None:
+        relaxing = self.layer.relaxation
+        return None if relaxing is None else relaxing.modes(0.0, np.inf)
+
+    @cached_property
+    def contact(self) -> DrainingPunch | DrainingTip:
+        """The contact, in units."""
+        tip, material, thickness = self.indenter, self.material, self.layer.thickness
+        if isinstance(tip, FlatPunch):
+            table = punch_table.shipped(self.drainage)
+            return DrainingPunch(
+                tip.radius, material, thickness, self.drainage, self._modes, table, self.kept.response
+            )
+        if not isinstance(tip, Sphere | Paraboloid):
+            raise InputError(f"no draining contact under {tip!r:.80}")
+        ramps = tip_table.shipped(self.drainage)
+        return DrainingTip(tip, material, thickness, self.drainage, self._modes, table=ramps)
+
+    # --- forces -------------------------------------------------------------------------------------------
+    def answer(self, depth: FloatArray, time: FloatArray) -> FloatArray:
+        """See `WholeHistory.answer`."""
+        key = (tuple(numbers_of(self).values()), depth.tobytes(), time.tobytes())
+        return self.kept.answer(key, lambda: self._answered(depth, time))
+
+    def _answered(self, depth: FloatArray, time: FloatArray) -> FloatArray:
+        if not (depth > 0.0).any():
+            return np.zeros_like(depth)
+        contact = self.contact
+        if isinstance(contact, DrainingPunch):
+            return contact.force(followed(depth, time), time)
+        return contact.force(ramps_and_holds(depth, time), time, depth)
+
+    def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
+        """Creep of a flat punch; see `History.depth`."""
+        del law
+        if not isinstance(self.contact, DrainingPunch):
+            raise InputError(
+                "under a given force drainage is simulated for a flat punch only: give the depths"
+            )
+        if (force < 0.0).any():
+            raise InputError(
+                f"under a given force the punch must be pressed: {force.min():.6g} N is below zero"
+            )
+        return self.contact.depth(followed(force, time), time)
+
+    def stiffness(self, depth: FloatArray, force: FloatArray) -> FloatArray:
+        """See `WholeHistory.stiffness`: the force of a punch is linear in depth, of another tip as when drained."""
+        touching = depth > 0.0
+        w, found = depth[touching], np.zeros_like(depth)
+        if isinstance(self.contact, DrainingPunch) or not touching.any():
+            found[touching] = force[touching] / w
+            return found
+        law = self.contact.drained(float(w.max()))
+        found[touching] = force[touching] * law.stiffness(w) / law.force(w)
+        return found
+
+    # --- derivatives --------------------------------------------------------------------------------------
+    def slopes(self, paths: Sequence[str], depth: FloatArray, time: FloatArray) -> Mapping[str, FloatArray]:
+        """See `WholeHistory.slopes`."""
+        smooth = self._is_smooth(depth, time)
+        return {path: self._slope(path, depth, time, smooth=smooth) for path in paths}
+
+    def _is_smooth(self, depth: FloatArray, time: FloatArray) -> bool:
+        contact = self.contact
+        if isinstance(contact, DrainingPunch) or not (depth > 0.0).any():
+            return True
+        return contact.is_tabulated(ramps_and_holds(depth, time), float(time[-1]))
+
+    def _slope(self, path: str, depth: FloatArray, time: FloatArray, *, smooth: bool) -> FloatArray:
+        size = _FINE_STEP if smooth else _COARSE_STEP
+        own = numbers_of(self)
+        if path == CONTACT_DEPTH:
+            size *= float(depth.max())
+        elif path not in own:
+            return np.zeros_like(depth)
+        elif own[path].quantity.is_scale:
+            size *= own[path].value
+
+        def force(steps: float) -> FloatArray:
+            if path == CONTACT_DEPTH:
+                return self.answer(depth - steps * size, time)
+            return self.at({path: own[path].value + steps * size}).answer(depth, time)
+
+        for low, high in ((-1.0, 1.0), (-1.0, 0.0), (0.0, 1.0)) if smooth else ((0.0, 1.0), (-1.0, 0.0)):
+            try:
+                return np.asarray((force(high) - force(low)) / ((high - low) * size))
+            except InputError:
+                continue
+        raise InputError(f"no neighbour of {path} = {own[path].value:.6g} is a draining layer")
+
+    # --- what follows, and what is doubtful ---------------------------------------------------------------
+    def derived(self) -> Mapping[str, float]:
+        """See `WholeHistory.derived`."""
+        material = self.material
+        found = {
+            "layer.aggregate_modulus": material.aggregate_modulus,
+            "layer.diffusivity": material.diffusivity,
+        }
+        if isinstance(self.contact, DrainingPunch):
+            found["layer.drainage_time"] = self.contact.unit_time
+            found["layer.peak_ratio"] = self._peak_ratio
+        return found
+
+    @cached_property
+    def _peak_ratio(self) -> float:
+        """Undrained over drained stiffness of a punch."""
+        skeleton, eps = self.material.skeleton, self._radius(1.0) / self.layer.thickness
+        stiff = punch_factor(skeleton.undrained, eps) * skeleton.theta_undrained
+        return stiff / (punch_factor(skeleton.drained, eps) * skeleton.theta_drained)
+
+    def doubts(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> Sequence[Doubt]:
+        """See `WholeHistory.doubts`: section 9 of the note."""
+        line, deepest = ramps_and_holds(depth, time).in_contact, float(depth.max())
+        radius = self._radius(deepest)
+        unit, eps = self.material.drainage_time(radius), radius / self.layer.thickness
+        rises = np.flatnonzero(np.diff(line.value) > 0.0)
+        if not rises.size:
+            return ()
+        hold = float(time[-1] - line.time[rises[-1] + 1])
+        ramp = float(line.time[rises[0] + 1] - line.time[rises[0]])
+        found = [
+            self._peak_doubt(force, depth),
+            Doubt(
+                "check",
+                hold_doubt(hold, unit, eps),
+                "the hold ends before the water has drained",
+                "hold longer",
+            ),
+            Doubt("check", ramp_doubt(ramp, unit), "water drains while the tip goes in", "ramp faster"),
+            self._shape_doubt(),
+        ]
+        return [doubt for doubt in found if doubt.reason]
+
+    def _shape_doubt(self) -> Doubt:
+        own = {path: number.value for path, number in numbers_of(self).items()}
+        if _AXIAL in own:
+            reason = anisotropy_doubt(modulus_ratio=own[_E] / own[_AXIAL])
+            return Doubt("check", reason, "thickness or drainage is not as entered", "check both")
+        return Doubt("check", anisotropy_doubt(nu=own[_NU]), _TRANSVERSE, _TRY, _SETTING)
+
+    def _peak_doubt(self, force: FloatArray, depth: FloatArray) -> Doubt:
+        """Peak over equilibrium above what an isotropic layer gives with nu = 0 at once: reject."""
+        nothing = Doubt("reject", "", _TRANSVERSE, _TRY, _SETTING)
+        deepest = float(depth.max())
+        level = deepest - 2.0 * _AT_REST * deepest
+        late = force[-max(int(_LATE * force.size), 1) :]
+        if not self.material.isotropic or self._modes is not None or depth[-1] < level or late.mean() <= 0.0:
+            return nothing
+        firm = Biphasic(1.0, 0.0, 1.0)
+        tip = self.indenter
+        if isinstance(tip, FlatPunch):
+            largest = replace(self, layer=replace(self.layer, material=firm))._peak_ratio  # noqa: SLF001
+        elif isinstance(tip, Sphere | Paraboloid):
+            contact = DrainingTip(tip, firm, self.layer.thickness, self.drainage)
+            largest = float(
+                contact.undrained(deepest).force(deepest) / contact.drained(deepest).force(deepest)
+            )
+        noise = float(np.std(late)) * _SURE
+        ratio = (float(force.max()) - noise) / float(late.mean())
+        return nothing._replace(reason=peak_doubt(ratio, largest))
+
+    # --- a search -----------------------------------------------------------------------------------------
+    def require_record(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> None:
+        """See `WholeHistory.require_record`: there must be a hold, in which the force falls."""
+        line = ramps_and_holds(depth, time)
+        rises = np.flatnonzero(np.diff(line.value) > 0.0)
+        if not rises.size:
+            raise InputError("the depth never rises: a draining layer is tested by a ramp and a hold")
+        checked_hold(time, float(line.time[rises[0] + 1]))
+        held = slice(int(np.searchsorted(time, line.time[rises[-1] + 1])), None)
+        if force[held].size > 1:
+            refuse_load_control(depth, force, held)
+
+    def starts(
+        self, free: Mapping[str, tuple[float, float]], depth: FloatArray, force: FloatArray, time: FloatArray
+    ) -> Sequence[Mapping[str, float]]:
+        """See `WholeHistory.starts`: over times a^2/c and shapes of the material, the moduli by least squares."""
+        seen = _thinned(time.size)
+        depth, force, time = depth[seen], force[seen], time[seen]
+        found = []
+        for shape, unit in product(self._shapes(free), self._units(free, depth, time)):
+            try:
+                found.append(self._like(shape).begun(free, unit, depth, force, time))
+            except InputError:
+                continue
+        found.sort(key=lambda entry: entry[0])
+        return [values for _, values in found[:_STARTS]]
+
+    def _like(self, values: Mapping[str, float]) -> Drainage:
+        """The same with numbers of its own, by path."""
+        return replace_values(self, values) if values else self
+
+    def _shapes(self, free: Mapping[str, tuple[float, float]]) -> list[dict[str, float]]:
+        """Values of what the moduli's common size and the permeability leave."""
+        own = {path: number.value for path, number in numbers_of(self).items()}
+        if _AXIAL in own and {_E, _AXIAL} & free.keys():
+            moved, other = (_E, _AXIAL) if _E in free else (_AXIAL, _E)
+            power = 1.0 if moved == _E else -1.0
+            return [{moved: own[other] * ratio**power} for ratio in _ANISOTROPIES]
+        if _NU in free and _AXIAL not in own:
+            low, high = free[_NU]
+            inside = [{_NU: nu} for nu in _RATIOS if low < nu < high]
+            return inside or [{}]
+        return [{}]
+
+    def _units(
+        self, free: Mapping[str, tuple[float, float]], depth: FloatArray, time: FloatArray
+    ) -> list[float]:
+        """Times a^2/c (s) to try; that of the scene alone where the permeability is known."""
+        own = self.material.drainage_time(self._radius(float(depth.max())))
+        if _K not in free:
+            return [own]
+        span = float(time[-1] - time[0])
+        count = max(int(_PER_DECADE * np.log10(len(time) * _BEYOND)), 2)
+        return [*np.geomspace(span / len(time), _BEYOND * span, count).tolist(), own]
+
+    def _radius(self, deepest: float) -> float:
+        contact = self.contact
+        if isinstance(contact, DrainingPunch):
+            return contact.radius
+        return float(contact.undrained(deepest).contact_radius(deepest))
+
+    def begun(
+        self,
+        free: Mapping[str, tuple[float, float]],
+        unit: float,
+        depth: FloatArray,
+        force: FloatArray,
+        time: FloatArray,
+    ) -> tuple[float, dict[str, float]]:
+        """Misfit (N^2) and values at one time a^2/c (s), the moduli so large that they explain the forces best."""
+        own = {path: number.value for path, number in numbers_of(self).items()}
+        moduli = [path for path in (_E, _AXIAL) if path in free]
+        present = self.material.drainage_time(self._radius(float(depth.max())))
+        k = own[_K] * present / unit
+        model = self._like({_K: k}).seen(depth, time)
+        columns = np.stack((model, np.ones_like(model)), axis=1)
+        factor = float(np.linalg.lstsq(columns, force, rcond=None)[0][0]) if moduli else 1.0
+        if not factor > 0.0:
+            raise InputError("the forces pull")
+        values = {path: factor * own[path] for path in moduli}
+        if _K in free:
+            values[_K] = k / factor
+        values |= {path: own[path] for path in free if path == _NU and path in own}
+        inside = {path: float(np.clip(value, *free[path])) for path, value in values.items()}
+        left = force - factor * model
+        return float(np.square(left - left.mean()).sum()), inside
+
+    def seen(self, depth: FloatArray, time: FloatArray) -> FloatArray:
+        """Force as a search sees it: under a rounded tip by a punch of its radius, within a tenth."""
+        contact = self.contact
+        if isinstance(contact, DrainingPunch):
+            return self.answer(depth, time)
+        line = ramps_and_holds(depth, time).in_contact
+        deepest = float(line.value.max())
+        undrained, drained = contact.undrained(deepest), contact.drained(deepest)
+        punch = DrainingPunch(
+            self._radius(deepest),
+            self.material,
+            contact.thickness,
+            self.drainage,
+            self._modes,
+            punch_table.shipped(self.drainage),
+            self.kept.response,
+        )
+        response = replace(punch.response, start=1.0, end=0.0)
+        t = np.unique(np.concatenate([np.linspace(*ends, _RAMP_KNOTS) for ends in pairwise(line.time)]))
+        w = np.clip(line.at(t), 0.0, deepest)
+        above = Polyline(t, undrained.force(w) - drained.force(w))
+        return np.asarray(drained.force(np.clip(depth, 0.0, deepest)) + above.superposed(response, time))

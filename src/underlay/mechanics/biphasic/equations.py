@@ -1,0 +1,133 @@
+"""The contact equations on a disc, in the basis that knows the edge.
+
+On a contact of radius a the total pressure and, under an impervious tip, the water pressure of the surface
+are
+
+    sigma = sum alpha_n (1-x^2)^(-1/2) P_2n(sqrt(1-x^2))/C_n  <->  alpha_n j_2n(xi a),   C_n = (-1)^n P_2n(0),
+    p     = sum beta_n (...)                                  <->  beta_n j_2n+1(xi a)/xi,
+
+x = r/a. Settlement and flux under the tip are tested with the same functions (section 3 of the note):
+
+    A11 = int j_2m j_2n (xi c11 - 1/theta) dxi + delta pi/(2 (4n+1) a theta),   A12 = int j_2m j_2n+1 c12 dxi,
+    A22 = int j_2m+1 j_2n+1 (c22/xi + rho) dxi - delta pi rho/(2 (4n+3) a),     A21 = int j_2m+1 j_2n c21 dxi,
+
+theta the drained constant and rho = sqrt(k_r/k_z): what is taken off is the end of large xi, and its integral
+is known. Outside the contact there is no pressure and the water leaves freely; `"porous"` lets it leave
+through the tip too; `"sealed"` nowhere. The force is P = 2 pi alpha_0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.mechanics.biphasic.elastic_ends import ComplexArray
+from underlay.mechanics.biphasic.material import Skeleton
+
+__all__ = [
+    "DRAINAGES",
+    "ShapeRule",
+    "as_drainage",
+    "edge_signs",
+    "galerkin",
+]
+
+#: How water leaves: not through the tip, through tip and surface, or nowhere at the surface (an intact skin).
+DRAINAGES = ("solid", "porous", "sealed")
+
+
+def as_drainage(given: str) -> str:
+    """Return it where it is one of `DRAINAGES`.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if given not in DRAINAGES:
+        raise InputError(
+            f'drainage of the tip must be one of {", ".join(map(repr, DRAINAGES))}; got {given!r}: "solid" lets no '
+            'water through the tip, "porous" does'
+        )
+    return given
+
+
+def galerkin(
+    kernel: ComplexArray | FloatArray,
+    xi: FloatArray,
+    weights: FloatArray,
+    even: FloatArray,
+    odd: FloatArray | None,
+    skeleton: Skeleton,
+    radius: float = 1.0,
+    tail: float = 1.0,
+) -> ComplexArray | FloatArray:
+    """Matrix of the contact equations, (terms, terms), or twice as large with water under an impervious tip.
+
+    Parameters
+    ----------
+    kernel : ndarray (nodes, 2, 2)
+        c(xi), complex of a Laplace variable or real of a time step.
+    xi, weights : FloatArray
+        Wavenumbers and weights, (nodes,).
+    even, odd : FloatArray
+        j_2n(xi a) and j_2n+1(xi a), (terms, nodes); no `odd` where the tip does not hold water.
+    skeleton : Skeleton
+        For the ends at large xi.
+    radius : float, default 1
+        a.
+    tail : float, default 1
+        What 1/theta is multiplied with there: of a relaxing skeleton, the inverse of its e.
+    """
+    terms = np.arange(len(even))
+    soft = tail / skeleton.theta_drained
+    settled = (even * (weights * (xi * kernel[:, 0, 0] - soft))) @ even.T
+    settled += np.diag(0.5 * np.pi * soft / ((4 * terms + 1) * radius))
+    if odd is None:
+        return settled
+    rho = skeleton.seepage
+    lifted = (even * (weights * kernel[:, 0, 1])) @ odd.T
+    flowing = (odd * (weights * kernel[:, 1, 0])) @ even.T
+    held = (odd * (weights * (kernel[:, 1, 1] / xi + rho))) @ odd.T
+    held -= np.diag(0.5 * np.pi * rho / ((4 * terms + 3) * radius))
+    return np.block([[settled, lifted], [flowing, held]])
+
+
+def edge_signs(terms: int) -> FloatArray:
+    """(-1)^n: sum of alpha_n with them is the strength of the edge's singularity."""
+    return np.where(np.arange(terms) % 2, -1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class ShapeRule:
+    """Right side of the contact equations by a tip's shape.
+
+    Parameters
+    ----------
+    terms : int
+        Of the pressures' expansions.
+    """
+
+    terms: int
+
+    @cached_property
+    def _rule(self) -> tuple[FloatArray, FloatArray]:
+        """sqrt(1 - y^2) at the nodes, (nodes,), and w P_2m(y)/C_m, (nodes, terms)."""
+        y, w = np.polynomial.legendre.leggauss(4 * self.terms)
+        y, w = 0.5 * (y + 1.0), 0.5 * w
+        tested = np.polynomial.legendre.legvander(y, 2 * self.terms - 2)[:, ::2]
+        at_zero = np.polynomial.legendre.legvander(np.zeros(1), 2 * self.terms - 2)[0, ::2]
+        return np.sqrt(1.0 - y * y), w[:, None] * tested / (edge_signs(self.terms) * at_zero)
+
+    def moments(self, surface: Callable[[FloatArray], FloatArray], radius: float) -> FloatArray:
+        """int_0^1 Phi(a sqrt(1 - y^2)) P_2m(y)/C_m dy of the shape Phi(r), (terms,).
+
+        Of a paraboloid a^2/(2R) (2/3, -4/15, 0, ...); exact for smooth shapes to rounding.
+        """
+        x, tested = self._rule
+        return np.asarray(surface(radius * x) @ tested)

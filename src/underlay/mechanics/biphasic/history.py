@@ -1,0 +1,216 @@
+"""Piecewise linear histories of depth or load: ramps, holds and sudden steps, and what a response makes of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
+from underlay.errors import InputError
+from underlay.mechanics.biphasic.response import Response
+
+__all__ = [
+    "Polyline",
+    "followed",
+    "ramp_and_hold",
+    "ramps_and_holds",
+]
+
+# Entries of a table of lags that are worked on at once.
+_AT_ONCE = 2_000_000
+# Slopes below this share of the largest are the rounding of a straight line.
+_STRAIGHT = 1e-12
+# A record is followed to so many times its ripple, and to these shares of its depth: what superposes exactly, and
+# what a moving contact goes by (its force takes the depths themselves: its memory alone is this coarse).
+_RIPPLES, _EXACT, _COARSE = 6.0, 1e-5, 2e-3
+# What rests for less than this share of the ramps beside it does not rest.
+_SHORT = 0.1
+# A ramp whose record begins this near to the surface, over its largest depth, began on it.
+_FOOT = 0.1
+# The median of |second difference| of white noise of deviation 1: sqrt(6) times 0.6745.
+_SECOND_DIFFERENCE = 1.6522
+
+
+@dataclass(frozen=True, eq=False)
+class Polyline:
+    """A value in time: zero before the first knot, straight between knots, held after the last.
+
+    Parameters
+    ----------
+    time : array_like (m,)
+        Times of the knots (s), not decreasing; two equal ones are a sudden step.
+    value : array_like (m,)
+        Depths (m) or loads (N) there; a first one that is not zero begins with a step.
+
+    Raises
+    ------
+    InputError
+        If they do not match, or the times fall back.
+    """
+
+    time: FloatArray
+    value: FloatArray
+
+    def __post_init__(self) -> None:
+        time, value = (
+            as_finite(self.time, "times of a history"),
+            as_finite(self.value, "values of a history"),
+        )
+        if time.ndim != 1 or time.shape != value.shape or time.size == 0:
+            raise InputError(f"a history needs one time a value, (m,); got {time.shape} and {value.shape}")
+        back = np.flatnonzero(np.diff(time) < 0.0)
+        if back.size:
+            raise InputError(f"the times of a history must not fall back; they do at index {back[0] + 1}")
+        object.__setattr__(self, "time", read_only(time))
+        object.__setattr__(self, "value", read_only(value))
+
+    @classmethod
+    def thinned(cls, time: ArrayLike, value: ArrayLike, tolerance: float) -> Self:
+        """The fewest knots of a record that stay within `tolerance` of it (Douglas and Peucker 1973)."""
+        t, w = as_finite(time, "time"), as_finite(value, "value")
+        kept = np.zeros(t.size, dtype=bool)
+        kept[[0, -1]] = True
+        pending = [(0, t.size - 1)]
+        while pending:
+            low, high = pending.pop()
+            if high <= low + 1:
+                continue
+            line = np.interp(t[low : high + 1], [t[low], t[high]], [w[low], w[high]])
+            off = np.abs(w[low : high + 1] - line)
+            worst = int(off.argmax())
+            if off[worst] > tolerance:
+                kept[low + worst] = True
+                pending += [(low, low + worst), (low + worst, high)]
+        return cls(t[kept], w[kept])
+
+    @property
+    def in_contact(self) -> Self:
+        """The history from first contact on: negative values are zero, with knots where it crosses zero."""
+        t, w = self.time, self.value
+        crossing = np.flatnonzero(w[:-1] * w[1:] < 0.0)
+        share = w[crossing] / (w[crossing] - w[crossing + 1])
+        when = t[crossing] + share * (t[crossing + 1] - t[crossing])
+        t, w = np.insert(t, crossing + 1, when), np.insert(w, crossing + 1, 0.0)
+        touching = np.flatnonzero(w > 0.0)
+        first = max(int(touching[0]) - 1, 0) if touching.size else 0
+        return type(self)(t[first:], np.maximum(w[first:], 0.0))
+
+    def at(self, time: ArrayLike) -> FloatArray:
+        """Value at times (s), shape of `time`; at a sudden step the one after it."""
+        t = as_finite(time, "time")
+        after = np.searchsorted(self.time, t, side="right")
+        low, high = np.maximum(after - 1, 0), np.minimum(after, self.time.size - 1)
+        gap = self.time[high] - self.time[low]
+        share = np.where(gap > 0.0, t - self.time[low], 0.0) / np.where(gap > 0.0, gap, 1.0)
+        value = self.value[low] + share * (self.value[high] - self.value[low])
+        return np.where(after == 0, 0.0, value)
+
+    @cached_property
+    def jumps(self) -> tuple[FloatArray, FloatArray]:
+        """Times (s) and sizes of the sudden steps."""
+        times, values = (np.concatenate((self.time[:1], self.time)), np.concatenate(([0.0], self.value)))
+        sudden = (np.diff(times) == 0.0) & (np.diff(values) != 0.0)
+        return times[1:][sudden], np.diff(values)[sudden]
+
+    @cached_property
+    def bends(self) -> tuple[FloatArray, FloatArray]:
+        """Times (s) and changes of the slope (1/s)."""
+        slopes = self._slopes
+        change = np.concatenate((slopes, [0.0])) - np.concatenate(([0.0], slopes))
+        bent = np.abs(change) > _STRAIGHT * np.abs(slopes).max(initial=0.0)
+        return self._ends[bent], change[bent]
+
+    @cached_property
+    def _long(self) -> NDArray[np.bool_]:
+        return np.diff(self.time) > 0.0
+
+    @cached_property
+    def _slopes(self) -> FloatArray:
+        return np.asarray(np.diff(self.value)[self._long] / np.diff(self.time)[self._long])
+
+    @cached_property
+    def _ends(self) -> FloatArray:
+        """Beginning of the first slope, and the end of each."""
+        return np.concatenate((self.time[:1], self.time[1:][self._long]))
+
+    @property
+    def rises(self) -> FloatArray:
+        """Lengths (s) of the stretches on which the value changes."""
+        return np.asarray(np.diff(self._ends)[self._slopes != 0.0])
+
+    def superposed(self, response: Response, time: ArrayLike) -> FloatArray:
+        """Answer at times (s), (n,), of what answers a unit step with `response`: exact."""
+        t = as_finite(time, "time")
+        total = np.zeros(t.shape)
+        for (starts, sizes), answer in ((self.jumps, response.step), (self.bends, response.ramp)):
+            chunk = max(_AT_ONCE // max(starts.size, 1), 1)
+            for first in range(0, t.size if starts.size else 0, chunk):
+                part = slice(first, first + chunk)
+                total[part] += answer(np.subtract.outer(t[part], starts)) @ sizes
+        return total
+
+
+def followed(depth: FloatArray, time: FloatArray) -> Polyline:
+    """History of a record of depths (m) at times (s), (n,) each, to its own ripple."""
+    return Polyline.thinned(time, depth, _tolerance(depth, _EXACT))
+
+
+def ramps_and_holds(depth: FloatArray, time: FloatArray) -> Polyline:
+    """Ramps and holds that a record of depths (m) at times (s), (n,) each, goes by.
+
+    Neighbouring rises are one ramp: the line of the largest of them, from the level before it to the one after.
+    """
+    tolerance = _tolerance(depth, _COARSE)
+    line = Polyline.thinned(time, depth, tolerance)
+    t, w = line.time, line.value
+    turns = np.sign(np.diff(w)) * (np.abs(np.diff(w)) > 2.0 * tolerance)
+    long = np.diff(t)
+    for i in range(1, turns.size - 1):
+        # A ripple within a ramp is no hold.
+        if turns[i - 1] > 0.0 < turns[i + 1] and long[i] < _SHORT * (long[i - 1] + long[i + 1]):
+            turns[i] = 1.0
+    ends = np.flatnonzero(np.diff(turns)) + 1
+    knots = [(float(t[0]), float(w[0]))]
+    if 0.0 < w[0] < _FOOT * w.max() and turns.size and turns[0] > 0.0:
+        knots = [(-np.inf, 0.0)]
+    for first, last in pairwise([0, *ends.tolist(), turns.size]):
+        part = slice(first, last + 1)
+        knots += _ramp(t[part], w[part], knots[-1]) if turns[first] > 0.0 else []
+        if turns[first] <= 0.0:
+            knots.append((float(t[last]), float(w[last]) if turns[first] < 0.0 else knots[-1][1]))
+    known = [(when, level) for when, level in knots if np.isfinite(when)]
+    return Polyline(*np.array(known).T)
+
+
+def _ramp(t: FloatArray, w: FloatArray, before: tuple[float, float]) -> list[tuple[float, float]]:
+    """Both ends of a ramp through rising knots, (m,), from the level at `before`."""
+    main = int(np.argmax(np.diff(w)))
+    slope = (w[main + 1] - w[main]) / (t[main + 1] - t[main])
+    start = max(float(t[main] + (before[1] - w[main]) / slope), before[0])
+    end = min(float(t[main] + (w[-1] - w[main]) / slope), float(t[-1]))
+    return [(start, before[1]), (max(end, start), float(w[-1]))]
+
+
+def _tolerance(depth: FloatArray, share: float) -> float:
+    """Of a record of depths (m): so many times its ripple, or a share of its largest depth."""
+    second = np.abs(np.diff(depth, 2))
+    ripple = float(np.median(second)) / _SECOND_DIFFERENCE if second.size else 0.0
+    return max(_RIPPLES * ripple, share * float(np.abs(depth).max()))
+
+
+def ramp_and_hold(value: float, duration: float) -> Polyline:
+    """Straight from zero to `value` in `duration` (s), then held; zero duration is a sudden step.
+
+    Raises
+    ------
+    InputError
+        If the duration is negative.
+    """
+    if duration < 0.0:
+        raise InputError(f"a ramp lasts zero or more (s); got {duration!r}")
+    return Polyline(np.array([0.0, duration]), np.array([0.0, value]))

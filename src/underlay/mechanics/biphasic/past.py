@@ -1,0 +1,191 @@
+"""Convolution quadrature: a history's integral in even steps of time, from the kernel's Laplace transform.
+
+(c * f)(t_n) = sum_j omega_(n-j) f_j, with omega_m the coefficients of c(delta(z)/dt), delta(z) = (1-z) +
+(1-z)^2/2 (Lubich 1988, doi 10.1007/BF01398686; BDF2), by one FFT on a circle of radius rho, rho^L = 1e-10.
+
+What the earlier steps of a moving contact still do: settlement and flux of the surface, at every wavenumber.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.biphasic.elastic_ends import ComplexArray
+from underlay.mechanics.biphasic.equations import edge_signs
+from underlay.mechanics.biphasic.surface import SurfaceKernel
+from underlay.mechanics.biphasic.transfer import operational
+from underlay.mechanics.relaxation import Modes
+
+__all__ = [
+    "FIRST_RATE",
+    "Past",
+    "StepWeights",
+    "Steps",
+]
+
+#: delta(0): the Laplace variable of the present step is this over dt.
+FIRST_RATE = 1.5
+# rho^L: wrap-around is below it, rounding is the machine's over it.
+_WRAPPED = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class StepWeights:
+    """Weights omega_m of the surface kernel for even steps.
+
+    Parameters
+    ----------
+    kernel : SurfaceKernel
+        c(xi, s).
+    xi : FloatArray
+        Wavenumbers, (nodes,).
+    step : float
+        dt, in l^2/c.
+    count : int
+        Number of steps.
+    sealed : bool, default False
+        As of `SurfaceKernel.matrix`.
+    modes : Modes or None
+        Relaxation of the skeleton, times in l^2/c.
+    """
+
+    kernel: SurfaceKernel
+    xi: FloatArray
+    step: float
+    count: int
+    sealed: bool = False
+    modes: Modes | None = None
+
+    @cached_property
+    def _circle(self) -> tuple[int, float, ComplexArray]:
+        """Length of the transform, radius, and Laplace variables on the upper half of the circle."""
+        length = 1 << int(np.ceil(np.log2(2 * (self.count + 1))))
+        radius = float(_WRAPPED ** (1.0 / length))
+        z = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
+        return length, radius, ((1.0 - z) + 0.5 * (1.0 - z) ** 2) / self.step
+
+    def _coefficients(self, values: ComplexArray) -> FloatArray:
+        """Coefficients 0 ... count - 1 from values on the half circle, (half, ...)."""
+        length, radius, _ = self._circle
+        found = np.fft.irfft(values, length, axis=0)[: self.count]
+        return np.asarray(found / (radius ** np.arange(self.count)).reshape(-1, *[1] * (values.ndim - 1)))
+
+    @cached_property
+    def kernels(self) -> FloatArray:
+        """omega_m(xi), (count, nodes, 2, 2)."""
+        s = self._circle[2]
+        left = np.ones_like(s) if self.modes is None else operational(self.modes, s)
+        scaled = s / left * self.kernel.skeleton.A33
+        values = self.kernel.matrix(
+            np.tile(self.xi, s.size), np.repeat(scaled, self.xi.size), sealed=self.sealed
+        )
+        values = values.reshape(s.size, self.xi.size, 2, 2)
+        values[:, :, 0] /= left[:, None, None]
+        return self._coefficients(values)
+
+    @cached_property
+    def tails(self) -> FloatArray:
+        """The same of 1/e*(s), (count,): what theta xi c11 is at large xi; 1, 0, 0, ... without relaxation."""
+        if self.modes is None:
+            return np.asarray(np.eye(1, self.count)[0])
+        return self._coefficients(1.0 / operational(self.modes, self._circle[2]))
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """Of one step.
+
+    Parameters
+    ----------
+    settled : FloatArray
+        Settlement by the pressures of earlier steps, less its end at large wavenumbers, (nodes,).
+    flow : FloatArray
+        Flux by them, (nodes,).
+    kept : FloatArray
+        Weight eta/theta with which the end of an earlier step's settlement remains, (steps,); none remains where
+        the skeleton does not relax.
+    coefficients : FloatArray
+        alpha_n of the earlier steps, (steps, terms).
+    radii : FloatArray
+        Their contact radii, (steps,); zero before contact.
+    """
+
+    settled: FloatArray
+    flow: FloatArray
+    kept: FloatArray
+    coefficients: FloatArray
+    radii: FloatArray
+
+    def tail(self, radius: float) -> FloatArray:
+        """What was taken off, tested on the present disc, (terms,).
+
+        j_2n(xi a) is the cosine transform of (-1)^n P_2n(x/a)/a on (0, a), so that the integral over all xi of a
+        product of two is pi/2 times that of the polynomials over the smaller disc: exact.
+        """
+        terms = self.coefficients.shape[1]
+        touching = (self.kept != 0.0) & (self.radii > 0.0)
+        if not touching.any():
+            return np.zeros(terms)
+        radii = self.radii[touching]
+        y, w = np.polynomial.legendre.leggauss(2 * terms)
+        end = np.minimum(radii, radius)
+        x = 0.5 * end[:, None] * (y + 1.0)
+        signs = edge_signs(terms)
+        then = np.polynomial.legendre.legvander(x / radii[:, None], 2 * terms - 2)[..., ::2]
+        now = np.polynomial.legendre.legvander(x / radius, 2 * terms - 2)[..., ::2]
+        amount = np.einsum("jqn,jn->jq", then, signs * self.coefficients[touching])
+        amount *= (self.kept[touching] * end / radii)[:, None] * (0.5 * w)
+        return np.asarray(0.5 * np.pi / radius * signs * np.einsum("jqm,jq->m", now, amount))
+
+
+class Steps:
+    """The steps of one motion as they are found.
+
+    Parameters
+    ----------
+    weights : StepWeights
+        Of the history.
+    count, terms : int
+        Number of steps, and of the pressures' coefficients.
+    theta : float
+        Drained, over A44.
+    wet : bool
+        Whether the tip holds water.
+    """
+
+    def __init__(self, weights: StepWeights, count: int, terms: int, theta: float, *, wet: bool) -> None:
+        nodes = weights.xi.size
+        self._weights, self._theta, self._wet = weights, theta, wet
+        self._sigma, self._water = np.zeros((count, nodes)), np.zeros((count, nodes))
+        self._coefficients, self._radii = np.zeros((count, terms)), np.zeros(count)
+
+    @cached_property
+    def _kernels(self) -> FloatArray:
+        """(2, 2, count, nodes), the end of c11 taken off."""
+        found = np.ascontiguousarray(self._weights.kernels.transpose(2, 3, 0, 1))
+        found[0, 0] -= self._weights.tails[:, None] / (self._theta * self._weights.xi)
+        return found
+
+    def before(self, index: int) -> Past:
+        """What the steps before number `index` do in it."""
+        then = slice(index, 0, -1)
+        pairs = ((0, self._sigma), (1, self._water)) if self._wet else ((0, self._sigma),)
+        both = [
+            sum(np.einsum("mx,mx->x", self._kernels[row, column, then], of[:index]) for column, of in pairs)
+            for row in ((0, 1) if self._wet else (0,))
+        ]
+        settled = np.asarray(both[0], dtype=np.float64)
+        flow = np.asarray(both[1], dtype=np.float64) if self._wet else np.zeros_like(settled)
+        kept = self._weights.tails[then] / self._theta
+        return Past(settled, flow, kept, self._coefficients[:index], self._radii[:index])
+
+    def add(
+        self, index: int, sigma: FloatArray, water: FloatArray, coefficients: FloatArray, radius: float
+    ) -> None:
+        """Keep a step: its transforms, (nodes,), its coefficients, (terms,), and its radius."""
+        self._sigma[index], self._water[index] = sigma, water
+        self._coefficients[index], self._radii[index] = coefficients, radius

@@ -1,0 +1,224 @@
+"""What answers in Laplace space: a drained skeleton that itself relaxes, and the inverse, creep.
+
+One relaxation e(t) of all drained moduli (e(0) = 1), the permeability constant. The kernel depends on s/(k A)
+and 1/A alone, so with e*(s) = s e^(s)
+
+    khat(s) -> e*(s) khat(s/e*(s)),
+
+exact for every history, drainage and anisotropy (section 7 of the note; not the product e(t) K(t)). arg(s/e*)
+lies between 0 and arg s: a legal contour stays legal.
+
+Flat punch in Laplace space: khat(s) = P/(4 theta_d a w), exact for any history by superposition.
+
+Lengths in units of the punch's radius a, s in units of c/a^2, c = k_z A33.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from underlay.errors import InputError
+from underlay.mechanics.biphasic.elastic_ends import ComplexArray, punch_factor
+from underlay.mechanics.biphasic.equations import as_drainage, galerkin
+from underlay.mechanics.biphasic.material import Skeleton
+from underlay.mechanics.biphasic.response import Response, invert
+from underlay.mechanics.biphasic.surface import BesselRule, SurfaceKernel, WavenumberRule
+from underlay.mechanics.relaxation import Modes
+
+__all__ = [
+    "PunchTransfer",
+    "Relaxing",
+    "Transfer",
+    "creep",
+    "operational",
+    "relaxation",
+    "span_of",
+]
+
+#: Times (a^2/c) of a table.
+_SPAN = (1e-3, 30.0)
+# Shares of the shortest and longest relaxation time that it reaches to.
+_SHORTEST, _LONGEST = 0.02, 20.0
+
+
+class Transfer(Protocol):
+    """khat(s) of a contact, and its ends."""
+
+    @property
+    def undrained(self) -> float:
+        """At infinite s."""
+
+    @property
+    def drained(self) -> float:
+        """At s = 0."""
+
+    @property
+    def eps(self) -> float:
+        """a/h, zero on a half-space."""
+
+    def __call__(self, s: ComplexArray) -> ComplexArray:
+        """At Laplace variables (c/a^2), (n,)."""
+
+
+def operational(modes: Modes, s: ComplexArray) -> ComplexArray:
+    """e*(s) = s e^(s) of a sum of exponentials, shape of `s`; times in the unit of 1/s."""
+    turned = s[..., None] * modes.times
+    return np.asarray(modes.constant + (turned / (1.0 + turned)) @ modes.weights)
+
+
+@dataclass(frozen=True)
+class Relaxing:
+    """Transfer function of a layer whose skeleton relaxes.
+
+    Parameters
+    ----------
+    elastic : Transfer
+        With the skeleton as it is at once.
+    modes : Modes
+        e(t), of value 1 at t = 0; times in a^2/c of the skeleton as it is at once.
+    """
+
+    elastic: Transfer
+    modes: Modes
+
+    @property
+    def undrained(self) -> float:
+        """As of the skeleton at once."""
+        return self.elastic.undrained
+
+    @property
+    def drained(self) -> float:
+        """What is left of the skeleton's."""
+        return self.modes.constant * self.elastic.drained
+
+    @property
+    def eps(self) -> float:
+        """a/h."""
+        return self.elastic.eps
+
+    def __call__(self, s: ComplexArray) -> ComplexArray:
+        """Section 7 of the note."""
+        left = operational(self.modes, s)
+        return left * self.elastic(s / left)
+
+
+def span_of(transfer: Transfer) -> tuple[float, float]:
+    """First and last time (a^2/c) at which its response bends."""
+    low, high = _SPAN
+    if isinstance(transfer, Relaxing):
+        times = transfer.modes.times
+        low = min(low, _SHORTEST * float(times.min()))
+        high = max(high, _LONGEST * float(times.max()))
+    return low, high
+
+
+def relaxation(transfer: Transfer, span: tuple[float, float] | None = None, points: int = 16) -> Response:
+    """P/(4 theta_d a) after a unit step of depth, times in a^2/c."""
+    return invert(
+        transfer,
+        transfer.undrained,
+        transfer.drained,
+        span or span_of(transfer),
+        endless=transfer.eps == 0.0,
+        points=points,
+    )
+
+
+def creep(transfer: Transfer, span: tuple[float, float] | None = None, points: int = 16) -> Response:
+    """4 theta_d a w after a unit step of load, times in a^2/c: the inverse of 1/(s khat).
+
+    Raises
+    ------
+    InputError
+        If nothing of the skeleton is left in the long run: the depth grows without end.
+    """
+    if not transfer.drained > 0.0:
+        raise InputError("a skeleton that relaxes to nothing creeps without end; leave some of its modulus")
+    return invert(
+        lambda s: 1.0 / transfer(s),
+        1.0 / transfer.undrained,
+        1.0 / transfer.drained,
+        span or span_of(transfer),
+        endless=transfer.eps == 0.0,
+        points=points,
+    )
+
+
+@dataclass(frozen=True)
+class PunchTransfer:
+    """khat(s) of a flat punch on a biphasic layer.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        What the layer is.
+    eps : float
+        a/h, zero for a half-space.
+    drainage : str
+        One of `DRAINAGES`.
+    terms : int, default 10
+        Of the pressures' expansions.
+    reach : float, default 8
+        Wavenumbers go to reach sqrt(s a^2/c) + 40.
+    points : int, default 6
+        Gauss points of a panel of wavenumbers. With the defaults khat is within 3e-6, up to s = 1e4 c/a^2.
+    """
+
+    skeleton: Skeleton
+    eps: float
+    drainage: str
+    terms: int = 10
+    reach: float = 8.0
+    points: int = 6
+
+    def __post_init__(self) -> None:
+        as_drainage(self.drainage)
+
+    @cached_property
+    def undrained(self) -> float:
+        """k0 = khat at infinite s, by the elastic law of the undrained skeleton."""
+        skeleton = self.skeleton
+        return punch_factor(skeleton.undrained, self.eps) * skeleton.theta_undrained / skeleton.theta_drained
+
+    @cached_property
+    def drained(self) -> float:
+        """kinf = khat at s = 0, by the elastic law of the drained skeleton."""
+        return punch_factor(self.skeleton.drained, self.eps)
+
+    @cached_property
+    def kernel(self) -> SurfaceKernel:
+        """Of the layer."""
+        return SurfaceKernel(self.skeleton, np.inf if self.eps == 0.0 else 1.0 / self.eps)
+
+    def end(self, s: complex) -> float:
+        """Largest wavenumber that matters at s."""
+        return float(self.reach * np.sqrt(abs(s)) + 40.0)
+
+    def __call__(self, s: ComplexArray) -> ComplexArray:
+        """Khat at Laplace variables (c/a^2), (n,), on one grid of wavenumbers and in one call of the kernel."""
+        ends = [self.end(value) for value in s]
+        basis = BesselRule(WavenumberRule(max(ends), points=self.points), self.terms)
+        counts = [basis.rule.up_to(end) for end in ends]
+        xi = np.concatenate([basis.rule.nodes[:count] for count in counts])
+        at = np.repeat(s * self.skeleton.A33, counts)
+        kernel = self.kernel.matrix(xi, at, sealed=self.drainage == "sealed")
+        starts = np.cumsum([0, *counts])
+        parts = [kernel[low:high] for low, high in pairwise(starts)]
+        return np.array([self._factor(part, basis) for part in parts])
+
+    def _factor(self, kernel: ComplexArray, basis: BesselRule) -> complex:
+        here = slice(len(kernel))
+        odd = basis.odd[:, here] if self.drainage == "solid" else None
+        rule = basis.rule
+        matrix = galerkin(
+            kernel, rule.nodes[here], rule.weights[here], basis.even[:, here], odd, self.skeleton
+        )
+        sunk = np.zeros(len(matrix))
+        sunk[0] = 1.0
+        force = 2.0 * np.pi * np.linalg.solve(matrix, sunk)[0]
+        return complex(force / (4.0 * self.skeleton.theta_drained))
