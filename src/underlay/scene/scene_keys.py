@@ -397,7 +397,9 @@ def _all() -> Iterator[SceneKey]:
     holds = "how its lower face holds to what is under it; slip: no friction; unknown: a fit says both; or springs"
     yield from _of_layer("layer", holds)
     yield from _of_class(Biphasic, "layer", seen=("E", "nu"))
-    yield from _of_class(BiphasicTransverse, "layer", _AXIAL, (*keys_of(TransverselyIsotropic), "permeability"))
+    yield from _of_class(
+        BiphasicTransverse, "layer", _AXIAL, (*keys_of(TransverselyIsotropic), "permeability")
+    )
     relaxing = "how the modulus falls with time; without the section the layer is elastic"
     yield from _family(Relaxation, "layer.relaxation", relaxing, seen=("relaxes",))
     both = "shear_and_bulk keeps Poisson's ratio; shear alone needs nu = 0.5"

@@ -272,7 +272,6 @@ class _Budget:
                 f"bond of {face}", "bonded to slipping", "model", np.array([[np.zeros_like(move), move]])
             )
 
-
     def _drainage(self) -> Iterator[Source]:
         """A tip of which nobody knows whether water leaves through it, as one that lets it."""
         problem = self.fit.problem
