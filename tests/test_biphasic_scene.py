@@ -6,6 +6,7 @@ import pytest
 import underlay as ul
 from underlay.scene.scene_file import scene_from_text
 from underlay.scene.scene_writer import scene_text
+from underlay.units import format_quantity
 
 WATER = 1e-15
 
@@ -141,3 +142,8 @@ def test_a_noisy_record_of_depth_moves_little(tip):
     scene = wet(tip)
     clean, found = scene.force(depth, time), scene.force(noisy, time)
     assert np.abs(found - clean).max() < 6e-3 * clean.max()
+
+
+def test_permeabilities_are_printed_as_cartilage_laboratories_write_them():
+    assert format_quantity(1.036e-15, "permeability", 7.7e-17) == "0.001036 ± 0.000077 mm^4/(N s)"
+    assert format_quantity(5e-10, "diffusivity") == "500 um^2/s"

@@ -72,7 +72,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "current sensitivity": Kind("m/A", ("nm/nA", "um/nA"), "60 nm/nA"),
         "surface energy": Kind("J/m^2", ("uJ/m^2", "mJ/m^2", "J/m^2"), "5 mJ/m^2"),
         "diffusivity": Kind("m^2/s", ("um^2/s", "mm^2/s", "m^2/s"), "1 mm^2/s"),
-        "permeability": Kind("m^4/(N s)", ("m^4/(N s)", "mm^4/(N s)"), "1e-15 m^4/(N s)"),
+        "permeability": Kind("m^4/(N s)", ("mm^4/(N s)", "m^4/(N s)"), "1e-15 m^4/(N s)"),
         "dimensionless": Kind("", ("",), "0.45"),
     }
 )
