@@ -41,7 +41,7 @@ def test_the_gallery_shows_every_curve_worst_first(gallery):
     assert text.count("<article") == text.count("<svg") == COUNT
     order = re.findall(r"<h2>\d+\. (.*?)</h2>", text)
     assert order[:2] == [name(4), "&lt;script&gt;alert(1)&lt;/script&gt;"]
-    assert set(table["verdict"][[2, 4]]) == {"doubtful", "refused"}
+    assert set(table["verdict"][[2, 4]]) == {"check", "refused"}
     # Blue is the fit: a curve without one has none.
     assert text.count('class="contact"') == COUNT - 1
 
@@ -142,7 +142,7 @@ def test_a_population_leaves_out_the_refused_and_keeps_the_accepted():
         {
             "name": list("abcdef"),
             "status": "fitted",
-            "verdict": ["good", "good", "good", "good", "doubtful", "doubtful"],
+            "verdict": ["good", "good", "good", "good", "check", "check"],
             "reason": "",
             "animal": [1, 1, 2, 2, 3, 3],
             "layer.E": [1e6, 1.1e6, 1.2e6, 5e6, 1.1e6, 1.0e6],
@@ -153,7 +153,7 @@ def test_a_population_leaves_out_the_refused_and_keeps_the_accepted():
     found = ul.population(decisions.applied(table), by=["animal"], doubtful="drop")
     assert [(left.name, left.reason) for left in found.left_out] == [
         ("d", REFUSED_BY_HAND),
-        ("f", "doubtful"),
+        ("f", "verdict check"),
     ]
     assert found.groups[""].curves == 4
 

@@ -35,6 +35,9 @@ _FURTHEST = 30.0
 _DRAWS_ON_A_GRID = 512
 
 
+_NEAREST = 0.02  # confidence of an interval that is as good as its median
+
+
 @dataclass(frozen=True)
 class CurveLikelihood:
     """Likelihood of one positive parameter, over its logarithm.
@@ -74,9 +77,13 @@ class CurveLikelihood:
 
     @classmethod
     def of_answers(cls, answer: Callable[[str, float], Answer], name: str) -> CurveLikelihood:
-        """From the ends of the statistical intervals of one number, at one, two and three deviates."""
+        """From the ends of the statistical intervals of one number, at one, two and three deviates.
+
+        The middle is that of the narrowest interval, the median: least squares may lie at a bound, beyond them.
+        """
+        nearest = answer(name, _NEAREST).statistical
+        middle = 0.5 * (math.log(nearest.low) + math.log(nearest.high))
         parts = [answer(name, float(2.0 * special.ndtr(z) - 1.0)).statistical for z in (1.0, 2.0, 3.0)]
-        middle = math.log(parts[0].value)
         below = [math.log(part.low) if 0.0 < part.low < math.inf else -math.inf for part in parts]
         above = [math.log(part.high) if math.isfinite(part.high) else math.inf for part in parts]
         levels = [-_level(below), _level(above)]
