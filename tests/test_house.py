@@ -235,6 +235,8 @@ DOORS = {
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
+    "mechanics/biphasic/punch_table": {"np.load"},  # of the package itself
+    "mechanics/biphasic/tip_table": {"np.load"},  # of the package itself
     "report/bench_users": {"read_text", "np.loadtxt"},  # the processor's name; a peer that is timed
     "report/review": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
@@ -263,7 +265,12 @@ def test_the_search_for_open_files_finds_them():
 
 
 #: What outlives its callers, and where it is argued why.
-KEPT_FOR_THE_PROCESS = {"mechanics/exact/nodes": {"TABLES"}, "plugins": {"plugins"}}
+KEPT_FOR_THE_PROCESS = {
+    "mechanics/exact/nodes": {"TABLES"},
+    "mechanics/biphasic/punch_table": {"shipped"},
+    "mechanics/biphasic/tip_table": {"shipped"},
+    "plugins": {"plugins"},
+}
 CACHES = {"cache", "lru_cache"}
 #: Calls that make something to be filled.
 CONTAINERS = {

@@ -264,7 +264,7 @@ class DrainingTip:
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         law = self.undrained(deepest)
         end = float(t.max(initial=depth.time[0]))
-        w = np.clip(depth.at(t) if now is None else now, 0.0, deepest)
+        w = np.minimum(np.maximum(depth.at(t) if now is None else now, 0.0), deepest)
         if end == depth.time[0]:
             return np.asarray(law.force(w))
         radius = float(law.contact_radius(deepest))
