@@ -235,6 +235,8 @@ DOORS = {
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "inference/citation": {"read_text"},  # of the package itself
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
+    "mechanics/biphasic/punch_table": {"np.load"},  # of the package itself
+    "mechanics/biphasic/tip_table": {"np.load"},  # of the package itself
     "report/review": {"read_text"},  # of the package itself
     "report/page": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
@@ -270,6 +272,8 @@ KEPT_FOR_THE_PROCESS = {
     "inference/uncertainty/hypotheses": {"_choices"},
     "mechanics/finite_width/compliance": {"_splines"},
     "mechanics/stiffening/gradual": {"_near"},
+    "mechanics/biphasic/punch_table": {"shipped"},
+    "mechanics/biphasic/tip_table": {"shipped"},
     "plugins": {"plugins"},
 }
 CACHES = {"cache", "lru_cache"}

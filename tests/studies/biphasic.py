@@ -34,7 +34,7 @@ def coverage(count, tip, depth, end):
         fit = ul.fit(ul.Problem(scene.with_values(START), curve, FREE))
         answers = [fit.answer(name) for name in FREE]
         held += [a.low <= scene.parameters[n] <= a.high for n, a in zip(FREE, answers, strict=True)]
-    return dict(zip(FREE, held / count, strict=True)), (clock.process_time() - begun) / count
+    return dict(zip(FREE, (held / count).tolist(), strict=True)), (clock.process_time() - begun) / count
 
 
 def tables():

@@ -168,6 +168,9 @@ _RIPPLE = 3e-3
 _ELASTIC_RTOL = 1e-8
 # a0/R up to which a sphere is read off the table of paraboloids: what it is wrong by goes as the square, 8e-4 here.
 _FLAT_ENOUGH = 0.2
+# Of a0^2/c: of the water that leaves while a single ramp is this short (4 % of the fall under its peak) nothing is
+# left to see a decade later, and steps of time that resolve it would cost minutes.
+_QUICKEST = 1e-3
 # For the rounding of depths in other units.
 _ROOM = 1e-9
 
@@ -261,10 +264,12 @@ class DrainingTip:
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         law = self.undrained(deepest)
         end = float(t.max(initial=depth.time[0]))
-        w = np.clip(depth.at(t) if now is None else now, 0.0, deepest)
+        w = np.minimum(np.maximum(depth.at(t) if now is None else now, 0.0), deepest)
         if end == depth.time[0]:
             return np.asarray(law.force(w))
-        kept = self._tabulated(depth, float(law.contact_radius(deepest)), end)
+        radius = float(law.contact_radius(deepest))
+        depth = _sudden(depth, _QUICKEST * self.material.drainage_time(radius))
+        kept = self._tabulated(depth, radius, end)
         if kept is None:
             return np.asarray(law.force(w) * self.record(depth, end).ratio_at(t))
         drained = self.drained(deepest).force(w)
@@ -316,6 +321,15 @@ class DrainingTip:
         )
         nodes, ratio = solved.until((end - start) / unit)
         return TipRecord(law, depth, start + unit * nodes, ratio, solved.first)
+
+
+def _sudden(depth: Polyline, shortest: float) -> Polyline:
+    """One ramp and hold as a sudden step at the ramp's end, where it lasts no longer than `shortest` (s)."""
+    ramps = depth.rises
+    if depth.jumps[0].size or ramps.size != 1 or ramps[0] > shortest:
+        return depth
+    after = depth.time >= depth.bends[0][-1]
+    return Polyline(depth.time[after], depth.value[after])
 
 
 @dataclass(frozen=True, eq=False)

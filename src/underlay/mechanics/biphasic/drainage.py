@@ -393,7 +393,7 @@ class Drainage(WholeHistory):
         if _K in free:
             values[_K] = k / factor
         values |= {path: own[path] for path in free if path == _NU and path in own}
-        inside = {path: float(np.clip(value, *free[path])) for path, value in values.items()}
+        inside = {path: min(max(value, free[path][0]), free[path][1]) for path, value in values.items()}
         left = force - factor * model
         return float(np.square(left - left.mean()).sum()), inside
 
@@ -416,6 +416,8 @@ class Drainage(WholeHistory):
         )
         response = replace(punch.response, start=1.0, end=0.0)
         t = np.unique(np.concatenate([np.linspace(*ends, _RAMP_KNOTS) for ends in pairwise(line.time)]))
-        w = np.clip(line.at(t), 0.0, deepest)
+        w = np.minimum(np.maximum(line.at(t), 0.0), deepest)
         above = Polyline(t, undrained.force(w) - drained.force(w))
-        return np.asarray(drained.force(np.clip(depth, 0.0, deepest)) + above.superposed(response, time))
+        return np.asarray(
+            drained.force(np.minimum(np.maximum(depth, 0.0), deepest)) + above.superposed(response, time)
+        )
