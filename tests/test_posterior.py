@@ -129,8 +129,12 @@ def test_an_answer_has_the_fits_value_and_sources_and_the_draws_scatter(posterio
     path = tmp_path / "posterior.npz"
     posterior.save(path)
     assert ul.Posterior.load(path).answer("layer.E").as_dict() == posterior.answer("layer.E").as_dict()
-    with pytest.raises(ul.InputError, match="needs the problem that was sampled, and there is none: gone"):
-        replace(posterior, problem=None, fit=None, missing="gone").answer("layer.E")
+    bare = replace(posterior, problem=None, fit=None, missing="gone")
+    alone = bare.answer("layer.E")
+    assert alone.value == np.median(posterior.of("layer.E"))
+    assert alone.systematic.low == alone.systematic.high == alone.value
+    assert alone.notes == ("the draws alone were kept, without the test they are of: gone",)
+    assert bare.verdict == "check"
 
 
 # --- derived quantities -----------------------------------------------------------------------------------

@@ -13,12 +13,13 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 from underlay._door import FileKind, printable, understood
+from underlay._given import require_level
 from underlay.errors import FileFormatError, InputError
 from underlay.inference.least_squares.fitting import fit, quick_fit
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.inference.problem_record import problem_from_record, problem_record
-from underlay.inference.sampling.derived import derived_quantities
+from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.inference.sampling.diagnostics import (
     INFORMED_COLUMNS,
     Information,
@@ -32,21 +33,22 @@ from underlay.inference.sampling.diagnostics import (
     rank_normalised_rhat,
 )
 from underlay.inference.sampling.posterior_file import LARGEST, parts_of, read_archive, write_archive
-from underlay.inference.uncertainty.answer import Advice
+from underlay.inference.uncertainty.answer import Advice, Answer, Contribution, Interval
 from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.inference.uncertainty.reading import Reading
-from underlay.inference.uncertainty.statement import Statement
+from underlay.inference.uncertainty.statement import NOISE, Statement
 from underlay.inference.uncertainty.verdict import CHECK, GOOD, REJECT
+from underlay.units import KINDS
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.uncertainty.answer import Answer
     from underlay.inference.uncertainty.budget import Source
     from underlay.inference.uncertainty.likelihood import Likelihood
 
 __all__ = ["LogEvidence", "Posterior", "SampledReading", "SampledStatement"]
 
 
+_ALONE = "the draws alone were kept, without the test they are of"
 _FORMAT = "underlay posterior 1"
 
 
@@ -225,7 +227,8 @@ class Posterior:
     def answer(self, name: str, level: float = 0.95) -> Answer:
         """Return the answer of one quantity, as `Fit.answer` does.
 
-        The value and the systematic part are the fit's; the statistical part is that of these draws.
+        The value and the systematic part are the fit's; the statistical part is that of these draws. Where the
+        problem was not kept the draws are all there is: their median, and no systematic part, as a note says.
 
         Parameters
         ----------
@@ -237,15 +240,27 @@ class Posterior:
         Raises
         ------
         InputError
-            If there is nothing of that name, the level is not between 0 and 0.999, or the problem was not kept.
+            If there is nothing of that name, or the level is not between 0 and 0.999.
         """
-        return self.statement.answer(name, level)
+        return self._of_draws(name, level) if self.problem is None else self.statement.answer(name, level)
+
+    def _of_draws(self, name: str, level: float) -> Answer:
+        """The answer by the draws alone."""
+        require_level(level)
+        shares = [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level]
+        low, value, high = np.quantile(self.of(name), shares).tolist()
+        scatter, none = (Interval(name, level, value, *ends) for ends in ((low, high), (value, value)))
+        row = Contribution(NOISE, "", "seen", value - low, high - value, 1.0)
+        unit = KINDS[kind_of_quantity(name)].si
+        return Answer(
+            name, value, low, high, level, unit, scatter, none, (row,), (f"{_ALONE}: {self.missing}",)
+        )
 
     @property
     def answers(self) -> pd.DataFrame:
         """All answers, one a row, as `Fit.answers`: value, ends, ends of both parts (SI) and the unit."""
         rows = {}
-        for name in (*self.names, *derived_quantities(self.statement.fit.problem, self.chain[:1])):
+        for name in (*self.names, *self.derived):
             known = self.answer(name)
             rows[name] = {
                 "value": known.value,
@@ -262,6 +277,8 @@ class Posterior:
     @cached_property
     def verdict(self) -> Advice:
         """Whether it can be used, as `Fit.verdict`; a chain that did not converge is to be checked first."""
+        if self.problem is None:
+            return Advice(CHECK, _ALONE, self.missing, "sample the curve again")
         own = self.statement.verdict
         if self.converged or own == REJECT:
             return own
