@@ -16,7 +16,13 @@ from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 from underlay.inference.population.messages import BETWEEN, WITHIN, Grid
 from underlay.report.intervals import quantity_with_interval
-from underlay.report.maps import comparison_table, group_table, of_map, population_sentences, population_tables
+from underlay.report.maps import (
+    comparison_table,
+    group_table,
+    of_map,
+    population_sentences,
+    population_tables,
+)
 
 ENDS = np.array([0.025, 0.5, 0.975])
 
