@@ -167,8 +167,11 @@ def test_a_spring_constant_known_to_a_tenth_is_a_modulus_known_to_a_tenth():
     assert pytest.approx(bare.values["layer.E"], rel=1e-4) == E
     known = np.hypot(bare.stderr["layer.E"] / E, 0.1)
     assert fit.stderr["layer.E"] / E == pytest.approx(known, rel=1e-3)
-    interval = fit.interval("layer.E")
-    assert (interval.low / E, interval.high / E) == pytest.approx((np.exp(-0.196), np.exp(0.196)), rel=5e-3)
+    interval = fit.interval("layer.E", part="statistical")
+    assert (interval.low / E, interval.high / E) == pytest.approx(
+        (np.exp(-0.196), np.exp(0.196)),
+        rel=1e-2,  # 4000 draws place an end to 0.05 standard deviations
+    )
 
 
 def test_the_sensitivity_acts_on_force_and_depth_together():

@@ -104,7 +104,7 @@ def test_a_law_that_is_smoothly_wrong_is_covered_and_noise_in_proportion_does_no
             ul.fit(p.revised(curves=[wrong]))
             for p in (wider, problem.revised(noise=ul.Noise(force=1e-7, relative=0.02)))
         ]
-        held.append([1e6 in found.interval("layer.E") for found in fits])
+        held.append([1e6 in found.interval("layer.E", part="statistical") for found in fits])
     # 40 of a coverage of 95 % show fewer than 33 once in a thousand times.
     assert np.sum(held, axis=0)[0] >= 33
     assert np.sum(held, axis=0)[1] < 25
@@ -187,7 +187,7 @@ def test_an_error_of_the_law_does_not_average_away_with_curves():
     independent = ul.fit(wider[1].revised(noise=each))
     assert independent.stderr["layer.E"] == pytest.approx(alone.stderr["layer.E"] / 4.0, rel=0.02)
     # In an interval and in a posterior as well.
-    told = together.interval("layer.E")
+    told = together.interval("layer.E", part="statistical")
     assert told.high - told.low == pytest.approx(2 * 1.96 * together.stderr["layer.E"], rel=0.05)
     draws = ul.sample(repeated(3)[1], walkers=16, rng=1, progress=False).samples["layer.E"]
     assert draws.std() == pytest.approx(alone.stderr["layer.E"], rel=0.1)
@@ -204,7 +204,7 @@ def test_a_law_that_is_wrong_alike_in_all_curves_is_covered():
         share = 0.02 * (u[0] + u[1] * np.cos(x) + u[2] * np.sin(x)) / np.sqrt(2.0)
         wrong = [ul.Curve(curve.depth, curve.force * (1.0 + share)) for curve in plain.curves]
         fits = [ul.fit(problem.revised(curves=wrong)) for problem in (wider, each)]
-        held.append([1e6 in found.interval("layer.E") for found in fits])
+        held.append([1e6 in found.interval("layer.E", part="statistical") for found in fits])
     # 40 of a coverage of 95 % show fewer than 33 once in a thousand times; of half the width it is 67 %.
     assert np.sum(held, axis=0)[0] >= 33
     assert np.sum(held, axis=0)[1] < 33

@@ -39,7 +39,7 @@ def test_it_writes_a_table_and_a_picture_and_names_what_failed(run, site, tmp_pa
     assert list(sheets) == ["results", "settings", "curves"]
     assert list(sheets["curves"]["name"]) == [f"site-{index:04d}.csv" for index in range(COUNT)]
     assert "[indenter]" in set(sheets["settings"]["value"])
-    assert "12 curves: 11 good, 0 doubtful, 1 refused" in out
+    assert "12: 11 good, 0 check, 0 reject, 1 without a fit" in out
     assert "failed: site-0005.csv: site-0005.csv is empty" in out
     table = pd.read_csv(tmp_path / "new" / "out" / "map.csv")
     assert list(table["name"]) == [f"site-{index:04d}.csv" for index in range(COUNT)]
@@ -57,7 +57,7 @@ def test_a_review_is_filled_in_and_read_back(run, site, tmp_path):
     again = ("--output", out, "--resume", "--decisions", tmp_path / "mine.csv", "--review")
     code, printed, _ = run(*words, *again)
     assert code == 0
-    assert "12 curves: 10 good, 0 doubtful, 2 refused" in printed
+    assert "12: 10 good, 0 check, 0 reject, 2 without a fit" in printed
     row = pd.read_csv(out / "map.csv").set_index("name").loc["site-0003.csv"]
     assert (row["decision"], row["decision_reason"]) == ("refuse", "on glass")
     assert row["layer.E"] > 0.0
@@ -82,7 +82,7 @@ def test_a_review_among_the_curves_is_no_curve(run, site):
     again = ("--output", folder, "--resume", "--decisions", folder / "decisions.csv", "--review")
     code, printed, err = run(*words, *again)
     assert (code, err) == (0, "")
-    assert "12 curves: 11 good" in printed
+    assert "12: 11 good" in printed
 
 
 def test_an_excel_file_among_the_curves_is_refused(run, site, tmp_path):
@@ -135,7 +135,7 @@ def test_ctrl_c_keeps_everything_and_resume_goes_on(run, site, tmp_path, monkeyp
     assert "--resume" in err
     code, out, _ = run(*words, "--output", tmp_path / "out", "--resume")
     assert code == 0
-    assert "12 curves" in out
+    assert "Curves          12:" in out
 
 
 def test_bad_input_is_one_line(run, site, tmp_path):

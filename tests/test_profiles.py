@@ -283,7 +283,7 @@ def test_beside_a_plateau_the_others_are_at_their_best(number):
     """Where a base does not act, steps along it must not leave the others short of their best."""
     found = all_free([3001, number])
     at, base = found.names.index(H), found.names.index(BASE)
-    end = found.problem.coordinates[at].scaled(found.interval(H).high)
+    end = found.problem.coordinates[at].scaled(ul.profile(found, H).interval().high)
     walk = Walk.start(found, at, found.vector)
     rises = []
     for away in np.linspace(-6.0, 6.0, 9):

@@ -134,7 +134,10 @@ class Density:
         outer = scale[:, :, None] * scale[:, None, :]
         scaled = covariance / outer + _SINGULAR * np.eye(len(kept))
         precision = np.linalg.inv(scaled) / outer
-        height = np.log(likelihood.combined.weights) + np.linalg.slogdet(information)[1]
+        size = np.sqrt(np.abs(np.diagonal(information, axis1=1, axis2=2)))
+        slopes = information / size[:, :, None] / size[:, None, :] + _SINGULAR * np.eye(len(kept))
+        height = np.log(likelihood.combined.weights)
+        height += np.linalg.slogdet(slopes)[1] + 2.0 * np.log(size).sum(axis=1)
         height -= 0.5 * np.linalg.slogdet(scaled)[1] + np.log(scale).sum(axis=1)
         return cls(likelihood, curves, kept, height, precision)
 

@@ -53,7 +53,9 @@ class Likelihood(Weighed):
     def is_straight(self) -> bool:
         """Whether the closed form serves: nothing free bends the force by more than a third of its own doubt."""
         problem = self.fit.problem
-        if held(self.fit).any() or not straight(problem).all() or has_common_errors(problem):
+        if has_common_errors(problem):
+            return True
+        if held(self.fit).any() or not straight(problem).all():
             return False
         return self._bend() < _BENT
 

@@ -17,7 +17,14 @@ from underlay.inference.uncertainty.linear import Combined, Mixture, combine, li
 from underlay.inference.uncertainty.moments import CurveMoments
 from underlay.inference.uncertainty.noise import NoiseTable, from_cosines, growth, noise_table, white_table
 from underlay.inference.uncertainty.seen import Seen, seen_in
-from underlay.inference.uncertainty.tree import CurveModel, Tangent, held, noise_entries, prior_precision
+from underlay.inference.uncertainty.tree import (
+    CurveModel,
+    Tangent,
+    has_common_errors,
+    held,
+    noise_entries,
+    prior_precision,
+)
 
 __all__ = ["CurveState", "Weighed", "least_norm"]
 
@@ -112,6 +119,10 @@ class Weighed:
     @cached_property
     def mixture(self) -> Mixture:
         """Distribution of the scaled vector where the force is straight in it."""
+        if has_common_errors(self.fit.problem):
+            # Moments of one curve know nothing of what all share; the fit's own covariance does.
+            vector, covariance = np.asarray(self.fit.vector), np.asarray(self.fit.scaled_covariance)
+            return Mixture(np.ones(1), vector[None], covariance[None], self.freedom)
         moments = [state.moments for state in self.states]
         free = self.determined & ~held(self.fit)
         found = linear_mixture(moments, self.combined, self.fit.vector, free, self.freedom, self.priors)
