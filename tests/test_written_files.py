@@ -4,6 +4,7 @@ import csv
 import io
 import os
 import stat
+import warnings
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -16,7 +17,7 @@ import underlay as ul
 from support.hostile import NAMES
 from support.reports import SAMPLES, small_posterior
 from underlay._csv import csv_text, unguarded
-from underlay._files import replacing, require_own_folder, write_atomic
+from underlay._files import replacing, write_atomic
 from underlay._text import comment_line, guarded_cell, one_line, unguarded_cell
 from underlay.data.export import curve_csv, write_curves
 from underlay.inference.batch.results_table import Layout, to_frame, write_table
@@ -98,18 +99,6 @@ def test_a_link_is_replaced_and_never_written_through(umask, tmp_path):
 
 
 @posix
-def test_a_folder_of_inputs_that_leads_elsewhere_is_refused(tmp_path):
-    (tmp_path / "home").mkdir()
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "page.inputs").symlink_to(tmp_path / "home")
-    with pytest.raises(ul.FileAccessError, match="a link to another place"):
-        require_own_folder(tmp_path / "out" / "page.inputs")
-    with pytest.raises(ul.FileAccessError, match="a link to another place"):
-        ul.report(pd.DataFrame({"name": ["a"]}), tmp_path / "out" / "page.html")
-    assert list((tmp_path / "home").iterdir()) == []
-
-
-@posix
 def test_a_run_never_begins_through_a_link(tmp_path):
     scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID)
     curve = ul.synthesize(scene, np.linspace(0, 5e-5, 40), noise=ul.Noise(force=1e-4), rng=0)
@@ -120,7 +109,9 @@ def test_a_run_never_begins_through_a_link(tmp_path):
     precious.write_text("x")
     (tmp_path / "run.h5.new").symlink_to(precious)
     problem, _ = small_posterior()
-    with pytest.warns(ul.UnderlayWarning):
+    with warnings.catch_warnings():
+        # So few steps may not converge.
+        warnings.simplefilter("ignore", ul.UnderlayWarning)
         ul.sample(problem, walkers=16, max_steps=20, rng=0, backend=tmp_path / "run.h5")
     assert precious.read_text() == "x"
     assert not (tmp_path / "elsewhere").exists()

@@ -47,13 +47,12 @@ def intervals(seed):
     fit = ul.fit(ul.Problem(START, curve, FREE, NOISE))
     truth = {name: SCENE.parameters[name] for name in FREE} | DERIVED
     for name, value in truth.items():
-        told = fit.interval(name)
+        told = fit.interval(name, part="statistical")
         yield {
             "curve": seed,
             "parameter": name,
             "inside": told.low <= value <= told.high,
             "half width": 0.5 * (told.high - told.low),
-            "kind": told.kind,
         }
 
 

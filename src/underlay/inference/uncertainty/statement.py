@@ -185,13 +185,17 @@ class Statement:
                 raise InputError(
                     f"{name!r} is not free here; free are {free}; from these follow {derived or 'none'}"
                 )
-            return np.log(found[name])
+            return np.asarray(found[name])
 
-        draws = of(reading.draws)
+        # What may be near zero is asked as it is, not by its logarithm.
+        positive = bool(of(reading.draws).min() > 0.1 * float(of(reading.corrected[None])[0]) > 0.0)
+        scaled = (lambda q: np.log(of(q))) if positive else of
+        draws = scaled(reading.draws)
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
         low, high = weighted_quantiles(draws, reading.weights, tails)
-        value = float(of(reading.corrected[None])[0])
-        return _Scale(name, KINDS[kind_of_quantity(name)].si, value, float(low), float(high), of, math.exp)
+        value = float(scaled(reading.corrected[None])[0])
+        unit, back = KINDS[kind_of_quantity(name)].si, math.exp if positive else float
+        return _Scale(name, unit, value, float(low), float(high), scaled, back)
 
     def _found(self, scale: _Scale, level: float) -> Answer:
         """Both parts in quadrature on the scale, and what each source has of them."""

@@ -55,9 +55,10 @@ __all__ = [
 
 #: Width of one journal column, and of the full page (inches).
 COLUMN, PAGE = 3.5, 7.2
-#: By role: data, model, comparison, contact. Hues of Okabe and Ito, dark enough for words (4.5:1 on white).
+#: By role: data, model, comparison, contact. Hues of Okabe and Ito, dark enough for words (4.5:1 on white) but
+#: for data, which is dots: a grey that eyes without short cones still tell from the model's blue.
 DATA, FIT, REFERENCE, ACCENT, PURPLE, SKY, YELLOW = (
-    "#6b7480",
+    "#7d8794",
     "#0b62a4",
     "#b8470f",
     "#0a7d5c",
