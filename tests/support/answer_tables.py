@@ -9,7 +9,7 @@ import pandas as pd
 
 RESULTS = Path(__file__).resolve().parents[1] / "studies" / "results"
 PAGES = Path(__file__).resolve().parents[2] / ".reference" / "pages"
-HOLDERS = {"uncertainty.md": ("worlds", "scenes", "verdicts"), "models.md": ("left_out",)}
+HOLDERS = {"uncertainty.md": ("worlds", "scenes", "verdicts")}
 _NAMES = {"layer.E": "E", "layer.thickness": "h", "substrate.E": "E of the substrate"}
 
 
@@ -81,29 +81,7 @@ def verdicts() -> str:
     return markdown(["simulated curves", "curves", "not good", "for a misfit"], rows)
 
 
-def left_out() -> str:
-    """Shares that hold the modulus on curves of finite elements, by how the tip holds."""
-    table = pd.concat(
-        pd.read_csv(RESULTS / f"left_out_coverage_{nu}.csv").assign(nu=nu) for nu in (0.3, 0.49)
-    )
-    rows = []
-    for (nu, stuck), own in table.groupby(["nu", "stuck"]):
-        rows.append(
-            [
-                f"nu = {nu:g}, {'sticks' if stuck else 'slides'}",
-                f"{100 * own['effect'].min():.0f} to {100 * own['effect'].max():.0f} %",
-                *(
-                    f"{100 * own[f'{path} {part}'].mean():.0f} %"
-                    for path in ("layer.E", "layer.thickness")
-                    for part in ("statistical", "combined")
-                ),
-            ]
-        )
-    head = ["95 % of", "force off by", "E, statistical", "E, both parts", "h, statistical", "h, both parts"]
-    return markdown(head, rows)
-
-
-_TABLES = {"worlds": worlds, "scenes": scenes, "verdicts": verdicts, "left_out": left_out}
+_TABLES = {"worlds": worlds, "scenes": scenes, "verdicts": verdicts}
 
 
 def filled(page: str) -> str:

@@ -188,7 +188,7 @@ class Statement:
             return np.asarray(found[name])
 
         # What may be near zero is asked as it is, not by its logarithm.
-        positive = bool(of(reading.draws).min() > 0.1 * float(of(reading.corrected[None])[0]) > 0.0)
+        positive = bool(of(reading.draws).min() > 0.5 * float(of(reading.corrected[None])[0]) > 0.0)
         scaled = (lambda q: np.log(of(q))) if positive else of
         draws = scaled(reading.draws)
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
