@@ -9,7 +9,7 @@ def test_pages_hold_the_stored_tables():
 
 
 def test_statistical_parts_cover_and_their_control_fails():
-    """200 curves a world: three standard deviations of 95 % are 4.6 %; a ramp that turns is known to be too short."""
+    """200 curves a world: three deviations of 95 % are 4.6 %. A ramp that turns is known to be too short."""
     worlds = stored("worlds_E").set_index("kind")
     assert (worlds["covered %"].drop("ramp that turns") > 95.0 - 4.6).all()
     correlated = ["AR(1)", "AR(1) and white", "random walk", "1/f", "drag step", "adhesion"]

@@ -147,7 +147,15 @@ def test_a_file_of_a_package_is_read_and_fitted_by_its_names(tmp_path, monkeypat
     code, out, err = command(
         monkeypatch,
         capsys,
-        *("fit", tmp_path / "test.mine", "--scene", tmp_path / "scene.toml", "--output", tmp_path / "out"),
+        *(
+            "fit",
+            tmp_path / "test.mine",
+            "--scene",
+            tmp_path / "scene.toml",
+            "--output",
+            tmp_path / "out",
+            "--details",
+        ),
     )
     assert code == 0, err
     assert "TwiceHertz" in out or "half-space" in out

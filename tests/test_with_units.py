@@ -13,7 +13,7 @@ def test_a_summary_reads_in_units_and_keeps_what_has_none():
     assert list(table.index) == list(summary.index)
     assert table.loc["layer.E", "median"].endswith(" MPa")
     assert table.loc["instrument.contact_depth", "mcse"].split()[-1] in ("nm", "µm")
-    assert float(table.loc["layer.E", "rhat"]) == float(f"{summary.loc['layer.E', 'rhat']:.4g}")
+    assert float(table.loc["layer.E", "ess"]) == float(f"{summary.loc['layer.E', 'ess']:.4g}")
     assert not table.map(lambda cell: "e+0" in cell).any().any()
     assert summary.loc["layer.E", "median"] > 1e5
 
