@@ -38,6 +38,7 @@ from underlay.report.labels import label, labelled
 from underlay.report.limits import advice, quality_doubts, reservations, rivals
 from underlay.report.posterior_tables import posterior_table
 from underlay.report.scene_tables import ledger_in_words
+from underlay.report.screen import budget_words, told_names
 from underlay.report.spoken import gathered_warnings, spoken
 from underlay.report.tables import interval_table
 from underlay.report.words import headline, posterior_summary, verdict_sentence
@@ -82,7 +83,7 @@ def _parts(
     written = write_fit(result, folder.results, stem)
     yield {"pictures": tuple(path.name for path in written if path.suffix == ".png")}
     yield from _by_depth(folder, result, [path.name for path in written if path.suffix == ".png"], stem)
-    told = [*rivals(result), *advice(result)]
+    told = [_sources(result), *rivals(result), *advice(result)]
     yield {"more": tuple(_named(sentence, result) for sentence in told if sentence)}
     try:
         scene = result.scenes[0]
@@ -94,6 +95,15 @@ def _parts(
         # A scene that the ledger has no rows for: the fit stands without it.
         return
     yield {"effects": rows_of(ledger_in_words(effects))}
+
+
+def _sources(result: Fit) -> str:
+    """What the uncertainty of the first number of the sample is made of."""
+    (name,) = told_names(result)[:1] or ("",)
+    if not name or result.verdict == "reject":
+        return ""
+    sources, assumed = budget_words(result.answer(name))
+    return f"Uncertainty of the {label(name)}: {sources}. {assumed}" if sources else ""
 
 
 def _exact(known: Answer) -> list[str]:

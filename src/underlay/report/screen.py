@@ -35,6 +35,7 @@ __all__ = [
     "answer_lines",
     "answer_text",
     "budget_table",
+    "budget_words",
     "by_depth_words",
     "fit_lines",
     "half_space_fit",
@@ -206,21 +207,23 @@ def source_words(source: str) -> str:
     return _SOURCES.get(source) or (label(source) if "." in source else source)
 
 
-def _budget_lines(known: Answer) -> Iterator[str]:
-    """The largest sources, and which of them nobody stated."""
+def budget_words(known: Answer) -> tuple[str, str]:
+    """The largest sources, and which of them nobody stated; empty where there are none."""
     rows = [row for row in known.contributions if row.share >= _SMALL][:_NAMED]
-    if not rows:
-        return
     told = [
         f"{100.0 * row.share:.0f} % {source_words(row.source)}{'*' if row.origin == 'assumed' else ''}"
         for row in rows
     ]
-    yield line("Uncertainty", "; ".join(told))
     assumed = [
         f"{source_words(row.source)} {row.size}" for row in rows if row.origin == "assumed" and row.size
     ]
-    if assumed:
-        yield line("", f"* assumed ({', '.join(assumed)}): state yours")
+    return "; ".join(told), f"* assumed ({', '.join(assumed)}): state yours" if assumed else ""
+
+
+def _budget_lines(known: Answer) -> Iterator[str]:
+    for name, words in zip(("Uncertainty", ""), budget_words(known), strict=True):
+        if words:
+            yield line(name, words)
 
 
 def budget_table(known: Answer) -> pd.DataFrame:

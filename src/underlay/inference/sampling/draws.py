@@ -289,10 +289,10 @@ class Proposal:
     @classmethod
     def of(cls, drawn: WeightedDraws, rng: np.random.Generator) -> Self:
         """Kernels about weighted draws."""
-        with np.errstate(divide="ignore"):  # a draw without weight is no place for a kernel
-            log_weights = np.log(drawn.weights)
-        entries = np.arange(drawn.vectors.shape[1])
-        return cls(drawn.source, Kernels.about(drawn.vectors, log_weights, entries, rng))
+        weighty = drawn.weights > 0.0  # a draw without weight is no place for a kernel
+        vectors, log_weights = drawn.vectors[weighty], np.log(drawn.weights[weighty])
+        entries = np.arange(vectors.shape[1])
+        return cls(drawn.source, Kernels.about(vectors, log_weights, entries, rng))
 
     def __call__(self, places: FloatArray, random: Any) -> tuple[FloatArray, FloatArray]:
         """Proposals (m, p), and log q(old) - log q(new), (m,), for walkers at `places` (m, p)."""

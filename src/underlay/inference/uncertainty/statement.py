@@ -187,15 +187,27 @@ class Statement:
                 )
             return np.asarray(found[name])
 
-        # What may be near zero is asked as it is, not by its logarithm.
-        positive = bool(of(reading.draws).min() > 0.5 * float(of(reading.corrected[None])[0]) > 0.0)
-        scaled = (lambda q: np.log(of(q))) if positive else of
-        draws = scaled(reading.draws)
+        def log_of(q: FloatArray) -> FloatArray:
+            return np.log(of(q))
+
+        # By its logarithm; as it is where draws, or what a source moves, take it to zero.
+        at = reading.corrected
+        moved = [(at + source.moves).reshape(-1, len(at)) for source in self.sources]
+        ends = [(at + source.bias)[None] for source in self.sources]
+        found = of(np.concatenate((reading.draws, at[None], *moved, *ends)))
+        positive = bool((found > 0.0).all())
+        found = np.log(found) if positive else found
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
-        low, high = weighted_quantiles(draws, reading.weights, tails)
-        value = float(scaled(reading.corrected[None])[0])
-        unit, back = KINDS[kind_of_quantity(name)].si, math.exp if positive else float
-        return _Scale(name, unit, value, float(low), float(high), scaled, back)
+        low, high = weighted_quantiles(found[: len(reading.draws)], reading.weights, tails)
+        return _Scale(
+            name,
+            KINDS[kind_of_quantity(name)].si,
+            float(found[len(reading.draws)]),
+            float(low),
+            float(high),
+            of=log_of if positive else of,
+            physical=math.exp if positive else float,
+        )
 
     def _found(self, scale: _Scale, level: float) -> Answer:
         """Both parts in quadrature on the scale, and what each source has of them."""
