@@ -157,6 +157,28 @@ def test_clean_curves_are_good():
     assert sum(word != "good" for word in words) <= 1
 
 
+def test_two_loadings_fitted_as_one_are_rejected():
+    curve = measured()
+    again = ul.Curve(
+        np.concatenate((curve.depth, curve.depth + 0.3 * np.ptp(curve.depth))),
+        np.concatenate((curve.force, curve.force)),
+    )
+    found = ul.fit(ul.Problem(scene(), again, {E: (1e4, 1e8), "instrument.contact_depth": (-1e-4, 1e-4)}))
+    assert found.verdict == "reject"
+    assert "does not describe" in found.verdict.reason
+
+
+def test_a_model_that_leaves_little_is_not_rejected():
+    """Changed by 40 % over the range, and described to a per cent by another contact point: a number is given."""
+    clean = measured()
+    w = np.maximum(clean.depth, 0.0) / clean.depth.max()
+    curve = ul.Curve(clean.depth, clean.force * (0.8 + 0.25 * np.sqrt(w)))
+    found = ul.fit(ul.Problem(scene(), curve, {E: (1e4, 1e8), "instrument.contact_depth": (-1e-4, 1e-4)}))
+    residual = found.residuals[0]
+    assert np.sqrt(np.mean(residual**2)) < 0.02 * curve.force.max()
+    assert found.verdict == "check"
+
+
 def test_a_half_space_over_a_hidden_base_names_the_base():
     thin = scene(thickness=4e-4)
     curve = measured(made=thin)

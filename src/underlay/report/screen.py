@@ -298,7 +298,8 @@ def _by_depth(fit: Fit) -> Iterator[str]:
     except UnderlayError:
         return
     if words:
-        yield line("E by depth", words)
+        # Intervals of a rejected model are no judge of whether it is constant.
+        yield line("E by depth", words.partition(",")[0] if fit.verdict == "reject" else words)
 
 
 def by_depth_words(found: PointwiseModulus) -> str:

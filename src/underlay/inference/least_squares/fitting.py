@@ -340,8 +340,9 @@ def _stated(found: Fit) -> States:
 
 
 def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) -> Sequence[FloatArray]:
-    """Places below the starts that may be the optimum, best first."""
-    if len(starts) <= 1 and problem.n_points <= _FEW_POINTS and not robust:
+    """Places below the starts that may be the optimum, best first; none where a scan found no start."""
+    few = len(starts) == 1 and problem.n_points <= _FEW_POINTS and not robust
+    if few or not starts:
         return starts
     if not _has_blocks(problem):
         # Every start is fitted to all points.
