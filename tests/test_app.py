@@ -233,7 +233,7 @@ def test_two_browsers_do_not_mix_and_a_second_window_takes_over(tmp_path):
             assert [path.name for path in one.curve_files()] == ["cartilage_on_bone.csv"]
             assert [path.name for path in other.curve_files()] == ["gel_on_glass.csv"]
             await second.open(f"/analysis/{one.name}")
-            await until(second, "modulus-half-space")
+            await until(second, "file-cartilage_on_bone.csv")
             await bring(first, SAMPLES / "gel_on_glass.csv")
             await until_said(first, "opened in another window")
             assert [path.name for path in one.curve_files()] == ["cartilage_on_bone.csv"]

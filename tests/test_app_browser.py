@@ -262,6 +262,11 @@ def test_long_names_stay_in_their_places(tmp_path):
         until(tab, says("loading 681"))
         assert tab.evaluate(_CUT_OFF) == []
         press(tab, "3")
+        # A form that nobody filled in names what it misses.
+        until(tab, says("Poisson's ratio of the layer"))
+        press(tab, "2")
+        press(tab, "Cartilage on bone")
+        press(tab, "3")
         modulus(tab)
         press(tab, "Fit")
         until(tab, says("What acts in this test"))

@@ -160,7 +160,7 @@ def test_the_script_prints_and_compares_what_the_page_prints(tmp_path):
         archive.extractall(tmp_path / "taken")
     value, low, high = (float(number) for number in found.values["layer.E"][:3])
     assert analyst._fit[1].values["layer.E"] == pytest.approx(value, rel=1e-9)
-    assert f"{value * 1e-3:.2f} kPa ({low * 1e-3:.2f} to {high * 1e-3:.2f}" in found.headline
+    assert f"{value * 1e-3:.2f} ± {0.5 * (high - low) * 1e-3:.2f} kPa" in found.headline
     program = tmp_path / "taken" / "analysis.py"
     told = run_as_program(program)
     assert f"layer.E {value:.6g} ({low:.6g} to {high:.6g})" in told

@@ -36,6 +36,7 @@ __all__ = [
     "Field",
     "apart",
     "empty",
+    "in_the_form",
     "preset",
     "problem_with",
 ]
@@ -375,6 +376,23 @@ def problem_with(text: str, key: SceneKey) -> str:
             "" if set(_parts(text)) <= set(allowed) else f"any of {', '.join(allowed)}, with commas between"
         )
     return f"one of {', '.join(key.words)}" if key.words and text not in key.words and "{" not in text else ""
+
+
+_MISSING = re.compile(r"^scene\.toml: \[([\w.]+)\] needs '(\w+)'$")
+
+
+def in_the_form(message: str) -> str:
+    """What a scene file is told, as the form says it.
+
+    Examples
+    --------
+    >>> in_the_form("scene.toml: [layer] needs 'nu'")
+    "The test misses Poisson's ratio of the layer: enter it in step 2."
+    """
+    missing = _MISSING.match(message)
+    return (
+        f"The test misses {label(f'{missing[1]}.{missing[2]}')}: enter it in step 2." if missing else message
+    )
 
 
 def _parts(text: str) -> list[str]:

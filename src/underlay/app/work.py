@@ -214,7 +214,9 @@ def _answer(tasks: object, task: str, given: tuple[Any, ...], tell: Tell) -> tup
     try:
         return _DONE, getattr(tasks, task)(*given, tell)
     except UnderlayError as error:
-        return _REFUSED, spoken(str(error))
+        from underlay.app.form import in_the_form  # noqa: PLC0415  not loaded before a task is refused
+
+        return _REFUSED, in_the_form(spoken(str(error)))
     except KeyboardInterrupt:
         return _REFUSED, _STOPPED
     except Exception as error:  # noqa: BLE001  whatever it is, the page says it and lives on
