@@ -233,6 +233,7 @@ def test_two_browsers_do_not_mix_and_a_second_window_takes_over(tmp_path):
             assert [path.name for path in one.curve_files()] == ["cartilage_on_bone.csv"]
             assert [path.name for path in other.curve_files()] == ["gel_on_glass.csv"]
             await second.open(f"/analysis/{one.name}")
+            press(second, "step-1")
             await until(second, "file-cartilage_on_bone.csv")
             await bring(first, SAMPLES / "gel_on_glass.csv")
             await until_said(first, "opened in another window")
@@ -283,7 +284,7 @@ def test_a_film_by_its_stiffness_and_a_test_written_as_text(tmp_path):
             await bring(user, film, base)
             await until(user, "tests")
             press(user, "step-2")
-            await until(user, "to-fit")
+            await until(user, "scene-text")
             before = folder.scene_text()
             write(user, "scene-text", scene.read_text() + '\n[curve]\nfile = "../../scene.toml"\n')
             press(user, "use-text")

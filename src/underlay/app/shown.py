@@ -123,8 +123,8 @@ class Found:
     effects : tuple of Row
         A row per effect.
     values : mapping of str to list of str
-        What is printed of every number (SI), to its last bit: value, low and high of its interval, and of the one
-        with what is unknown.
+        What is printed of every number (SI), to its last bit: value, low and high, and low and high of the
+        statistical part.
     pictures : tuple of str
         Names of the files.
     depths : str

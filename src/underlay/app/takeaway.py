@@ -39,11 +39,11 @@ def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
     """
     shown = "".join(f"    {name!r}: ({', '.join(numbers)}),\n" for name, numbers in values.items())
     compare = (
-        "# What the page prints (SI): the value, its 95 % interval, and that with what is unknown.\n"
+        "# What the page prints (SI): the value, its 95 % interval, and the part of noise and misfit in that.\n"
         f"shown = {{\n{shown}}}\n"
         "for name, numbers in shown.items():\n"
-        "    known, wide = fit.interval(name), fit.interval(name, model_error=True)\n"
-        "    same = (known.value, known.low, known.high, wide.low, wide.high) == numbers\n"
+        "    known = fit.answer(name)\n"
+        "    same = (known.value, known.low, known.high, known.statistical.low, known.statistical.high) == numbers\n"
         "    print(name, 'is as on the page' if same else 'differs from the page')\n"
     )
     return (
@@ -54,9 +54,8 @@ def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
         "here = Path(__file__).parent\n"
         f"problem = ul.load_problem(here / 'curves' / {curve_name!r}, here / 'scene.toml')\n"
         "fit = ul.fit(problem)\n"
-        "# What is printed is fit.interval; fit.values, of least squares alone, may be other numbers.\n"
         "for name in (*fit.names, *fit.derived):\n"
-        "    known = fit.interval(name)\n"
+        "    known = fit.answer(name)\n"
         "    print(f'{name} {known.value:.6g} ({known.low:.6g} to {known.high:.6g})')\n"
         "print(f'verdict: {fit.verdict}')\n" + (f"\n{compare}" if values else "")
     )

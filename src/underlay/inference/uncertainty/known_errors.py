@@ -390,8 +390,8 @@ def free_model_error(problem: Problem) -> Problem:
     Problem
         The same with ``discrepancy.friction``, the share of full friction, ``discrepancy.finite_strain``, over
         that of a neo-Hookean layer, and ``discrepancy.friction_in_large_strains``, what friction adds to finite
-        strain alone, over a measured shape, as parameters, shared by all curves, with the priors of
-        ``fit.interval(name, model_error=True)``: Normal(0.5, 0.35), Normal(1, 0.5) and Normal(0.25, 0.5).
+        strain alone, over a measured shape, as parameters, shared by all curves, with the priors that
+        `Fit.answer` takes for them: Normal(0.5, 0.35), Normal(1, 0.5) and Normal(0.25, 0.5).
 
     Raises
     ------

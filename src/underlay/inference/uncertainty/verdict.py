@@ -79,8 +79,8 @@ def _left(fit: Fit, i: int) -> float:
 
 def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Iterator[Advice]:
     for i, seen in enumerate(reading.seen):
+        yield from _of_memory(fit, i)  # first: it knows a cause
         yield from _of_misfit(fit, i, seen)
-        yield from _of_memory(fit, i)
     yield from _of_reading(reading)
     names = [name for name in fit.names if not name.startswith(("noise.", "instrument.", "lever."))]
     answers = [answer(name) for name in names]
