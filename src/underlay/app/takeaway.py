@@ -43,7 +43,8 @@ def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
         f"shown = {{\n{shown}}}\n"
         "for name, numbers in shown.items():\n"
         "    known = fit.answer(name)\n"
-        "    same = (known.value, known.low, known.high, known.statistical.low, known.statistical.high) == numbers\n"
+        "    part = known.statistical\n"
+        "    same = (known.value, known.low, known.high, part.low, part.high) == numbers\n"
         "    print(name, 'is as on the page' if same else 'differs from the page')\n"
     )
     return (
