@@ -82,3 +82,18 @@ def test_independent_noises_of_depth_and_force_are_no_lever():
     shaken = ul.Curve(curve.depth + rng.normal(0.0, 1e-9, 300), curve.force)
     problem = ul.Problem(scene, shaken, [E, "instrument.contact_depth"])
     assert problem.base_scenes[0].instrument.compliance == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "test"),
+    [("fischer/FS1.txt", 1), ("keysight/FQ.xls", 1), ("keysight/Tungsten_FrameStiffness.xlsx", 1)],
+)
+def test_cycles_that_press_an_imprint_deeper_are_refused(tmp_path, name, test):
+    """Each way in of such a test begins where the last imprint ends; the first way out left little of it."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        '[indenter]\nshape = "cone"\nhalf_angle = "70.3 deg"\n[layer]\nE = "100 GPa"\nnu = 0.2\n'
+        f'[fit]\nlayer.E = {{ min = "1 Pa", max = "10 TPa" }}\n[curve]\ntest = {test}\n'
+    )
+    with pytest.raises(ul.CurveError, match="the loading is elastoplastic"):
+        ul.load_problem(real_file(name), scene)

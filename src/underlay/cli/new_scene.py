@@ -59,7 +59,7 @@ def _unread(file: Path, name: str, reason: str) -> Iterator[str]:
         yield f'columns = {{ depth = "{PLACE} (um)", force = "{PLACE} (mN)" }}'
     yield ""
     yield "[fit]"
-    yield 'layer.E = { min = "1 Pa", max = "100 GPa" }'
+    yield 'layer.E = { min = "1 Pa", max = "10 TPa" }'
     yield f'instrument.contact_depth = {{ min = "{PLACE} um", max = "{PLACE} um" }}'
     yield "instrument.baseline = {}"
 
@@ -110,7 +110,7 @@ def _lines(curve: Curve, name: str) -> Iterator[str]:
         yield f"test = {int(known['test'])}"
     yield ""
     yield "[fit]"
-    yield 'layer.E = { min = "1 Pa", max = "100 GPa" }'
+    yield 'layer.E = { min = "1 Pa", max = "10 TPa" }'
     low, high = float(curve.depth.min()) + 0.0, float(curve.depth.max()) + 0.0
     yield (
         f'instrument.contact_depth = {{ min = "{format_quantity(low, "length")}", '

@@ -1,12 +1,9 @@
-"""What the way out of a curve says: adhesion, and what did not come back.
-
-What of an indentation did not come back: the signs that a sharp tip left an imprint.
+"""What the way out of a curve says: of adhesion, by its lowest force, and of an imprint that a sharp tip left.
 
 An elastic contact springs back along the curve it went in by. Three readings say how far a test is from that: how
-far the way out lies beyond the way in; the stiffness at which the sample springs back, over the slope
-of the loading curve (one where it is elastic); and the exponent of the loading, which a cone has as 2 either way.
-
-What the way out of a curve says of adhesion: its lowest force, kept where the way in alone is fitted.
+far the way out from the deepest point lies beyond the way in; the stiffness at which the sample springs back, over
+the slope of the loading curve (one where it is elastic); and the exponent of the loading, which a cone has as 2
+either way.
 """
 
 from __future__ import annotations
@@ -26,21 +23,17 @@ __all__ = ["Imprint", "Lowest", "imprint_of", "lowest_of", "remembering_withdraw
 
 # Share of the largest depth that an elastic test may seem to leave: the contact point is not known better.
 _LEFT = 0.15
-
-
 # Stiffness over slope: an elastic test's differ by the noise of a slope.
 _STIFFER = 1.2
-
-
 # Share of the largest force at which the ways in and out are compared.
 _LOW = 0.1
-
-
 # The upper part of the loading, over which slope and exponent are read.
 _UPPER = 0.5
-
-
 _FEWEST = 5
+# Metadata: the lowest point of the way out.
+_KEY = "withdrawal_lowest"
+# Standard deviation over the median size of the differences of neighbours, for normal noise.
+_MAD = 1.4826 / 2.0**0.5
 
 
 @dataclass(frozen=True)
@@ -85,7 +78,7 @@ def imprint_of(curve: Curve, contact_depth: float = 0.0) -> Imprint:
     contact_depth : float, default 0
         Depth reading at contact (m).
     """
-    way_in, way_out = curve.loading(), curve.unloading()
+    way_in = curve.loading()
     nothing = Imprint(math.nan, math.nan, math.nan)
     if len(way_in) < _FEWEST:
         return nothing
@@ -99,10 +92,16 @@ def imprint_of(curve: Curve, contact_depth: float = 0.0) -> Imprint:
     exponent, log_scale = np.polyfit(np.log(depth[upper]), np.log(way_in.force[upper]), 1)
     slope = exponent * np.exp(log_scale) * depth[upper] ** (exponent - 1.0)
     return Imprint(
-        _residual(way_in, way_out, deepest, largest),
+        _residual(way_in, _way_out(curve), deepest, largest),
         _stiffening(way_in, upper, slope),
         float(exponent),
     )
+
+
+def _way_out(curve: Curve) -> Curve:
+    """The readings on the way out from the deepest point: of a test of several cycles, the last and farthest."""
+    going = curve.segments() == UNLOADING
+    return curve.select(going & (np.arange(len(curve)) > int(np.argmax(curve.depth))))
 
 
 def _residual(way_in: Curve, way_out: Curve, deepest: float, largest: float) -> float:
@@ -121,13 +120,6 @@ def _stiffening(way_in: Curve, upper: NDArray[np.bool_], slope: FloatArray) -> f
     ratio = way_in.columns["contact_stiffness"][upper] / slope
     known = np.isfinite(ratio) & (ratio > 0.0)
     return float(np.median(ratio[known])) if known.any() else math.nan
-
-
-_KEY = "withdrawal_lowest"
-
-
-# Standard deviation over the median size of the differences of neighbours, for normal noise.
-_MAD = 1.4826 / 2.0**0.5
 
 
 class Lowest(NamedTuple):
