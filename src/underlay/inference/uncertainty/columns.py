@@ -8,7 +8,7 @@ Each family is a few columns whose amplitudes are normal; `hypotheses` says of w
              rugged
     ramp     the baseline of the record, straight in time
     line     fringes or vibration: sine and cosine of the frequency that the residual has most of
-    turn     a baseline that turns or has a kink: straight but for one place, where the residual has it
+    turn     a baseline that turns or has a kink: straight but for one place, the likeliest or one beside it
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.tree import Tangent
 
-__all__ = ["FAMILIES", "LINE", "Columns", "smooth_basis"]
+__all__ = ["FAMILIES", "LINE", "TURN", "Columns", "smooth_basis"]
 
 _LENGTH, _RANK, _GRID = 0.5, 6, 201
 _PLACES = np.array([-0.15, -0.1, -0.06, -0.03, -0.01, 0.01, 0.04, 0.08])
@@ -31,9 +31,9 @@ _SLOWEST, _FREQUENCIES = (
     1.25,
     96,
 )  # periods in the record that a line has at least; frequencies that are tried
-_TURNS = 24  # places in the record that are tried for a turn
-FAMILIES = ("relative", "shift", "line", "turn")
-LINE = FAMILIES.index("line")
+_TURNS = 96  # places in the record that are tried for a turn
+FAMILIES = ("relative", "shift", "line", "turn", "turn, earlier", "turn, later")
+LINE, TURN = FAMILIES.index("line"), FAMILIES.index("turn")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,41 +43,47 @@ class Columns:
     Parameters
     ----------
     values : FloatArray
-        (n, m): d force / d vector (k of them), then steps, ramp, misfits, and the residual last.
-    law, step, ramp, residual : slice
+        (n, m): d force / d vector (k of them), then steps, ramp, turn, misfits, line, and the residual last.
+    law, step, ramp, turn, residual : slice
         Where they stand.
     families : tuple of slice
-        Each misfit's, then the line's and the turn's.
+        Each misfit's, then the line's, then each turn's.
     v : FloatArray
         sqrt(w / w_max), (n,); zero before contact.
+    turn_share : float
+        Share of all places that a turn could have.
     """
 
     values: FloatArray
     law: slice
     step: slice
     ramp: slice
+    turn: slice
     families: tuple[slice, ...]
     residual: slice
     v: FloatArray
+    turn_share: float
 
     @classmethod
     def of(cls, tangent: Tangent, measured: FloatArray) -> Columns:
         """Columns at a vector whose model is `tangent`, for the rows measured (n,)."""
         v = _root_depth(tangent.penetration)
         n, residual = len(measured), measured - tangent.force
+        turns, share = _turns(residual, tangent.columns)
         parts = [
             tangent.columns,
             _steps(tangent.penetration),
             np.linspace(-1.0, 1.0, n)[:, None],
+            turns,
             *_misfits(tangent, v),
             _line(residual, tangent.columns),
-            _turn(residual, tangent.columns),
             residual[:, None],
         ]
         ends = np.cumsum([0, *(part.shape[1] for part in parts)])
         places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        law, step, ramp, *families, last = places
-        return cls(np.hstack(parts), law, step, ramp, tuple(families), last, v)
+        law, step, ramp, turn, *families, last = places
+        alone = [slice(i, i + 1) for i in range(turn.start, turn.stop)]
+        return cls(np.hstack(parts), law, step, ramp, turn, (*families, *alone), last, v, share)
 
 
 def _misfits(tangent: Tangent, v: FloatArray) -> list[FloatArray]:
@@ -125,12 +131,20 @@ def _line(residual: FloatArray, law: FloatArray) -> FloatArray:
     return np.column_stack((np.sin(phase[:, best]), np.cos(phase[:, best])))
 
 
-def _turn(residual: FloatArray, law: FloatArray) -> FloatArray:
-    """Column (n, 1), 2 |t - t0|, of the turn t0 that takes most of the residual (n,) beside the law (n, k)."""
-    t = np.linspace(0.0, 1.0, len(residual))[:, None]
-    turns = 2.0 * np.abs(t - np.linspace(0.0, 1.0, _TURNS + 2)[1:-1])
+def _turns(residual: FloatArray, law: FloatArray) -> tuple[FloatArray, float]:
+    """Columns (n, 3), 2 |t - t0|, of the likeliest turn t0 and of those at both ends of where it may be.
+
+    Beside them the share of all places that is as likely as the first: what a turn anywhere gains by the best of
+    them is no evidence. At the ends white noise is less likely by e^(-3/2); three such places of equal prior have
+    mean and variance of the normal distribution of t0.
+    """
+    n, places = len(residual), np.linspace(0.0, 1.0, _TURNS + 2)[1:-1]
+    turns = 2.0 * np.abs(np.linspace(0.0, 1.0, n)[:, None] - places)
     turns -= turns.mean(axis=0)
     q, _ = np.linalg.qr(law)
     left = turns - q @ (q.T @ turns)
-    best = int(np.argmax((residual @ left) ** 2 / np.maximum((left * left).sum(axis=0), 1e-9)))
-    return turns[:, best : best + 1]
+    own = residual - q @ (q.T @ residual)
+    squares = own @ own - (own @ left) ** 2 / np.maximum((left * left).sum(axis=0), 1e-9)
+    behind = 0.5 * n * np.log(squares / squares.min())
+    best, near = int(np.argmin(behind)), np.flatnonzero(behind <= 1.5)
+    return turns[:, [best, near[0], near[-1]]], float(np.exp(-behind).mean())

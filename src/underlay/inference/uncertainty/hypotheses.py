@@ -22,19 +22,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.uncertainty.columns import FAMILIES, LINE, Columns
+from underlay.inference.uncertainty.columns import FAMILIES, LINE, TURN, Columns
 from underlay.inference.uncertainty.noise import NoiseTable, cosines
 
 __all__ = ["Hypotheses", "weigh", "white"]
 
 IntArray = NDArray[np.intp]
 
-_NONE = 0.8  # prior of no misfit, of no step, of no ramp, each
+_NONE = 0.8  # prior of no misfit, of no step, of no ramp, of no turn, each
 _MISFITS = (1.0, 5.0, 25.0, 125.0, 600.0)  # standard deviations of the columns, in those of the white noise
 _SHAPES = (1.0, 2.5, 6.0, 15.0, 40.0)  # the same of line and turn, whose size is seen well
 _STEPS, _RAMPS = (2.0, 10.0, 50.0), (3.0, 30.0)
 _LARGEST = 0.5  # of the peak force: no misfit explains the curve itself
-_TRIED = 50.0  # frequencies of a line, or places of a turn, that the data tell apart
+_TRIED = 50.0  # frequencies of a line that the data tell apart
 _KEPT, _MOST = 4e-3, 30
 _SINGULAR = 1e-6  # of the largest: a direction that these data do not have
 _HOPELESS = 12.0  # nats that a noise may lie behind with a fifth of the choices, to be tried with all
@@ -71,9 +71,13 @@ class Hypotheses:
 
     @property
     def corrects(self) -> NDArray[np.bool_]:
-        """Whether a step or a ramp is taken out of the value, (m,): not beside correlated noise or a misfit."""
-        alone = self.is_short & (self.family < 0)
-        return np.asarray(alone & ((self.step > 0.0) | (self.ramp > 0.0)))
+        """Whether step, ramp or turn are taken out of the value, (m,): not beside correlated noise or a misfit."""
+        return np.asarray(self.is_short & self.can_be_taken & ((self.family < 0) | (self.family >= TURN)))
+
+    @property
+    def can_be_taken(self) -> NDArray[np.bool_]:
+        """Whether there is a step, a ramp or a turn of the baseline, (m,)."""
+        return np.asarray((self.step > 0.0) | (self.ramp > 0.0) | (self.family >= TURN))
 
     @property
     def misfits(self) -> NDArray[np.bool_]:
@@ -129,6 +133,7 @@ def weigh(
         squares, own = _by_family(columns, gram[rows], choices)
         likely = -0.5 * (freedom * np.log(squares) + own + log_det[rows, None])
         likely += table.log_prior[rows, None] + choices.log_prior
+        likely += np.where(choices.family >= TURN, np.log(columns.turn_share / (len(FAMILIES) - TURN)), 0.0)
         likely += np.where(choices.misfit * scale > _LARGEST * top, -np.inf, 0.0)
         if choices.is_coarse:
             rows = np.flatnonzero(likely.max(axis=1) > likely.max() - _HOPELESS)
@@ -162,9 +167,12 @@ def _choices(*, coarse: bool) -> _Choices:
     def prior(size: FloatArray, count: int) -> FloatArray:
         return np.log(np.where(size > 0.0, (1.0 - _NONE) / count, _NONE))
 
-    log_prior = prior(misfit, len(misfits) - 1) + prior(step, len(_STEPS)) + prior(ramp, len(_RAMPS))
-    # Frequency and turn are the best of as many as they could be: that is no evidence for them.
-    log_prior += np.where(family >= LINE, -np.log(_TRIED), 0.0)
+    # A turn is as likely as a step or a ramp, and its three places together are one.
+    misfit_rows, turn_rows = sum(map(len, sizes[:TURN])), len(sizes[TURN])
+    log_prior = np.where(family < TURN, prior(misfit, misfit_rows), prior(misfit, turn_rows))
+    log_prior += prior(step, len(_STEPS)) + prior(ramp, len(_RAMPS))
+    # A frequency is the best of as many as it could be: that is no evidence for it.
+    log_prior += np.where(family == LINE, -np.log(_TRIED), 0.0)
     return _Choices(family.astype(np.intp), misfit, step, ramp, log_prior, coarse)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,10 +85,13 @@ def linear_mixture(
     free: NDArray[np.bool_],
     freedom: float,
     prior_precision: FloatArray,
+    bent: Callable[[FloatArray], Sequence[FloatArray]],
 ) -> Mixture:
     """Mixture about the optimum `vector` (k,); what is not `free` (k,) is held there.
 
-    `prior_precision` (k,) is what priors say, in the scaled vector: zero where they say nothing.
+    `prior_precision` (k,) is what priors say, in the scaled vector: zero where they say nothing. `bent` gives, for
+    a step (k,) from the optimum, the force of each curve (n,) beyond its tangent: where hypotheses correct the
+    value, it is asked once, for the mean step, and taken to grow with the square of a step.
     """
     kept = np.flatnonzero(free)
     rows = combined.rows
@@ -100,7 +103,17 @@ def linear_mixture(
     gain = _inverses(information + np.diag(prior_precision[kept]))
     count, k = len(combined.weights), len(vector)
     means, covariances = np.tile(vector, (count, 1)), np.zeros((count, k, k))
-    means[:, kept] += np.einsum("mij,mj->mi", gain, offset[:, kept])
+    steps = np.zeros((count, k))
+    steps[:, kept] = np.einsum("mij,mj->mi", gain, offset[:, kept])
+    mean = combined.weights @ steps
+    if mean.any():
+        mean /= combined.weights[steps.any(axis=1)].sum()
+        curves = zip(moments, bent(mean), rows, strict=True)
+        grown = np.square(steps @ mean / (mean @ mean))
+        for own, beyond, row in curves:
+            missed = own.along(beyond)[row][:, kept]
+            steps[:, kept] -= grown[:, None] * np.einsum("mij,mj->mi", gain, missed)
+    means += steps
     own = covariance[:, kept[:, None], kept] + np.diag(prior_precision[kept])
     covariances[:, kept[:, None], kept] = gain @ own @ np.swapaxes(gain, 1, 2)
     return Mixture(combined.weights, means, covariances, freedom)

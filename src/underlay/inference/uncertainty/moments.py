@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.uncertainty.columns import Columns
+from underlay.inference.uncertainty.columns import TURN, Columns
 from underlay.inference.uncertainty.hypotheses import Hypotheses, grams
 from underlay.inference.uncertainty.noise import NoiseTable, cosines
 
@@ -85,14 +85,14 @@ class CurveMoments:
         """Moments on the linearisation whose columns these are; `bends` (n, p) are orthogonal to the law's."""
         n, k, m = len(columns.values), columns.law.stop, len(hypotheses.weight)
         bends = np.zeros((n, 0)) if bends is None else bends
-        p, shapes = bends.shape[1], columns.ramp.stop
+        p, shapes = bends.shape[1], columns.turn.stop
         values = np.hstack((columns.values, bends))
         plain, residual = values.T @ values, values[:, columns.residual.start]
         coefficients = np.zeros((m, values.shape[1], k))
         coefficients[:, :k] = np.eye(k)
         taken = np.zeros((m, values.shape[1], shapes - k))
         sizes = np.array([hypotheses.sizes(columns, one) for one in range(m)])
-        for one in np.flatnonzero((hypotheses.step > 0.0) | (hypotheses.ramp > 0.0)):
+        for one in np.flatnonzero(hypotheses.can_be_taken):
             taken[one, k:shapes] = _taking(plain[k:shapes, k:shapes], sizes[one, k:shapes])
         corrects = np.flatnonzero(hypotheses.corrects)
         coefficients[corrects] -= taken[corrects] @ (np.swapaxes(taken[corrects], 1, 2) @ plain[:, :k])
@@ -109,12 +109,18 @@ class CurveMoments:
             covariance=_quadratic(spread, coefficients),
             offset=offset,
             taken=taken[:, kept],
-            is_whole=(hypotheses.noise == 0) & (hypotheses.family < 0) & (np.ptp(growth) == 0.0),
+            is_whole=(hypotheses.noise == 0)
+            & ((hypotheses.family < 0) | (hypotheses.family >= TURN))
+            & (np.ptp(growth) == 0.0),
             variance=hypotheses.variance,
             bends=p,
             bend_precision=_inverses(_quadratic(spread, np.broadcast_to(bend, (m, *bend.shape)))),
             bend_offset=bends.T @ residual,
         )
+
+    def along(self, rows: FloatArray) -> FloatArray:
+        """Q'rows of rows (n,), (m, k)."""
+        return np.asarray((self.basis.T @ rows) @ self.coefficients)
 
 
 def _taking(gram: FloatArray, sizes: FloatArray) -> FloatArray:

@@ -285,6 +285,7 @@ class Statement:
                 for words, acts in (
                     ("a force step at contact", max(seen.step for seen in self.reading.seen) > 0.5),
                     ("a drifting baseline", max(seen.ramp for seen in self.reading.seen) > 0.5),
+                    ("a turn of the baseline", max(seen.turn for seen in self.reading.seen) > 0.5),
                 )
                 if acts
             )

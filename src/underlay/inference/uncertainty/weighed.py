@@ -125,12 +125,28 @@ class Weighed:
             return Mixture(np.ones(1), vector[None], covariance[None], self.freedom)
         moments = [state.moments for state in self.states]
         free = self.determined & ~held(self.fit)
-        found = linear_mixture(moments, self.combined, self.fit.vector, free, self.freedom, self.priors)
+        found = linear_mixture(
+            moments, self.combined, self.fit.vector, free, self.freedom, self.priors, self._beyond_tangents
+        )
         entries = noise_entries(self.fit.problem)
         found.covariances[:, entries[:, None], entries] = self.fit.scaled_covariance[
             entries[:, None], entries
         ]
         return found
+
+    def _beyond_tangents(self, step: FloatArray) -> list[FloatArray]:
+        """Force (n,) of each curve, in its rows' units, beyond its tangent a step (k,) from the optimum."""
+        there = self.fit.vector + step
+        low, high = self.fit.problem.bounds.T
+        if not ((low <= there) & (there <= high)).all():
+            # The value stays inside its bounds, and what lies beyond them has perhaps no law.
+            return [np.zeros(len(state.tangent.force)) for state in self.states]
+        return [
+            state.model.tangent(there).force
+            - state.tangent.force
+            - state.columns.values[:, state.columns.law] @ step
+            for state in self.states
+        ]
 
     def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
         """Shift (k,) of the scaled vector that additive forces (N), one (points,) a curve, make, to first order."""
