@@ -1,6 +1,6 @@
 """One likelihood of a problem's curves, and what is read from it: intervals, draws, what is seen.
 
-    y = F(theta) + misfit + step + ramp + noise
+    y = F(theta) + misfit + step + ramp + turn + noise
 
 The value is least squares' (`moments`); how sure it is averages over everything that may disturb a curve
 (`hypotheses`). A reading in closed form serves where the force is straight in what is free, which is checked; else

@@ -44,8 +44,8 @@ class Seen:
     step, ramp, line, turn : float
         Probability of a step of the force at contact, of a ramp of the baseline, of fringes or vibration,
         of a baseline that turns.
-    step_force, ramp_force : float
-        Their sizes (N), as far as they are seen: the step across contact, the ramp over the record.
+    step_force, ramp_force, turn_force : float
+        Their sizes (N), as far as they are seen: the step across contact, ramp and turn over the record.
     corrected : float
         Probability of the hypotheses in which step or ramp are taken out of the value.
     """
@@ -64,6 +64,7 @@ class Seen:
     turn: float
     step_force: float
     ramp_force: float
+    turn_force: float
     corrected: float
 
 
@@ -95,6 +96,7 @@ def seen_in(
     middle = float(weight @ middles)
     steps = np.array([_range(columns.values[:, columns.step] @ b[columns.step]) for _, b, _, _ in told])
     ramps = np.array([2.0 * float(b[columns.ramp.start]) for _, b, _, _ in told])
+    turns = np.array([np.ptp(columns.values[:, columns.turn] @ b[columns.turn]) for _, b, _, _ in told])
     return Seen(
         white=hypotheses.probability(hypotheses.noise == 0),
         noise=float(weight @ np.sqrt(hypotheses.variance[: len(told)])) * deviation * size**0.5,
@@ -110,6 +112,7 @@ def seen_in(
         turn=hypotheses.probability(hypotheses.family > LINE),
         step_force=float(weight @ steps) * deviation,
         ramp_force=float(weight @ ramps) * deviation,
+        turn_force=float(weight @ turns) * deviation,
         corrected=hypotheses.probability(hypotheses.corrects),
     )
 

@@ -277,6 +277,13 @@ def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             "fit a baseline slope",
             ("fit.instrument.baseline_slope", "{}"),
         )
+    if seen.turn > _LIKELY and seen.turn_force > _RAMP * peak:
+        yield Advice(
+            CHECK,
+            f"the baseline turns during the record, by {format_quantity(seen.turn_force, 'force')}",
+            "thermal drift that changed on the way, or a cable or fluid that pulls",
+            "let the instrument settle before a test, or fit the readings before the turn",
+        )
 
 
 #: Warnings of a fit that decide whether its numbers can be used: cause and next step.
