@@ -55,6 +55,25 @@ __all__ = [
     "timed",
 ]
 
+MODULUS, THICKNESS, CONTACT = "layer.E", "layer.thickness", "instrument.contact_depth"
+_TRUTH = Exact(1e-10)
+_POINTS = 400
+# Readings begin this share of the depth before contact; the noise is this share of the largest force.
+_BEFORE, _NOISE = 0.15, 0.005
+_ROUNDS = 3
+_LONG = 0.3  # s: what takes longer is timed once
+# Lengths of the chains, and the quantiles that are compared.
+_STEPS = (50, 100, 200, 400)
+_LEVELS = (0.05, 0.5, 0.95)
+_FROM_MEDIAN = 1.6449  # standard deviations to the outer ones, where a posterior is normal
+_RTOL = 1e-4  # a fiftieth of the noise
+# Runs whose means all are compared with.
+_REFERENCES = 4
+# Priors reach this factor to either side of the scene's values.
+_WIDE = 30.0
+#: Ways to draw a posterior beside walkers by their steps: names that `sample` may know as its `method`.
+_FURTHER_WAYS = ("importance", "ridge")
+
 
 def plain_hertz_fit(
     depth: FloatArray, force: FloatArray, radius: float, nu: float, *, E: float, contact_depth: float = 0.0
@@ -93,25 +112,6 @@ def plain_hertz_fit(
     start.add("baseline", value=0.0)
     result = lmfit.minimize(residual, start)
     return {name: float(entry.value) for name, entry in result.params.items()}
-
-
-MODULUS, THICKNESS, CONTACT = "layer.E", "layer.thickness", "instrument.contact_depth"
-
-
-_TRUTH = Exact(1e-10)
-
-
-_POINTS = 400
-
-
-# Readings begin this share of the depth before contact; the noise is this share of the largest force.
-_BEFORE, _NOISE = 0.15, 0.005
-
-
-_ROUNDS = 3
-
-
-_LONG = 0.3  # s: what takes longer is timed once
 
 
 @dataclass(frozen=True)
@@ -311,31 +311,6 @@ def _answer(own: OwnCurve, model: Scene, free: Sequence[str], solver: Solver, ro
     values: dict[str, float] = found.values
     thickness = values[THICKNESS] / truth[THICKNESS] - 1.0 if THICKNESS in free else np.nan
     return _Answer(values[MODULUS] / truth[MODULUS] - 1.0, thickness, seconds)
-
-
-# Lengths of the chains, and the quantiles that are compared.
-_STEPS = (50, 100, 200, 400)
-
-
-_LEVELS = (0.05, 0.5, 0.95)
-
-
-_FROM_MEDIAN = 1.6449  # standard deviations to the outer ones, where a posterior is normal
-
-
-_RTOL = 1e-4  # a fiftieth of the noise
-
-
-# Runs whose means all are compared with.
-_REFERENCES = 4
-
-
-# Priors reach this factor to either side of the scene's values.
-_WIDE = 30.0
-
-
-#: Ways to draw a posterior beside walkers by their steps: names that `sample` may know as its `method`.
-_FURTHER_WAYS = ("importance", "ridge")
 
 
 def posterior_cost(

@@ -58,6 +58,13 @@ __all__ = [
 ]
 
 _TABLE = FileKind("a table of the benchmark", 1_000_000, "install underlay again")
+_MODULUS = "layer.E"
+_FREE = (_MODULUS, "instrument.contact_depth", "instrument.baseline")
+_ANSWER = FileKind("the answer of a program", 100_000, "let it write one number, the modulus in Pa")
+_SHOWN = 200  # characters of what a failed program said
+_KINDS = {"E", "nu"}
+#: Depth over thickness at which finite elements are compared.
+_DEPTHS = (0.1, 0.2, 0.3)
 
 
 @dataclass(frozen=True)
@@ -115,18 +122,6 @@ def rows_of(name: str) -> list[dict[str, str]]:
     """Rows of a table of the benchmark, without the comments above its header."""
     lines = read_text(sample(f"benchmark/{name}"), _TABLE).splitlines()
     return list(csv.DictReader(line for line in lines if not line.startswith("#")))
-
-
-_MODULUS = "layer.E"
-
-
-_FREE = (_MODULUS, "instrument.contact_depth", "instrument.baseline")
-
-
-_ANSWER = FileKind("the answer of a program", 100_000, "let it write one number, the modulus in Pa")
-
-
-_SHOWN = 200  # characters of what a failed program said
 
 
 class Estimate(NamedTuple):
@@ -231,13 +226,6 @@ class Program:
             last = (done.stderr.strip() or done.stdout.strip() or "without a word").splitlines()[-1]
             raise FitError(f"the program failed with exit code {done.returncode}: {one_line(last, _SHOWN)}")
         return done.stdout
-
-
-_KINDS = {"E", "nu"}
-
-
-#: Depth over thickness at which finite elements are compared.
-_DEPTHS = (0.1, 0.2, 0.3)
 
 
 def against_references(solver: AnySolver = "auto") -> pd.DataFrame:

@@ -32,6 +32,13 @@ _LAWS: Mapping[str, Mapping[str, str]] = {
 _ADHESION = {"jkr": "johnson1971", "dmt": "derjaguin1975", "maugis": "maugis1992"}
 #: Programs that read a file, by the format's name.
 _READERS = {"afm": "afmformats", "asylum": "igor2"}
+#: An entry of ``works.bib``, and a field of one: a line each.
+_ENTRY = re.compile(r"@(?P<kind>\w+)\{(?P<key>\w+),\n(?P<fields>(?:  \w+ = \{.*\},\n)+)\}")
+_FIELD = re.compile(r"  (\w+) = \{(.*)\},")
+#: "Dimitriadis, Horkay & Chadwick 2002, Biophysical Journal 82, 2798-2810", of a published correction.
+_SOURCE = re.compile(
+    r"(?P<author>.+?) (?P<year>\d{4}), (?P<journal>\D+?)(?: (?P<volume>\d+)(?:, (?P<pages>[\d-]+))?)?"
+)
 
 
 def used_by(
@@ -145,15 +152,6 @@ class Work:
         """As BibTeX."""
         lines = [f"  {name} = {{{text}}},\n" for name, text in self.fields.items()]
         return f"@{self.kind}{{{self.key},\n{''.join(lines)}}}\n"
-
-
-#: An entry of ``works.bib``, and a field of one: a line each.
-_ENTRY = re.compile(r"@(?P<kind>\w+)\{(?P<key>\w+),\n(?P<fields>(?:  \w+ = \{.*\},\n)+)\}")
-_FIELD = re.compile(r"  (\w+) = \{(.*)\},")
-#: "Dimitriadis, Horkay & Chadwick 2002, Biophysical Journal 82, 2798-2810", of a published correction.
-_SOURCE = re.compile(
-    r"(?P<author>.+?) (?P<year>\d{4}), (?P<journal>\D+?)(?: (?P<volume>\d+)(?:, (?P<pages>[\d-]+))?)?"
-)
 
 
 def works() -> dict[str, Work]:

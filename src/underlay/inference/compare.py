@@ -33,10 +33,12 @@ from underlay.scene.scene_file import SceneFile
 __all__ = ["BondComparison", "Comparison", "HeldLaws", "compare", "compare_bonds", "laws_at_contact"]
 
 _DEFAULT = (HalfSpace(), *(Asymptotic(order) for order in range(1, 5)), Exact())
-
-
 # What a law that does not see the base does not know.
 _UNSEEN = ("layer.thickness", "substrate.")
+#: What each bond is called, and the value that a layer's `bond` takes.
+_BONDS = {"bonded": "bonded", "slipping": "slip"}
+_CONTACT, _MODULUS = "instrument.contact_depth", "layer.E"
+_POINTS = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,10 +185,6 @@ def _posed(problem: Problem, solver: Solver) -> tuple[Problem, tuple[str, ...]]:
     return problem.revised(free=free, solver=solver), unseen
 
 
-#: What each bond is called, and the value that a layer's `bond` takes.
-_BONDS = {"bonded": "bonded", "slipping": "slip"}
-
-
 @dataclass(frozen=True, eq=False)
 class BondComparison:
     """Fits of the same data with one face bonded, and free to slip.
@@ -282,12 +280,6 @@ def compare_bonds(given: Problem | Fit, face: str = "layer") -> BondComparison:
         except (InputError, FitError) as error:
             refused[name] = str(error)
     return BondComparison(face, problem.names, fits, refused)
-
-
-_CONTACT, _MODULUS = "instrument.contact_depth", "layer.E"
-
-
-_POINTS = 300
 
 
 @dataclass(frozen=True, eq=False)

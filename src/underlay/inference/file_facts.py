@@ -27,23 +27,13 @@ _OF_SCENE = {
     "indenter.radius": ("indenter_radius", "length"),
     "lever.spring_constant": ("spring_constant", "stiffness"),
 }
-
-
 # Calibrations that [curve] may give, each with its kind; the file's own stands under "file_" and its name.
 _CALIBRATIONS = {"spring_constant": "stiffness", "sensitivity": "sensitivity"}
-
-
 _COMPLIANCE = "instrument.compliance"
-
-
 #: For `settle`: the scene is right wherever the two differ, and the notes say where they do.
 EVERYTHING = (*_OF_SCENE, *(f"calibration.{name}" for name in _CALIBRATIONS), _COMPLIANCE)
-
-
 # Two writings of one number: files and people write three digits or more. It moves E by half of this.
 _SAME = 1e-3
-
-
 # A compliance within a factor of two of that of the cantilever is the cantilever's.
 _CANTILEVER = (0.5, 2.0)
 

@@ -40,27 +40,17 @@ __all__ = ["DIAMOND", "StiffnessFit", "fit_film", "fit_stiffness"]
 
 #: E / (1 - nu^2) (Pa) of a diamond tip, E = 1070 GPa and nu = 0.07.
 DIAMOND = 1070e9 / (1.0 - 0.07**2)
-
-
 # Radii at which a body's M(a) is computed; in between a cubic in ln a is within 1e-4 of it.
 _NODES = 9
-
-
 _RTOL = 1e-4
-
-
 # For derivatives of ln M in ln(parameter): far above the law's error, far below its curvature.
 _STEP = 0.02
-
-
 _FEWEST = 4
-
-
 # Harmonic stiffness that a machine cannot have (N/m): what instruments write for "no value" is beyond.
 _LARGEST = 1e12
-
-
 _WIDTH = 1.959964  # of 95 %
+#: Of a paraboloid's unloading curve (Oliver and Pharr 1992).
+_EPSILON = 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,10 +199,6 @@ def _measured(curve: Curve, depths: tuple[float, float], area: AreaFunction) -> 
 def _known(scatter: FloatArray) -> FloatArray:
     """Scatter where it was measured, zero where the file says nothing."""
     return np.where(np.isfinite(scatter), scatter, 0.0)
-
-
-#: Of a paraboloid's unloading curve (Oliver and Pharr 1992).
-_EPSILON = 0.75
 
 
 def _log_rate(area: AreaFunction, contact: FloatArray) -> FloatArray:

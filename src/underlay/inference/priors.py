@@ -46,6 +46,8 @@ __all__ = [
     "prior_from_numbers",
 ]
 
+_LOG_SQRT_2PI = 0.5 * np.log(2.0 * np.pi)
+
 
 class Prior(ABC):
     """A density of one parameter; all numbers in the parameter's SI unit."""
@@ -167,9 +169,6 @@ class Truncated(Prior):
     def penalty(self, value: float) -> tuple[float, float]:
         """As the truncated prior."""
         return self.prior.penalty(value)
-
-
-_LOG_SQRT_2PI = 0.5 * np.log(2.0 * np.pi)
 
 
 def _ordered(low: float, high: float) -> tuple[float, float]:

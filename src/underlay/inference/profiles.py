@@ -71,25 +71,17 @@ __all__ = [
 ]
 
 _STEP = 0.5  # of z = sqrt(t), as in `walk.py`
-
-
 _STEEPEST = 2.0 * _STEP  # a rise of z in one step beyond which the step is taken again, shorter
-
-
 _GROWTH = 2.0
-
-
 _FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5
-
-
 _MOST_STEPS = 60
-
-
 # Rounds of model and noise in turn: they are orthogonal for a Gaussian, and the second changes little.
 _MOST_ROUNDS = 5
-
-
 _SETTLED = 1e-4
+# z that a profile is walked to where its threshold is not known beforehand.
+_HIGHEST_CALIBRATED = 6.0
+# Deviates at which ends are asked, up to 99.9 %; those of 68 and 95 % are among them.
+_HEIGHTS = np.array([0.25, 0.5, 0.75, special.ndtri(0.84), 1.4, 1.7, special.ndtri(0.975), 2.4, 2.9, 3.29])
 
 
 def noise_profile(fit: Fit, name: str) -> LikelihoodProfile:
@@ -187,10 +179,6 @@ def _linear(problem: Problem, vector: FloatArray) -> list[tuple[Reading, FloatAr
     return [member.jacobian(physical) for member in problem.members]
 
 
-# z that a profile is walked to where its threshold is not known beforehand.
-_HIGHEST_CALIBRATED = 6.0
-
-
 @one_thread()
 def profile(
     problem: Problem | Fit, name: str, *, calibrate: int = 0, level: float = 0.95, seed: int = 0
@@ -236,10 +224,6 @@ def profile(
         return _of_answers(fit, name)
     found = _walked(fit, name, _HIGHEST_CALIBRATED if calibrate else HIGHEST)
     return calibrated(found, level, calibrate, seed) if calibrate else found
-
-
-# Deviates at which ends are asked, up to 99.9 %; those of 68 and 95 % are among them.
-_HEIGHTS = np.array([0.25, 0.5, 0.75, special.ndtri(0.84), 1.4, 1.7, special.ndtri(0.975), 2.4, 2.9, 3.29])
 
 
 def _of_answers(fit: Fit, name: str) -> LikelihoodProfile:

@@ -18,7 +18,6 @@ from underlay.mechanics.viscoelastic.history import Viscoelastic
 
 __all__ = ["Ageing", "ageing_response", "is_punched", "refusal"]
 
-
 _FINE = 1e-9
 # Share of the quasi-elastic error that the elastic laws may add.
 _SHARE = 0.1

@@ -30,6 +30,12 @@ from underlay.scene.instrument import Instrument
 
 __all__ = ["Effect", "EffectRule", "Simulated", "effects_of", "left_out_effects", "range_asked"]
 
+#: How an effect is found: from a scene and the law of its contact.
+EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
+# Of a^2/c: a ramp after which most of the water is still there.
+_QUICK = 0.1
+_FRICTION, _FINITE_STRAIN = "friction", "finite strain"
+
 
 @runtime_checkable
 class Drains(Protocol):
@@ -135,15 +141,6 @@ class Effect:
     duration: float | None = None
     excess: Callable[[FloatArray], FloatArray] | None = None
     note_at: Callable[[float], str] | None = None
-
-
-#: How an effect is found: from a scene and the law of its contact.
-EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
-
-
-# Of a^2/c: a ramp after which most of the water is still there.
-_QUICK = 0.1
-_FRICTION, _FINITE_STRAIN = "friction", "finite strain"
 
 
 def left_out_effects(level: Simulated) -> list[Effect]:

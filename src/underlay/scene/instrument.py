@@ -63,10 +63,16 @@ __all__ = [
 
 #: One number, or one for each set, (sets, 1).
 PerSet: TypeAlias = float | FloatArray
-
-
 # Newton from the stiff side on a convex function converges monotonically; 50 is far beyond need.
 _MAX_STEPS = 50
+#: Paths of the two numbers that a calibration may be off by.
+SPRING_CONSTANT_RATIO = "lever.spring_constant_ratio"
+SENSITIVITY_RATIO = "lever.sensitivity_ratio"
+#: Path of the one that made the curve.
+SPRING_CONSTANT = "lever.spring_constant"
+#: A lever that bends less than was taken off lets the tip deeper: laws reach so much further than the readings.
+FURTHER = 2.0
+_POSITIVE = (0.0, np.inf)
 
 
 @dataclass(frozen=True)
@@ -291,24 +297,6 @@ class Instrument(Part):
     def chain(self) -> Chain:
         """The links of what is not zero here."""
         return Chain.of({f"instrument.{name}": getattr(self, name) for name in field_quantities(self)})
-
-
-#: Paths of the two numbers that a calibration may be off by.
-SPRING_CONSTANT_RATIO = "lever.spring_constant_ratio"
-
-
-SENSITIVITY_RATIO = "lever.sensitivity_ratio"
-
-
-#: Path of the one that made the curve.
-SPRING_CONSTANT = "lever.spring_constant"
-
-
-#: A lever that bends less than was taken off lets the tip deeper: laws reach so much further than the readings.
-FURTHER = 2.0
-
-
-_POSITIVE = (0.0, np.inf)
 
 
 @dataclass(frozen=True)

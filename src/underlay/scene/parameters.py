@@ -74,8 +74,6 @@ _SYNONYMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "law": ("method",),
     }
 )
-
-
 #: How the number changes with the name.
 _CHANGES = {
     "diameter": "half of it",

@@ -83,6 +83,36 @@ __all__ = [
     "scene_from_text",
 ]
 
+# In place of a length that only the file of a curve says; never computed with.
+_STAND_IN = "1 m"
+#: What stands in a starter scene where a number is still to be written.
+PLACE = "TODO"
+#: A scene is a page of text.
+SCENE_FILE = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
+_LONGEST_MESSAGE = 1000
+_SECTIONS = (
+    "title",
+    "friction",
+    "finite_strain",
+    "drainage",
+    "indenter",
+    "layer",
+    "substrate",
+    "instrument",
+    "history",
+    "adhesion",
+    "lever",
+    "discrepancy",
+    "uncertainties",
+    "fit",
+    "solver",
+    "noise",
+    "curve",
+    "simulate",
+)
+# Words of the whole scene stand before its sections.
+_FIRST = _SECTIONS.index("indenter")
+
 
 @dataclass(frozen=True)
 class FreeParameter:
@@ -162,18 +192,6 @@ def _without_part(name: str, known: Sequence[str]) -> ParameterError:
         return unknown_parameter(name, known)
     written = " or ".join(f"{path} = {{ min = ..., max = ... }}" for path in paths)
     return ParameterError(f"[fit] {name}: say of which part of the scene; write {written}")
-
-
-# In place of a length that only the file of a curve says; never computed with.
-_STAND_IN = "1 m"
-
-
-#: What stands in a starter scene where a number is still to be written.
-PLACE = "TODO"
-
-
-#: A scene is a page of text.
-SCENE_FILE = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
 
 
 @dataclass(frozen=True)
@@ -292,35 +310,6 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
     except UnderlayError as error:
         # A key or value of a hostile file may be as long as the file.
         raise type(error)(f"{printable(source.name)}: {printable(str(error))[:_LONGEST_MESSAGE]}") from error
-
-
-_LONGEST_MESSAGE = 1000
-
-
-_SECTIONS = (
-    "title",
-    "friction",
-    "finite_strain",
-    "drainage",
-    "indenter",
-    "layer",
-    "substrate",
-    "instrument",
-    "history",
-    "adhesion",
-    "lever",
-    "discrepancy",
-    "uncertainties",
-    "fit",
-    "solver",
-    "noise",
-    "curve",
-    "simulate",
-)
-
-
-# Words of the whole scene stand before its sections.
-_FIRST = _SECTIONS.index("indenter")
 
 
 def _interpret(document: dict[str, Any], path: Path) -> SceneFile:

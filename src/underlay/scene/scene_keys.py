@@ -53,11 +53,34 @@ __all__ = [
 
 #: Pyramids that are taken as the cone of the same projected area.
 EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
-
-
 #: Parts of a curve that can be fitted; and one segment of several, by what it is and its number from 1.
 SEGMENTS = ("all", "loading", "unloading", "equilibrium")
 RUN = re.compile(r"(ramp|loading|hold|unloading)\s+([1-9]\d{0,3})")
+_OVERRULED = [
+    *("indenter.radius", "instrument.compliance", "lever.spring_constant"),
+    *("calibration.spring_constant", "calibration.sensitivity", "imprint"),
+]
+_PRIORS = ("uniform", "loguniform", "normal", "lognormal", "halfnormal", "found")
+_OF_ITS_KIND = {
+    "min": "lower bound",
+    "max": "upper bound",
+    "mean": "of a normal prior",
+    "sd": "standard deviation of a normal or half-normal prior",
+    "median": "of a lognormal prior",
+}
+#: What the keys are listed under that stand before any section.
+TOP = "top of the file"
+#: What a scene file says of how well its inputs are known, at 95 %.
+_UNCERTAINTIES = {
+    "PATH": (
+        'in its unit, "2 %" or exact',
+        'of a number of the test; the same may stand beside it: "1 mm +- 0.02 mm", "1 mm ± 2 %", "1 mm exact"',
+    ),
+    "force": ('a share, "2 %"', "of the scale of the force"),
+    "depth": ('a share, "1 %"', "of the scale of the depth"),
+    "spring_constant": ('a share, "10 %"', "of the lever's spring constant"),
+}
+_AXIAL = " (transversely isotropic)"
 
 
 def _segment(value: Any) -> str:
@@ -245,12 +268,6 @@ class SolverSection:
     form: str = "auto"
 
 
-_OVERRULED = [
-    *("indenter.radius", "instrument.compliance", "lever.spring_constant"),
-    *("calibration.spring_constant", "calibration.sensitivity", "imprint"),
-]
-
-
 @dataclass(frozen=True)
 class CurveSection:
     """``[curve]``: which part of which file.
@@ -311,16 +328,6 @@ class CurveSection:
     max_depth: float = np.inf
 
 
-_PRIORS = ("uniform", "loguniform", "normal", "lognormal", "halfnormal", "found")
-_OF_ITS_KIND = {
-    "min": "lower bound",
-    "max": "upper bound",
-    "mean": "of a normal prior",
-    "sd": "standard deviation of a normal or half-normal prior",
-    "median": "of a lognormal prior",
-}
-
-
 def fit_keys(kind: str) -> dict[str, Key]:
     """The keys of one entry of ``[fit]``, of a parameter of this physical kind."""
     return {
@@ -331,9 +338,6 @@ def fit_keys(kind: str) -> dict[str, Key]:
 
 
 # --- the list of them all -----------------------------------------------------------------------------------
-
-#: What the keys are listed under that stand before any section.
-TOP = "top of the file"
 
 
 class SceneKey(NamedTuple):
@@ -360,19 +364,6 @@ class SceneKey(NamedTuple):
     def variant(self) -> str:
         """The shape, model or material it is of; empty where the section has one only."""
         return self.key.partition(" (")[2].removesuffix(")")
-
-
-#: What a scene file says of how well its inputs are known, at 95 %.
-_UNCERTAINTIES = {
-    "PATH": (
-        'in its unit, "2 %" or exact',
-        'of a number of the test; the same may stand beside it: "1 mm +- 0.02 mm", "1 mm ± 2 %", "1 mm exact"',
-    ),
-    "force": ('a share, "2 %"', "of the scale of the force"),
-    "depth": ('a share, "1 %"', "of the scale of the depth"),
-    "spring_constant": ('a share, "10 %"', "of the lever's spring constant"),
-}
-_AXIAL = " (transversely isotropic)"
 
 
 def scene_keys() -> list[SceneKey]:

@@ -43,6 +43,11 @@ from underlay.scene.uncertainties import rows_of, taken_out
 
 __all__ = ["noise_of", "scene_of", "solver_of", "table_of"]
 
+#: Sections of the layer on top. `Gent` is loaded with this module, so that it is among the kinds.
+_EFFECTS = {"relaxation": Relaxation, Gent.section.partition(".")[2]: Stiffening}
+#: Keys that [solver] had once, and what to write now.
+_OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
+
 
 def table_of(document: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Return a section of the document, empty where it has none."""
@@ -128,10 +133,6 @@ def _layer(section: str, table: dict[str, Any]) -> Layer:
     return Layer(_made(kind, section, numbers), bond=bond, **sized, **effects)
 
 
-#: Sections of the layer on top. `Gent` is loaded with this module, so that it is among the kinds.
-_EFFECTS = {"relaxation": Relaxation, Gent.section.partition(".")[2]: Stiffening}
-
-
 def _effect(family: type[Part], section: str, given: Any) -> Any:
     if not isinstance(given, Mapping):
         raise InputError(f"[{section}] must be a section, not {given!r}")
@@ -198,10 +199,6 @@ def noise_of(document: Mapping[str, Any]) -> NoiseModel | None:
         return None
     noise: NoiseModel = _build(_named(NoiseModel, "noise", table), "noise", table)
     return noise
-
-
-#: Keys that [solver] had once, and what to write now.
-_OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
 
 
 def solver_of(document: Mapping[str, Any]) -> Solver:

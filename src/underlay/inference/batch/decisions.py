@@ -44,23 +44,20 @@ __all__ = [
 
 #: Name of the table that a review writes.
 DECISIONS = "decisions.csv"
-
-
 #: What the column ``decision`` says; an empty cell decides nothing.
 ACCEPT, REFUSE = "accept", "refuse"
-
-
 #: ``status`` of a curve that a person refused.
 REFUSED_BY_HAND = "refused by hand"
-
-
 _KIND = FileKind("a table of decisions (CSV)", 64_000_000, "it needs the columns curve, decision and reason")
-
-
 _MOST_COLUMNS, _LONGEST = 100, 1000
-
-
 _CURVE, _DECISION, _REASON = "curve", "decision", "reason"
+_TEXTS = ("name", "status", "verdict", "reason")
+_NUMBERS = ("x", "y", "reduced_chi_square", "rms", "seconds")
+# A million curves with thirty numbers each.
+_MAP_TABLE_KIND = FileKind("the table of a map", 1_000_000_000, "make it again with underlay map --resume")
+_MAP_TABLE_MOST_COLUMNS, _MOST_CELLS = 1000, 50_000_000
+_HEADER = "name,path,x,y,status,verdict,reason"
+_NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -219,27 +216,10 @@ def without_refused(table: pd.DataFrame) -> pd.DataFrame:
     return kept
 
 
-_TEXTS = ("name", "status", "verdict", "reason")
-
-
-_NUMBERS = ("x", "y", "reduced_chi_square", "rms", "seconds")
-
-
-# A million curves with thirty numbers each.
-_MAP_TABLE_KIND = FileKind("the table of a map", 1_000_000_000, "make it again with underlay map --resume")
-
-
-_MAP_TABLE_MOST_COLUMNS, _MOST_CELLS = 1000, 50_000_000
-
-
 # Numbers come back to the bit: from pandas 3.1 on by themselves, and to ask for it is deprecated there.
 _TO_THE_BIT: Mapping[str, Any] = (
     {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
 )
-
-
-_HEADER = "name,path,x,y,status,verdict,reason"
-_NORMAL_95 = 1.96
 
 
 def is_map(path: PathLike) -> bool:

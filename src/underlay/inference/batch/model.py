@@ -39,6 +39,8 @@ __all__ = ["BatchModel", "MapOptions", "MapProgress", "Sampling", "Told", "batch
 
 #: Told how many curves are done, and how many there are.
 Told: TypeAlias = Callable[[int, int], None]
+# A fit takes milliseconds, and seconds where it is hard: one of ten minutes does not end (s).
+_LONGEST_FIT = 600.0
 
 
 class _Speed(ProgressColumn):
@@ -96,10 +98,6 @@ class MapProgress:
         self._done += count
         if self._told is not None:
             self._told(self._done, self._total)
-
-
-# A fit takes milliseconds, and seconds where it is hard: one of ten minutes does not end (s).
-_LONGEST_FIT = 600.0
 
 
 @dataclass(frozen=True)

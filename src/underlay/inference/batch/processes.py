@@ -48,10 +48,16 @@ _ONE_THREAD = (
     "VECLIB_MAXIMUM_THREADS",
     "NUMEXPR_NUM_THREADS",
 )
-
-
 # A new Python would look for every module in the folder it is started in first, where the data may be.
 _ENVIRONMENT = dict.fromkeys((*_ONE_THREAD, "PYTHONSAFEPATH"), "1")
+# A process that dies on the same curve this often, alone with it, dies because of it.
+_MOST_DEATHS = 2
+# Processes in a row that were ended from outside while they started; beyond this something ends them all.
+_MOST_LOST_STARTS = 5
+# Longest time that a process may take to start (s): a busy machine, and a disk far away.
+_LONGEST_START = 300.0
+# Rows are sent at least this often (s), so that little is lost with a process.
+_EVERY = 0.2
 
 
 @contextmanager
@@ -75,22 +81,6 @@ def start_of_a_process() -> Iterator[None]:
                 os.environ[name] = value
         if here:
             signal.signal(signal.SIGINT, interrupt)
-
-
-# A process that dies on the same curve this often, alone with it, dies because of it.
-_MOST_DEATHS = 2
-
-
-# Processes in a row that were ended from outside while they started; beyond this something ends them all.
-_MOST_LOST_STARTS = 5
-
-
-# Longest time that a process may take to start (s): a busy machine, and a disk far away.
-_LONGEST_START = 300.0
-
-
-# Rows are sent at least this often (s), so that little is lost with a process.
-_EVERY = 0.2
 
 
 def through_processes(

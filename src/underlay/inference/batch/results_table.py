@@ -40,8 +40,6 @@ FITTED, FAILED = "fitted", "failed"
 
 #: The instrument's own modulus (Pa) for the same Poisson's ratio, and ours over it less one (per cent).
 INSTRUMENT, DIFFERENCE = "layer.E.instrument", "layer.E.difference_percent"
-
-
 #: End of the column with the likelihood of a parameter in nine numbers, where its error alone would not do.
 LIKELIHOOD = "likelihood"
 
@@ -72,9 +70,8 @@ _DECIDED = ("decision", "decision_reason")
 RESERVED = frozenset((*(name for name, _ in (*_BEFORE, *_AFTER, *_SAMPLED)), *_DECIDED))
 _SUFFIXES = (".csv", ".parquet")
 _ROWS_AT_A_TIME = 20_000
-
-
 _NORMAL_95 = 1.96
+_STORED = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
 
 
 def fitted_names(columns: Iterable[object]) -> list[str]:
@@ -212,7 +209,6 @@ _READ: Mapping[str, Callable[[str], str | float | None]] = {
     _NUMBER: _number,
     _COUNT: _count,
 }
-_STORED = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
 
 
 def _column(cells: Sequence[str], kind: str) -> Any:

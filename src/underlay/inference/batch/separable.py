@@ -60,6 +60,39 @@ __all__ = [
 ]
 
 _FARTHEST = log(1e6)  # a step of E beyond is none: the force hardly depends on it
+MODULUS = "layer.E"
+CONTACT = "instrument.contact_depth"
+BASELINE = "instrument.baseline"
+SLOPE = "instrument.baseline_slope"
+# Contacts tried first, in ranges of depth from the first reading: half a step is within reach of the search.
+_CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
+_BETWEEN_BOUNDS = np.linspace(0.0, 1.0, 25)[1:-1]
+_BLOCKS = 32  # means of neighbouring points for that trial
+# The search ends before a step of the contact below this share of the depth range: it would move E by some
+# 2e-8 of itself.
+_SETTLED = 1e-8
+# Over a step below this share the stiffness, and so the standard errors, change by as little.
+_LINEAR = 2e-6
+# A change of ln E below this leaves an error of its square at most: 1e-10.
+_SAME_LAW = 1e-5
+# Where E is known no better than this, a base may hide it, and there may be other optima: `quick_fit` looks.
+_LOOSE = 0.1
+_MOST_STEPS = 25
+_MOST_HALVINGS = 6
+# Sums of squares that differ by less than their rounding are the same.
+_NO_ASCENT = 1.0 + 1e-9
+# Nearer to a bound than this (log of a modulus, ranges of depth or force), the bounded search decides.
+_NEAR_BOUND = 1e-3
+# Smallest eigenvalue of the correlation matrix of the columns: below, normal equations lose half the digits.
+_CONDITION = 1e-8
+_EXPONENT = "indenter.exponent"
+_SEPARABLE = frozenset({MODULUS, CONTACT, BASELINE, SLOPE})
+# The screens below pass every fit that `fit_warnings` could warn of, and a few more; published
+# corrections warn of their range. Runs fewer than expected
+# by this many standard deviations have a probability of 6e-3; a warning needs 1e-3.
+_FEW_RUNS = -2.5
+# A warning needs 0.99, and a standard error of one unit of a scaled coordinate.
+_CORRELATED, _WIDE = 0.98, 0.5
 
 
 @dataclass(frozen=True)
@@ -151,63 +184,6 @@ class ContactStep:
 def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solve a small symmetric system; a single equation needs no library."""
     return np.asarray(right / matrix[0, 0] if len(right) == 1 else np.linalg.solve(matrix, right))
-
-
-MODULUS = "layer.E"
-
-
-CONTACT = "instrument.contact_depth"
-
-
-BASELINE = "instrument.baseline"
-
-
-SLOPE = "instrument.baseline_slope"
-
-
-# Contacts tried first, in ranges of depth from the first reading: half a step is within reach of the search.
-_CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
-
-
-_BETWEEN_BOUNDS = np.linspace(0.0, 1.0, 25)[1:-1]
-
-
-_BLOCKS = 32  # means of neighbouring points for that trial
-
-
-# The search ends before a step of the contact below this share of the depth range: it would move E by some
-# 2e-8 of itself.
-_SETTLED = 1e-8
-
-
-# Over a step below this share the stiffness, and so the standard errors, change by as little.
-_LINEAR = 2e-6
-
-
-# A change of ln E below this leaves an error of its square at most: 1e-10.
-_SAME_LAW = 1e-5
-
-
-# Where E is known no better than this, a base may hide it, and there may be other optima: `quick_fit` looks.
-_LOOSE = 0.1
-
-
-_MOST_STEPS = 25
-
-
-_MOST_HALVINGS = 6
-
-
-# Sums of squares that differ by less than their rounding are the same.
-_NO_ASCENT = 1.0 + 1e-9
-
-
-# Nearer to a bound than this (log of a modulus, ranges of depth or force), the bounded search decides.
-_NEAR_BOUND = 1e-3
-
-
-# Smallest eigenvalue of the correlation matrix of the columns: below, normal equations lose half the digits.
-_CONDITION = 1e-8
 
 
 @dataclass(frozen=True)
@@ -519,12 +495,6 @@ def _parabola_top(grid: FloatArray, values: FloatArray, best: int) -> float:
     return float(grid[best] + shift * (grid[1] - grid[0]))
 
 
-_EXPONENT = "indenter.exponent"
-
-
-_SEPARABLE = frozenset({MODULUS, CONTACT, BASELINE, SLOPE})
-
-
 @dataclass(frozen=True)
 class SeparableModel:
     """What all curves of a map have in common, compiled.
@@ -602,16 +572,6 @@ class SeparableModel:
             return replace(self.forward, depth=curve.depth)
         scene, free = similarity.scene.with_values(own), [entry.path for entry in self.coordinates]
         return Forward.compile(scene, curve.depth, free, laws.solver, laws.store)
-
-
-# The screens below pass every fit that `fit_warnings` could warn of, and a few more; published
-# corrections warn of their range. Runs fewer than expected
-# by this many standard deviations have a probability of 6e-3; a warning needs 1e-3.
-_FEW_RUNS = -2.5
-
-
-# A warning needs 0.99, and a standard error of one unit of a scaled coordinate.
-_CORRELATED, _WIDE = 0.98, 0.5
 
 
 def separable_warnings(found: SeparableFit, problem: Callable[[], Problem]) -> tuple[str, ...]:

@@ -61,8 +61,15 @@ __all__ = [
     "work",
 ]
 
-
 _MODULUS = "layer.E"
+#: Why a curve is given up on which worker processes died.
+DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"
+# A contact that explains the force no better than this many squared standard deviations beyond a flat line
+# is none: three free numbers reach 30 by chance in one curve of a million.
+_NO_CONTACT = 30.0
+_MODULUS_LIKELIHOOD = f"{_MODULUS}.{LIKELIHOOD}"
+# Arms of an interval of ln E beyond which it is no normal density's: one this much longer, or this long.
+_LOPSIDED, _WIDE = 1.5, 0.4
 
 
 def answer_cells(answers: Mapping[str, Answer]) -> dict[str, float]:
@@ -77,22 +84,6 @@ def answer_cells(answers: Mapping[str, Answer]) -> dict[str, float]:
 
 #: Rows (index, CSV text) that came together.
 Rows = list[tuple[int, str]]
-
-
-#: Why a curve is given up on which worker processes died.
-DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"
-
-
-# A contact that explains the force no better than this many squared standard deviations beyond a flat line
-# is none: three free numbers reach 30 by chance in one curve of a million.
-_NO_CONTACT = 30.0
-
-
-_MODULUS_LIKELIHOOD = f"{_MODULUS}.{LIKELIHOOD}"
-
-
-# Arms of an interval of ln E beyond which it is no normal density's: one this much longer, or this long.
-_LOPSIDED, _WIDE = 1.5, 0.4
 
 
 def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> Rows:

@@ -56,11 +56,12 @@ __all__ = [
 
 #: What the parameters of a specimen begin with; the others are those of one test.
 SPECIMEN = ("layer.", "substrate.")
-
-
 #: Relative to the largest: eigenvalues of an information matrix below this are rounding and the error of the finite
 #: differences in it.
 LOST = 1e-13
+#: Relative standard deviations up to which a quantity is fixed, and beyond which it is not.
+FIXED, OPEN = 0.1, 1.0
+_SMALL_POWER = 0.05  # powers below this are left out of the words
 
 
 def expected_problem(
@@ -157,13 +158,6 @@ def deviation_of(matrix: FloatArray, index: int) -> float:
     others = [k for k in range(len(matrix)) if k != index]
     own = float(marginal(matrix, [index], others)[0, 0])
     return own**-0.5 if own > LOST * float(matrix[index, index]) else np.inf
-
-
-#: Relative standard deviations up to which a quantity is fixed, and beyond which it is not.
-FIXED, OPEN = 0.1, 1.0
-
-
-_SMALL_POWER = 0.05  # powers below this are left out of the words
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,13 @@ __all__ = ["Grid", "Plan", "plan", "readings"]
 
 # Share of the readings before contact: a test that starts in contact cannot tell its contact point.
 _APPROACH = 0.25
+_POINTS = 200
+# An error within this factor of the best is as good: the mildest such test is recommended.
+_AS_GOOD = 1.1
+# Above this relative standard error the forecast, which is linear, is none.
+_NO_FORECAST = 0.1
+# A first test this far beyond the grid is another test than any of it.
+_BEYOND = 2.0
 
 
 @dataclass(frozen=True)
@@ -113,21 +120,6 @@ def readings(scene: Scene, depth: float, points: int) -> FloatArray:
     """Depth readings (m), (points,), of a test to a depth (m) that begins before contact."""
     before = -_APPROACH / (1.0 - _APPROACH) * depth
     return np.asarray(np.linspace(before, depth, points) + scene.instrument.contact_depth)
-
-
-_POINTS = 200
-
-
-# An error within this factor of the best is as good: the mildest such test is recommended.
-_AS_GOOD = 1.1
-
-
-# Above this relative standard error the forecast, which is linear, is none.
-_NO_FORECAST = 0.1
-
-
-# A first test this far beyond the grid is another test than any of it.
-_BEYOND = 2.0
 
 
 @dataclass(frozen=True, eq=False)

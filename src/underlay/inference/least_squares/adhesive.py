@@ -30,26 +30,14 @@ from underlay.units import format_quantity
 __all__ = ["about_adhesion", "adhesive_starts"]
 
 _RTOL = 1e-2
-
-
 _MODULUS, _WORK = "layer.E", "adhesion.work"
-
-
 # About the modulus of a contact without adhesion.
 _MODULI = np.geomspace(0.05, 20.0, 13)
-
-
 # Tried where the curve shows no dip.
 _WORKS = (0.01, 0.1, 1.0, 10.0)
-
-
 # Pull-off goes with the work to a power near one: two corrections leave a few per cent.
 _CORRECTIONS = 3
-
-
 _POINTS = 200
-
-
 # Share of the points that lie before contact, at the least.
 _BASELINE_SHARE = 0.05
 

@@ -26,6 +26,21 @@ __all__ = ["FINE", "LONGEST", "Ahead", "GiveUp", "Minimum", "Search", "damped_st
 
 #: A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
 LONGEST = 3.0
+_MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
+# Below this the damping of two columns that are one to rounding would be rounding itself.
+_LEAST_DAMPING = 1e-13
+# How much harder a step back from up the side of a valley is damped than the one that led there: it then leads back
+# to the bottom there, and not as far along again. Else each small step along a bent valley would cost three models:
+# the next one is too long, and so is one from there.
+_BACK = 100.0
+_VENTURE = 100.0  # how much higher than its beginning a step up the side may end
+# A last step is not asked for its model. One so long that the model may rise again on the way is no last step.
+_SURE = 0.05
+# Steps shorter than this in every coordinate move nothing that a curve could tell.
+_SHORTEST = 1e-10
+# A last step that should gain less than this share of the sum of squares, a thousandth of a standard error with
+# 1000 points, is not made: the model is known where the search stands.
+_STILL = 1e-9
 
 
 def damped_steps(
@@ -141,35 +156,6 @@ class Ahead(NamedTuple):
 
 #: Asked before each step: whether to leave.
 GiveUp: TypeAlias = Callable[[Ahead], bool]
-
-
-_MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
-
-
-# Below this the damping of two columns that are one to rounding would be rounding itself.
-_LEAST_DAMPING = 1e-13
-
-
-# How much harder a step back from up the side of a valley is damped than the one that led there: it then leads back
-# to the bottom there, and not as far along again. Else each small step along a bent valley would cost three models:
-# the next one is too long, and so is one from there.
-_BACK = 100.0
-
-
-_VENTURE = 100.0  # how much higher than its beginning a step up the side may end
-
-
-# A last step is not asked for its model. One so long that the model may rise again on the way is no last step.
-_SURE = 0.05
-
-
-# Steps shorter than this in every coordinate move nothing that a curve could tell.
-_SHORTEST = 1e-10
-
-
-# A last step that should gain less than this share of the sum of squares, a thousandth of a standard error with
-# 1000 points, is not made: the model is known where the search stands.
-_STILL = 1e-9
 
 
 @dataclass(frozen=True)

@@ -47,11 +47,21 @@ __all__ = ["Ways", "determined", "fit", "law_bias", "quick_fit", "shift_of_the_l
 
 # A place this near to a way, in every scaled coordinate, is on it: nearer, two minima are one.
 _ON_IT = 0.05
-
-
 # Steps shorter than this are those at a minimum, which lead every way; one along a way makes an angle with it whose
 # cosine is at least this.
 _LONG, _ALONG = 0.3, 0.9
+_MAX_REFINEMENTS = 4
+_LAW_SHARE = 1.0 / 3.0  # of a standard error that the law's own error may move a parameter by
+_TIGHTEST, _LOOSEST = 1e-12, 1e-2
+# With one start there is nothing to choose from, and a step costs 1.2 times one on blocks with 1000 points, twice
+# with 3000.
+_FEW_POINTS = 2000
+# Along a valley without an end blocks are less work.
+_QUICKLY = 5
+# A start from which a search goes further than this in a scaled coordinate was no good one.
+_FAR = 6.0
+# Of the choice of readings beside a jump; the second mostly confirms the first.
+_MAX_PASSES = 4
 
 
 class Ways:
@@ -116,32 +126,6 @@ def shift_of_the_law(
         reading, columns = member.jacobian(physical)
         total += (columns * slopes / sigma[:, None]).T @ (reading.contact / sigma)
     return np.asarray(covariance @ total)
-
-
-_MAX_REFINEMENTS = 4
-
-
-_LAW_SHARE = 1.0 / 3.0  # of a standard error that the law's own error may move a parameter by
-
-
-_TIGHTEST, _LOOSEST = 1e-12, 1e-2
-
-
-# With one start there is nothing to choose from, and a step costs 1.2 times one on blocks with 1000 points, twice
-# with 3000.
-_FEW_POINTS = 2000
-
-
-# Along a valley without an end blocks are less work.
-_QUICKLY = 5
-
-
-# A start from which a search goes further than this in a scaled coordinate was no good one.
-_FAR = 6.0
-
-
-# Of the choice of readings beside a jump; the second mostly confirms the first.
-_MAX_PASSES = 4
 
 
 @one_thread()

@@ -39,6 +39,19 @@ from underlay.units import format_quantity
 
 __all__ = ["about_relaxation", "judge", "times_told_by"]
 
+# Closer than this to a bound (scaled coordinates) counts as on it; lmfit's bounded search approaches a bound
+# quadratically and stops about 1e-6 away.
+_ON_BOUND = 1e-4
+# A direction whose singular value is below this times the largest is lost in the rounding and in the
+# finite differences of the Jacobian.
+_SINGULAR = 1e-9
+# Two minima within this share of a standard error are one; a rise of chi-square beyond 3.4^2 is rejected
+# at 99.9 %.
+_SAME, _REJECTED = 0.3, 11.6
+# Two places with no higher hill of chi-square than this between them lie on one plateau or in one valley.
+_HILL = 0.01
+_ENGINE = "projected Levenberg-Marquardt"
+
 
 def times_told_by(problem: Problem) -> list[tuple[float, float]]:
     """Shortest and longest relaxation time (s) that the record of every relaxing curve tells."""
@@ -71,28 +84,6 @@ def about_relaxation(problem: Problem, vector: FloatArray) -> list[FitWarning]:
         for name, value in problem.values(vector).items()
         if ".relaxation.times[" in name and not low <= value <= high
     ]
-
-
-# Closer than this to a bound (scaled coordinates) counts as on it; lmfit's bounded search approaches a bound
-# quadratically and stops about 1e-6 away.
-_ON_BOUND = 1e-4
-
-
-# A direction whose singular value is below this times the largest is lost in the rounding and in the
-# finite differences of the Jacobian.
-_SINGULAR = 1e-9
-
-
-# Two minima within this share of a standard error are one; a rise of chi-square beyond 3.4^2 is rejected
-# at 99.9 %.
-_SAME, _REJECTED = 0.3, 11.6
-
-
-# Two places with no higher hill of chi-square than this between them lie on one plateau or in one valley.
-_HILL = 0.01
-
-
-_ENGINE = "projected Levenberg-Marquardt"
 
 
 def judge(

@@ -20,16 +20,10 @@ from underlay.inference.least_squares.projection import acting
 __all__ = ["METHODS", "LastWord", "Minimiser"]
 
 METHODS = ("leastsq", "least_squares")
-
-
 # lmfit's own tolerances (1.5e-8) let a fit stop where two unit systems differ in the sixth digit.
 _TOLERANCE = 1e-8
-
-
 # From an optimum three evaluations are usual, from a robust start ten; a valley without an end takes hundreds.
 _MOST_EVALUATIONS = 300
-
-
 _UNNAMEABLE = re.compile(r"\W+")
 
 

@@ -42,6 +42,17 @@ from underlay.scene.noise import NoiseModel
 __all__ = ["HAIR", "BaseSteps", "Bent", "Objective", "PoissonSteps", "Risen", "bent"]
 
 _BASE, _LAYER = "substrate.E", "layer.E"
+_NU = "layer.nu"
+# What is left of 1 - 2 nu where a layer gives way sideways. Between nu = 0.4 and 0.5 the logarithm of the exact
+# force is straight in ln(room) with 0.2 of contacts a third as wide as the layer is thick, 0.17 at 0.8, 0.1 at 1.5.
+_SIDEWAYS = 0.13
+# Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
+_FAR = 40.0
+#: Models are smooth in scaled coordinates: over a step no longer than this derivatives change by as much of
+#: themselves.
+HAIR = 1e-3
+# The models follow by slopes where that leaves them wrong by less than so many standard errors of the fit.
+_UNTOLD = 1e-3
 
 
 @dataclass(frozen=True)
@@ -127,14 +138,6 @@ def bent(log_ratio: FloatArray) -> FloatArray:
     return np.asarray(-np.logaddexp(0.0, -log_ratio))
 
 
-_NU = "layer.nu"
-
-
-# What is left of 1 - 2 nu where a layer gives way sideways. Between nu = 0.4 and 0.5 the logarithm of the exact
-# force is straight in ln(room) with 0.2 of contacts a third as wide as the layer is thick, 0.17 at 0.8, 0.1 at 1.5.
-_SIDEWAYS = 0.13
-
-
 @dataclass(frozen=True)
 class PoissonSteps:
     """The free Poisson's ratios of isotropic layers, m of them.
@@ -196,19 +199,6 @@ class Risen(NamedTuple):
         result = steps.copy()
         result[:, self.entries] = np.where(step > 0.0, -self.room * np.expm1(-step / self.room), step)
         return result
-
-
-# Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
-_FAR = 40.0
-
-
-#: Models are smooth in scaled coordinates: over a step no longer than this derivatives change by as much of
-#: themselves.
-HAIR = 1e-3
-
-
-# The models follow by slopes where that leaves them wrong by less than so many standard errors of the fit.
-_UNTOLD = 1e-3
 
 
 @dataclass

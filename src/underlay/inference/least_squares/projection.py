@@ -25,12 +25,8 @@ from underlay.scene.instrument import SENSITIVITY_RATIO
 __all__ = ["LinearDirections", "LinearSteps", "Places", "Point", "Rows", "acting", "projected"]
 
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
-
-
 # The linear parameters stay where they are rather than make a force that is not there.
 _LEAST_FACTOR = 0.1
-
-
 # An entry whose column is this small beside the largest, or that moves all readings together by less than this
 # many standard deviations per unit, does not act any more (a base so stiff that it might be rigid). Levenberg
 # and Marquardt measure a step by the columns: that entry's is then without end, the law refuses it, and the

@@ -29,6 +29,10 @@ __all__ = [
     "version_record",
 ]
 
+#: Entry of a curve's metadata by which its file says a reduced modulus (Pa).
+STATED = "instrument_reduced_modulus"
+_PATH = "layer.E"
+
 
 def curve_hash(curve: Curve) -> str:
     """SHA-256 of the depths and forces as they were used."""
@@ -66,13 +70,6 @@ def _version(name: str) -> str:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
         return "from source"
-
-
-#: Entry of a curve's metadata by which its file says a reduced modulus (Pa).
-STATED = "instrument_reduced_modulus"
-
-
-_PATH = "layer.E"
 
 
 @dataclass(frozen=True)

@@ -48,19 +48,28 @@ __all__ = ["LIKELY", "Landscape", "Start", "scan", "tried_base_moduli", "tried_c
 
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
 _RADIUS_RATIOS = (0.06, 4.6)
-
-
 _SHARES = np.linspace(0.0, 1.0, 9)
-
-
 _NEAR = 0.25 * _SHARES[1]
-
-
 # Base over layer.
 _MODULUS_RATIOS = np.array([0.02, 0.2, 1.5, 10.0, 100.0])
-
-
 _CONTACT_STEPS = np.linspace(-0.2, 0.9, 8)
+_SCAN_RTOL = 1e-2
+# What a grid tries, and what scales out of its laws with that.
+_TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
+_BETWEEN = 8  # steps from a thickness tried to the next
+# Of the three points that a parabola goes through: each, and the two others.
+_OWN, _NEXT, _LAST = np.arange(3), np.array([1, 2, 0]), np.array([2, 0, 1])
+_BLOCKS = 16  # enough to tell a contact to a grid step
+# What is this close to the deepest reading, over the range of depths, rests there.
+_RESTS = 0.01
+# A place whose misfit is so many times the best's is no start. A start's misfit is 1.2 to 5 times that of the
+# optimum below it (medians), so that next to none would end lower; where noise decides all are alike, and stay.
+_HOPELESS = 25.0
+#: Nothing explains the data better than down to their scatter: beside a start that leads there one whose misfit is
+#: so many times as high is not searched from.
+LIKELY = 2.0
+# ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
+_RIVAL, _APART = np.log(2.7), np.log(1.6)
 
 
 def tried_contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float) -> FloatArray:
@@ -115,41 +124,6 @@ def tried_base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float])
 def _with(values: FloatArray, *own: float) -> FloatArray:
     """Each of the values (n,) and of one's own once, ascending: numpy.unique takes ten times as long on so few."""
     return np.array(sorted({*values.tolist(), *own}))
-
-
-_SCAN_RTOL = 1e-2
-
-
-# What a grid tries, and what scales out of its laws with that.
-_TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
-
-
-_BETWEEN = 8  # steps from a thickness tried to the next
-
-
-# Of the three points that a parabola goes through: each, and the two others.
-_OWN, _NEXT, _LAST = np.arange(3), np.array([1, 2, 0]), np.array([2, 0, 1])
-
-
-_BLOCKS = 16  # enough to tell a contact to a grid step
-
-
-# What is this close to the deepest reading, over the range of depths, rests there.
-_RESTS = 0.01
-
-
-# A place whose misfit is so many times the best's is no start. A start's misfit is 1.2 to 5 times that of the
-# optimum below it (medians), so that next to none would end lower; where noise decides all are alike, and stay.
-_HOPELESS = 25.0
-
-
-#: Nothing explains the data better than down to their scatter: beside a start that leads there one whose misfit is
-#: so many times as high is not searched from.
-LIKELY = 2.0
-
-
-# ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
-_RIVAL, _APART = np.log(2.7), np.log(1.6)
 
 
 @dataclass(frozen=True)

@@ -51,13 +51,16 @@ __all__ = [
 ]
 
 _RTOL = 1e-3
-
-
 _BLOCKS = 32
-
-
 # Blocks from the middle of a parabola to its ends.
 _AWAY = 3
+#: Every number of a scene by path: one for all rows of a grid, or one each, (r,).
+Rows: TypeAlias = Mapping[str, float | FloatArray]
+MODULUS, BASE_MODULUS, THICKNESS = "layer.E", "substrate.E", "layer.thickness"
+CONTACT = "instrument.contact_depth"
+# Of the steps between contacts: about the lowest point of a parabola through these, how far off it may be.
+_NEAR, _BESIDE = 0.3, np.array([-1.0, 0.0, 1.0])
+_LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 
 @dataclass(frozen=True)
@@ -178,10 +181,6 @@ def _middles(ordered: FloatArray) -> FloatArray:
     return ordered[:, middle] if ordered.shape[1] % 2 else 0.5 * (ordered[:, middle - 1] + ordered[:, middle])
 
 
-#: Every number of a scene by path: one for all rows of a grid, or one each, (r,).
-Rows: TypeAlias = Mapping[str, float | FloatArray]
-
-
 @dataclass(frozen=True)
 class LawRows:
     """Laws of some rows: neighbours of equal ratios share one.
@@ -282,19 +281,6 @@ def _deepest(depths: FloatArray, groups: Sequence[tuple[tuple[float, ...], Seque
     """Largest of the depths (r,) of every group of neighbours."""
     ends = np.cumsum([0] + [len(group) for _, group in groups])
     return [float(depths[start:stop].max()) for start, stop in pairwise(ends.tolist())]
-
-
-MODULUS, BASE_MODULUS, THICKNESS = "layer.E", "substrate.E", "layer.thickness"
-
-
-CONTACT = "instrument.contact_depth"
-
-
-# Of the steps between contacts: about the lowest point of a parabola through these, how far off it may be.
-_NEAR, _BESIDE = 0.3, np.array([-1.0, 0.0, 1.0])
-
-
-_LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 
 @dataclass(frozen=True)

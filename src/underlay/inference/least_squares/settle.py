@@ -44,17 +44,20 @@ __all__ = [
 
 # A change of the weights by less than this moves a fit by less than its numerical tolerance times sigma.
 _SETTLED = 1e-4
-
-
 _RANK = float(np.finfo(float).eps)
-
-
 # 1 / 0.6745: standard deviation of a normal variable over its median absolute value.
 _MEDIAN_TO_SD = 1.4826022185056018
-
-
 # In ln sigma, where the restricted likelihood is a parabola over a step of this size to 1e-3.
 _CURVATURE_STEP = 0.03
+_MAX_ROUNDS = 12
+# Of a thin and stiff layer on a known soft base E h^3 alone acts, and far along that valley a law costs up to a
+# second. With 1000 points z changes by less than one on a factor of twenty where a fit leaves it.
+_KNOWN_BASE = replace(FINE, endless=5e-4, walled=5e-4)
+# There a step that gains less than this of the sum of squares, over the variance, is the last of a search that
+# swings. Of 700 fits (samples that relax or stiffen, fringes, drags; modulus and thickness free) one ends higher
+# for it by more than 0.005 of the variance, by 0.08, and two end lower by 1. They take 5 to 18 % fewer models, the
+# longest 20 to 40 %.
+_SWINGING = 0.05
 
 
 @dataclass(frozen=True)
@@ -224,21 +227,6 @@ def restricted_log_likelihood(
             total -= 0.5 * coordinate.prior.penalty(float(physical[index]))[0] ** 2
     sign, log_determinant = np.linalg.slogdet(normal) if mechanical else (1.0, 0.0)
     return total - 0.5 * float(log_determinant) if sign > 0.0 else total
-
-
-_MAX_ROUNDS = 12
-
-
-# Of a thin and stiff layer on a known soft base E h^3 alone acts, and far along that valley a law costs up to a
-# second. With 1000 points z changes by less than one on a factor of twenty where a fit leaves it.
-_KNOWN_BASE = replace(FINE, endless=5e-4, walled=5e-4)
-
-
-# There a step that gains less than this of the sum of squares, over the variance, is the last of a search that
-# swings. Of 700 fits (samples that relax or stiffen, fringes, drags; modulus and thickness free) one ends higher
-# for it by more than 0.005 of the variance, by 0.08, and two end lower by 1. They take 5 to 18 % fewer models, the
-# longest 20 to 40 %.
-_SWINGING = 0.05
 
 
 @dataclass(frozen=True)

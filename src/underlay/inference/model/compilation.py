@@ -39,6 +39,21 @@ from underlay.units import format_quantity
 
 __all__ = ["IN_SERIES", "against_travel", "compile_members", "lever_seen", "require_acting"]
 
+# Correlations of second differences below which depth and force share their noise, and where the file states its
+# constant
+# too: independent noises of 100 readings reach neither in 10^9 curves.
+_SHARED_NOISE, _CONFIRMED = -0.97, -0.9
+_NOTHING = 1e-12  # share of a column's span that is no change
+_FEWEST_READINGS = 30  # readings that tell
+_ROUNDED = 0.1  # share of second differences that are exactly zero, from which digits decide and not noise
+_ALIKE = 1.6  # how far the constants of the record's halves may differ
+#: Entry of a curve's metadata: its depth is the travel, and its lever a compliance in series.
+IN_SERIES = "lever_in_series"
+# Noise of a hundred readings makes k off by 6 %; files state it to two or three digits.
+_LIKE_THE_FILE = 0.12
+# Share of the readings, the shallowest, whose force is that of a free lever.
+_BEFORE = 0.05
+
 
 def require_acting(
     path: str, scene: Scene, free: Collection[str], solver: Solver, noise: Collection[str]
@@ -98,24 +113,6 @@ def require_acting(
                 "layer.thickness cannot act: layer and substrate are the same material, and no constant of "
                 "either is free"
             )
-
-
-# Correlations of second differences below which depth and force share their noise, and where the file states its
-# constant
-# too: independent noises of 100 readings reach neither in 10^9 curves.
-_SHARED_NOISE, _CONFIRMED = -0.97, -0.9
-_NOTHING = 1e-12  # share of a column's span that is no change
-_FEWEST_READINGS = 30  # readings that tell
-_ROUNDED = 0.1  # share of second differences that are exactly zero, from which digits decide and not noise
-_ALIKE = 1.6  # how far the constants of the record's halves may differ
-#: Entry of a curve's metadata: its depth is the travel, and its lever a compliance in series.
-IN_SERIES = "lever_in_series"
-# Noise of a hundred readings makes k off by 6 %; files state it to two or three digits.
-_LIKE_THE_FILE = 0.12
-
-
-# Share of the readings, the shallowest, whose force is that of a free lever.
-_BEFORE = 0.05
 
 
 def lever_seen(depth: FloatArray, force: FloatArray, told: float | None = None) -> float | None:

@@ -53,6 +53,13 @@ from underlay.scene.scene import Scene
 
 __all__ = ["BuildsBare", "Forward", "LeftOutLaws", "Reading", "TipOverPowerLaw"]
 
+# The contact radius is looked up as far as so many times the depth of the curve, and constant beyond.
+_FURTHER = 4.0
+# Relative (of a ratio: absolute) step of a difference of laws, each right to 1e-6.
+_STEP = 1e-3
+# Parts of a scene that its laws know nothing of.
+_READING = frozenset({"instrument", "lever"})
+
 
 @dataclass(frozen=True)
 class TipOverPowerLaw:
@@ -101,14 +108,6 @@ class TipOverPowerLaw:
         P, S, told = slopes.law.with_slopes(asked)
         inner = replace(slopes, w=asked, P=P, S=S, told=told)
         return np.asarray(ratio * inner.of(path))
-
-
-# The contact radius is looked up as far as so many times the depth of the curve, and constant beyond.
-_FURTHER = 4.0
-
-
-# Relative (of a ratio: absolute) step of a difference of laws, each right to 1e-6.
-_STEP = 1e-3
 
 
 class BuildsBare(Protocol):
@@ -227,10 +226,6 @@ class LeftOutLaws:
             return forward.bare_law(self.values, deepest)
         except RangeError as error:
             return forward.bare_law(self.values, error.max_depth or self.deepest)
-
-
-# Parts of a scene that its laws know nothing of.
-_READING = frozenset({"instrument", "lever"})
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,9 @@ from underlay.scene.instrument import Frame
 
 __all__ = ["batched_pull_offs", "batched_readings", "bending", "has_batches", "sticking"]
 
+# A tip is where it is to this share of the depths.
+_SETTLED, _MOST_STEPS = 1e-9, 50
+
 
 def sticking(forward: Forward, values: Values, sets: int) -> Readings:
     """All sets off the tables of their adhesion; those that these do not reach, or that have none, one by one."""
@@ -82,10 +85,6 @@ def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[Floa
     b, c = asked.factors
     force, depth = table.pull_offs(work, ratio)
     return (c * force, depth / b) if np.isfinite(force + depth).all() else None
-
-
-# A tip is where it is to this share of the depths.
-_SETTLED, _MOST_STEPS = 1e-9, 50
 
 
 def bending(forward: Forward, values: Values, empty: Readings) -> Readings:

@@ -53,6 +53,28 @@ __all__ = [
 
 #: Numbers of a scene by path: one for all sets, or one per set, (sets,).
 Values: TypeAlias = Mapping[str, float | FloatArray]
+# Sets share nodes when their stiffness ratios lie within this factor, and their ranges within the second.
+_RATIO_STEP = 4.0
+_RANGE_STEP = 2.0
+# What is compiled reaches this much further than asked: another Poisson's ratio than the scene's bends the
+# relation of depth and contact radius, and nodes that stop short leave the polynomial to extrapolate.
+_MARGIN = 1.1
+# Compiled this much finer than asked, so that the sets at the edges of a group keep the promise: the largest
+# error seen in 300 sets over E2/E1 from 0.01 to 1000 is then a third of the tolerance, and one set in
+# fourteen, on the softest bases, goes alone; without it one in eight.
+_SPARE = 0.1
+# No further than this share of the depth at which the contact would reach the end of a sphere.
+_SHAPE_SHARE = 0.5
+# As for `exact_groups`, with narrower ratios: of 32 sets each of a stiff, a soft and a slipping stack, at 1e-3 and
+# 1e-6, the largest error was 0.11 of the tolerance.
+_STACK_GROUPS_RATIO_STEP, _STACK_GROUPS_RANGE_STEP, _STACK_GROUPS_MARGIN, _STACK_GROUPS_SPARE = (
+    2.0,
+    2.0,
+    1.1,
+    0.1,
+)
+# With more of them a group holds few sets.
+_MOST_RATIOS = 4
 
 
 def values_of(values: Values, row: int) -> dict[str, float]:
@@ -196,28 +218,6 @@ def is_shaped_by_lengths(forward: Forward) -> bool:
     return any(path.startswith(("indenter.", "layer.thickness")) for path in forward.similarity.direct)
 
 
-# Sets share nodes when their stiffness ratios lie within this factor, and their ranges within the second.
-_RATIO_STEP = 4.0
-
-
-_RANGE_STEP = 2.0
-
-
-# What is compiled reaches this much further than asked: another Poisson's ratio than the scene's bends the
-# relation of depth and contact radius, and nodes that stop short leave the polynomial to extrapolate.
-_MARGIN = 1.1
-
-
-# Compiled this much finer than asked, so that the sets at the edges of a group keep the promise: the largest
-# error seen in 300 sets over E2/E1 from 0.01 to 1000 is then a third of the tolerance, and one set in
-# fourteen, on the softest bases, goes alone; without it one in eight.
-_SPARE = 0.1
-
-
-# No further than this share of the depth at which the contact would reach the end of a sphere.
-_SHAPE_SHARE = 0.5
-
-
 def exact_groups(
     sets: ParameterSets, hardness: FloatArray, thickness: FloatArray
 ) -> Iterator[tuple[NDArray[np.intp], ExactBatch | None]]:
@@ -266,20 +266,6 @@ def _compiled(sets: ParameterSets, soft: float, octave: float, thin: float | Non
         compiled = None
     store.batches[key] = compiled
     return compiled
-
-
-# As for `exact_groups`, with narrower ratios: of 32 sets each of a stiff, a soft and a slipping stack, at 1e-3 and
-# 1e-6, the largest error was 0.11 of the tolerance.
-_STACK_GROUPS_RATIO_STEP, _STACK_GROUPS_RANGE_STEP, _STACK_GROUPS_MARGIN, _STACK_GROUPS_SPARE = (
-    2.0,
-    2.0,
-    1.1,
-    0.1,
-)
-
-
-# With more of them a group holds few sets.
-_MOST_RATIOS = 4
 
 
 def has_stack_batches(asked: ParameterSets) -> bool:

@@ -34,17 +34,16 @@ __all__ = [
 
 #: (steps, weights) of a difference quotient.
 Stencil: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
-
-
 ROUGH_STENCILS: tuple[Stencil, ...] = (((0.0, 1.0), (-1.0, 1.0)), ((0.0, -1.0), (1.0, -1.0)))
-
-
 # Central, backward and forward differences of second order.
 STENCILS: tuple[Stencil, ...] = (
     ((-1.0, 1.0), (-0.5, 0.5)),
     ((0.0, -1.0, -2.0), (1.5, -2.0, 0.5)),
     ((0.0, 1.0, 2.0), (-1.5, 2.0, -0.5)),
 )
+# Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
+# derivative, and a law's own error of 1e-6 enters with 1e-3.
+_RATIO_STEP = 1e-3
 
 
 def first_possible(force: Callable[[float], FloatArray], stencils: Sequence[Stencil]) -> FloatArray:
@@ -61,11 +60,6 @@ def first_possible(force: Callable[[float], FloatArray], stencils: Sequence[Sten
             continue
         return np.asarray(sum(weight * value for weight, value in zip(weights, forces, strict=True)))
     raise InputError(f"the law has no neighbours to differentiate with: {problem}") from problem
-
-
-# Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
-# derivative, and a law's own error of 1e-6 enters with 1e-3.
-_RATIO_STEP = 1e-3
 
 
 def force_scale(similarity: Similarity, path: str, values: Mapping[str, float]) -> float | None:

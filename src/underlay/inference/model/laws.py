@@ -35,6 +35,16 @@ from underlay.scene.scene import Scene
 __all__ = ["LawSource", "LawStore", "OneRatio", "one_ratio", "quiet_law", "tip_ratio"]
 
 Number = TypeVar("Number", float, FloatArray)
+_LAWS_KEPT = 128
+# Laws that are subtracted over a step of 1e-3 must not be rougher than this.
+_STENCIL_RTOL = 1e-6
+# Kernels are known to 1e-14: their difference over this step is the derivative to 1e-7.
+_KERNEL_STEP = 1e-6
+# The largest depth that a message quotes may be rounded up.
+_A_HAIR_LESS = 1.0 - 1e-6
+# Stands for the logarithm of the layer's thickness, which is no ratio.
+_THICKNESS = "ln layer.thickness"
+_NOT_TABULATED = RangeError("no table has this law")
 
 
 @dataclass(frozen=True)
@@ -127,28 +137,6 @@ def tip_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequenc
     if body.base is None:
         return OneRatio(RigidBase(body.layer.nu))
     return OneRatio(IsotropicPair(body.layer.nu, body.base.nu), "substrate.E", "layer.E")
-
-
-_LAWS_KEPT = 128
-
-
-# Laws that are subtracted over a step of 1e-3 must not be rougher than this.
-_STENCIL_RTOL = 1e-6
-
-
-# Kernels are known to 1e-14: their difference over this step is the derivative to 1e-7.
-_KERNEL_STEP = 1e-6
-
-
-# The largest depth that a message quotes may be rounded up.
-_A_HAIR_LESS = 1.0 - 1e-6
-
-
-# Stands for the logarithm of the layer's thickness, which is no ratio.
-_THICKNESS = "ln layer.thickness"
-
-
-_NOT_TABULATED = RangeError("no table has this law")
 
 
 def quiet_law(scene: Scene, solver: Solver, max_depth: float, beside: tuple[Beside, ...] = ()) -> ContactLaw:

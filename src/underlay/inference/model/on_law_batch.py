@@ -27,6 +27,10 @@ from underlay.scene.instrument import Frame
 
 __all__ = ["on_law_readings", "stiffening_factors"]
 
+_TINY = float(np.sqrt(np.finfo(float).tiny))
+# A depth of which everything is known, over the largest.
+_SAFE = 0.01
+
 
 @dataclass(frozen=True)
 class _Similar:
@@ -116,9 +120,6 @@ def _factors(forward: Forward, values: Values, sets: int, told: OnLinear) -> Flo
     return np.asarray(np.where(known, factor.value, np.inf)[:, 0])
 
 
-_TINY = float(np.sqrt(np.finfo(float).tiny))
-
-
 def _linear(
     asked: ParameterSets, ratios: tuple[float, ...], deepest: FloatArray, upright: Any
 ) -> _Similar | None:
@@ -141,10 +142,6 @@ def _shallow(stiff: StiffLayer, top: FloatArray) -> tuple[StiffLayer, FloatArray
     if np.any(stiff.spread):
         stiff = replace(stiff, spread=np.where(known, stiff.spread, _SAFE * reach))
     return stiff, np.where(known, top, _SAFE * reach), known
-
-
-# A depth of which everything is known, over the largest.
-_SAFE = 0.01
 
 
 def _pressed(

@@ -49,6 +49,8 @@ __all__ = [
 
 # Points below which a bin says nothing of its own scatter.
 _FEWEST = 8
+# Half of an interval over the expected modulus: what is known to less than that is not shown.
+_KNOWN = 1.0
 
 
 @dataclass(frozen=True)
@@ -308,10 +310,6 @@ def _widened(
         half = np.hypot(np.log(limit[closed] / middle[closed]), own[closed])
         end[closed] = middle[closed] * np.exp(sign * half)
     return ends
-
-
-# Half of an interval over the expected modulus: what is known to less than that is not shown.
-_KNOWN = 1.0
 
 
 def modulus_by_depth(fit: Fit, *, curve: int = 0, points: int = 30, level: float = 0.95) -> PointwiseModulus:

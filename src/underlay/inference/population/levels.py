@@ -39,6 +39,19 @@ from underlay.inference.population.result import Density
 
 __all__ = ["GroupModel", "Units"]
 
+_LOG_2PI = float(np.log(2.0 * np.pi))
+# A tenth of the curves may come from a step five times as wide, where outliers are allowed for.
+_OUTLIERS, _WIDER = 0.1, 5.0
+# Cells are at most this wide in ln, at least this, and else half of the narrowest message: that adds two per cent
+# to its variance.
+_WIDEST, _NARROWEST = 0.05, 0.01
+# While it is looked for where the spreads are, this much wider, and as if curves scattered at least so.
+_LARGER, _LEAST = 2.5, 0.05
+# The fine part of a grid goes this far beyond the middles of the curves, the coarse one far beyond that.
+_FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.25
+# Places of a mean, how many of its standard deviations they reach, and what is left out below the largest.
+_PLACES, _FAR, _NEGLIGIBLE = 801, 9.0, 30.0
+
 
 @dataclass(frozen=True)
 class Units:
@@ -74,30 +87,6 @@ class Units:
         """Of each level below the outermost, curves last: how many members are beyond the first of their unit."""
         counts = [*(len(names) for names in self.names), curves]
         return [below - above for above, below in pairwise(counts)]
-
-
-_LOG_2PI = float(np.log(2.0 * np.pi))
-
-
-# A tenth of the curves may come from a step five times as wide, where outliers are allowed for.
-_OUTLIERS, _WIDER = 0.1, 5.0
-
-
-# Cells are at most this wide in ln, at least this, and else half of the narrowest message: that adds two per cent
-# to its variance.
-_WIDEST, _NARROWEST = 0.05, 0.01
-
-
-# While it is looked for where the spreads are, this much wider, and as if curves scattered at least so.
-_LARGER, _LEAST = 2.5, 0.05
-
-
-# The fine part of a grid goes this far beyond the middles of the curves, the coarse one far beyond that.
-_FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.25
-
-
-# Places of a mean, how many of its standard deviations they reach, and what is left out below the largest.
-_PLACES, _FAR, _NEGLIGIBLE = 801, 9.0, 30.0
 
 
 class GroupModel:

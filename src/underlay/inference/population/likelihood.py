@@ -33,8 +33,6 @@ _NORMAL = 0.05
 # What lies further out than three is continued; nothing is told apart beyond thirty.
 _FURTHEST = 30.0
 _DRAWS_ON_A_GRID = 512
-
-
 _NEAREST = 0.02  # confidence of an interval that is as good as its median
 
 

@@ -48,30 +48,23 @@ __all__ = [
 ]
 
 LogLikelihood: TypeAlias = Callable[[tuple[FloatArray, ...]], FloatArray]
-
-
 #: Per level, outermost first: ln of the smallest and the largest spread that count.
 Windows: TypeAlias = tuple[tuple[float, float], ...]
-
-
 _SMALLEST, _LARGEST = 1e-3, 5.0
-
-
 # Nodes per axis: while it is looked for where the posterior is, and for the sums.
 _FIRST = 9
-
-
 _NODES = {1: (32,), 2: (24, 16), 3: (14, 12, 12)}
-
-
 _MOST = 10
-
-
 # What lies this far below the largest is left out: a share of 1e-5.
 _NEGLIGIBLE = 12.0
-
-
 _PASSES = 6
+IntArray: TypeAlias = NDArray[np.intp]
+# Logarithm, below its table's largest, of what counts for nothing, and how many standard deviations off a normal
+# is as low.
+_MESSAGES_NEGLIGIBLE = 300.0
+_NOTHING, _FURTHEST = math.exp(-_MESSAGES_NEGLIGIBLE), math.sqrt(2.0 * _MESSAGES_NEGLIGIBLE)
+# Distance between places that are computed, in standard deviations of the normal.
+_APART = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -213,21 +206,6 @@ def _window(found: FloatArray, axis: int, log_nodes: FloatArray) -> tuple[float,
     kept = np.flatnonzero(along > along.max() - _NEGLIGIBLE)
     low, high = max(kept[0] - 1, 0), min(kept[-1] + 1, len(log_nodes) - 1)
     return float(log_nodes[low]), float(log_nodes[high])
-
-
-IntArray: TypeAlias = NDArray[np.intp]
-
-
-# Logarithm, below its table's largest, of what counts for nothing, and how many standard deviations off a normal
-# is as low.
-_MESSAGES_NEGLIGIBLE = 300.0
-
-
-_NOTHING, _FURTHEST = math.exp(-_MESSAGES_NEGLIGIBLE), math.sqrt(2.0 * _MESSAGES_NEGLIGIBLE)
-
-
-# Distance between places that are computed, in standard deviations of the normal.
-_APART = 1.0 / 3.0
 
 
 @dataclass(frozen=True)

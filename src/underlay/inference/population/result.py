@@ -44,12 +44,10 @@ __all__ = ["Comparison", "Density", "Group", "PlainMean", "Population", "Spread"
 
 #: What is found, and the low and the high end of its 95 % interval.
 Triple = tuple[float, float, float]
-
-
 _UPPER = 0.975
-
-
 _NORMAL = float(special.ndtri(_UPPER))
+# Share of the largest below which a place holds nothing, and places of a difference.
+_NOTHING, _DIFFERENCES = 1e-10, 1600
 
 
 @dataclass(frozen=True)
@@ -133,10 +131,6 @@ class PlainMean:
         z = self.value / math.sqrt(self.variance.value)
         freedom = self.variance.freedom
         return float(special.ndtr(z) if math.isinf(freedom) else special.stdtr(freedom, z))
-
-
-# Share of the largest below which a place holds nothing, and places of a difference.
-_NOTHING, _DIFFERENCES = 1e-10, 1600
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,13 @@ from underlay.scene.noise import NoiseModel
 
 __all__ = ["calibrated", "draw_delta_chi_squares", "p_value_at", "redrawn"]
 
+# Curves that cannot be fitted are left out; more than this share of them, and what is left is a selection.
+_MOST_FAILURES = 0.1
+_MOST_CENTRES = 5  # of one end; one or two are usual
+# Of the half-width of the interval: closer to a centre than this, the threshold there serves. It changes by a
+# few tenths of its size over a half-width, its own chance with a hundred curves is a tenth.
+_CLOSE = 0.1
+
 
 def redrawn(
     problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], rng: np.random.Generator
@@ -100,10 +107,6 @@ def _measured_again(prior: Prior, value: float, rng: np.random.Generator) -> Pri
     if isinstance(prior, Truncated):
         return replace(prior, prior=_measured_again(prior.prior, value, rng))
     return prior
-
-
-# Curves that cannot be fitted are left out; more than this share of them, and what is left is a selection.
-_MOST_FAILURES = 0.1
 
 
 def draw_delta_chi_squares(
@@ -206,14 +209,6 @@ def p_value_at(
     if enough is not None and worse >= enough:
         return worse / len(drawn.delta_chi_squares)
     return (1 + worse) / (1 + len(drawn.delta_chi_squares))
-
-
-_MOST_CENTRES = 5  # of one end; one or two are usual
-
-
-# Of the half-width of the interval: closer to a centre than this, the threshold there serves. It changes by a
-# few tenths of its size over a half-width, its own chance with a hundred curves is a tenth.
-_CLOSE = 0.1
 
 
 def calibrated(walked: LikelihoodProfile, level: float, draws: int, seed: int) -> LikelihoodProfile:

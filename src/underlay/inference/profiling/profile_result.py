@@ -34,6 +34,11 @@ __all__ = [
     "require_draws",
 ]
 
+#: Largest z inside an interval, by scaled value of the parameter, any shape.
+Limit: TypeAlias = Callable[[FloatArray], FloatArray]
+# t that a walk falls by between two steps: rounding of two refits is a thousand times less.
+_FALL = 1e-3
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -173,14 +178,6 @@ def require_chance(draws: int, seed: int) -> None:
     for name, value, least in (("the number of curves to draw", draws, 1), ("the seed", seed, 0)):
         if value != int(value) or value < least:
             raise InputError(f"{name} must be a whole number, {least} or more; got {value!r}")
-
-
-#: Largest z inside an interval, by scaled value of the parameter, any shape.
-Limit: TypeAlias = Callable[[FloatArray], FloatArray]
-
-
-# t that a walk falls by between two steps: rounding of two refits is a thousand times less.
-_FALL = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,14 +53,20 @@ ADHESIVE = {
     "pull_off_depth": Quantity("length", "pull-off depth"),
     "zero_load_radius": Quantity("length", "contact radius without load"),
 }
-
-
 # Central differences of numbers that are smooth in every parameter, relative.
 _STEP = 1e-3
-
-
 # Share of a change of a parameter below which a number does not follow it.
 _ACTS = 0.02
+#: What the derived quantities are, by the last word of their names.
+DERIVED = {
+    "reduced_modulus": Quantity("pressure", "reduced modulus of the {part}"),
+    "oedometric_modulus": Quantity("pressure", "oedometric modulus of the {part}"),
+    "instantaneous_modulus": Quantity("pressure", "instantaneous modulus of the {part}"),
+    "equilibrium_modulus": Quantity("pressure", "equilibrium modulus of the {part}"),
+    "stiffness": Quantity("stiffness", "contact stiffness at the deepest point"),
+    "stiffening_factor": Quantity("dimensionless", "stiffening at the deepest point"),
+    **ADHESIVE,
+}
 
 
 class AdhesiveNumber(NamedTuple):
@@ -146,18 +152,6 @@ def _slopes(scene: Scene, solver: Solver, paths: Sequence[str]) -> FloatArray:
             sides.append((np.array([*numbers.values()]) - middle) / (sign * step))
         slopes[row] = np.mean(sides, axis=0) if sides else np.nan
     return slopes
-
-
-#: What the derived quantities are, by the last word of their names.
-DERIVED = {
-    "reduced_modulus": Quantity("pressure", "reduced modulus of the {part}"),
-    "oedometric_modulus": Quantity("pressure", "oedometric modulus of the {part}"),
-    "instantaneous_modulus": Quantity("pressure", "instantaneous modulus of the {part}"),
-    "equilibrium_modulus": Quantity("pressure", "equilibrium modulus of the {part}"),
-    "stiffness": Quantity("stiffness", "contact stiffness at the deepest point"),
-    "stiffening_factor": Quantity("dimensionless", "stiffening at the deepest point"),
-    **ADHESIVE,
-}
 
 
 def kind_of_quantity(name: str) -> str:

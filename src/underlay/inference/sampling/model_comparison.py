@@ -37,6 +37,11 @@ __all__ = ["compare_models", "difference", "pointwise_log_likelihood", "with_mod
 
 # Numbers that differ by no more are the same one, scaled and back.
 _SAME = 1e-9
+# Enough for a standard error far below that between models; the weights need some hundred per tail.
+_DRAWS = 2000
+# Largest tail index with which the estimate converges at a useful rate, and 1 - 1/log10(draws) where that is
+# less: Vehtari, Simpson, Gelman, Yao and Gabry (2024), Pareto smoothed importance sampling.
+_GOOD_K = 0.7
 
 
 def difference(problem: Problem, posterior: Posterior) -> str:
@@ -113,15 +118,6 @@ def _alike(ours: NoiseModel, theirs: NoiseModel) -> bool:
         # What is no number, such as a word.
         and theirs.at({name: getattr(ours, name) for name in names}) == ours
     )
-
-
-# Enough for a standard error far below that between models; the weights need some hundred per tail.
-_DRAWS = 2000
-
-
-# Largest tail index with which the estimate converges at a useful rate, and 1 - 1/log10(draws) where that is
-# less: Vehtari, Simpson, Gelman, Yao and Gabry (2024), Pareto smoothed importance sampling.
-_GOOD_K = 0.7
 
 
 def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFrame:

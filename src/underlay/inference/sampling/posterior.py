@@ -47,11 +47,8 @@ if TYPE_CHECKING:
 
 __all__ = ["LogEvidence", "Posterior", "SampledReading", "SampledStatement"]
 
-
 _ALONE = "the draws alone were kept, without the test they are of"
 _FORMAT = "underlay posterior 1"
-
-
 _KIND = FileKind("a saved posterior", LARGEST, "save it again where it was made")
 
 

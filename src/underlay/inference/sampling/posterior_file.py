@@ -31,12 +31,8 @@ __all__ = ["LARGEST", "parts_of", "read_archive", "write_archive"]
 
 #: Most bytes of such a file, packed and unpacked: 125 million numbers, more than a sampler can keep in memory.
 LARGEST = 1_000_000_000
-
-
 # Truth values, numbers and text; no objects, which would be code.
 _PLAIN = "biufU"
-
-
 _HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,

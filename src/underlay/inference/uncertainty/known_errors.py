@@ -97,6 +97,20 @@ __all__ = [
     "paraboloid_for_sphere",
 ]
 
+# Deviation of heights that a contact made gradually may have, over R: within two of them 0.07, from the prior of
+# section 3 of the study of stiffening layers 80 %; its force goes nearly as the square.
+_HEIGHTS = 0.05
+FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large strains"
+# Of the share of full friction. A flat prior between none and full has its ends outside every 95 % interval, and a
+# tip that slides and one that sticks are both common: there it covers 75 % where this covers 92 (a modulus at 0.3 %
+# noise; 84 to 87 and 90 to 92 with the thickness free), for intervals up to 1.4 times as long
+# (tests/studies/results/friction_prior.csv).
+_SHARE = 0.35
+# What the columns are computed to: they are known to a tenth at best.
+_RTOL = 1e-4
+_FIELDS = ("errors", "unknown", "declared")
+_PATHS = {FRICTION: FRICTION_PATH, FINITE_STRAIN: FINITE_STRAIN_PATH, BOTH: BOTH_PATH}
+
 
 @dataclass(frozen=True)
 class Pressed:
@@ -190,11 +204,6 @@ def _column(test: Pressed) -> FloatArray:
     return -test.stiffness * a**4 / (15.0 * test.values["indenter.radius"] ** 3)
 
 
-# Deviation of heights that a contact made gradually may have, over R: within two of them 0.07, from the prior of
-# section 3 of the study of stiffening layers 80 %; its force goes nearly as the square.
-_HEIGHTS = 0.05
-
-
 def stiffening_formula(scene: Scene) -> KnownError | None:
     """Return the error of G: 3 % of G - 1."""
     return _of_law(
@@ -267,20 +276,6 @@ def known_errors(scenes: Sequence[Scene]) -> tuple[KnownError, ...]:
     return tuple(found.values())
 
 
-FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large strains"
-
-
-# Of the share of full friction. A flat prior between none and full has its ends outside every 95 % interval, and a
-# tip that slides and one that sticks are both common: there it covers 75 % where this covers 92 (a modulus at 0.3 %
-# noise; 84 to 87 and 90 to 92 with the thickness free), for intervals up to 1.4 times as long
-# (tests/studies/results/friction_prior.csv).
-_SHARE = 0.35
-
-
-# What the columns are computed to: they are known to a tenth at best.
-_RTOL = 1e-4
-
-
 @dataclass(frozen=True)
 class LeftOut:
     """What the law of a scene leaves out.
@@ -312,9 +307,6 @@ def left_out(scene: Scene, depth: float) -> LeftOut:
         return LeftOut(declared=("the sizes of friction and finite strain",))
     parts = (_friction(scene), _finite_strain(scene, depth), _both(scene, depth))
     return LeftOut(*(tuple(entry for part in parts for entry in getattr(part, name)) for name in _FIELDS))
-
-
-_FIELDS = ("errors", "unknown", "declared")
 
 
 def _friction(scene: Scene) -> LeftOut:
@@ -372,9 +364,6 @@ def _excess(test: Pressed) -> FloatArray:
     inside = np.maximum(test.depth, 0.0)
     excess = finite_strain_excess(test.scene.contact, inside, test.law.contact_radius(inside))
     return np.asarray(test.force * excess)
-
-
-_PATHS = {FRICTION: FRICTION_PATH, FINITE_STRAIN: FINITE_STRAIN_PATH, BOTH: BOTH_PATH}
 
 
 def free_model_error(problem: Problem) -> Problem:

@@ -52,6 +52,16 @@ _WORDS = {
     "layer.thickness": "the thickness",
     "layer.nu": "Poisson's ratio",
 }
+#: Warnings of a fit that decide whether its numbers can be used: cause and next step.
+_WARNED = {
+    "not-converged": ("the search met no optimum", "give a start nearer to the sample's values"),
+    "law-range": ("the contact model's range ends before the curve", "fit a smaller depth"),
+    "too-deep": ("indentation deeper than the layer is thick", "fit a smaller depth, or a smaller tip"),
+    "file": ("scene file of another test", "enter what the curve's file says"),
+    "over-whitened": ("the stated correlation time is too long", "state a shorter one, or none"),
+    "prior": ("a prior that does not fit this sample, or a model that does not", "check the prior"),
+    "second-optimum": ("two quantities trade off along the curve", "add a curve with a second tip radius"),
+}
 
 
 def verdict_of(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Advice:
@@ -284,18 +294,6 @@ def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             "thermal drift that changed on the way, or a cable or fluid that pulls",
             "let the instrument settle before a test, or fit the readings before the turn",
         )
-
-
-#: Warnings of a fit that decide whether its numbers can be used: cause and next step.
-_WARNED = {
-    "not-converged": ("the search met no optimum", "give a start nearer to the sample's values"),
-    "law-range": ("the contact model's range ends before the curve", "fit a smaller depth"),
-    "too-deep": ("indentation deeper than the layer is thick", "fit a smaller depth, or a smaller tip"),
-    "file": ("scene file of another test", "enter what the curve's file says"),
-    "over-whitened": ("the stated correlation time is too long", "state a shorter one, or none"),
-    "prior": ("a prior that does not fit this sample, or a model that does not", "check the prior"),
-    "second-optimum": ("two quantities trade off along the curve", "add a curve with a second tip radius"),
-}
 
 
 def _of_warnings(fit: Fit) -> Iterator[Advice]:
