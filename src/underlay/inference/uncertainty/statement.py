@@ -38,6 +38,8 @@ _LEVEL = 0.95
 _FARTHEST = 6.0
 # Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
+# First places at which quantities are asked: the answer's value, and that of least squares.
+_VALUE, _PLAIN, _FIRST_MOVE = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,23 +50,25 @@ class _Scale:
     ----------
     name, unit : str
         The quantity, and its SI unit.
-    value : float
-        Where the fit has it, on the scale.
     low, high : float
         Ends of the statistical interval, on the scale.
-    of : callable
-        The scale at scaled vectors (m, k): (m,).
+    places : FloatArray
+        The quantity, on the scale, at `Statement._places`, (p,).
     physical : callable
         The quantity (SI) of a number on the scale.
     """
 
     name: str
     unit: str
-    value: float
     low: float
     high: float
-    of: Callable[[FloatArray], FloatArray]
+    places: FloatArray
     physical: Callable[[float], float]
+
+    @property
+    def value(self) -> float:
+        """Where the answer has it, on the scale."""
+        return float(self.places[_VALUE])
 
     def at(self, below: float, above: float) -> tuple[float, float]:
         """The quantity (SI) so far below and above the value on the scale; an infinite step is an open end."""
@@ -152,70 +156,56 @@ class Statement:
         return modulus_by_depth(self.fit, curve=curve, points=points, level=level)
 
     # --- one quantity -------------------------------------------------------------------------------------
+    @cached_property
+    def _places(self) -> FloatArray:
+        """Scaled vectors (p, k): the value, least squares, both sides of all moves, and all middles."""
+        at = self.reading.corrected
+        moved = [(at + source.moves).reshape(-1, len(at)) for source in self.sources]
+        middles = [(at + source.bias)[None] for source in self.sources]
+        return np.concatenate((at[None], self.fit.vector[None], *moved, *middles))
+
+    @cached_property
+    def _derived(self) -> Mapping[str, FloatArray]:
+        """What follows from the parameters, at the places and then at the draws: asked once for all of it."""
+        problem = self.fit.problem
+        return derived_quantities(problem, problem.physical(np.vstack((self._places, self.reading.draws))))
+
     def _scale(self, name: str, level: float) -> _Scale:
-        if name in self.fit.names:
-            return self._of_parameter(name, level)
-        return self._of_derived(name, level)
+        return self._of_parameter(name, level) if name in self.fit.names else self._of_derived(name, level)
 
     def _of_parameter(self, name: str, level: float) -> _Scale:
         index = self.fit.names.index(name)
-        coordinate, reading = self.fit.problem.coordinates[index], self.reading
-        value = float(reading.corrected[index])
+        coordinate, places = self.fit.problem.coordinates[index], self._places[:, index]
         low, high = (
-            end if abs(end - value) < _FARTHEST else math.copysign(math.inf, end - value)
-            for end in reading.interval(index, level)
+            end if abs(end - places[_VALUE]) < _FARTHEST else math.copysign(math.inf, end - places[_VALUE])
+            for end in self.reading.interval(index, level)
         )
-        return _Scale(
-            name,
-            KINDS[kind_of(name)].si,
-            value,
-            low,
-            high,
-            of=lambda q: q[:, index],
-            physical=lambda q: float(coordinate.physical(np.asarray(q))),
-        )
+        unit = KINDS[kind_of(name)].si
+        return _Scale(name, unit, low, high, places, lambda q: float(coordinate.physical(np.asarray(q))))
 
     def _of_derived(self, name: str, level: float) -> _Scale:
-        problem, reading = self.fit.problem, self.reading
-
-        def of(q: FloatArray) -> FloatArray:
-            found = derived_quantities(problem, problem.physical(q))
-            if name not in found:
-                free, derived = ", ".join(self.fit.names), ", ".join(found)
-                raise InputError(
-                    f"{name!r} is not free here; free are {free}; from these follow {derived or 'none'}"
-                )
-            return np.asarray(found[name])
-
-        def log_of(q: FloatArray) -> FloatArray:
-            return np.log(of(q))
-
+        if name not in self._derived:
+            free, derived = ", ".join(self.fit.names), ", ".join(self._derived)
+            raise InputError(
+                f"{name!r} is not free here; free are {free}; from these follow {derived or 'none'}"
+            )
         # By its logarithm; as it is where draws, or what a source moves, take it to zero.
-        at = reading.corrected
-        moved = [(at + source.moves).reshape(-1, len(at)) for source in self.sources]
-        ends = [(at + source.bias)[None] for source in self.sources]
-        found = of(np.concatenate((reading.draws, at[None], *moved, *ends)))
+        found = self._derived[name]
         positive = bool((found > 0.0).all())
         found = np.log(found) if positive else found
+        places, draws = np.split(found, [len(self._places)])
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
-        low, high = weighted_quantiles(found[: len(reading.draws)], reading.weights, tails)
-        return _Scale(
-            name,
-            KINDS[kind_of_quantity(name)].si,
-            float(found[len(reading.draws)]),
-            float(low),
-            float(high),
-            of=log_of if positive else of,
-            physical=math.exp if positive else float,
-        )
+        low, high = weighted_quantiles(draws, self.reading.weights, tails)
+        unit = KINDS[kind_of_quantity(name)].si
+        return _Scale(name, unit, float(low), float(high), places, math.exp if positive else float)
 
     def _found(self, scale: _Scale, level: float) -> Answer:
         """Both parts in quadrature on the scale, and what each source has of them."""
         below, above = max(scale.value - scale.low, 0.0), max(scale.high - scale.value, 0.0)
         times = float(special.ndtri(0.5 + 0.5 * level) / special.ndtri(0.5 + 0.5 * _LEVEL))
-        arms = {source: times * self._arms(scale, source) for source in self.sources}
+        arms = {source: times * own for source, own in self._arms(scale).items()}
         systematic = np.sqrt(sum((own * own for own in arms.values()), np.zeros(2)))
-        bias = sum(self._bias(scale, source) for source in self.sources)
+        bias = self._bias(scale)
         low, high = scale.at(
             max(math.hypot(below, systematic[0]) - bias, 0.0),
             max(math.hypot(above, systematic[1]) + bias, 0.0),
@@ -245,18 +235,20 @@ class Statement:
             self._notes(scale),
         )
 
-    def _arms(self, scale: _Scale, source: Source) -> FloatArray:
-        """How far a source moves the scale down and up, (2,): rows of it are independent."""
-        at = self.reading.corrected
-        ends = scale.of((at + source.moves).reshape(-1, len(at))).reshape(-1, 2) - scale.value
-        down, up = np.maximum(-ends.min(axis=1), 0.0), np.maximum(ends.max(axis=1), 0.0)
-        return np.asarray(np.sqrt([down @ down, up @ up]))
+    def _arms(self, scale: _Scale) -> dict[Source, FloatArray]:
+        """How far every source moves the scale down and up, (2,): its rows are independent."""
+        arms, first = {}, _FIRST_MOVE
+        for source in self.sources:
+            count = 2 * len(source.moves)
+            ends = scale.places[first : first + count].reshape(-1, 2) - scale.value
+            down, up = np.maximum(-ends.min(axis=1), 0.0), np.maximum(ends.max(axis=1), 0.0)
+            arms[source], first = np.sqrt([down @ down, up @ up]), first + count
+        return arms
 
-    def _bias(self, scale: _Scale, source: Source) -> float:
-        """How far the middle of a source lies from the value, on the scale."""
-        if not np.any(source.bias):
-            return 0.0
-        return float(scale.of((self.reading.corrected + source.bias)[None])[0]) - scale.value
+    def _bias(self, scale: _Scale) -> float:
+        """How far the middles of all sources lie from the value, on the scale."""
+        middles = scale.places[len(scale.places) - len(self.sources) :]
+        return float((middles - scale.value).sum())
 
     def _row(
         self,
@@ -278,7 +270,7 @@ class Statement:
     def _notes(self, scale: _Scale) -> tuple[str, ...]:
         """Rules that moved the value."""
         notes = []
-        plain = float(scale.of(self.fit.vector[None])[0])
+        plain = float(scale.places[_PLAIN])
         if plain != scale.value:
             taken_out = " and ".join(
                 words
