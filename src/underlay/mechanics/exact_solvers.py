@@ -18,7 +18,7 @@ from underlay.mechanics.exact.family_law import side_by_side, table_number, tabu
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.exact.tip_law import tip_laws, tip_range
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth, layer_effect
-from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
+from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.kernel import Family
 from underlay.mechanics.solver import Scaling, Solver
 from underlay.mechanics.stuck.law import stuck_law
@@ -65,7 +65,7 @@ class _ToTolerance(Solver):
     def has_table(self, contact: Contact) -> bool:
         """Tables are for power-law tips that slide on layers, without adhesion."""
         layered = bool(np.isfinite(contact.thickness)) and contact.adhesion is None
-        return _is_rounded_power_law(contact.indenter) and layered and not contact.sticks
+        return isinstance(contact.indenter, PowerLawShape) and layered and not contact.sticks
 
     def table_number(self, contact: Contact, depth: float) -> int:
         """See `curve_family`."""
@@ -96,12 +96,12 @@ class _ToTolerance(Solver):
     def has_slopes(self, contact: Contact) -> bool:
         """Laws of tips that slide on layers say them, without adhesion; a flat punch has no curve to say them."""
         layered = bool(np.isfinite(contact.thickness)) and contact.adhesion is None
-        return layered and not isinstance(contact.indenter, FlatPunch) and not contact.sticks
+        return layered and not contact.indenter.has_edge and not contact.sticks
 
     def has_tip_tables(self, contact: Contact) -> bool:
         """Such tables are for tips that end, or spheres, on an isotropic layer."""
         tip = contact.indenter
-        return np.isfinite(tip.max_radius) and not isinstance(tip, FlatPunch) and _is_plain_layer(contact)
+        return np.isfinite(tip.max_radius) and not tip.has_edge and _is_plain_layer(contact)
 
     def tip_number(self, contact: Contact, depth: float) -> int:
         """See `tip_laws`."""
@@ -118,26 +118,20 @@ class _ToTolerance(Solver):
         return tip_laws(contacts, family, ratios, depths, self.rtol)
 
     def has_batches(self, contact: Contact) -> bool:
-        """Batches are for power-law tips and spheres on an isotropic layer."""
-        tip = contact.indenter
-        return (_is_rounded_power_law(tip) or isinstance(tip, Sphere)) and _is_plain_layer(contact)
+        """Batches are for smooth tips on an isotropic layer."""
+        return contact.indenter.smooth and _is_plain_layer(contact)
 
     def has_surfaces(self, contact: Contact) -> bool:
-        """Of a tip that sticks, where it has no corners, and of a sphere on an isotropic layer."""
+        """Of a tip that sticks, where it has no corners, and of a smooth one that ends on an isotropic layer."""
         tip = contact.indenter
-        smooth = _is_rounded_power_law(tip) or isinstance(tip, Sphere)
         if contact.sticks:
-            return smooth and bool(np.isfinite(contact.thickness))
-        return isinstance(tip, Sphere) and _is_plain_layer(contact)
+            return tip.smooth and bool(np.isfinite(contact.thickness))
+        return tip.smooth and bool(np.isfinite(tip.max_radius)) and _is_plain_layer(contact)
 
     def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
         """Both the range that a law is solved for and that of its table."""
         octaves = super().ranges(contact, depth)
         return octaves + _RANGES * range_numbers(contact.varpi(depth)) if self.has_table(contact) else octaves
-
-
-def _is_rounded_power_law(tip: Indenter) -> bool:
-    return isinstance(tip, PowerLawShape) and not isinstance(tip, FlatPunch)
 
 
 def _is_plain_layer(contact: Contact) -> bool:

@@ -20,7 +20,7 @@ from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
-from underlay.mechanics.indenters import FlatPunch, PowerLawShape
+from underlay.mechanics.indenters import PowerLawShape
 
 __all__ = ["ExactLaw", "ExactPunchLaw", "exact_law", "exact_punch_law"]
 
@@ -194,7 +194,7 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     '7.52267'
     """
     indenter = contact.indenter
-    if isinstance(indenter, FlatPunch):
+    if indenter.has_edge:
         return exact_punch_law(contact, max_depth, rtol)
     length = contact.thickness
     if length == np.inf:

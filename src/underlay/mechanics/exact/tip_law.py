@@ -13,12 +13,12 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.batch import CurveBatch
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, depth_measure, too_wide
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, too_wide
 from underlay.mechanics.exact.curve_family import end_number, range_number
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Stretch
 from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curves
-from underlay.mechanics.indenters import Indenter, Sphere
+from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Family
 
 __all__ = ["TipLaw", "TipSlopes", "in_size", "tip_laws", "tip_range", "tips_side_by_side"]
@@ -31,7 +31,6 @@ _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
 _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
-_UNIT_SPHERE = Sphere(1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +83,7 @@ def in_size(
 
 def tip_range(contact: Contact, depth: float) -> int:
     """Number of the range of varpi that reaches `depth` (m)."""
-    varpi = float(depth_measure(contact.indenter).halfspace_radius(np.asarray(depth))) / contact.thickness
+    varpi = float(contact.indenter.power_law.halfspace_radius(np.asarray(depth))) / contact.thickness
     return ceil(_RANGES_PER_OCTAVE * log(max(varpi, _SMALLEST) / _RANGE_EDGE) / log(2.0))
 
 
@@ -125,10 +124,12 @@ def tip_laws(
         if ratios is not None and ratios[row] < _SOFTEST:
             continue
         span = None if ratios is None else end_number(ratios[row])
-        groups.setdefault((_shape(contact.indenter), span, range_number(tops[row])), []).append(row)
+        groups.setdefault((contact.indenter.in_its_unit()[0], span, range_number(tops[row])), []).append(row)
     for (tip, span, octave), members in groups.items():
         log_ratios = np.zeros(len(members)) if ratios is None else np.log([ratios[row] for row in members])
-        thickness = np.array([contacts[row].thickness / _unit(contacts[row].indenter) for row in members])
+        thickness = np.array(
+            [contacts[row].thickness / contacts[row].indenter.in_its_unit()[1] for row in members]
+        )
         asked = TipContacts(
             tip,
             family,
@@ -150,20 +151,11 @@ def tip_laws(
 _Group: TypeAlias = tuple[Indenter, int | None, int]
 
 
-def _shape(tip: Indenter) -> Indenter:
-    """The tip in a unit of its own, in which tips of other sizes are the same."""
-    return _UNIT_SPHERE if isinstance(tip, Sphere) else tip
-
-
-def _unit(tip: Indenter) -> float:
-    return tip.radius if isinstance(tip, Sphere) else 1.0
-
-
 def _law(
     contact: Contact, found: TipCurves, place: int, depth: float, rtol: float
 ) -> TipLaw | RangeError | None:
     """One of the curves as a law, or why there is none so deep; None where it errs by more, or ends before."""
-    batch, measure = found.batch, depth_measure(contact.indenter)
+    batch, measure = found.batch, contact.indenter.power_law
     if len(batch.lengths) > 1:
         batch = batch.part([place])
     error, slopes = float(batch.error_estimate[0]), batch.slopes
