@@ -297,8 +297,12 @@ class Resolution:
 
 
 def series_terms(scales: Scales, eps: float, rtol: float) -> int:
-    """Contact radii up to `eps` for an expansion in the radius (`RadiusSeries`)."""
-    return ceil((0.5 - log10(rtol)) * (1.2 + 0.65 * (asinh(eps) + log1p(scales.softness * eps))))
+    """Contact radii up to `eps` for an expansion in the radius (`RadiusSeries`).
+
+    What decays slowly bends it more: 60 random layers whose roots turn took 0.66 ln(1/decay) more, over asinh(eps).
+    """
+    length = asinh(eps) * (1.0 - log(min(scales.decay, 1.0))) + log1p(scales.softness * eps)
+    return ceil((0.5 - log10(rtol)) * (1.2 + 0.65 * length))
 
 
 def curve_terms(scales: Scales, varpi: float, exponent: float, rtol: float) -> int:
