@@ -370,8 +370,8 @@ class ExactBatch:
         problem = ContactProblem.of(indenter, thickness, kernel)
         top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / thickness
         solved = solve_curve(problem, top, rtol)
-        terms = min(curve_terms(problem.scales, top, problem.measure.exponent, rtol) + 1, MOST_TERMS)
-        # The radii of a power law go a little further, with a term more, for sets whose contact is narrower: a
+        terms = min(curve_terms(problem.scales, top, problem.measure.exponent, rtol) + 2, MOST_TERMS)
+        # The radii of a power law go a little further, with two terms more, for sets whose contact is narrower: a
         # polynomial soon errs beyond its points.
         margin = _MARGIN if indenter is problem.measure else 1.0
         targets = Stretch.to(margin * top, 0.0).v(np.cos(chebyshev_angles(terms)))

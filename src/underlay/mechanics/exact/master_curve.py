@@ -16,7 +16,7 @@ v = 1/softness.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
 from math import asinh, cos, log1p, pi
@@ -212,11 +212,9 @@ class MasterCurve:
         stretch = Stretch(Stretch.to(float(varpi[-1]), softness).length * reach(varpi.size), softness)
         angles = np.arccos(stretch.z(varpi))
         basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
-        curve = cls.of_pieces(
-            stretch, [-1.0, 1.0], [np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)]
-        )
+        coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
         growth = growth_beyond(np.array(Stretch.to(top, softness).length / stretch.length), varpi.size)
-        return replace(curve, error_estimate=curve.error_estimate * float(growth))
+        return cls.of_pieces(stretch, [-1.0, 1.0], [coefficients], growth=float(growth))
 
     @classmethod
     def of_pieces(
@@ -225,12 +223,16 @@ class MasterCurve:
         edges: list[float],
         pieces: list[FloatArray],
         jumps: tuple[float, ...] = (),
+        growth: float = 1.0,
     ) -> MasterCurve:
-        """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece."""
+        """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece.
+
+        `growth` is by how much the last piece errs more where it is asked for beyond its points.
+        """
         stacked = np.array(pieces)
         table = in_powers(stacked)
         table.flags.writeable = False
-        error = float(truncation_error(stacked[..., : len(Factor)]).max())
+        error = growth * float(truncation_error(stacked[..., : len(Factor)]).max())
         return cls(stretch, tuple(edges), table, error, jumps)
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
