@@ -16,7 +16,7 @@ from underlay.mechanics.body import Base, Material, PlaneConstants, magnitude
 from underlay.mechanics.kernel.kernel import Compliance, Kernel, Scales, lowest, u_rule
 from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 
-__all__ = ["LayerKernel", "SubstrateKernel", "coefficients", "material_contrast"]
+__all__ = ["LayerKernel", "SubstrateKernel", "material_contrast"]
 
 
 class _OneLayer(Kernel):
@@ -88,13 +88,6 @@ class LayerKernel(_OneLayer):
     def uniform(self) -> bool:
         """Whether the base continues the layer: the kernel is zero."""
         return self.base is self.layer
-
-
-def coefficients(
-    layer: PlaneConstants, substrate: PlaneConstants | None, count: int, rtol: float = 1e-15
-) -> FloatArray:
-    """a_0, a_1, ... (1.8) of a layer on a base by their plane constants; (count,) or (batch, count)."""
-    return LayerKernel(layer, substrate).moments(count, rtol)
 
 
 @dataclass(frozen=True)
