@@ -157,10 +157,7 @@ class Exact(_ToTolerance):
         tenth of the relative noise is enough; tighter costs little.
     """
 
-    @property
-    def name(self) -> str:
-        """``"exact"``."""
-        return "exact"
+    name: ClassVar[str] = "exact"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Solve; see `exact_law`."""
@@ -180,11 +177,7 @@ class Stuck(_ToTolerance):
     """
 
     slides: ClassVar[bool] = False
-
-    @property
-    def name(self) -> str:
-        """``"stuck"``."""
-        return "stuck"
+    name: ClassVar[str] = "stuck"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Solve; see `stuck_law`."""
@@ -216,10 +209,7 @@ class Auto(_ToTolerance):
         As for `Exact`.
     """
 
-    @property
-    def name(self) -> str:
-        """``"auto"``."""
-        return "auto"
+    name: ClassVar[str] = "auto"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Build the cheapest law that keeps the tolerance in force, contact radius and stiffness."""

@@ -196,10 +196,6 @@ def _solved_alone(
     return None if solved.curve.jumps else solved
 
 
-# Ranges per span of ratios in the number of a cell: any more than there are.
-_RANGES = 1024
-
-
 @dataclass(frozen=True)
 class _SideBySide:
     """Tables of one tip and one family of bodies, side by side; every array has one entry a cell.
@@ -208,8 +204,8 @@ class _SideBySide:
 
     Parameters
     ----------
-    places : dict of int to int
-        Entry of a cell, by its number.
+    places : dict of (int, int) to int
+        Entry of a cell, by the numbers of its spans.
     coefficients : ndarray (cells, ratio terms, 3, rows, 4)
         In powers of the ratio's place in its span; see `CurveFamily`.
     middles, halves : ndarray (cells,)
@@ -218,7 +214,7 @@ class _SideBySide:
         Of the curves; see `CurveBatch`.
     """
 
-    places: dict[int, int] = field(default_factory=dict)
+    places: dict[tuple[int, int], int] = field(default_factory=dict)
     coefficients: FloatArray = field(default_factory=lambda: np.zeros((0, 1, len(Factor), 1, 4)))
     middles: FloatArray = field(default_factory=lambda: np.zeros(0))
     halves: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -227,7 +223,7 @@ class _SideBySide:
     tops: FloatArray = field(default_factory=lambda: np.zeros(0))
     errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
-    def with_table(self, number: int, cell: Cell, family: CurveFamily | None) -> Self:
+    def with_table(self, cell: Cell, family: CurveFamily | None) -> Self:
         """Return them with one table more; one in several pieces counts as none here."""
         if family is not None and len(family.edges) > 2:
             family = None
@@ -240,7 +236,7 @@ class _SideBySide:
         coefficients[-1, : flat.shape[0], :, : flat.shape[2]] = flat
         stretch = None if family is None else family.stretch
         return type(self)(
-            self.places | {number: len(self.places)},
+            self.places | {(cell.ratio, cell.range): len(self.places)},
             coefficients,
             np.append(self.middles, 0.5 * (low + high)),
             np.append(self.halves, 0.5 * (high - low)),
@@ -280,14 +276,13 @@ def family_batch(
     CurveBatch
         With an infinite error estimate where there is no table.
     """
-    spans, ranges = ratio_numbers(ratio), range_numbers(varpi)
-    numbers = (spans * _RANGES + ranges).astype(np.int64).tolist()
+    numbers = list(zip(ratio_numbers(ratio).tolist(), range_numbers(varpi).tolist(), strict=True))
     key = ("side by side", indenter.exponent, family, rtol)
     tables = TABLES.get(key, _SideBySide)
-    missing = {number: first for first, number in enumerate(numbers) if number not in tables.places}
-    for number, first in missing.items():
-        cell = Cell(indenter.exponent, family, int(spans[first]), int(ranges[first]), rtol)
-        tables = tables.with_table(number, cell, family_holding(cell))
+    missing = set(numbers) - tables.places.keys()
+    for span, reach in missing:
+        cell = Cell(indenter.exponent, family, int(span), int(reach), rtol)
+        tables = tables.with_table(cell, family_holding(cell))
     if missing:
         # Never changed but replaced, so that another thread finds it whole.
         TABLES.put(key, tables)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -63,9 +64,7 @@ class ExactLaw(ContactLaw):
         """Those towards each of `Contact.beside`; none where the curve folds."""
         return int(self.curve.coefficients.shape[1]) - len(Factor)
 
-    @property
-    def _beyond(self) -> str:
-        return "the law was solved up to there; build it with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was solved up to there; build it with a larger max_depth"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         radius = self.measure.halfspace_radius(depth)
@@ -148,9 +147,7 @@ class ExactPunchLaw(ContactLaw):
         """Radial nodes of the solution."""
         return self.resolution.radial
 
-    @property
-    def _beyond(self) -> str:
-        return "the law was asked for up to there; build it with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was asked for up to there; build it with a larger max_depth"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.incremental * depth

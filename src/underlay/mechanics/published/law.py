@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import ClassVar
 
 import numpy as np
 
@@ -142,9 +143,7 @@ class PublishedLaw(ContactLaw):
     factor: Factor
     warnings: tuple[OutOfRange, ...] = ()
 
-    @property
-    def _beyond(self) -> str:
-        return "the law was asked for up to there; ask for it again with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was asked for up to there; ask for it again with a larger max_depth"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.contact.halfspace.force(depth) * self.factor.value(self.contact.variable(depth))
