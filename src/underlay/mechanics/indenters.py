@@ -11,7 +11,9 @@ and two moments of it. With V(s) = 2 theta (w - H(s)) in (3.1) and (4.8), integr
 
 so the three integrals of (4.12) are H and its moments: no shape needs more.
 
-To add an indenter: a frozen dataclass that derives from `Indenter` (or from `PowerLawShape`).
+To add an indenter: a frozen dataclass that derives from `Indenter` (or from `PowerLawShape`). Where it is round, a
+cone, smooth or ends in an edge it says so (`curvature_radius`, `opening`, `smooth`, `has_edge`): what is known of
+such tips then holds for it.
 """
 
 from __future__ import annotations

@@ -427,13 +427,7 @@ class ExactBatch:
         else:
             sums = [self.waves.transpose(0, 2, 1) @ (self.waves[..., :-1] * one[:, None]) for one in strength]
             kernel = np.array(sums)
-        matrix = kernel[:, :, :count] * -self.rule.weights
-        matrix.reshape(-1, radii, count * count)[:, :, :: count + 1] += 1.0
-        sides = np.ones((*kernel.shape[:2], count, 2))
-        sides[..., 1] = kernel[:, :, count]
-        solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
-        g = solved[..., 0]
-        return PunchSolution(self.eps, self.rule, g, solved[..., 1], g @ self.rule.weights)
+        return PunchSolution.of_kernel(self.eps, self.rule, kernel)[0]
 
 
 def thickness_derivative(
