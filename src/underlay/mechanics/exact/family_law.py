@@ -31,7 +31,7 @@ from underlay.mechanics.exact.curve_family import (
     ratio_numbers,
 )
 from underlay.mechanics.exact.law import ExactLaw
-from underlay.mechanics.exact.master_curve import Factor
+from underlay.mechanics.exact.master_curve import Factor, Stretch
 from underlay.mechanics.exact.nodes import TABLES
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import Family
@@ -166,8 +166,7 @@ def side_by_side(
         return CurveBatch(
             PowerLaw(exponent, 1.0),
             range_end(reach),
-            np.array([[stretch.length] for stretch in stretches]),
-            np.array([[stretch.softness] for stretch in stretches]),
+            Stretch.of_all(stretches),
             np.stack([np.pad(table, ((0, 0), (0, rows - table.shape[1]), (0, 0))) for table in tables]),
             np.array([each.error_estimate for each in known]),
         )
@@ -298,8 +297,7 @@ def family_batch(
     return CurveBatch(
         indenter,
         tables.tops[places],
-        tables.lengths[places][:, None],
-        tables.softness[places][:, None],
+        Stretch(tables.lengths[places][:, None], tables.softness[places][:, None]),
         said[:, 0],
         tables.errors[places],
         said[:, 1:, Factor.FORCE] if slopes else None,

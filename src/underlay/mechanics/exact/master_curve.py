@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
 from math import asinh, cos, log1p, pi
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -59,28 +59,48 @@ class Factor(IntEnum):
 
 @dataclass(frozen=True)
 class Stretch:
-    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, length], mapped to z in [-1, 1]."""
+    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, length], mapped to z in [-1, 1].
 
-    length: float
-    softness: float
+    Of many curves at once, their lengths and softness are (sets, 1).
+    """
+
+    length: Any
+    softness: Any
 
     @classmethod
     def to(cls, top: float, softness: float) -> Self:
         """Cover v in [0, top]."""
         return cls(asinh(top) + log1p(softness * top), softness)
 
+    @classmethod
+    def of_all(cls, stretches: Sequence[Stretch]) -> Self:
+        """Those of many curves, as one."""
+        return cls(
+            *(np.array([[getattr(one, name)] for one in stretches]) for name in ("length", "softness"))
+        )
+
+    def part(self, rows: slice | list[int]) -> Stretch:
+        """That of some of many curves."""
+        return Stretch(self.length[rows], self.softness[rows])
+
+    def t(self, v: FloatArray) -> FloatArray:
+        """Map v to t."""
+        t: FloatArray = np.arcsinh(v)
+        if self.softness if isinstance(self.softness, float) else self.softness.any():
+            t += np.log1p(self.softness * v)
+        return t
+
     def z(self, v: FloatArray) -> FloatArray:
         """Map v to z."""
-        t = np.arcsinh(v)
-        if self.softness > 0.0:
-            t += np.log1p(self.softness * v)
+        t = self.t(v)
         t *= 2.0 / self.length
         t -= 1.0
         return t
 
     def dz(self, v: FloatArray) -> FloatArray:
         """dz/dv."""
-        return (2.0 / self.length) * (1.0 / np.sqrt(1.0 + v * v) + self.softness / (1.0 + self.softness * v))
+        bend = 1.0 / np.sqrt(1.0 + v * v) + self.softness / (1.0 + self.softness * v)
+        return np.asarray((2.0 / self.length) * bend)
 
     def v(self, z: FloatArray) -> FloatArray:
         """Inverse of `z`."""

@@ -58,8 +58,7 @@ def tips_side_by_side(laws: Sequence[TipLaw], depth: FloatArray) -> TipSlopes:
     batch = CurveBatch(
         first.measure,
         np.inf,
-        np.array([[law.curve.stretch.length] for law in laws]),
-        np.array([[law.curve.stretch.softness] for law in laws]),
+        Stretch.of_all([law.curve.stretch for law in laws]),
         coefficients[:, :factors],
         np.zeros(count),
         coefficients[:, factors:],
@@ -156,7 +155,7 @@ def _law(
 ) -> TipLaw | RangeError | None:
     """One of the curves as a law, or why there is none so deep; None where it errs by more, or ends before."""
     batch, measure = found.batch, contact.indenter.power_law
-    if len(batch.lengths) > 1:
+    if len(batch.error_estimate) > 1:
         batch = batch.part([place])
     error, slopes = float(batch.error_estimate[0]), batch.slopes
     max_depth = float(measure.abel(np.asarray(batch.top)[0] * contact.thickness))
@@ -164,7 +163,7 @@ def _law(
         return too_wide(depth, max_depth)
     if slopes is None or not error <= rtol or max_depth < depth:
         return None
-    stretch = Stretch(float(batch.lengths[0, 0]), float(batch.softness[0, 0]))
+    stretch = Stretch(float(batch.stretch.length[0, 0]), float(batch.stretch.softness[0, 0]))
     tables = np.concatenate((batch.coefficients, slopes), axis=1)
     return TipLaw(
         method="exact",
