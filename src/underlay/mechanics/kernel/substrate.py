@@ -16,7 +16,7 @@ from underlay.mechanics.body import Base, Material, PlaneConstants, magnitude
 from underlay.mechanics.kernel.kernel import Compliance, Kernel, Scales, lowest, u_rule
 from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 
-__all__ = ["LayerKernel", "SubstrateKernel", "material_contrast"]
+__all__ = ["LayerKernel", "SubstrateKernel", "is_isotropic", "material_contrast"]
 
 
 class _OneLayer(Kernel):
@@ -160,7 +160,7 @@ def isotropic_formula(
         1 - L = x [a (1 + b) + b (1 + a) - 2 a b (1 - x) + 4 a u (1 + u)]
                 / {[1 - x + (1 + a) x] [1 - x + (1 + b) x] + 4 a u^2 x}.
     """
-    if not (_is_isotropic(layer) and (base is None or _is_isotropic(base))):
+    if not (is_isotropic(layer) and (base is None or is_isotropic(base))):
         return None
     kappa = (3.0 - layer.q) / (1.0 + layer.q)
     ratio, kappa_base = (0.0, 1.0) if base is None else (base.S / layer.S, (3.0 - base.q) / (1.0 + base.q))
@@ -178,7 +178,8 @@ def isotropic_formula(
     return one_minus_L
 
 
-def _is_isotropic(of: PlaneConstants) -> bool:
+def is_isotropic(of: PlaneConstants) -> bool:
+    """Whether constants, all of a batch, are those of isotropic materials, but for rounding."""
     nearest = min(lowest(-magnitude(of.p - 1.0)), lowest(-magnitude(of.sigma - 2.0)))
     return nearest >= -_ROUNDING
 
