@@ -9,7 +9,7 @@ import underlay as ul
 from underlay.mechanics.adhesion.jkr import jkr_branch
 from underlay.mechanics.adhesion.maugis import maugis_state
 from underlay.mechanics.adhesion.radius_relation import solve_relation
-from underlay.mechanics.exact.contact_problem import depth_measure, weights_over_depth
+from underlay.mechanics.exact.contact_problem import weights_over_depth
 from underlay.mechanics.exact.nodes import even_rule
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 
@@ -243,7 +243,7 @@ def test_a_measured_tip_grows_as_its_depth_says():
     nodes = proved_resolution(contact.kernel, 1.6, 1e-12).scaled(4.0, 1.5)
 
     def depth(a):
-        weights = weights_over_depth(tip, depth_measure(tip), even_rule(nodes.radial), a)
+        weights = weights_over_depth(tip, tip.power_law, even_rule(nodes.radial), a)
         found = PunchSolution.solve(contact.kernel, a / 1e-6, nodes).depth_and_force(weights)
         return found[0] * tip.abel(a)
 

@@ -124,6 +124,54 @@ def test_indenter_works_everywhere(tmp_path):
     ul.plots.save(ul.plots.scene(scene, depth=3e-6), tmp_path / "scene.png")
 
 
+class Round(Hyperboloid):
+    """The same, and it says that it is round and smooth."""
+
+    shape: ClassVar[str] = ""
+    smooth: ClassVar[bool] = True
+
+    @property
+    def curvature_radius(self):
+        return self.tip_radius
+
+
+def test_round_indenter_is_treated_as_spheres_are(tmp_path):
+    tip, layer = Round(WORN.half_angle, WORN.tip_radius), ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5)
+    scene = ul.Scene(tip, layer, ul.RIGID)
+    exact = scene.contact_law(1e-6, solver="exact")
+    # A tip that says less is solved in another measure of depth, with more nodes: to the same law.
+    plain = ul.Scene(WORN, layer, ul.RIGID).contact_law(1e-6, solver="exact")
+    w = np.linspace(1e-8, 1e-6, 50)
+    assert exact.force(w) == pytest.approx(plain.force(w), rel=2e-6)
+    # Near the apex it presses as the paraboloid of its curvature, stuck or not; friction adds force.
+    ball = ul.Scene(ul.Paraboloid(tip.curvature_radius), layer, ul.RIGID)
+    for friction in ("none", "stuck"):
+        laws = [replace(one, friction=friction).contact_law(1e-6) for one in (scene, ball)]
+        shallow, deep = ([float(law.force(at)) for law in laws] for at in (1e-10, 1e-6))
+        assert shallow[0] == pytest.approx(shallow[1], rel=1e-3)
+        assert deep[0] > 1.03 * deep[1]  # blunter than its paraboloid further out
+    assert laws[0].force(1e-6) > exact.force(1e-6)
+    assert laws[0].error_estimate < 1e-5
+    # What the literature says of spheres holds for it; DMT too.
+    published, of_ball = (one.contact_law(1e-6, solver="garcia2018") for one in (scene, ball))
+    assert published.force(w) == pytest.approx(of_ball.force(w), rel=1e-12)
+    assert published.error_estimate > of_ball.error_estimate + 0.05
+    dmt = replace(scene, adhesion=ul.DMT(work=1e-3)).contact_law(1e-6)
+    assert dmt.pull_off_force == pytest.approx(2.0 * np.pi * tip.tip_radius * 1e-3, rel=1e-6)
+    # A fit reads its laws off tables, its curve is judged, its test is drawn.
+    curve = ul.synthesize(scene, np.linspace(-3e-7, 1e-6, 200), noise=ul.Noise(force=1e-12), rng=0)
+    free = {"layer.E": (1e2, 1e6), "layer.thickness": (1e-6, 1e-4)}
+    fit = ul.fit(ul.Problem(scene, curve, free=free, solver="exact"))
+    for name, true in (("layer.E", 1e4), ("layer.thickness", 1e-5)):
+        assert abs(fit.values[name] - true) < 4.0 * fit.stderr[name]
+    assert "off tables of the flat punch" in fit.law_reason
+    assert ul.check_quality(curve, scene).verdict == "good"
+    ul.plots.save(ul.plots.scene(scene, depth=1e-6), tmp_path / "scene.png")
+    effects = scene.effects(1e-6, solver="exact").set_index("effect")
+    against = float(exact.force(1e-6) / ball.contact_law(1e-6, solver="exact").force(1e-6)) - 1.0
+    assert effects.loc["true sphere", "size_percent"] == pytest.approx(100.0 * against, abs=1e-3)
+
+
 class Endless(Hyperboloid):
     """The same without an end, and without a name: scene files do not know it."""
 

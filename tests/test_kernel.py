@@ -17,7 +17,7 @@ from support import appendix
 from support.reflected_kernel import constants_of_roots, random_material, reflected
 from support.transfer_matrix import TransferMatrixKernel
 from underlay.mechanics.body import PlaneConstants, isotropic_constants
-from underlay.mechanics.kernel import LayerKernel, coefficients, u_rule
+from underlay.mechanics.kernel import LayerKernel, u_rule
 
 EPS = np.finfo(float).eps
 U = np.concatenate(([0.0], np.geomspace(1e-8, 50.0, 60)))
@@ -227,7 +227,7 @@ def test_a_batch_gives_the_coefficients_of_its_members():
         [ul.Isotropic(1.0, 0.5), ul.Isotropic(2.0, 0.3)],
         [ul.Isotropic(0.01, 0.3), ul.Isotropic(40.0, 0.2)],
     )
-    together = coefficients(batch(layers), batch(bases_), 3)
+    together = LayerKernel(batch(layers), batch(bases_)).moments(3)
     for row, layer, base in zip(together, layers, bases_, strict=True):
         np.testing.assert_allclose(row, ul.SubstrateKernel(layer, base).coefficients(3), rtol=1e-13)
 

@@ -1,11 +1,11 @@
 """What the forward models and the fits cost: the rows of the tables, each timed beside its unit.
 
-The unit of a model is the explicit fourth-order formula (5.9) in plain numpy on the same depths; that of a fit is
-lmfit's fit of Hertz's formula to the same points. It is timed in turns with each case and every ratio is the
-median over the rounds. Times are processor times: a busy machine makes calls wait, and the longer a call the
-more of it is waiting. What is kept for the whole process, tables of exact laws, is there after the first round,
-which does not count. To add a case: one line in `CASES`; its `prepare` takes the depths (m) and returns the call
-that is timed.
+The unit of a model is the explicit fourth-order formula (5.9) in plain numpy on the same depths, term by term after
+one square root; that of a fit is lmfit's fit of Hertz's formula to the same points. It is timed in turns with each
+case and every ratio is the median over the rounds. Times are processor times: a busy machine makes calls wait, and
+the longer a call the more of it is waiting. What is kept for the whole process, tables of exact laws, is there
+after the first round, which does not count. To add a case: one line in `CASES`; its `prepare` takes the depths (m)
+and returns the call that is timed.
 """
 
 import platform

@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import underlay as ul
 from support.reflected_kernel import constants_of_roots, random_material, reflected
 from underlay.errors import UnderlayError
-from underlay.mechanics.exact.contact_problem import depth_measure, weights_over_depth
+from underlay.mechanics.exact.contact_problem import weights_over_depth
 from underlay.mechanics.exact.nodes import Resolution, even_rule
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.kernel import LayerKernel
@@ -86,7 +86,7 @@ def force(rng: Random) -> float:
 
 
 def _weights(tip: ul.Indenter, nodes: Resolution, radius: float) -> np.ndarray:
-    return weights_over_depth(tip, depth_measure(tip), even_rule(nodes.radial), np.array([radius]))
+    return weights_over_depth(tip, tip.power_law, even_rule(nodes.radial), np.array([radius]))
 
 
 def stuck(rng: Random) -> float:

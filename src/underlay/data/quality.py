@@ -23,7 +23,7 @@ from underlay.data.withdrawal import lowest_of
 from underlay.errors import CurveError, RangeError
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.halfspace import largest_halfspace_depth
-from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
+from underlay.mechanics.indenters import Indenter, PowerLawShape, Sphere
 from underlay.mechanics.solvers import Auto
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
@@ -398,22 +398,16 @@ def _expected_exponent(scene: Scene | None, law: ContactLaw | None, beyond: _Bey
 
 
 def _shape_exponent(indenter: Indenter | None) -> float:
-    if isinstance(indenter, Cone):
-        return 2.0
-    if isinstance(indenter, FlatPunch):
+    if indenter is not None and indenter.has_edge:
         return 1.0
-    if isinstance(indenter, PowerLaw):
-        return 1.0 + 1.0 / indenter.exponent
-    return 1.5
+    return 1.0 + 1.0 / indenter.exponent if isinstance(indenter, PowerLawShape) else 1.5
 
 
 def _shape_doubts(curve: Curve, scene: Scene | None, deepest: float) -> Iterator[str]:
     """Say when a ball is pressed so deep that its paraboloid does not stand for it."""
     indenter = None if scene is None else scene.indenter
-    if isinstance(indenter, Sphere):
-        return
-    radius = indenter.radius if isinstance(indenter, Paraboloid) else curve.metadata.get("indenter_radius")
-    if radius is None or (indenter is not None and not isinstance(indenter, Paraboloid)):
+    radius = curve.metadata.get("indenter_radius") if indenter is None else indenter.curvature_radius
+    if radius is None or (indenter is not None and indenter.power_law is not indenter):
         return
     if deepest > largest_halfspace_depth(Sphere(float(radius))):
         yield f"depth/radius {deepest / radius:.2g}: deeper than a ball of this radius holds contact"
@@ -431,5 +425,7 @@ def _shape_doubts(curve: Curve, scene: Scene | None, deepest: float) -> Iterator
 def _ball_against_paraboloid(ratio: float) -> float:
     """Relative difference of their forces on a half-space at a depth over radius: no modulus enters."""
     depth, ball = np.array([ratio]), Sphere(1.0)
-    force, rounded = (tip.halfspace_force(depth, tip.halfspace_radius(depth)) for tip in (ball, ball.apex))
+    force, rounded = (
+        tip.halfspace_force(depth, tip.halfspace_radius(depth)) for tip in (ball, ball.power_law)
+    )
     return abs(float(rounded[0] / force[0]) - 1.0)

@@ -21,7 +21,6 @@ from underlay.inference.file_facts import settle
 from underlay.inference.plausibility import require_plausible, size_notes
 from underlay.inference.priors import Normal, Uniform, prior_from_numbers
 from underlay.inference.problem import Given, Problem
-from underlay.mechanics.indenters import Cone
 from underlay.scene.fit_range import PRESETS, FitRange
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import FreeParameter, SceneFile, read_scene_file
@@ -71,7 +70,7 @@ def read_for(file: SceneFile, path: str | os.PathLike[str] | MapCurve) -> Curve:
     """Read the part of a curve file that the scene file asks for."""
     whole = read_whole(file, path)
     part = chosen_part(whole, file.curve)
-    if not isinstance(file.draft.indenter, Cone) or file.curve.get("segment", LOADING) == UNLOADING:
+    if file.draft.indenter.opening is None or file.curve.get("segment", LOADING) == UNLOADING:
         return part
     # A sharp tip strains what it touches as much at every depth, and most samples yield to that.
     reason = imprint_of(whole, file.draft.instrument.contact_depth).reason

@@ -13,7 +13,6 @@ import numpy as np
 
 from underlay.data.foot import approach_of, foot_of
 from underlay.errors import CurveError, InputError
-from underlay.mechanics.indenters import FlatPunch
 from underlay.mechanics.solvers import Auto
 from underlay.units import format_quantity, kind_of
 
@@ -63,7 +62,7 @@ def require_travel(problem: Problem) -> None:
         With the stiffness of that spring.
     """
     for member in problem.members:
-        if not isinstance(member.scene.indenter, FlatPunch):
+        if not member.scene.indenter.has_edge:
             _refuse_deflection(member.curve)
 
 

@@ -35,7 +35,6 @@ from underlay._arrays import FloatArray, PerSet
 from underlay.errors import InputError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import Paraboloid, Sphere
 
 __all__ = [
     "FRICTIONS",
@@ -87,10 +86,10 @@ def finite_strain_excess(contact: Contact, depth: FloatArray, radius: FloatArray
     depth, radius : FloatArray
         Indentation depth and contact radius of the linear law (m), (n,).
     """
-    if contact.isotropic is None or not isinstance(contact.indenter, Sphere | Paraboloid):
+    tip_radius = contact.indenter.curvature_radius
+    if contact.isotropic is None or tip_radius is None:
         return np.full_like(depth, np.nan)
-    nu = contact.isotropic.layer.nu
-    return excess_of(nu, depth / contact.thickness, radius / contact.indenter.radius)
+    return excess_of(contact.isotropic.layer.nu, depth / contact.thickness, radius / tip_radius)
 
 
 def excess_of(nu: PerSet, deep: FloatArray, wide: FloatArray) -> FloatArray:
@@ -114,9 +113,10 @@ def friction_in_large_strains(
     depth : FloatArray
         Indentation depth (m), (n,).
     """
-    if not isinstance(contact.indenter, Sphere | Paraboloid):
+    radius = contact.indenter.curvature_radius
+    if radius is None:
         return np.full_like(depth, np.nan)
-    return further_of(sticks, free, depth, contact.indenter.radius, contact.thickness)
+    return further_of(sticks, free, depth, radius, contact.thickness)
 
 
 def further_of(
@@ -146,11 +146,12 @@ def require_measured(contact: Contact, depth: float, size: str = "") -> None:
 
 def why_unmeasured(contact: Contact, depth: float) -> str:
     """Why the function says nothing of this contact at `depth` (m), with the range; empty where it does."""
-    if contact.isotropic is None or not isinstance(contact.indenter, Sphere | Paraboloid):
+    radius, thickness = contact.indenter.curvature_radius, contact.thickness
+    if contact.isotropic is None or radius is None:
         return "measured for spheres on one isotropic layer, bonded"
     if contact.isotropic.base is not None and np.isfinite(contact.thickness):
         return "measured on rigid bases"
-    nu, radius, thickness = contact.isotropic.layer.nu, contact.indenter.radius, contact.thickness
+    nu = contact.isotropic.layer.nu
     more = 1.0 + _ROUNDING
     ends = (
         (nu < _LEAST_NU, f"nu from {_LEAST_NU:g}; here {nu:g}"),

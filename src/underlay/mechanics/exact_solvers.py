@@ -18,7 +18,7 @@ from underlay.mechanics.exact.family_law import side_by_side, table_number, tabu
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.exact.tip_law import tip_laws, tip_range
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth, layer_effect
-from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
+from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.kernel import Family
 from underlay.mechanics.solver import Scaling, Solver
 from underlay.mechanics.stuck.law import stuck_law
@@ -37,6 +37,8 @@ class _ToTolerance(Solver):
     rtol: float = 1e-6
     scaling: ClassVar[Scaling] = Scaling.POWER_LAW
     judges_range: ClassVar[bool] = False
+    #: Whether points slide along the tip where the contact does not say that they stick.
+    slides: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         rtol = finite(self.rtol, "rtol", "relative error")
@@ -62,10 +64,16 @@ class _ToTolerance(Solver):
         """Return the exact solver, at `rtol` or finer."""
         return Exact(min(self.rtol, rtol))
 
+    def _is_plain(self, contact: Contact, *, isotropic: bool = False) -> bool:
+        """Whether a tip slides on a layer, which may have to be isotropic, without adhesion."""
+        slides = self.slides and not contact.sticks and contact.adhesion is None
+        return (
+            slides and bool(np.isfinite(contact.thickness)) and not (isotropic and contact.isotropic is None)
+        )
+
     def has_table(self, contact: Contact) -> bool:
         """Tables are for power-law tips that slide on layers, without adhesion."""
-        layered = bool(np.isfinite(contact.thickness)) and contact.adhesion is None
-        return _is_rounded_power_law(contact.indenter) and layered and not contact.sticks
+        return isinstance(contact.indenter, PowerLawShape) and self._is_plain(contact)
 
     def table_number(self, contact: Contact, depth: float) -> int:
         """See `curve_family`."""
@@ -95,13 +103,12 @@ class _ToTolerance(Solver):
 
     def has_slopes(self, contact: Contact) -> bool:
         """Laws of tips that slide on layers say them, without adhesion; a flat punch has no curve to say them."""
-        layered = bool(np.isfinite(contact.thickness)) and contact.adhesion is None
-        return layered and not isinstance(contact.indenter, FlatPunch) and not contact.sticks
+        return not contact.indenter.has_edge and self._is_plain(contact)
 
     def has_tip_tables(self, contact: Contact) -> bool:
         """Such tables are for tips that end, or spheres, on an isotropic layer."""
         tip = contact.indenter
-        return np.isfinite(tip.max_radius) and not isinstance(tip, FlatPunch) and _is_plain_layer(contact)
+        return np.isfinite(tip.max_radius) and not tip.has_edge and self._is_plain(contact, isotropic=True)
 
     def tip_number(self, contact: Contact, depth: float) -> int:
         """See `tip_laws`."""
@@ -118,32 +125,20 @@ class _ToTolerance(Solver):
         return tip_laws(contacts, family, ratios, depths, self.rtol)
 
     def has_batches(self, contact: Contact) -> bool:
-        """Batches are for power-law tips and spheres on an isotropic layer."""
-        tip = contact.indenter
-        return (_is_rounded_power_law(tip) or isinstance(tip, Sphere)) and _is_plain_layer(contact)
+        """Batches are for smooth tips on an isotropic layer."""
+        return contact.indenter.smooth and self._is_plain(contact, isotropic=True)
 
     def has_surfaces(self, contact: Contact) -> bool:
-        """Of a tip that sticks, where it has no corners, and of a sphere on an isotropic layer."""
+        """Of a tip that sticks, where it has no corners, and of a smooth one that ends on an isotropic layer."""
         tip = contact.indenter
-        smooth = _is_rounded_power_law(tip) or isinstance(tip, Sphere)
-        if contact.sticks:
-            return smooth and bool(np.isfinite(contact.thickness))
-        return isinstance(tip, Sphere) and _is_plain_layer(contact)
+        if contact.sticks or not self.slides:
+            return tip.smooth and bool(np.isfinite(contact.thickness))
+        return tip.smooth and bool(np.isfinite(tip.max_radius)) and self._is_plain(contact, isotropic=True)
 
     def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
         """Both the range that a law is solved for and that of its table."""
         octaves = super().ranges(contact, depth)
         return octaves + _RANGES * range_numbers(contact.varpi(depth)) if self.has_table(contact) else octaves
-
-
-def _is_rounded_power_law(tip: Indenter) -> bool:
-    return isinstance(tip, PowerLawShape) and not isinstance(tip, FlatPunch)
-
-
-def _is_plain_layer(contact: Contact) -> bool:
-    """Whether it is an isotropic layer on its base, without adhesion and friction."""
-    isotropic = contact.isotropic is not None and bool(np.isfinite(contact.thickness))
-    return isotropic and contact.adhesion is None and not contact.sticks
 
 
 def _no_contact(contact: Contact, name: str) -> ContactLaw:
@@ -162,10 +157,7 @@ class Exact(_ToTolerance):
         tenth of the relative noise is enough; tighter costs little.
     """
 
-    @property
-    def name(self) -> str:
-        """``"exact"``."""
-        return "exact"
+    name: ClassVar[str] = "exact"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Solve; see `exact_law`."""
@@ -184,10 +176,8 @@ class Stuck(_ToTolerance):
         As for `Exact`.
     """
 
-    @property
-    def name(self) -> str:
-        """``"stuck"``."""
-        return "stuck"
+    slides: ClassVar[bool] = False
+    name: ClassVar[str] = "stuck"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Solve; see `stuck_law`."""
@@ -208,30 +198,6 @@ class Stuck(_ToTolerance):
         """Return the same at `rtol` or finer."""
         return Stuck(min(self.rtol, rtol))
 
-    def has_table(self, contact: Contact) -> bool:
-        """There are no tables."""
-        del contact
-        return False
-
-    def has_slopes(self, contact: Contact) -> bool:
-        """They do not."""
-        del contact
-        return False
-
-    def has_tip_tables(self, contact: Contact) -> bool:
-        """There are none."""
-        del contact
-        return False
-
-    def has_batches(self, contact: Contact) -> bool:
-        """There are no batches."""
-        del contact
-        return False
-
-    def has_surfaces(self, contact: Contact) -> bool:
-        """Whatever the contact says of friction."""
-        return super().has_surfaces(replace(contact, friction="stuck"))
-
 
 @dataclass(frozen=True)
 class Auto(_ToTolerance):
@@ -243,10 +209,7 @@ class Auto(_ToTolerance):
         As for `Exact`.
     """
 
-    @property
-    def name(self) -> str:
-        """``"auto"``."""
-        return "auto"
+    name: ClassVar[str] = "auto"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Build the cheapest law that keeps the tolerance in force, contact radius and stiffness."""

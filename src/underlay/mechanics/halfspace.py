@@ -14,7 +14,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
-from underlay.mechanics.indenters import FlatPunch, Indenter
+from underlay.mechanics.indenters import Indenter
 
 __all__ = ["HalfspaceLaw", "halfspace_law", "largest_halfspace_depth", "layer_effect"]
 
@@ -28,7 +28,7 @@ _LARGEST_SHALLOW = 0.02
 
 def largest_halfspace_depth(indenter: Indenter) -> float:
     """Depth (m) at which the contact reaches the end of the indenter's shape; inf where it never does."""
-    if isinstance(indenter, FlatPunch) or not np.isfinite(indenter.max_radius):
+    if indenter.has_edge or not np.isfinite(indenter.max_radius):
         return np.inf
     return float(indenter.abel(np.array(indenter.max_radius)))
 

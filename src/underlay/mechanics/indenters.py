@@ -11,7 +11,9 @@ and two moments of it. With V(s) = 2 theta (w - H(s)) in (3.1) and (4.8), integr
 
 so the three integrals of (4.12) are H and its moments: no shape needs more.
 
-To add an indenter: a frozen dataclass that derives from `Indenter` (or from `PowerLawShape`).
+To add an indenter: a frozen dataclass that derives from `Indenter` (or from `PowerLawShape`). Where it is round, a
+cone, smooth or ends in an edge it says so (`curvature_radius`, `opening`, `smooth`, `has_edge`): what is known of
+such tips then holds for it.
 """
 
 from __future__ import annotations
@@ -49,10 +51,52 @@ class Indenter(Part, ABC):
         plugged_indenters()
         return super().kinds()
 
+    #: Whether the contact keeps its radius at every depth: a flat end with an edge.
+    has_edge: ClassVar[bool] = False
+    #: Whether H has no corners in its derivatives between the apex and `max_radius`: integrals take fewer nodes.
+    smooth: ClassVar[bool] = False
+
     @property
     def max_radius(self) -> float:
         """Largest contact radius (m) the shape allows; inf where it never ends."""
         return np.inf
+
+    @property
+    def curvature_radius(self) -> float | None:
+        """Radius of curvature (m) of a tip that is round at its apex; None of one that is flat or pointed."""
+        return None
+
+    @property
+    def opening(self) -> float | None:
+        """Half-angle of a cone (radians, from its axis); None of any other shape."""
+        return None
+
+    def in_its_unit(self) -> tuple[Indenter, float]:
+        """Return the tip in a unit of its own (m), in which tips of other sizes are the same, and the unit."""
+        return self, 1.0
+
+    @property
+    def power_law(self) -> PowerLawShape:
+        """Power law that measures depth: the shape itself, that of its curvature, or one as deep at its end.
+
+        Raises
+        ------
+        InputError
+            If the shape is neither and never ends: nothing says how near its apex is.
+        """
+        if self.curvature_radius is not None:
+            return Paraboloid(self.curvature_radius)
+        if not np.isfinite(self.max_radius):
+            name = type(self).__name__
+            raise InputError(
+                f"{name}.max_radius is {self.max_radius!r}, and {name} is no power law: the exact law measures "
+                "such a shape up to its largest contact radius. Give the class a finite max_radius (m), e.g. the "
+                "radius at which the shank begins, or derive it from PowerLawShape"
+            )
+        near, far = self.abel(self.max_radius * np.array([1e-6, 2e-6])).tolist()
+        exponent = max(1.0, round(float(np.log2(far / near))))
+        deepest = float(self.abel(np.array(self.max_radius)))
+        return PowerLaw(exponent, deepest / (abel_factor(exponent) * self.max_radius**exponent))
 
     @abstractmethod
     def surface(self, radius: FloatArray) -> FloatArray:
@@ -84,6 +128,7 @@ class FlatPunch(Indenter):
     """A flat-ended cylinder of the given radius (m); its contact radius never changes."""
 
     shape: ClassVar[str] = "flat_punch"
+    has_edge: ClassVar[bool] = True
 
     radius: float = field(
         metadata=quantity("length", "{part} radius", symbol="R", bounds=(0.0, np.inf), scales="length")
@@ -148,6 +193,8 @@ def abel_factor(exponent: float | FloatArray) -> FloatArray:
 class PowerLawShape(Indenter):
     """Phi(r) = A r^lambda (5.1): the family in which every relation has a closed form."""
 
+    smooth: ClassVar[bool] = True
+
     # Not abstract properties: `PowerLaw` holds both as plain fields, which cannot replace a property.
     if TYPE_CHECKING:
 
@@ -158,6 +205,11 @@ class PowerLawShape(Indenter):
         @property
         def coefficient(self) -> float:
             """The paper's A (m^(1-lambda)), positive."""
+
+    @property
+    def power_law(self) -> Self:
+        """Itself."""
+        return self
 
     @cached_property
     def abel_coefficient(self) -> float:
@@ -212,6 +264,11 @@ class Paraboloid(PowerLawShape):
         object.__setattr__(self, "radius", positive(self.radius, "paraboloid radius", "m"))
 
     @property
+    def curvature_radius(self) -> float:
+        """R."""
+        return self.radius
+
+    @property
     def exponent(self) -> float:
         """Two."""
         return 2.0
@@ -243,6 +300,11 @@ class Cone(PowerLawShape):
                 "(is it in degrees?)"
             )
         object.__setattr__(self, "half_angle", angle)
+
+    @property
+    def opening(self) -> float:
+        """The half-angle."""
+        return self.half_angle
 
     @property
     def exponent(self) -> float:
@@ -310,6 +372,7 @@ class Sphere(Indenter):
     """A true sphere, Phi = R - sqrt(R^2 - r^2) (6.1); `radius` R in metres, contact radius a < R."""
 
     shape: ClassVar[str] = "sphere"
+    smooth: ClassVar[bool] = True
 
     radius: float = field(
         metadata=quantity("length", "{part} radius", symbol="R", bounds=(0.0, np.inf), scales="length")
@@ -318,8 +381,17 @@ class Sphere(Indenter):
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", positive(self.radius, "sphere radius", "m"))
 
+    @property
+    def curvature_radius(self) -> float:
+        """R."""
+        return self.radius
+
+    def in_its_unit(self) -> tuple[Sphere, float]:
+        """The sphere of unit radius, and R."""
+        return Sphere(1.0), self.radius
+
     @cached_property
-    def apex(self) -> Paraboloid:
+    def power_law(self) -> Paraboloid:
         """The paraboloid of the same curvature."""
         return Paraboloid(self.radius)
 

@@ -62,17 +62,13 @@ class Asymptotic(Solver):
     order: int = 4
     form: str = "auto"
     scaling: ClassVar[Scaling] = Scaling.POWER_LAW
+    name: ClassVar[str] = "asymptotic"
 
     def __post_init__(self) -> None:
         if self.form not in FORMS:
             raise InputError(f"unknown form {self.form!r}; known: {', '.join(FORMS)}")
         if self.order not in range(5):
             raise InputError(f"order must be 0, 1, 2, 3 or 4; got {self.order!r}")
-
-    @property
-    def name(self) -> str:
-        """``"asymptotic"``."""
-        return "asymptotic"
 
     @property
     def label(self) -> str:
@@ -94,11 +90,7 @@ class HalfSpace(Solver):
 
     scaling: ClassVar[Scaling] = Scaling.POWER_LAW
     sees_base: ClassVar[bool] = False
-
-    @property
-    def name(self) -> str:
-        """``"halfspace"``."""
-        return "halfspace"
+    name: ClassVar[str] = "halfspace"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Build it to the end of the indenter's shape; its error holds up to `max_depth` (m)."""

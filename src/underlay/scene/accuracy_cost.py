@@ -116,7 +116,7 @@ def accuracy_cost(
 
 
 def explicit_formula(scene: Scene) -> Callable[[FloatArray], FloatArray]:
-    """Return the explicit formula (5.9) in plain numpy, as it is printed: the unit of time.
+    """Return the explicit formula (5.9) in plain numpy, term by term after one root: the unit of time.
 
     A shape that is no power law takes the formula of a paraboloid one thickness in radius: the same work.
     """
@@ -131,12 +131,13 @@ def explicit_formula(scene: Scene) -> Callable[[FloatArray], FloatArray]:
     scale = float(
         scene.layer.material.theta * coefficient ** (-1.0 / exponent) * blunt.force_factor(exponent)
     )
-    abel, thickness = coefficient * float(abel_factor(exponent)), scene.layer.thickness
+    to_varpi = (coefficient * float(abel_factor(exponent))) ** (-1.0 / exponent) / scene.layer.thickness
 
     def force(depth: FloatArray) -> FloatArray:
-        varpi = (depth / abel) ** (1.0 / exponent) / thickness
-        factor = 1.0 + c_1 * varpi + c_2 * varpi**2 + c_3 * varpi**3 + c_4 * varpi**4
-        return np.asarray(scale * depth ** (1.0 + 1.0 / exponent) * factor)
+        root = np.sqrt(depth) if exponent == 2.0 else depth ** (1.0 / exponent)
+        v = root * to_varpi
+        factor = 1.0 + c_1 * v + c_2 * v * v + c_3 * v * v * v + c_4 * v * v * v * v
+        return np.asarray(scale * depth * root * factor)
 
     return force
 

@@ -9,7 +9,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import FlatPunch, Indenter
+from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import Remembered, Response
 from underlay.mechanics.solver import Solver
@@ -39,7 +39,7 @@ class Ageing(Protocol):
 
 def is_punched(indenter: Indenter) -> bool:
     """Whether the contact keeps its radius: then an elastic base is simulated exactly."""
-    return isinstance(indenter, FlatPunch)
+    return indenter.has_edge
 
 
 def ageing_response(

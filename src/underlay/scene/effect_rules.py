@@ -21,7 +21,7 @@ from underlay.mechanics.body import RIGID, Base, Body, Layer, stacked
 from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.discrepancy import finite_strain_excess, why_unmeasured
-from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
+from underlay.mechanics.indenters import Indenter, Sphere
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver
@@ -302,23 +302,23 @@ def _anisotropy_effect(scene: Simulated, *, layered: bool) -> Effect:
 
 def _sphere_effect(scene: Simulated) -> Effect:
     name, tip = "true sphere", scene.indenter
-    if isinstance(tip, Sphere):
+    if tip.curvature_radius is None:
+        return Effect(name, None, None, simulated=False, note="the tip is not a sphere")
+    if tip.power_law is not tip:
         return Effect(
             name,
             scene,
-            replace(scene, indenter=Paraboloid(tip.radius)),
+            replace(scene, indenter=tip.power_law),
             simulated=True,
             note="against the paraboloid of the same radius",
         )
-    if isinstance(tip, Paraboloid):
-        return Effect(
-            name,
-            replace(scene, indenter=Sphere(tip.radius)),
-            scene,
-            simulated=False,
-            note="the tip is declared a paraboloid; Sphere(radius) would put this in",
-        )
-    return Effect(name, None, None, simulated=False, note="the tip is not a sphere")
+    return Effect(
+        name,
+        replace(scene, indenter=Sphere(tip.curvature_radius)),
+        scene,
+        simulated=False,
+        note="the tip is declared a paraboloid; Sphere(radius) would put this in",
+    )
 
 
 def _compliance_effect(scene: Simulated) -> Effect:

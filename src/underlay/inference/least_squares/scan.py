@@ -40,7 +40,6 @@ from underlay.inference.least_squares.told_starts import Start, told_starts
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.mechanics.indenters import FlatPunch
 from underlay.mechanics.response import WholeHistory
 from underlay.scene.scene import Scene
 
@@ -402,6 +401,6 @@ def _radius_scale(scene: Scene, blocks: Blocks) -> float:
     """Contact radius (m) on a half-space at the curve's whole range of depth."""
     travel = np.array([blocks.span])
     limit = scene.indenter.max_radius
-    if np.isfinite(limit) and not isinstance(scene.indenter, FlatPunch):
+    if np.isfinite(limit) and not scene.indenter.has_edge:
         travel = np.minimum(travel, scene.indenter.abel(np.array([limit])))
     return float(scene.indenter.halfspace_radius(travel)[0])

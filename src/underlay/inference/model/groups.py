@@ -30,7 +30,6 @@ from underlay.errors import InputError, RangeError
 from underlay.inference.model.forward import Forward
 from underlay.mechanics.body import PlaneConstants, isotropic_constants, transversely_isotropic_constants
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.exact.contact_problem import depth_measure
 from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.kernel import StackKernel
@@ -148,7 +147,7 @@ class ParameterSets:
 
     def varpi(self, thickness: FloatArray) -> FloatArray:
         """Largest half-space contact radius over thickness of each set."""
-        measure = depth_measure(self.forward.similarity.scene.indenter)
+        measure = self.forward.similarity.scene.indenter.power_law
         # w = A F_2 a^lambda, so a goes with A^(-1/lambda).
         radius = measure.halfspace_radius(self.deepest)
         if self._shape_varies:
@@ -247,7 +246,7 @@ def _compiled(sets: ParameterSets, soft: float, octave: float, thin: float | Non
     thickness = scene.layer.thickness if thin is None else _RANGE_STEP**thin
     radius = _RANGE_STEP**octave * thickness
     reach = _SHAPE_SHARE * largest_halfspace_depth(scene.indenter)
-    depth = min(float(depth_measure(scene.indenter).abel(np.array(radius))), reach)
+    depth = min(float(scene.indenter.power_law.abel(np.array(radius))), reach)
     outer = None
     if np.isfinite(soft) and body.base is not None:
         # The hardest of the group needs the largest contact radius for its range.
@@ -312,9 +311,7 @@ def _stack_groups_compiled(
     if key not in laws.store.batches:
         scene = asked.forward.similarity.scene
         thickness = scene.layer.thickness
-        depth = float(
-            depth_measure(scene.indenter).abel(np.array(_STACK_GROUPS_RANGE_STEP**octave * thickness))
-        )
+        depth = float(scene.indenter.power_law.abel(np.array(_STACK_GROUPS_RANGE_STEP**octave * thickness)))
         try:
             kernel = scene.with_values(middle).contact.kernel
             laws.store.batches[key] = ExactBatch.compile_for(

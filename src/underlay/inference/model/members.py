@@ -138,7 +138,7 @@ class Member:
         tip, laws = self.scene.indenter, self.forward.laws
         if not isinstance(tip, Sphere) or laws.tips is None:
             return None
-        rounded = tip.apex
+        rounded = tip.power_law
         forward = Forward.compile(
             replace(self.scene, indenter=rounded, layer=self.scene.layer.linear),
             self.curve.depth,

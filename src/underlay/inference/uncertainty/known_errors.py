@@ -18,7 +18,7 @@ in `known_errors.py`:
         return 0.05 * test.force * test.law.contact_radius(test.depth) / test.values["indenter.radius"]
 
     def soft_tip(scene: Scene) -> KnownError | None:
-        if not isinstance(scene.indenter, Sphere):
+        if scene.indenter.curvature_radius is None:
             return None
         return KnownError("the tip gives way", _column, mean=1.0, deviation=0.5)
 
@@ -75,7 +75,6 @@ from underlay.mechanics.discrepancy import (
     why_unmeasured,
 )
 from underlay.mechanics.finite_width import NarrowLaw
-from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Exact, Stuck
 from underlay.mechanics.stiffening import FORM_SPREAD, StiffeningLaw
@@ -194,7 +193,8 @@ class KnownError:
 
 def paraboloid_for_sphere(scene: Scene) -> KnownError | None:
     """Return the error of a paraboloid; none for other tips."""
-    if not isinstance(scene.indenter, Paraboloid):
+    tip = scene.indenter
+    if tip.curvature_radius is None or tip.power_law is not tip:
         return None
     return KnownError("a tip that is a sphere, not a paraboloid", _column)
 

@@ -24,7 +24,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -436,9 +436,7 @@ class AdhesiveLaw(ContactLaw):
             depth[here] = self.branch.at(path.radius(depth[here])).depth
         return depth
 
-    @property
-    def _beyond(self) -> str:
-        return "the law was solved up to there; build it with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was solved up to there; build it with a larger max_depth"
 
     def _behind(self, compliance: float) -> StablePath:
         if compliance == 0.0:

@@ -67,10 +67,8 @@ from underlay.mechanics.adhesion.radius_relation import (
 )
 from underlay.mechanics.contact import Adhesion, AdhesionTable, BuildsElastic, Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_problem import depth_measure
 from underlay.mechanics.exact.law import ExactPunchLaw, exact_punch_law
 from underlay.mechanics.exact.nodes import legendre_rule
-from underlay.mechanics.indenters import FlatPunch
 from underlay.quantities import one_of, quantity
 from underlay.units import format_quantity
 
@@ -267,7 +265,7 @@ class JKR(Adhesion):
         """
         deepest, rtol = max(max_depth, 0.0), elastic_tolerance(solver)
         body = _body(contact, solver)
-        if isinstance(contact.indenter, FlatPunch):
+        if contact.indenter.has_edge:
             return _punch(body, self.work, deepest, rtol)
         branch = jkr_branch(body, self.work, deepest, rtol)
         path = branch.path(0.0, rtol)
@@ -293,7 +291,7 @@ class JKR(Adhesion):
 
     def about_range(self, contact: Contact, solver: BuildsElastic) -> str:
         """See `Adhesion`: how short the attraction must reach for JKR to hold, by (c - a)/a."""
-        if isinstance(contact.indenter, FlatPunch):
+        if contact.indenter.has_edge:
             return ""
         body = _body(contact, solver)
         branch = jkr_branch(body, self.work, 0.0, _RANGE_RTOL)
@@ -312,7 +310,7 @@ class JKR(Adhesion):
         self, contact: Contact, contact_at: Callable[[float], Contact], solver: BuildsElastic
     ) -> AdhesionTable | None:
         """See `Adhesion`; none for a flat punch."""
-        if isinstance(contact.indenter, FlatPunch):
+        if contact.indenter.has_edge:
             return None
         return JKRTable(
             lambda value: _body(contact_at(value), solver),
@@ -397,7 +395,7 @@ def jkr_branch(contact: Contact, work: float, max_depth: float, rtol: float) -> 
     RangeError
         If no solution is that wide.
     """
-    measure = depth_measure(contact.indenter)
+    measure = contact.indenter.power_law
     widest = largest_radius(contact)
     # H(a) = sqrt(pi a work/theta) for the power law of the apex.
     drop = float(np.sqrt(np.pi * work / contact.theta)) / measure.abel_coefficient

@@ -42,7 +42,6 @@ from underlay.errors import InputError
 from underlay.mechanics.adhesion.adhesive_law import in_touch
 from underlay.mechanics.adhesion.radius_relation import RadiusRelation, largest_radius, solve_relation
 from underlay.mechanics.contact import AdhesionTable, AdhesiveReadings, Contact
-from underlay.mechanics.exact.contact_problem import depth_measure
 from underlay.mechanics.indenters import PowerLawShape
 
 __all__ = ["Columns", "JKRTable", "PunchNodes", "Quantity", "Span"]
@@ -330,7 +329,7 @@ class JKRTable(AdhesionTable):
 
     def _first_octaves(self, work: FloatArray, deepest: FloatArray) -> NDArray[np.intp]:
         """Octaves of the radius that each set needs on a half-space; the layer may ask for more."""
-        measure = depth_measure(self.contact.indenter)
+        measure = self.contact.indenter.power_law
         wide = np.maximum(1.2 * self._reference(measure, work), measure.halfspace_radius(deepest))
         octave = np.ceil(np.log2(wide / self._unit))
         return (np.minimum(octave, 0.0) if self._ends else octave).astype(np.intp)
@@ -369,7 +368,7 @@ class JKRTable(AdhesionTable):
         y = sets.of((slice(None), None)).travel(grid)[0]
         least = y.argmin(axis=1)
         rising = (np.diff(y, axis=1) > 0.0) | (np.arange(grid.size - 1) < least[:, None])
-        lowest = np.log(_LOWEST * self._reference(depth_measure(self.contact.indenter), sets.root_work**2))
+        lowest = np.log(_LOWEST * self._reference(self.contact.indenter.power_law, sets.root_work**2))
         good = np.flatnonzero(wide & (least > 0) & rising.all(axis=1) & (lowest > grid[0]))
         return y, least, good
 

@@ -40,7 +40,6 @@ from underlay.mechanics.adhesion.jkr import (
 from underlay.mechanics.adhesion.radius_relation import largest_radius
 from underlay.mechanics.contact import Adhesion, BuildsElastic, Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import FlatPunch, Paraboloid, Sphere
 from underlay.quantities import quantity
 
 __all__ = ["DMT", "DMTLaw", "Maugis", "MaugisState", "maugis_state"]
@@ -136,7 +135,7 @@ class Maugis(Adhesion):
             As `state`.
         """
         elastic_tolerance(solver)
-        if isinstance(contact.indenter, FlatPunch):
+        if contact.indenter.has_edge:
             raise InputError(
                 "Maugis(work, range) takes rounded and pointed tips; use JKR(work) for a flat punch"
             )
@@ -269,14 +268,14 @@ class DMT(Adhesion):
         InputError
             If the tip's apex is not a paraboloid.
         """
-        tip = contact.indenter
-        if not isinstance(tip, Paraboloid | Sphere):
+        radius = contact.indenter.curvature_radius
+        if radius is None:
             raise InputError(
-                f"DMT has no pull-off force for a {type(tip).__name__}: 2 pi R work holds for a paraboloid or a "
-                "sphere; use JKR(work), or Maugis(work, range) for an attraction of finite range"
+                f"DMT has no pull-off force for a {type(contact.indenter).__name__}: 2 pi R work holds for a "
+                "paraboloid or a sphere; use JKR(work), or Maugis(work, range) for an attraction of finite range"
             )
-        attraction = 2.0 * float(np.pi) * tip.radius * self.work
-        elastic = _elastic(replace(contact, adhesion=None), max_depth, attraction, tip.radius, solver)
+        attraction = 2.0 * float(np.pi) * radius * self.work
+        elastic = _elastic(replace(contact, adhesion=None), max_depth, attraction, radius, solver)
         return DMTLaw(
             method=elastic.method,
             reason=f"DMT; {elastic.reason}",

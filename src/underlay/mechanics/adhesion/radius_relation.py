@@ -29,7 +29,6 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.contact_problem import (
     LARGEST_EPS,
     contact_factors,
-    depth_measure,
     weights_over_depth,
 )
 from underlay.mechanics.exact.master_curve import (
@@ -223,7 +222,7 @@ class _Series:
     @classmethod
     def solve(cls, contact: Contact, last: float, fine: float) -> Self:
         """Solve up to eps = `last` at a relative error `fine`."""
-        body, measure = contact.kernel, depth_measure(contact.indenter)
+        body, measure = contact.kernel, contact.indenter.power_law
         halfspace = HalfspaceRelation(contact.indenter, contact.theta)
         resolution = proved_resolution(body, last, fine)
         stretch, terms = Stretch.to(last, body.scales.softness), series_terms(body.scales, last, fine)

@@ -26,7 +26,6 @@ __all__ = [
     "explicit_radius",
     "explicit_stiffness",
     "parametric_depth",
-    "parametric_force",
     "parametric_stiffness",
     "scaled_depth",
     "scaled_force",
@@ -88,15 +87,6 @@ def explicit_stiffness(depth: FloatArray, case: BluntLayer, order: int = 4) -> F
     ]
     series = blunt.truncated((weighted[0], weighted[1], weighted[2], weighted[3]), varpi, order)
     return np.asarray(4.0 * case.theta * case.thickness * varpi * series)
-
-
-def parametric_force(radius: FloatArray, case: BluntLayer, order: int = 4) -> FloatArray:
-    """Force (N) at contact radius (m): (5.2)."""
-    c = blunt.kernel_terms(case.a_0, case.a_1)[1] if order >= 3 else 0.0
-    halfspace = case.theta * case.coefficient * blunt.force_prefactor(case.exponent)
-    return np.asarray(
-        halfspace * radius ** (case.exponent + 1.0) * (1.0 - c * (radius / case.thickness) ** 3)
-    )
 
 
 def parametric_depth(radius: FloatArray, case: BluntLayer, order: int = 4) -> FloatArray:

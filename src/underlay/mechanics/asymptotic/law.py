@@ -55,7 +55,7 @@ from underlay.mechanics.asymptotic.series import ContactSeries, PunchSeries, Sha
 from underlay.mechanics.body import Real
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
-from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
+from underlay.mechanics.indenters import Indenter, PowerLawShape
 
 __all__ = [
     "FORMS",
@@ -323,7 +323,7 @@ def kernel_moments(contact: Contact) -> Moments:
 
 def choose_form(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
     """Return the form to use and why."""
-    closed = isinstance(indenter, PowerLawShape | FlatPunch)
+    closed = indenter.has_edge or isinstance(indenter, PowerLawShape)
     if form == "explicit" and not closed:
         raise InputError(
             f"the explicit form needs a power-law shape or a flat punch; for {type(indenter).__name__} use "
@@ -354,8 +354,8 @@ def contact_series(contact: Contact, moments: Moments, order: int, form: str) ->
         # A half-space: the corrections are zeros, and order 0 solves nothing.
         order = 0
     indenter, theta, h = contact.indenter, contact.theta, contact.thickness
-    if isinstance(indenter, FlatPunch):
-        kappa = punch_factor(indenter.radius / h, a_0, a_1, order=order, form=form)
+    if indenter.has_edge:
+        kappa = punch_factor(indenter.max_radius / h, a_0, a_1, order=order, form=form)
         return PunchSeries(indenter, theta, kappa)
     if isinstance(indenter, PowerLawShape):
         return power_law_series(indenter, theta, h, (a_0, a_1), order=order, form=form)
@@ -399,6 +399,6 @@ def _error(series: ContactSeries, contact: Contact, moments: Moments, depth: flo
     if moments == (0.0, 0.0, 0.0):
         return 0.0
     if isinstance(series, PunchSeries):
-        return punch_error(series.kappa, series.shape.radius / contact.thickness, moments)
+        return punch_error(series.kappa, series.shape.max_radius / contact.thickness, moments)
     compliance = contact_series(contact, moments, 4, "compliance")
     return force_error(series, compliance, contact.thickness, moments, depth)

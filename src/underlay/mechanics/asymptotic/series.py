@@ -46,7 +46,7 @@ from scipy import optimize
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.asymptotic import blunt
-from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
+from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.inverse import invert_increasing
 
 __all__ = ["ContactSeries", "PowerLawSeries", "PunchSeries", "ShapeSeries", "power_law_series"]
@@ -105,7 +105,7 @@ class ContactSeries(ABC):
 class PunchSeries(ContactSeries):
     """The flat punch: P = 4 theta a kappa_inf w, with s = w."""
 
-    shape: FlatPunch
+    shape: Indenter
     theta: float
     kappa: float
 
@@ -134,12 +134,12 @@ class PunchSeries(ContactSeries):
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """P = 4 theta a kappa_inf w, (9.5) integrated."""
-        stiffness = 4.0 * self.theta * self.shape.radius * self.kappa
+        stiffness = 4.0 * self.theta * self.shape.max_radius * self.kappa
         return stiffness * s, np.full_like(s, stiffness)
 
     def radius(self, s: FloatArray) -> FloatArray:
         """The punch's radius."""
-        return np.full_like(s, self.shape.radius)
+        return np.full_like(s, self.shape.max_radius)
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,8 @@ class CurveBatch:
         Shape that measures depth.
     top : float or ndarray (sets,)
         Largest varpi.
-    lengths, softness : ndarray (sets, 1)
-        Of the stretched variable of each curve; see `Stretch`.
+    stretch : Stretch
+        Of the curves, (sets, 1).
     coefficients : ndarray (sets, 3, rows, 4)
         As in `MasterCurve`.
     error_estimate : ndarray (sets,)
@@ -68,8 +68,7 @@ class CurveBatch:
 
     measure: PowerLawShape
     top: float | FloatArray
-    lengths: FloatArray
-    softness: FloatArray
+    stretch: Stretch
     coefficients: FloatArray
     error_estimate: FloatArray
     slopes: FloatArray | None = None
@@ -79,8 +78,7 @@ class CurveBatch:
         return type(self)(
             self.measure,
             self.top[rows] if isinstance(self.top, np.ndarray) else self.top,
-            self.lengths[rows],
-            self.softness[rows],
+            self.stretch.part(rows),
             self.coefficients[rows],
             self.error_estimate[rows],
             None if self.slopes is None else self.slopes[rows],
@@ -88,7 +86,7 @@ class CurveBatch:
 
     def logarithms(self, varpi: FloatArray) -> FloatArray:
         """Logarithms of the three factors of all sets at the same `varpi` (n,), shape (sets, 3, n)."""
-        z = self._z(np.repeat(varpi[None], len(self.lengths), axis=0), slice(None))
+        z = self.stretch.z(np.repeat(varpi[None], len(self.stretch.length), axis=0))
         return polynomial(self.coefficients, z[:, None, :])
 
     def force(
@@ -125,9 +123,9 @@ class CurveBatch:
         """
         touching, radius, _ = self._half_space(depth, np.full(1, thickness), None)
         varpi = radius / thickness
-        if len(varpi) < len(self.lengths):
-            varpi = np.repeat(varpi, len(self.lengths), axis=0)
-        value = polynomial(self.coefficients[:, Factor.FORCE], self._z(varpi, slice(None)))
+        if len(varpi) < len(self.stretch.length):
+            varpi = np.repeat(varpi, len(self.stretch.length), axis=0)
+        value = polynomial(self.coefficients[:, Factor.FORCE], self.stretch.z(varpi))
         np.exp(value, out=value)
         exponent = self.measure.exponent
         value *= radius * touching * (4.0 * theta * exponent / (exponent + 1.0))
@@ -167,7 +165,7 @@ class CurveBatch:
         for start in range(0, sets, step):
             part = slice(start, min(start + step, sets))
             rows = part if radius.shape[0] > 1 else slice(0, 1)
-            value = polynomial(table[part], self._z(radius[rows] * to_varpi[part, None], part))
+            value = polynomial(table[part], self.stretch.part(part).z(radius[rows] * to_varpi[part, None]))
             np.exp(value, out=value)
             value *= radius[rows]
             if with_depth:
@@ -188,7 +186,7 @@ class CurveBatch:
         polynomial serves all.
         """
         touching, radius, per_set = self._half_space(depth, thickness, abel_coefficient)
-        z = self._z(radius * (per_set / thickness)[:, None], slice(None))
+        z = self.stretch.z(radius * (per_set / thickness)[:, None])
         own = self.coefficients
         table = np.empty((len(own), 2, *own.shape[2:]))
         table[:, 0] = own[:, Factor.FORCE]
@@ -215,16 +213,6 @@ class CurveBatch:
             radius, per_set = touching ** (1.0 / exponent), abel_coefficient ** (-1.0 / exponent)
         self._check(radius, per_set / thickness)
         return touching, radius, per_set
-
-    def _z(self, varpi: FloatArray, part: slice) -> FloatArray:
-        """Stretched variable in [-1, 1] of the sets `part` at their `varpi`, which is overwritten."""
-        z = np.arcsinh(varpi)
-        if self.softness[part].any():
-            varpi *= self.softness[part]
-            z += np.log1p(varpi, out=varpi)
-        z *= 2.0 / self.lengths[part]
-        z -= 1.0
-        return z
 
     def _check(self, radius: FloatArray, to_varpi: FloatArray) -> None:
         deepest = radius.max(axis=-1) * to_varpi
@@ -266,20 +254,21 @@ def curves_through(
         Its error estimates are what the polynomials leave out, up to `top`.
     """
     count = varpi.shape[1]
-    t = np.arcsinh(varpi) + np.log1p(softness * varpi)
-    lengths = t[:, -1:] * reach(count)
-    angles = np.arccos(2.0 / lengths * t - 1.0)
+    # Of unit length: t itself.
+    unit = Stretch(1.0, softness)
+    lengths = unit.t(varpi[:, -1:]) * reach(count)
+    stretch = Stretch(lengths, np.full_like(lengths, softness))
+    angles = np.arccos(stretch.z(varpi))
     basis = np.cos(angles[..., None] * np.arange(count))
     coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
-    share = (np.arcsinh(top) + np.log1p(softness * np.asarray(top))) / lengths[:, 0]
+    share = unit.t(np.asarray(top)) / lengths[:, 0]
     factors = len(Factor)
     errors = growth_beyond(share, count) * truncation_error(coefficients[..., :factors])
     tables = in_powers(coefficients)
     return CurveBatch(
         measure,
         top,
-        lengths,
-        np.full_like(lengths, softness),
+        stretch,
         tables[:, :factors],
         errors,
         tables[:, factors:],
@@ -370,8 +359,8 @@ class ExactBatch:
         problem = ContactProblem.of(indenter, thickness, kernel)
         top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / thickness
         solved = solve_curve(problem, top, rtol)
-        terms = min(curve_terms(problem.scales, top, problem.measure.exponent, rtol) + 1, MOST_TERMS)
-        # The radii of a power law go a little further, with a term more, for sets whose contact is narrower: a
+        terms = min(curve_terms(problem.scales, top, problem.measure.exponent, rtol) + 2, MOST_TERMS)
+        # The radii of a power law go a little further, with two terms more, for sets whose contact is narrower: a
         # polynomial soon errs beyond its points.
         margin = _MARGIN if indenter is problem.measure else 1.0
         targets = Stretch.to(margin * top, 0.0).v(np.cos(chebyshev_angles(terms)))
@@ -427,13 +416,7 @@ class ExactBatch:
         else:
             sums = [self.waves.transpose(0, 2, 1) @ (self.waves[..., :-1] * one[:, None]) for one in strength]
             kernel = np.array(sums)
-        matrix = kernel[:, :, :count] * -self.rule.weights
-        matrix.reshape(-1, radii, count * count)[:, :, :: count + 1] += 1.0
-        sides = np.ones((*kernel.shape[:2], count, 2))
-        sides[..., 1] = kernel[:, :, count]
-        solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
-        g = solved[..., 0]
-        return PunchSolution(self.eps, self.rule, g, solved[..., 1], g @ self.rule.weights)
+        return PunchSolution.of_kernel(self.eps, self.rule, kernel)[0]
 
 
 def thickness_derivative(

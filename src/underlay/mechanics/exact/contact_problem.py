@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.errors import InputError, RangeError
+from underlay.errors import RangeError
 from underlay.mechanics.body import Real
 from underlay.mechanics.contact import Beside
 from underlay.mechanics.exact.master_curve import (
@@ -40,7 +40,7 @@ from underlay.mechanics.exact.nodes import (
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
-from underlay.mechanics.indenters import Indenter, PowerLaw, PowerLawShape, Sphere, abel_factor
+from underlay.mechanics.indenters import Indenter, PowerLawShape, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales
 
 __all__ = [
@@ -53,7 +53,6 @@ __all__ = [
     "RadiusGuess",
     "SolvedCurve",
     "contact_factors",
-    "depth_measure",
     "known_curve",
     "solve_curve",
     "too_wide",
@@ -111,7 +110,7 @@ class ContactProblem:
         cls, indenter: Indenter, thickness: float, kernel: Kernel, beside: tuple[Beside, ...] = ()
     ) -> Self:
         """Build the problem."""
-        return cls(indenter, depth_measure(indenter), thickness, kernel, kernel.scales, beside)
+        return cls(indenter, indenter.power_law, thickness, kernel, kernel.scales, beside)
 
     @property
     def end(self) -> float:
@@ -228,31 +227,6 @@ def contact_factors(
     return radius / thickness, np.log(factors, out=factors)
 
 
-def depth_measure(indenter: Indenter) -> PowerLawShape:
-    """Power law whose half-space radius measures depth: the indenter itself, or the apex of another shape.
-
-    Raises
-    ------
-    InputError
-        If the shape is no power law and never ends: nothing says how near its apex is.
-    """
-    if isinstance(indenter, PowerLawShape):
-        return indenter
-    if isinstance(indenter, Sphere):
-        return indenter.apex
-    if not np.isfinite(indenter.max_radius):
-        name = type(indenter).__name__
-        raise InputError(
-            f"{name}.max_radius is {indenter.max_radius!r}, and {name} is no power law: the exact law measures "
-            "such a shape up to its largest contact radius. Give the class a finite max_radius (m), e.g. the "
-            "radius at which the shank begins, or derive it from PowerLawShape"
-        )
-    near, far = indenter.abel(indenter.max_radius * np.array([1e-6, 2e-6])).tolist()
-    exponent = max(1.0, round(float(np.log2(far / near))))
-    deepest = float(indenter.abel(np.array(indenter.max_radius)))
-    return PowerLaw(exponent, deepest / (abel_factor(exponent) * indenter.max_radius**exponent))
-
-
 def weights_over_depth(
     indenter: Indenter, measure: PowerLawShape, rule: EvenRule, lengths: FloatArray
 ) -> FloatArray:
@@ -269,7 +243,7 @@ def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> F
     2 n - 2, up to n half waves squeezed by two, and takes its share of them.
     """
     count = rule.nodes.size
-    nodes = (_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count
+    nodes = (_SMOOTH_NODES if indenter.smooth else _MEASURED_NODES) + 4 * count
     fine, project = TABLES.get(("shape", nodes, count), lambda: _shape_rule(nodes, rule))
     return indenter.abel(np.multiply.outer(lengths, fine)) @ project
 

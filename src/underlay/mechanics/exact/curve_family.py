@@ -54,7 +54,7 @@ from underlay.mechanics.exact.master_curve import (
     monomials,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import TABLES, Resolution, wanted_terms
+from underlay.mechanics.exact.nodes import TABLES, Resolution, curve_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution
 from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import PowerLaw
@@ -149,8 +149,7 @@ def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float
         (RadiusGuess.of(one, exponent) for one in scales), key=lambda one: float(one.radius(points)[0])
     )
     softness = max(one.softness for one in scales)
-    # No whole blocks: the curves are expanded again. What an error is estimated from is four terms.
-    terms = max(4, ceil(max(wanted_terms(one, top, exponent, rtol) for one in scales)))
+    terms = max(curve_terms(one, top, exponent, rtol) for one in scales)
     while terms <= MOST_TERMS:
         eps = guess.radius(Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms))))
         last = float(guess.radius(points)[0])

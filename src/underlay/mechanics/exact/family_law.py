@@ -31,7 +31,7 @@ from underlay.mechanics.exact.curve_family import (
     ratio_numbers,
 )
 from underlay.mechanics.exact.law import ExactLaw
-from underlay.mechanics.exact.master_curve import Factor
+from underlay.mechanics.exact.master_curve import Factor, Stretch
 from underlay.mechanics.exact.nodes import TABLES
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import Family
@@ -166,8 +166,7 @@ def side_by_side(
         return CurveBatch(
             PowerLaw(exponent, 1.0),
             range_end(reach),
-            np.array([[stretch.length] for stretch in stretches]),
-            np.array([[stretch.softness] for stretch in stretches]),
+            Stretch.of_all(stretches),
             np.stack([np.pad(table, ((0, 0), (0, rows - table.shape[1]), (0, 0))) for table in tables]),
             np.array([each.error_estimate for each in known]),
         )
@@ -196,10 +195,6 @@ def _solved_alone(
     return None if solved.curve.jumps else solved
 
 
-# Ranges per span of ratios in the number of a cell: any more than there are.
-_RANGES = 1024
-
-
 @dataclass(frozen=True)
 class _SideBySide:
     """Tables of one tip and one family of bodies, side by side; every array has one entry a cell.
@@ -208,8 +203,8 @@ class _SideBySide:
 
     Parameters
     ----------
-    places : dict of int to int
-        Entry of a cell, by its number.
+    places : dict of (int, int) to int
+        Entry of a cell, by the numbers of its spans.
     coefficients : ndarray (cells, ratio terms, 3, rows, 4)
         In powers of the ratio's place in its span; see `CurveFamily`.
     middles, halves : ndarray (cells,)
@@ -218,7 +213,7 @@ class _SideBySide:
         Of the curves; see `CurveBatch`.
     """
 
-    places: dict[int, int] = field(default_factory=dict)
+    places: dict[tuple[int, int], int] = field(default_factory=dict)
     coefficients: FloatArray = field(default_factory=lambda: np.zeros((0, 1, len(Factor), 1, 4)))
     middles: FloatArray = field(default_factory=lambda: np.zeros(0))
     halves: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -227,7 +222,7 @@ class _SideBySide:
     tops: FloatArray = field(default_factory=lambda: np.zeros(0))
     errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
-    def with_table(self, number: int, cell: Cell, family: CurveFamily | None) -> Self:
+    def with_table(self, cell: Cell, family: CurveFamily | None) -> Self:
         """Return them with one table more; one in several pieces counts as none here."""
         if family is not None and len(family.edges) > 2:
             family = None
@@ -240,7 +235,7 @@ class _SideBySide:
         coefficients[-1, : flat.shape[0], :, : flat.shape[2]] = flat
         stretch = None if family is None else family.stretch
         return type(self)(
-            self.places | {number: len(self.places)},
+            self.places | {(cell.ratio, cell.range): len(self.places)},
             coefficients,
             np.append(self.middles, 0.5 * (low + high)),
             np.append(self.halves, 0.5 * (high - low)),
@@ -280,14 +275,13 @@ def family_batch(
     CurveBatch
         With an infinite error estimate where there is no table.
     """
-    spans, ranges = ratio_numbers(ratio), range_numbers(varpi)
-    numbers = (spans * _RANGES + ranges).astype(np.int64).tolist()
+    numbers = list(zip(ratio_numbers(ratio).tolist(), range_numbers(varpi).tolist(), strict=True))
     key = ("side by side", indenter.exponent, family, rtol)
     tables = TABLES.get(key, _SideBySide)
-    missing = {number: first for first, number in enumerate(numbers) if number not in tables.places}
-    for number, first in missing.items():
-        cell = Cell(indenter.exponent, family, int(spans[first]), int(ranges[first]), rtol)
-        tables = tables.with_table(number, cell, family_holding(cell))
+    missing = set(numbers) - tables.places.keys()
+    for span, reach in missing:
+        cell = Cell(indenter.exponent, family, int(span), int(reach), rtol)
+        tables = tables.with_table(cell, family_holding(cell))
     if missing:
         # Never changed but replaced, so that another thread finds it whole.
         TABLES.put(key, tables)
@@ -303,8 +297,7 @@ def family_batch(
     return CurveBatch(
         indenter,
         tables.tops[places],
-        tables.lengths[places][:, None],
-        tables.softness[places][:, None],
+        Stretch(tables.lengths[places][:, None], tables.softness[places][:, None]),
         said[:, 0],
         tables.errors[places],
         said[:, 1:, Factor.FORCE] if slopes else None,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
-from underlay.mechanics.indenters import FlatPunch, PowerLawShape
+from underlay.mechanics.indenters import PowerLawShape
 
 __all__ = ["ExactLaw", "ExactPunchLaw", "exact_law", "exact_punch_law"]
 
@@ -63,9 +64,7 @@ class ExactLaw(ContactLaw):
         """Those towards each of `Contact.beside`; none where the curve folds."""
         return int(self.curve.coefficients.shape[1]) - len(Factor)
 
-    @property
-    def _beyond(self) -> str:
-        return "the law was solved up to there; build it with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was solved up to there; build it with a larger max_depth"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         radius = self.measure.halfspace_radius(depth)
@@ -148,9 +147,7 @@ class ExactPunchLaw(ContactLaw):
         """Radial nodes of the solution."""
         return self.resolution.radial
 
-    @property
-    def _beyond(self) -> str:
-        return "the law was asked for up to there; build it with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was asked for up to there; build it with a larger max_depth"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.incremental * depth
@@ -194,7 +191,7 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     '7.52267'
     """
     indenter = contact.indenter
-    if isinstance(indenter, FlatPunch):
+    if indenter.has_edge:
         return exact_punch_law(contact, max_depth, rtol)
     length = contact.thickness
     if length == np.inf:

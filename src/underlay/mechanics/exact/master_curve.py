@@ -16,11 +16,11 @@ v = 1/softness.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
 from math import asinh, cos, log1p, pi
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -59,28 +59,48 @@ class Factor(IntEnum):
 
 @dataclass(frozen=True)
 class Stretch:
-    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, length], mapped to z in [-1, 1]."""
+    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, length], mapped to z in [-1, 1].
 
-    length: float
-    softness: float
+    Of many curves at once, their lengths and softness are (sets, 1).
+    """
+
+    length: Any
+    softness: Any
 
     @classmethod
     def to(cls, top: float, softness: float) -> Self:
         """Cover v in [0, top]."""
         return cls(asinh(top) + log1p(softness * top), softness)
 
+    @classmethod
+    def of_all(cls, stretches: Sequence[Stretch]) -> Self:
+        """Those of many curves, as one."""
+        return cls(
+            *(np.array([[getattr(one, name)] for one in stretches]) for name in ("length", "softness"))
+        )
+
+    def part(self, rows: slice | list[int]) -> Stretch:
+        """That of some of many curves."""
+        return Stretch(self.length[rows], self.softness[rows])
+
+    def t(self, v: FloatArray) -> FloatArray:
+        """Map v to t."""
+        t: FloatArray = np.arcsinh(v)
+        if self.softness if isinstance(self.softness, float) else self.softness.any():
+            t += np.log1p(self.softness * v)
+        return t
+
     def z(self, v: FloatArray) -> FloatArray:
         """Map v to z."""
-        t = np.arcsinh(v)
-        if self.softness > 0.0:
-            t += np.log1p(self.softness * v)
+        t = self.t(v)
         t *= 2.0 / self.length
         t -= 1.0
         return t
 
     def dz(self, v: FloatArray) -> FloatArray:
         """dz/dv."""
-        return (2.0 / self.length) * (1.0 / np.sqrt(1.0 + v * v) + self.softness / (1.0 + self.softness * v))
+        bend = 1.0 / np.sqrt(1.0 + v * v) + self.softness / (1.0 + self.softness * v)
+        return np.asarray((2.0 / self.length) * bend)
 
     def v(self, z: FloatArray) -> FloatArray:
         """Inverse of `z`."""
@@ -212,11 +232,9 @@ class MasterCurve:
         stretch = Stretch(Stretch.to(float(varpi[-1]), softness).length * reach(varpi.size), softness)
         angles = np.arccos(stretch.z(varpi))
         basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
-        curve = cls.of_pieces(
-            stretch, [-1.0, 1.0], [np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)]
-        )
+        coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
         growth = growth_beyond(np.array(Stretch.to(top, softness).length / stretch.length), varpi.size)
-        return replace(curve, error_estimate=curve.error_estimate * float(growth))
+        return cls.of_pieces(stretch, [-1.0, 1.0], [coefficients], growth=float(growth))
 
     @classmethod
     def of_pieces(
@@ -225,12 +243,16 @@ class MasterCurve:
         edges: list[float],
         pieces: list[FloatArray],
         jumps: tuple[float, ...] = (),
+        growth: float = 1.0,
     ) -> MasterCurve:
-        """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece."""
+        """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece.
+
+        `growth` is by how much the last piece errs more where it is asked for beyond its points.
+        """
         stacked = np.array(pieces)
         table = in_powers(stacked)
         table.flags.writeable = False
-        error = float(truncation_error(stacked[..., : len(Factor)]).max())
+        error = growth * float(truncation_error(stacked[..., : len(Factor)]).max())
         return cls(stretch, tuple(edges), table, error, jumps)
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:

@@ -100,23 +100,15 @@ class PunchSolution:
         if waves is None:
             waves = cosines(eps, resolution)
         strength = (2.0 / np.pi) * weights * (body.values(u) if values is None else values)
-        kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
-        matrix = kernel[:, :count, :count] * -rule.weights
-        matrix.reshape(eps.size, count * count)[:, :: count + 1] += 1.0
-        sides = np.ones((eps.size, count, 2 if shape_weights is None else 3))
-        sides[:, :, 1] = kernel[:, :count, count]
-        inside, spread = waves[:, :count], eps[:, None] * strength
-        if shape_weights is not None:
-            shape_wave = _transform(np.broadcast_to(shape_weights, (eps.size, count)), inside)
-            sides[:, :, 2] = (inside @ (spread * shape_wave)[:, :, None])[:, :, 0]
-        solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
-        g = solved[:, :, 0]
-        found = cls(eps=eps, rule=rule, g=g, rho=solved[:, :, 1], kappa=g @ rule.weights)
+        inside, spread = waves[:, :count], np.multiply.outer(eps, strength)
+        kernel = (waves * spread[:, None, :]) @ inside.transpose(0, 2, 1)
         if shape_weights is None:
-            return found
+            return cls.of_kernel(eps, rule, kernel)[0]
+        shape_wave = _transform(np.broadcast_to(shape_weights, (eps.size, count)), inside)
+        found, own = cls.of_kernel(eps, rule, kernel, (inside @ (spread * shape_wave)[:, :, None])[:, :, 0])
         # f = w g - f_H, and f_H is H and what was solved for.
-        g_wave = _transform(g * rule.weights, inside)
-        shape_wave += _transform(solved[:, :, 2] * rule.weights, inside)
+        g_wave = _transform(found.g * rule.weights, inside)
+        shape_wave += _transform(own * rule.weights, inside)
         f_wave = found.depth_and_force(shape_weights)[0][:, None] * g_wave - shape_wave
         slope = np.multiply.outer(eps * eps, strength * u) * np.sin(np.multiply.outer(eps, u))
         return replace(
@@ -128,20 +120,32 @@ class PunchSolution:
     @classmethod
     def solve_all(cls, bodies: Sequence[Kernel], eps: FloatArray, resolution: Resolution) -> Self:
         """Solve for several bodies at the same `eps` and nodes: one set of cosines, one batch of equations."""
-        rule = even_rule(resolution.radial)
         u, weights = resolution.wavenumber_rule()
-        count, waves = resolution.radial, cosines(eps, resolution)
+        waves = cosines(eps, resolution)
         strength = (2.0 / np.pi) * weights * np.stack([body.values(u) for body in bodies])
-        turned = waves.transpose(0, 2, 1)
+        turned = waves[:, : resolution.radial].transpose(0, 2, 1)
         # Body by body: the waves of all, weighted, may not fit into memory.
         kernel = np.stack([(waves * np.multiply.outer(eps, one)[:, None, :]) @ turned for one in strength])
-        matrix = kernel[..., :count, :count] * -rule.weights
+        return cls.of_kernel(eps, even_rule(resolution.radial), kernel)[0]
+
+    @classmethod
+    def of_kernel(
+        cls, eps: FloatArray, rule: EvenRule, kernel: FloatArray, side: FloatArray | None = None
+    ) -> tuple[Self, FloatArray]:
+        """Solve with (2 eps/pi) K, (..., radii, nodes and edge, nodes), and for one right-hand `side` more.
+
+        Its solution, (..., radii, nodes), is returned beside that of the punch.
+        """
+        count = rule.nodes.size
+        matrix = kernel[..., :count, :] * -rule.weights
         matrix.reshape(-1, count * count)[:, :: count + 1] += 1.0
-        sides = np.ones((len(bodies), eps.size, count, 2))
-        sides[..., 1] = kernel[..., :count, count]
+        sides = np.ones((*matrix.shape[:-1], 2 if side is None else 3))
+        sides[..., 1] = kernel[..., count, :]
+        if side is not None:
+            sides[..., 2] = side
         solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
         g = solved[..., 0]
-        return cls(eps=eps, rule=rule, g=g, rho=solved[..., 1], kappa=g @ rule.weights)
+        return cls(eps=eps, rule=rule, g=g, rho=solved[..., 1], kappa=g @ rule.weights), solved[..., -1]
 
     def depth_and_force(self, shape_weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """w/H(a) and P/(4 theta a H(a)) for a shape, each (..., radii).

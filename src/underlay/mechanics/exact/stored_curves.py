@@ -26,6 +26,7 @@ from underlay.mechanics.body import PlaneConstants, isotropic_constants
 from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
 from underlay.mechanics.exact.nodes import TABLES, Resolution
 from underlay.mechanics.kernel import Kernel, LayerKernel
+from underlay.mechanics.kernel.substrate import is_isotropic
 
 __all__ = ["EXPONENT", "FILE", "STORED_ERROR", "TOP", "StoredCurves", "StoredSeries", "grid", "stored_curves"]
 
@@ -192,12 +193,12 @@ def _body(ratio: float, share: float) -> LayerKernel:
 
 def _place(body: Kernel) -> tuple[float, float] | None:
     """Where a body stands in both series: infinite on a rigid base, None where it has no place."""
-    if not (isinstance(body, LayerKernel) and _is_isotropic(body.layer)):
+    if not (isinstance(body, LayerKernel) and is_isotropic(body.layer)):
         return None
     layer, base = body.layer, body.base
     if base is None:
         return inf, _spread(2.0 * layer.coupling)
-    if not _is_isotropic(base):
+    if not is_isotropic(base):
         return None
     ratio = float(base.theta / layer.theta)
     low, high = _LOG_RATIOS
@@ -211,10 +212,6 @@ def _spread(share: float) -> float:
     if not -_ROUNDING <= share <= 1.0 + _ROUNDING:
         return inf
     return 2.0 * log1p(_CROWDING * min(max(share, 0.0), 1.0)) / log1p(_CROWDING) - 1.0
-
-
-def _is_isotropic(material: PlaneConstants) -> bool:
-    return abs(float(material.p) - 1.0) < _ROUNDING and abs(float(material.sigma) - 2.0) < _ROUNDING
 
 
 def _polynomials(place: FloatArray, count: int) -> FloatArray:

@@ -13,7 +13,7 @@ Cells and store are those of `curve_family`.
 
 Master curves of a sphere or a measured tip off the tables of the flat punch, for many contacts at once.
 
-The radii are placed where the tip's power law (`depth_measure`) would have them, by a table of that law's own
+The radii are placed where the tip's power law (`Indenter.power_law`) would have them, by a table of that law's own
 contact radius; there the flat punch is read off its table and contracted with the shape. What a curve leaves out is
 estimated as where it is solved for (`contact_curve`).
 """
@@ -37,7 +37,6 @@ from underlay.mechanics.exact.contact_problem import (
     UNEVEN,
     ContactProblem,
     contact_factors,
-    depth_measure,
     known_curve,
 )
 from underlay.mechanics.exact.curve_family import (
@@ -352,7 +351,7 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
 
     Where the range of a contact goes beyond the shape its curve ends there.
     """
-    rows, exponent = np.arange(asked.top.size), depth_measure(asked.tip).exponent
+    rows, exponent = np.arange(asked.top.size), asked.tip.power_law.exponent
     scales = _scales(asked)
     terms = curve_terms(scales, range_end(asked.octave), exponent, asked.rtol / UNEVEN)
     if scales.softness > 0.0 and terms > _HOPELESS:
@@ -423,7 +422,7 @@ def _radii(
     asked: TipContacts, placing: _Placing, tops: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
     """Varpi and a/h at the radii of curves up to `tops` (sets,), each (sets, count)."""
-    measure, stretch = depth_measure(asked.tip), placing.stretch
+    measure, stretch = asked.tip.power_law, placing.stretch
     points = np.cos(chebyshev_angles(count))
     # The last point lies at the end itself, wherever the shape leaves the others.
     ends = [reach(count) * Stretch.to(top, stretch.softness).length for top in tops.tolist()]
@@ -470,7 +469,7 @@ def _contracted(asked: TipContacts, eps: FloatArray, softness: float, number: in
     table = punch_family(PunchCell(asked.family, asked.span, number, asked.rtol))
     if table is None:
         return None
-    measure = depth_measure(asked.tip)
+    measure = asked.tip.power_law
     # Beside each contact one of the same radius on a layer a step further in ln k, and in ln h.
     punch = table.at(asked.log_ratio[:, None] + _BESIDE[:, 0], eps[:, None] * np.exp(-_BESIDE[:, 1])[:, None])
     thickness = asked.thickness[:, None, None]

@@ -13,12 +13,12 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.batch import CurveBatch
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, depth_measure, too_wide
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, too_wide
 from underlay.mechanics.exact.curve_family import end_number, range_number
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Stretch
 from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curves
-from underlay.mechanics.indenters import Indenter, Sphere
+from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Family
 
 __all__ = ["TipLaw", "TipSlopes", "in_size", "tip_laws", "tip_range", "tips_side_by_side"]
@@ -31,7 +31,6 @@ _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
 _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
-_UNIT_SPHERE = Sphere(1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +58,7 @@ def tips_side_by_side(laws: Sequence[TipLaw], depth: FloatArray) -> TipSlopes:
     batch = CurveBatch(
         first.measure,
         np.inf,
-        np.array([[law.curve.stretch.length] for law in laws]),
-        np.array([[law.curve.stretch.softness] for law in laws]),
+        Stretch.of_all([law.curve.stretch for law in laws]),
         coefficients[:, :factors],
         np.zeros(count),
         coefficients[:, factors:],
@@ -84,7 +82,7 @@ def in_size(
 
 def tip_range(contact: Contact, depth: float) -> int:
     """Number of the range of varpi that reaches `depth` (m)."""
-    varpi = float(depth_measure(contact.indenter).halfspace_radius(np.asarray(depth))) / contact.thickness
+    varpi = float(contact.indenter.power_law.halfspace_radius(np.asarray(depth))) / contact.thickness
     return ceil(_RANGES_PER_OCTAVE * log(max(varpi, _SMALLEST) / _RANGE_EDGE) / log(2.0))
 
 
@@ -125,10 +123,12 @@ def tip_laws(
         if ratios is not None and ratios[row] < _SOFTEST:
             continue
         span = None if ratios is None else end_number(ratios[row])
-        groups.setdefault((_shape(contact.indenter), span, range_number(tops[row])), []).append(row)
+        groups.setdefault((contact.indenter.in_its_unit()[0], span, range_number(tops[row])), []).append(row)
     for (tip, span, octave), members in groups.items():
         log_ratios = np.zeros(len(members)) if ratios is None else np.log([ratios[row] for row in members])
-        thickness = np.array([contacts[row].thickness / _unit(contacts[row].indenter) for row in members])
+        thickness = np.array(
+            [contacts[row].thickness / contacts[row].indenter.in_its_unit()[1] for row in members]
+        )
         asked = TipContacts(
             tip,
             family,
@@ -150,21 +150,12 @@ def tip_laws(
 _Group: TypeAlias = tuple[Indenter, int | None, int]
 
 
-def _shape(tip: Indenter) -> Indenter:
-    """The tip in a unit of its own, in which tips of other sizes are the same."""
-    return _UNIT_SPHERE if isinstance(tip, Sphere) else tip
-
-
-def _unit(tip: Indenter) -> float:
-    return tip.radius if isinstance(tip, Sphere) else 1.0
-
-
 def _law(
     contact: Contact, found: TipCurves, place: int, depth: float, rtol: float
 ) -> TipLaw | RangeError | None:
     """One of the curves as a law, or why there is none so deep; None where it errs by more, or ends before."""
-    batch, measure = found.batch, depth_measure(contact.indenter)
-    if len(batch.lengths) > 1:
+    batch, measure = found.batch, contact.indenter.power_law
+    if len(batch.error_estimate) > 1:
         batch = batch.part([place])
     error, slopes = float(batch.error_estimate[0]), batch.slopes
     max_depth = float(measure.abel(np.asarray(batch.top)[0] * contact.thickness))
@@ -172,7 +163,7 @@ def _law(
         return too_wide(depth, max_depth)
     if slopes is None or not error <= rtol or max_depth < depth:
         return None
-    stretch = Stretch(float(batch.lengths[0, 0]), float(batch.softness[0, 0]))
+    stretch = Stretch(float(batch.stretch.length[0, 0]), float(batch.stretch.softness[0, 0]))
     tables = np.concatenate((batch.coefficients, slopes), axis=1)
     return TipLaw(
         method="exact",

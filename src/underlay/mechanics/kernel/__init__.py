@@ -6,7 +6,7 @@ several; `recursion` is the formula of both, `waves` the passage through a layer
 
 from underlay.mechanics.kernel.kernel import Compliance, Family, Kernel, Scales, u_rule
 from underlay.mechanics.kernel.stack import StackKernel
-from underlay.mechanics.kernel.substrate import LayerKernel, SubstrateKernel, coefficients
+from underlay.mechanics.kernel.substrate import LayerKernel, SubstrateKernel
 
 __all__ = [
     "Compliance",
@@ -16,6 +16,5 @@ __all__ = [
     "Scales",
     "StackKernel",
     "SubstrateKernel",
-    "coefficients",
     "u_rule",
 ]

@@ -71,13 +71,14 @@ KINDS = {
 
 def kind_of(indenter: Indenter) -> str | None:
     """Name `indenter` as the literature does, None where it has no correction for such a shape."""
-    for kind, shapes in KINDS.items():
-        if isinstance(indenter, shapes):
-            return kind
-    return None
+    if indenter.has_edge:
+        return "flat punch"
+    if indenter.opening is not None:
+        return "cone"
+    return None if indenter.curvature_radius is None else "sphere"
 
 
-def tip_of(indenter: Indenter) -> Paraboloid | Cone | FlatPunch:
+def tip_of(indenter: Indenter) -> Indenter:
     """Give the tip that a correction was made for: a true sphere becomes the paraboloid of its radius.
 
     Raises
@@ -85,11 +86,9 @@ def tip_of(indenter: Indenter) -> Paraboloid | Cone | FlatPunch:
     InputError
         If the literature has no correction for the shape.
     """
-    if isinstance(indenter, Sphere):
-        return Paraboloid(indenter.radius)
-    if isinstance(indenter, Paraboloid | Cone | FlatPunch):
-        return indenter
-    raise InputError(f'no published correction is for {indenter!r}; the solver "exact" takes every shape')
+    if kind_of(indenter) is None:
+        raise InputError(f'no published correction is for {indenter!r}; the solver "exact" takes every shape')
+    return indenter if indenter.has_edge else indenter.power_law
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,9 +97,9 @@ class LayerContact:
 
     Parameters
     ----------
-    indenter : Paraboloid, Cone or FlatPunch
-        Depth is measured from first contact and a cone's half-angle from its axis, in radians. The
-        literature's sphere is Hertz's paraboloid.
+    indenter : Indenter
+        A paraboloid, a cone or a flat punch. Depth is measured from first contact and a cone's half-angle from
+        its axis, in radians. The literature's sphere is Hertz's paraboloid.
     thickness : float
         Layer thickness h (m), finite.
     layer : Material
@@ -109,7 +108,7 @@ class LayerContact:
         What the layer lies on; None is rigid.
     """
 
-    indenter: Paraboloid | Cone | FlatPunch
+    indenter: Indenter
     thickness: float
     layer: Material
     base: Material | None
@@ -129,20 +128,19 @@ class LayerContact:
     @property
     def exponent(self) -> float:
         """The power q of u ~ d^q: 1/2 for a sphere, 1 for a cone, 0 for a flat punch."""
-        if isinstance(self.indenter, Paraboloid):
-            return 0.5
-        return 1.0 if isinstance(self.indenter, Cone) else 0.0
+        return 0.0 if self.indenter.has_edge else 1.0 / self.indenter.power_law.exponent
 
     def variable(self, depth: FloatArray) -> FloatArray:
         """Measure the contact against the layer as the literature does; shape of `depth` (m).
 
         X = sqrt(R d)/h for a sphere, y = d tan(half-angle)/h for a cone, eps = a/h for a flat punch.
         """
-        if isinstance(self.indenter, Paraboloid):
-            return np.asarray(np.sqrt(self.indenter.radius * depth) / self.thickness)
-        if isinstance(self.indenter, Cone):
-            return np.asarray(depth * np.tan(self.indenter.half_angle) / self.thickness)
-        return np.full_like(depth, self.indenter.radius / self.thickness)
+        radius, angle = self.indenter.curvature_radius, self.indenter.opening
+        if radius is not None:
+            return np.asarray(np.sqrt(radius * depth) / self.thickness)
+        if angle is not None:
+            return np.asarray(depth * np.tan(angle) / self.thickness)
+        return np.full_like(depth, self.indenter.max_radius / self.thickness)
 
     def size_at(self, depth: float) -> float:
         """Give `variable` at one depth (m)."""
@@ -151,9 +149,10 @@ class LayerContact:
     @property
     def radius_ratio(self) -> float:
         """R/h or a/h; a cone has none."""
-        if isinstance(self.indenter, Cone):
+        radius = self.indenter.max_radius if self.indenter.has_edge else self.indenter.curvature_radius
+        if radius is None:
             raise TypeError("a cone has no radius")
-        return self.indenter.radius / self.thickness
+        return radius / self.thickness
 
     @property
     def elastic_base(self) -> Material:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
-from underlay.mechanics.indenters import Indenter, Sphere
+from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published import (
     clifford2009,
     dimitriadis2002,
@@ -142,9 +143,7 @@ class PublishedLaw(ContactLaw):
     factor: Factor
     warnings: tuple[OutOfRange, ...] = ()
 
-    @property
-    def _beyond(self) -> str:
-        return "the law was asked for up to there; ask for it again with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was asked for up to there; ask for it again with a larger max_depth"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.contact.halfspace.force(depth) * self.factor.value(self.contact.variable(depth))
@@ -207,7 +206,7 @@ def published_law(name: str | PublishedCorrection, contact: Contact, max_depth: 
     test = _layer_contact(correction, contact)
     deepest = positive(max_depth, "max_depth", "m")
     limits = correction.limits
-    if isinstance(contact.indenter, Sphere) and _WITHIN_RADIUS not in limits:
+    if test.indenter is not contact.indenter and _WITHIN_RADIUS not in limits:
         limits = (*limits, _WITHIN_RADIUS)
     out_of_range = tuple(broken for limit in limits if (broken := limit.broken_by(test, deepest)) is not None)
     error = correction.measured_error.up_to(test, deepest) + _sphere_excess(contact, test, deepest)
@@ -255,7 +254,7 @@ def _layer_contact(correction: PublishedCorrection, contact: Contact) -> LayerCo
 
 def _sphere_excess(contact: Contact, test: LayerContact, depth: float) -> float:
     """Relative force error of taking a true sphere for a paraboloid, on a half-space at `depth` (m)."""
-    if not isinstance(contact.indenter, Sphere):
+    if test.indenter is contact.indenter:
         return 0.0
     if depth > largest_halfspace_depth(contact.indenter):
         return np.inf

@@ -32,7 +32,6 @@ from underlay.mechanics.exact.master_curve import (
 from underlay.mechanics.exact.nodes import Resolution, curve_terms
 from underlay.mechanics.exact.punch_solution import proved_resolution
 from underlay.mechanics.exact.radius_series import RadiusSeries
-from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
 from underlay.mechanics.stuck.stuck_punch import Growth, StuckPunch, chebyshev_radii
 
 __all__ = ["stuck_law"]
@@ -143,8 +142,8 @@ def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     '7.73177'
     """
     indenter = contact.indenter
-    if isinstance(indenter, FlatPunch):
-        return _punch_law(indenter, contact, max_depth, rtol)
+    if indenter.has_edge:
+        return _punch_law(contact, max_depth, rtol)
     length = contact.thickness
     if length == np.inf:
         length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
@@ -170,8 +169,9 @@ def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     )
 
 
-def _punch_law(indenter: FlatPunch, contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw:
-    eps = indenter.radius / contact.thickness
+def _punch_law(contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw:
+    radius = contact.indenter.max_radius
+    eps = radius / contact.thickness
     if eps > LARGEST_EPS:
         raise RangeError(
             f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
@@ -191,8 +191,8 @@ def _punch_law(indenter: FlatPunch, contact: Contact, max_depth: float, rtol: fl
         reason=f"contact without slip, a/h = {eps:.3g}, {counts.modes} functions",
         max_depth=max_depth,
         error_estimate=error + _SHARE * rtol,
-        radius=indenter.radius,
-        incremental=4.0 * contact.theta * indenter.radius * float(punch.kappa[0]),
+        radius=radius,
+        incremental=4.0 * contact.theta * radius * float(punch.kappa[0]),
         resolution=_counted(resolution, counts),
     )
 
@@ -235,9 +235,9 @@ def _solve(problem: ContactProblem, last: float, rtol: float) -> _Solved:
     """Grow up to `last` = a/h, with as many nodes as it takes."""
     scales = problem.scales
     resolution = proved_resolution(problem.kernel, last, rtol)
-    end = problem.indenter.radius / problem.thickness if isinstance(problem.indenter, Sphere) else np.inf
+    end = problem.indenter.max_radius / problem.thickness if problem.indenter.smooth else np.inf
     counts, most, uneven = _Counts.choose(last, rtol, scales.softness, end), _MOST_RADII, 1.0
-    if not isinstance(problem.indenter, PowerLawShape | Sphere):
+    if not problem.indenter.smooth:
         counts, most, uneven = replace(counts, steps=_MEASURED_STEPS), _MEASURED_RADII, _UNEVEN
     stretch = Stretch.to(last, scales.softness)
     while True:

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.body import Base
-from underlay.mechanics.indenters import FlatPunch
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.quantities import numbers_of
 from underlay.report.plots.style import (
@@ -327,9 +326,9 @@ def _label(name: str, size: float) -> str:
 
 def _usual_depth(scene: Scene) -> float:
     tip = scene.indenter
-    if isinstance(tip, FlatPunch):
-        return 0.1 * tip.radius
+    if tip.has_edge:
+        return 0.1 * tip.max_radius
     reach = min(scene.layer.thickness, 0.5 * tip.max_radius)
     if not np.isfinite(reach):
-        reach = float(getattr(tip, "radius", 1e-6))
+        reach = tip.curvature_radius or 1e-6
     return float(tip.abel(np.array(reach)))
