@@ -20,7 +20,7 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
-from underlay.inference.uncertainty.tree import curve_models, has_common_errors, held, straight
+from underlay.inference.uncertainty.tree import BENDING, curve_models, has_common_errors, held, straight
 from underlay.inference.uncertainty.weighed import CurveState, Weighed, least_norm
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Likelihood"]
 
-_BENT = 0.35  # of two standard deviations: how far from straight the force may be in the contact
+_BENT = 0.35  # of two standard deviations: how far from straight the force may be in contact and stiffening
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +117,10 @@ class Likelihood(Weighed):
         return [state.model.curve(state.disturbed(rng)) for state in self.states]
 
     def _bend(self) -> float:
-        """How far a step back from two standard deviations of the contact misses, in these."""
+        """How far a step back from two standard deviations of contact, or of stiffening, misses, in these."""
         mixture, problem = self.mixture, self.fit.problem
         worst = 0.0
-        for i in np.flatnonzero([c.path == "instrument.contact_depth" for c in problem.coordinates]):
+        for i in np.flatnonzero([c.path in BENDING for c in problem.coordinates]):
             C = np.einsum("m,mij->ij", mixture.weights, mixture.covariances)
             if not C[i, i] > 0.0:
                 continue
