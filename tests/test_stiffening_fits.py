@@ -252,6 +252,7 @@ def test_a_fit_finds_small_strain_modulus_and_stiffening():
     assert limit.low < 1.0 < limit.high
     rows = set(answer.budget["source"])
     assert {"stiffening formula", "form of the energy", "gradual contact", "finite strain"} <= rows
+    assert {"layer.thickness", "indenter.radius", "layer.nu"} <= rows
     assert "sides" not in rows
     factor = fit.answer("layer.stiffening_factor")
     law = SCENE.contact_law(DEPTH[-1])

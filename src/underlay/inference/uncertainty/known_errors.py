@@ -78,7 +78,7 @@ from underlay.mechanics.finite_width import NarrowLaw
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Exact, Stuck
-from underlay.mechanics.stiffening import FORM_SPREAD, StiffeningLaw
+from underlay.mechanics.stiffening import StiffeningLaw
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
 from underlay.scene.scene import Scene
 
@@ -152,8 +152,6 @@ class KnownError:
         What people are told that it is part of; by default its words.
     size : str
         How large it is, as people write it; empty where that is no one number.
-    path : str
-        Number of the scene that is its size: where that is free, or given, there is no such error.
 
     Raises
     ------
@@ -167,7 +165,6 @@ class KnownError:
     deviation: float = 1.0
     told: tuple[str, ...] = ()
     size: str = ""
-    path: str = ""
 
     def __post_init__(self) -> None:
         """Refuse a prior that is none."""
@@ -190,42 +187,11 @@ def _column(test: Pressed) -> FloatArray:
     return -test.stiffness * a**4 / (15.0 * test.values["indenter.radius"] ** 3)
 
 
-# Deviation of heights that a contact made gradually may have, over R: within two of them 0.07, from the prior of
-# section 3 of the study of stiffening layers 80 %; its force goes nearly as the square.
-_HEIGHTS = 0.05
-
-
 def stiffening_formula(scene: Scene) -> KnownError | None:
     """Return the error of G: 3 % of G - 1."""
     return _of_law(
         "stiffening formula", "stiffening", "± 6 % of G - 1", has=scene.layer.stiffening is not None
     )
-
-
-def form_of_energy(scene: Scene) -> KnownError | None:
-    """Return what another form of the strain energy does; none where the scene says it."""
-    path = "layer.stiffening.form"
-    if scene.parameters.get(path) != 0.0:
-        return None
-
-    def column(test: Pressed) -> FloatArray:
-        return _own(test).own_slope("form", test.depth)
-
-    return KnownError(
-        "form of the energy", column, deviation=FORM_SPREAD, size="Ogden's -16 to 20", path=path
-    )
-
-
-def gradual_contact(scene: Scene) -> KnownError | None:
-    """Return what a contact that is made gradually does to a layer that stiffens; none where the scene says it."""
-    path = "layer.stiffening.height_spread"
-    if scene.parameters.get(path) != 0.0:
-        return None
-
-    def column(test: Pressed) -> FloatArray:
-        return _own(test).gradual_excess(test.depth, _HEIGHTS * test.values["indenter.radius"])
-
-    return KnownError("gradual contact", column, size=f"heights ± {_HEIGHTS:g} R", path=path)
 
 
 def sides(scene: Scene) -> KnownError | None:
@@ -250,8 +216,6 @@ def _own(test: Pressed) -> StiffeningLaw | NarrowLaw:
 KINDS: Sequence[Callable[[Scene], KnownError | None]] = (
     paraboloid_for_sphere,
     stiffening_formula,
-    form_of_energy,
-    gradual_contact,
     sides,
 )
 

@@ -9,7 +9,6 @@ draws along the ridge (`ridge`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -83,34 +82,6 @@ class Likelihood(Weighed):
         from underlay.inference.uncertainty.ridge import Ridges  # noqa: PLC0415  the closed form serves most curves
 
         return Ridges.of(self)
-
-    def sized(
-        self, columns: Sequence[Sequence[FloatArray]], deviations: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sizes of additive forces that the curves tell beside the law: means (m,) and covariance (m, m).
-
-        Parameters
-        ----------
-        columns : sequence of sequence of FloatArray
-            Of each curve the forces (N) at size one, m arrays (points,).
-        deviations : FloatArray
-            Of the normal priors of the sizes about zero, (m,).
-        """
-        kept = np.flatnonzero(self.determined & ~held(self.fit))
-        blocks, residuals = [], []
-        for state, own in zip(self.states, columns, strict=True):
-            law = state.columns.values[:, state.columns.law][:, kept]
-            blocks.append(np.column_stack((law, *(state.model.rows(column) for column in own))))
-            residuals.append(state.columns.values[:, state.columns.residual][:, 0])
-        A, r = np.concatenate(blocks), np.concatenate(residuals)
-        prior = np.concatenate((self.priors[kept], deviations**-2.0))
-        normal, pull = A.T @ A, A.T @ r
-        left = r - A @ np.linalg.solve(normal + np.diag(prior), pull)
-        # What neither law nor these explain makes all less sure.
-        variance = max(float(left @ left) / max(len(r) - len(pull), 1), 1.0)
-        covariance = np.linalg.inv(normal / variance + np.diag(prior))
-        mean = covariance @ (pull / variance)
-        return mean[len(kept) :], covariance[len(kept) :, len(kept) :]
 
     def simulate(self, rng: np.random.Generator) -> list[Curve]:
         """Replicas of the curves, at the depths of their rows, with all that may disturb them drawn anew."""

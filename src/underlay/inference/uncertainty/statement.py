@@ -107,7 +107,7 @@ class Statement:
         """Sources of the systematic part."""
         if self.fit.statistics.robust != "none":
             return ()
-        return sources_of(self.fit, self.likelihood.moved, self.refit, self.likelihood.sized)
+        return sources_of(self.fit, self.likelihood.moved, self.refit)
 
     @one_thread()
     def answer(self, name: str, level: float = _LEVEL) -> Answer:
@@ -213,9 +213,9 @@ class Statement:
         """Both parts in quadrature on the scale, and what each source has of them."""
         below, above = max(scale.value - scale.low, 0.0), max(scale.high - scale.value, 0.0)
         times = float(special.ndtri(0.5 + 0.5 * level) / special.ndtri(0.5 + 0.5 * _LEVEL))
-        arms = {source: times * self._arms(scale, source) for source in self.sources}
+        once, bias = self._arms(scale)
+        arms = {source: times * own for source, own in once.items()}
         systematic = np.sqrt(sum((own * own for own in arms.values()), np.zeros(2)))
-        bias = sum(self._bias(scale, source) for source in self.sources)
         low, high = scale.at(
             max(math.hypot(below, systematic[0]) - bias, 0.0),
             max(math.hypot(above, systematic[1]) + bias, 0.0),
@@ -245,18 +245,20 @@ class Statement:
             self._notes(scale),
         )
 
-    def _arms(self, scale: _Scale, source: Source) -> FloatArray:
-        """How far a source moves the scale down and up, (2,): rows of it are independent."""
+    def _arms(self, scale: _Scale) -> tuple[dict[Source, FloatArray], float]:
+        """How far each source moves the scale down and up, (2,), and where the middles of all together lie."""
         at = self.reading.corrected
-        ends = scale.of((at + source.moves).reshape(-1, len(at))).reshape(-1, 2) - scale.value
-        down, up = np.maximum(-ends.min(axis=1), 0.0), np.maximum(ends.max(axis=1), 0.0)
-        return np.asarray(np.sqrt([down @ down, up @ up]))
-
-    def _bias(self, scale: _Scale, source: Source) -> float:
-        """How far the middle of a source lies from the value, on the scale."""
-        if not np.any(source.bias):
-            return 0.0
-        return float(scale.of((self.reading.corrected + source.bias)[None])[0]) - scale.value
+        moves = [source.moves.reshape(-1, len(at)) for source in self.sources]
+        biases = [source.bias for source in self.sources if np.any(source.bias)]
+        # Asked together: what follows from parameters is as dear for one vector as for forty.
+        found = scale.of(at + np.vstack((np.zeros_like(at), *moves, *biases)))[1:] - scale.value
+        *ends, middles = np.split(found, np.cumsum([0, *map(len, moves)])[1:])
+        arms = {}
+        for source, own in zip(self.sources, ends, strict=True):
+            low, high = own.reshape(-1, 2).min(axis=1), own.reshape(-1, 2).max(axis=1)
+            down, up = np.maximum(-low, 0.0), np.maximum(high, 0.0)
+            arms[source] = np.asarray(np.sqrt([down @ down, up @ up]))
+        return arms, float(middles.sum())
 
     def _row(
         self,

@@ -166,11 +166,6 @@ class NarrowLaw(ContactLaw):
         found = self._through(depth, lambda law, u: {name: law.own_slope(name, u)})
         return found.get(name, np.zeros_like(depth))
 
-    def gradual_excess(self, depth: FloatArray, spread: float) -> FloatArray:
-        """What heights of a standard deviation (m) add to the force (N) at depths (m), (n,), to first order."""
-        found = self._through(depth, lambda law, u: {"": law.gradual_excess(u, spread)})
-        return found.get("", np.zeros_like(depth))
-
     def _through(
         self, depth: FloatArray, of: Callable[[StiffeningLaw, FloatArray], Mapping[str, FloatArray]]
     ) -> dict[str, FloatArray]:
