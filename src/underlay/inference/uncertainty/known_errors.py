@@ -196,7 +196,7 @@ def stiffening_formula(scene: Scene) -> KnownError | None:
 
 def sides(scene: Scene) -> KnownError | None:
     """Return the error of the spring of the sides."""
-    return _of_law("sides", "sides", "± 8 % of their spring", has=scene.layer.half_width is not None)
+    return _of_law("sides", "sides", "± 8 % of their spring", has=scene.layer.has_sides)
 
 
 def _of_law(words: str, name: str, size: str, *, has: bool) -> KnownError | None:
