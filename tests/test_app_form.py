@@ -90,7 +90,7 @@ def test_soft_tissue_is_entered_and_stands_in_the_description_of_the_test():
     assert scene.layer.stiffening.inverse_limit == 0.5
     assert scene.layer.stiffening.height_spread == pytest.approx(1e-7)
     table = scene_table(scene).to_string()
-    for told in ("gent", "0.5", "100 nm", "60 um (block)"):
+    for told in ("gent", "0.5", "0.1 \u00b5m", "60 \u00b5m (block)"):
         assert told in table
 
 

@@ -261,6 +261,18 @@ def test_a_fit_finds_small_strain_modulus_and_stiffening():
     assert "layer.stiffening_factor" in fit.answers.index
 
 
+def test_stiffening_that_is_not_told_from_zero_has_a_bound_above_alone():
+    """By its logarithm a source of 0.3 makes a factor of 40 of a value of 0.08."""
+    depth = np.linspace(-0.1, 0.2, 120) * R
+    scene = body(stiffening=ul.Gent(0.0))
+    curve = ul.synthesize(scene, depth, ul.Noise(force=0.003 * float(scene.force(depth[-1]))), rng=0)
+    fit = ul.fit(ul.Problem(body(stiffening=ul.Gent(0.5)), curve, FREE))
+    answer = fit.answer(LIMIT)
+    assert answer.low == answer.statistical.low == 0.0
+    assert answer.value < answer.statistical.high < answer.high < 2.0
+    assert fit.verdict.reason.startswith(f"{LIMIT} is not told from zero: it is below {answer.high:.2g}")
+
+
 def test_depths_at_which_the_form_matters_are_a_warning():
     assert not ul.fit(problem()).warnings
     thin = replace(SCENE, layer=replace(SCENE.layer, thickness=2.0 * R))

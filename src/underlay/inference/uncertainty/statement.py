@@ -36,6 +36,8 @@ NOISE = "noise and misfit"
 _LEVEL = 0.95
 # In scaled coordinates: an end a factor of 400 away, or six spans of the curve, is none.
 _FARTHEST = 6.0
+# Numbers that may be zero, and whose errors add as they are: their logarithms make factors of 100 of small ones.
+_FROM_ZERO = ("layer.stiffening.inverse_limit",)
 # Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
 
@@ -165,14 +167,25 @@ class Statement:
             end if abs(end - value) < _FARTHEST else math.copysign(math.inf, end - value)
             for end in reading.interval(index, level)
         )
+        unit = KINDS[kind_of(name)].si
+
+        def physical(q: float) -> float:
+            return float(coordinate.physical(np.asarray(q)))
+
+        if coordinate.path not in _FROM_ZERO:
+            return _Scale(name, unit, value, low, high, of=lambda q: q[:, index], physical=physical)
+        own, top = physical(value), physical(high)
+        slope = float(self.fit.problem.slopes(reading.corrected)[index])
+        # Within two deviations of zero, by the end that no prior makes, it has a bound above alone.
+        floor = 0.0 if top >= 2.0 * own else physical(low)
         return _Scale(
             name,
-            KINDS[kind_of(name)].si,
-            value,
-            low,
-            high,
-            of=lambda q: q[:, index],
-            physical=lambda q: float(coordinate.physical(np.asarray(q))),
+            unit,
+            own,
+            floor,
+            top,
+            of=lambda q: own + slope * (q[:, index] - value),
+            physical=lambda number: max(float(number), 0.0),
         )
 
     def _of_derived(self, name: str, level: float) -> _Scale:

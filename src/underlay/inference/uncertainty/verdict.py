@@ -249,6 +249,13 @@ def _of_widths(answers: Sequence[Answer]) -> Iterator[Advice]:
                 "two quantities trade off along the curve",
                 "enter one of them, or add a curve with a second tip radius",
             )
+        elif known.low == 0.0:
+            yield Advice(
+                CHECK,
+                f"{known.name} is not told from zero: it is below {known.high:.2g}",
+                "strains too small to show it, or nothing to show",
+                "indent deeper, or leave it out",
+            )
         elif known.low > 0.0 and known.high > _FACTOR * known.low:
             yield Advice(
                 CHECK,
