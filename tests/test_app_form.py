@@ -6,6 +6,7 @@ import underlay as ul
 from underlay.app.form import ADVANCED, ELSEWHERE, PRESETS, Draft, preset, problem_with
 from underlay.app.labels import comma_problem, pairs_of
 from underlay.app.scene_text import draft_from
+from underlay.report.scene_tables import scene_table
 from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import scene_keys
 
@@ -69,6 +70,28 @@ def test_a_list_of_one_is_written_with_a_comma():
     draft.put("layer.relaxation", key_of("layer.relaxation", "times"), "2 s,")
     relaxation = scene_file_from_text(draft.text()).draft.layer.relaxation
     assert (relaxation.fractions, relaxation.times) == ((0.3,), (2.0,))
+
+
+def test_soft_tissue_is_entered_and_stands_in_the_description_of_the_test():
+    draft = preset("gel_on_glass")
+    for section, name, text in (
+        ("indenter", "shape", "sphere"),
+        ("layer", "half_width", "60 um"),
+        ("layer", "shape", "block"),
+        ("layer.stiffening", "model", "gent"),
+        ("layer.stiffening", "inverse_limit", "0.5"),
+        ("layer.stiffening", "height_spread", "0.1 um"),
+    ):
+        field = next(field for field in draft.fields(section) if field.key.name == name)
+        assert not problem_with(text, field.key)
+        draft.put(section, field.key, text)
+    scene = scene_file_from_text(draft.text()).draft
+    assert (scene.layer.half_width, scene.layer.shape) == (6e-5, "block")
+    assert scene.layer.stiffening.inverse_limit == 0.5
+    assert scene.layer.stiffening.height_spread == pytest.approx(1e-7)
+    table = scene_table(scene).to_string()
+    for told in ("gent", "0.5", "0.1 \u00b5m", "60 \u00b5m (block)"):
+        assert told in table
 
 
 def test_a_text_is_taken_whole_or_not_at_all():

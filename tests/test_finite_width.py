@@ -1,5 +1,6 @@
 """Samples with sides: the note's table, its far end, finite elements of our own, and the spring in series."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +12,7 @@ from underlay.mechanics.finite_width import (
     Sides,
     equivalent_radius,
     kappa,
-    share_of_sides,
     standard_error,
-    why_sides_matter,
 )
 
 RATIOS = np.array([0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 8.0])
@@ -135,13 +134,37 @@ def test_a_wide_sample_has_no_sides_and_a_block_is_wider_than_a_plug():
     assert block.force(w) == pytest.approx(same.force(w), rel=1e-12)
 
 
-def test_the_rule_of_the_warning_is_the_first_order():
-    inner, law = narrow(2e-3)
-    w = 1e-2 * R
-    share = share_of_sides(0.5, 0.5, E, 2e-3, float(inner.force(w)), w, sliding=False)
-    assert share == pytest.approx(1.0 - float(law.force(w) / inner.force(w)), rel=0.02)
-    assert not why_sides_matter(0.0099, w)
-    assert "take 1.2 % off the force" in why_sides_matter(0.012, w)
+def ignoring(half_width, nu=0.5, base=ul.RIGID):
+    """A fit, and its ledger, of a sample with sides by a law that is told to ignore them."""
+    layer = ul.Layer(ul.Isotropic(E, nu), 1e-3, half_width=half_width)
+    depth = np.linspace(-0.05, 0.2, 60) * R
+    curve = ul.synthesize(ul.Scene(ul.Sphere(R), layer, ul.RIGID), depth, ul.Noise(relative=1e-4), rng=0)
+    ignored = ul.Scene(ul.Sphere(R), replace(layer, shape="ignored"), base)
+    ledger = ignored.effects(depth[-1]).set_index("effect")
+    return ul.fit(ul.Problem(ignored, curve, ["layer.E"])), ledger.loc["sides"]
+
+
+def test_a_width_that_is_ignored_is_a_warning_where_it_matters():
+    """The rule, 1.5 kappa P/(E W w), is the first order of what the ledger simulates."""
+    fit, row = ignoring(6e-4)
+    (warning,) = (one for one in fit.warnings if one.code == "sides")
+    told = re.search(r"take about ([\d.]+) % off the force at", str(warning))
+    assert float(told[1]) == pytest.approx(-row["size_percent"], rel=0.1)
+    assert row["size_percent"] < -1.0
+    assert not row["simulated"]
+    fit, row = ignoring(2e-3)
+    assert not [one for one in fit.warnings if one.code == "sides"]
+    assert -1.0 < row["size_percent"] < 0.0
+
+
+def test_a_width_that_is_ignored_changes_no_force_and_is_said_where_it_is_not_known():
+    layer, _ = wide()
+    told = replace(layer, half_width=5e-4, shape="ignored")
+    plain, ignored = (ul.Scene(ul.Sphere(R), one, ul.RIGID) for one in (layer, told))
+    assert (plain.force(0.3 * R) == ignored.force(0.3 * R)).all()
+    fit, row = ignoring(6e-4, base=ul.Isotropic(1e9, 0.3))
+    assert any("what they do is not known" in str(one) for one in fit.warnings)
+    assert np.isnan(row["size_percent"])
 
 
 def test_the_error_of_the_spring_is_a_column():
@@ -178,7 +201,7 @@ def test_it_holds_for_a_layer_that_stiffens():
         ({"base": ul.Isotropic(1e6, 0.3)}, "one layer on a rigid base"),
         ({"bond": ul.Spring(1e9)}, "here springs"),
         ({"nu": 0.2}, r"nu from 0\.3; got 0\.2"),
-        ({"shape": "disc"}, "a plug or a block; got 'disc'"),
+        ({"shape": "disc"}, "plug, block, ignored; got 'disc'"),
         ({"half_width": -1.0}, "half_width must be positive"),
     ],
 )

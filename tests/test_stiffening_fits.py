@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from underlay.report.screen import next_step
 
 R = 25e-6
 TIP = ul.Sphere(R)
@@ -252,11 +253,24 @@ def test_a_fit_finds_small_strain_modulus_and_stiffening():
     assert limit.low < 1.0 < limit.high
     rows = set(answer.budget["source"])
     assert {"stiffening formula", "form of the energy", "gradual contact", "finite strain"} <= rows
+    assert {"layer.thickness", "indenter.radius", "layer.nu"} <= rows
     assert "sides" not in rows
     factor = fit.answer("layer.stiffening_factor")
     law = SCENE.contact_law(DEPTH[-1])
     assert factor.low < law.stiffening(DEPTH[-1:])[0] < factor.high
     assert "layer.stiffening_factor" in fit.answers.index
+
+
+def test_stiffening_that_is_not_told_from_zero_has_a_bound_above_alone():
+    """By its logarithm a source of 0.3 makes a factor of 40 of a value of 0.08."""
+    depth = np.linspace(-0.1, 0.2, 120) * R
+    scene = body(stiffening=ul.Gent(0.0))
+    curve = ul.synthesize(scene, depth, ul.Noise(force=0.003 * float(scene.force(depth[-1]))), rng=0)
+    fit = ul.fit(ul.Problem(body(stiffening=ul.Gent(0.5)), curve, FREE))
+    answer = fit.answer(LIMIT)
+    assert answer.low == answer.statistical.low == 0.0
+    assert answer.value < answer.statistical.high < answer.high < 2.0
+    assert fit.verdict.reason.startswith(f"{LIMIT} is not told from zero: it is below {answer.high:.2g}")
 
 
 def test_depths_at_which_the_form_matters_are_a_warning():
@@ -289,3 +303,97 @@ def test_leaving_stiffening_out_is_wrong_by_more_than_the_noise():
     free = {path: known for path, known in FREE.items() if path != LIMIT}
     linear = ul.fit(ul.Problem(LINEAR, made(share=0.001), free))
     assert linear.values["layer.E"] > 3e3 + 10.0 * linear.stderr["layer.E"]
+
+
+# --- what else a curve may be -----------------------------------------------------------------------------------
+
+
+def body(thickness=np.inf, stiffening=None):
+    layered = bool(np.isfinite(thickness))
+    layer = ul.Layer(ul.Isotropic(3e3, 0.5), thickness, stiffening=stiffening)
+    return ul.Scene(TIP, layer, ul.RIGID if layered else None, friction="none")
+
+
+def linear_fit(thickness, limit, deepest, **options):
+    depth = np.linspace(-0.1, deepest, 120) * R
+    scene = body(thickness, ul.Gent(limit))
+    top = float(scene.force(depth[-1]))
+    curve = ul.synthesize(scene, depth, ul.Noise(force=0.003 * top), rng=0)
+    posed = replace(body(thickness), **options)
+    return ul.fit(
+        ul.Problem(posed, curve, {path: FREE[path] for path in ("layer.E", "instrument.contact_depth")})
+    )
+
+
+@pytest.mark.parametrize(
+    ("thickness", "limit", "deepest"), [(2.0 * R, 1.0, 0.3), (4.0 * R, 3.0, 0.35), (10.0 * R, 2.0, 0.5)]
+)
+def test_a_linear_fit_says_that_the_sample_stiffens_and_what_to_set(thickness, limit, deepest):
+    verdict = linear_fit(thickness, limit, deepest).verdict
+    assert verdict == "check"
+    assert "the sample stiffens with strain" in verdict.cause
+    assert verdict.setting == ("layer.stiffening.model", "gent")
+    assert next_step(verdict).endswith(': model = "gent" in [layer.stiffening]')
+
+
+def test_where_stiffening_is_not_known_the_verdict_does_not_ask_for_it():
+    verdict = linear_fit(4.0 * R, 3.0, 0.35, friction="stuck").verdict
+    assert verdict.setting[0] == "curve.fit_to"
+    verdict = linear_fit(np.inf, 4.0, 0.5).verdict
+    assert verdict.cause == "a stiffer base below the layer, or a sample that stiffens with strain"
+
+
+MODELS = {
+    "linear": (body(), {}),
+    "stiffening": (body(stiffening=ul.Gent(0.5)), {LIMIT: None}),
+    "gradual contact": (body(stiffening=ul.Gent(0.0, height_spread=0.02 * R)), {HEIGHTS: None}),
+    "substrate below": (body(5.0 * R), {"layer.thickness": ul.LogUniform(2.0 * R, 20.0 * R)}),
+}
+TRUTHS = {
+    "linear": body(),
+    "stiffening": body(stiffening=ul.Gent(3.0)),
+    "gradual contact": body(stiffening=ul.Gent(0.0, height_spread=0.05 * R)),
+    "substrate below": body(5.0 * R),
+}
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [
+        "stiffening",
+        "gradual contact",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("linear", "substrate below")),
+    ],
+)
+def test_the_evidence_names_what_the_sample_is_and_what_each_makes_of_its_modulus(truth):
+    depth = np.linspace(-0.1, 0.5, 120) * R
+    top = float(TRUTHS[truth].force(depth[-1]))
+    noise = ul.Noise(force=0.003 * top)
+    curve = ul.synthesize(TRUTHS[truth], depth, noise, rng=0)
+    known = {"layer.E": ul.LogUniform(3e2, 3e4), "instrument.contact_depth": ul.Uniform(-0.2 * R, 0.2 * R)}
+    models = {}
+    for name, (scene, more) in MODELS.items():
+        posed = ul.Problem(scene, curve, known | more, noise)
+        models[name] = posed, ul.sample(posed, method="importance", rng=0)
+    table = ul.compare_models(models)
+    assert table["probability"].idxmax() == truth
+    assert table.loc[truth, "probability"] > 0.85
+    moduli = {name: posterior.answer("layer.E") for name, (_, posterior) in models.items()}
+    assert moduli[truth].low < 3e3 < moduli[truth].high
+    if truth != "linear":
+        assert abs(moduli["linear"].value / 3e3 - 1.0) > 0.05
+
+
+def test_a_plan_says_how_deep_tells_stiffening():
+    depths = np.array([0.1, 0.2, 0.3, 0.5, 0.7]) * R
+    free = {path: FREE[path] for path in ("layer.E", "instrument.contact_depth", LIMIT)}
+    noise = ul.Noise(force=0.003 * FORCE)
+    found = ul.plan(
+        body(stiffening=ul.Gent(1.0)), free=free, noise=noise, radii=[R], depths=depths, parameter=LIMIT
+    )
+    error = found.stderr[0]
+    assert (np.diff(error[:4]) < 0.0).all()
+    assert error[3] < 0.15
+    assert error[0] > 0.5
+    assert np.isnan(error[4])
+    assert "known up to w/R = 0.6" in found.refusals[0, 4]

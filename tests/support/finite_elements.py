@@ -3,7 +3,8 @@
 Axisymmetric 8-node quadrilaterals with four points each (reduced: nearly incompressible layers do not lock), on a
 mesh fine under the contact; contact by a stiff penalty at the points of the surface, loading in steps. Small
 strains of Hooke's law, or a Gent layer, -(mu Jm/2) ln(1 - (J^(-2/3) I1 - 3)/Jm) + K/2 (J - 1)^2, neo-Hookean where
-Jm is infinite, bonded to its base or sliding on it. A tip slides freely, or holds every point of the surface
+Jm is infinite, or one of Ogden's, 2 mu/alpha^2 sum (J^(-1/3) lambda)^alpha in place of the logarithm, bonded to its
+base or sliding on it. A tip slides freely, or holds every point of the surface
 where it was when it was touched, interpolated inside the step.
 
 Nearly incompressible layers (nu = 0.4995) are solved by a mixed Newton's method: the tangent takes the pressure of
@@ -62,7 +63,7 @@ class Tip:
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer of Young's modulus one, as wide as `width`, held or `sliding` below; `limit` is Gent's Jm."""
+    """A layer of Young's modulus one, as wide as `width`, held or `sliding` below; Gent's Jm, or Ogden's alpha."""
 
     nu: float
     thickness: float = 1.0
@@ -70,6 +71,7 @@ class Layer:
     finite: bool = False
     sliding: bool = False
     limit: float = np.inf
+    exponent: float | None = None
 
 
 class Stressed(NamedTuple):
@@ -262,7 +264,11 @@ class Press:
         local = self._u[self._basis.element_dofs]
         strain = np.einsum("dceq,de->ceq", self._gradients, local)
         if self.layer.finite:
-            self._stressed = _gent(strain, self.layer.nu, self.layer.limit, self._pressure)
+            own = self.layer
+            if own.exponent is None:
+                self._stressed = _gent(strain, own.nu, own.limit, self._pressure)
+            else:
+                self._stressed = _ogden(strain, own.nu, own.exponent, self._pressure)
             stress, tangent = self._stressed[:2]
         else:
             stress, tangent = _hooke(strain, self.layer.nu)
@@ -352,3 +358,43 @@ def _gent(strain: Array, nu: float, limit: float, pressure: Array) -> Stressed:
                 + pressure * J * (inverse[d, c] * back[i] - turned)
             )
     return Stressed(stress, tangent, bulk * (J - 1.0), bulk * J * back)
+
+
+def _ogden(strain: Array, nu: float, exponent: float, pressure: Array) -> Stressed:
+    """Of an Ogden solid of one term; NaN where it is turned inside out; its tangent by differences."""
+    mu, _ = _moduli(nu)
+    volume = _gent(strain, nu, np.inf, pressure)
+    shear = _ogden_shear(strain, mu, exponent)
+    tangent = np.zeros_like(volume.tangent)
+    step = 1e-6
+    for j in range(len(strain)):
+        away = np.zeros_like(strain)
+        away[j] = step
+        sides = [
+            _ogden_shear(strain + sign * away, mu, exponent) - _ogden_shear(strain + sign * away, mu, 2.0)
+            for sign in (1.0, -1.0)
+        ]
+        tangent[:, j] = (sides[0] - sides[1]) / (2.0 * step)
+    # Neo-Hookean (alpha = 2), and what another exponent makes other.
+    stress = volume.stress + shear - _ogden_shear(strain, mu, 2.0)
+    return Stressed(stress, volume.tangent + tangent, volume.pressure, volume.dilating)
+
+
+def _ogden_shear(strain: Array, mu: float, exponent: float) -> Array:
+    """First Piola-Kirchhoff stress (5, ...) without that of the volume: tau F^-T, tau of principal stretches."""
+    F = np.moveaxis(np.zeros((2, 2, *strain.shape[1:])), (0, 1), (-2, -1)) + np.eye(2)
+    for i, (a, b) in enumerate(zip(_ROWS[:4], _COLUMNS[:4], strict=True)):
+        F[..., a, b] += strain[i]
+    hoop = 1.0 + strain[4]
+    left = F @ np.swapaxes(F, -1, -2)
+    square, axes = np.linalg.eigh(left)
+    volume = np.linalg.det(F) * hoop
+    scale = np.where(volume > 0.0, np.abs(volume), np.nan) ** (-1.0 / 3.0)
+    parts = np.stack((*np.moveaxis(np.sqrt(square), -1, 0), hoop)) * scale
+    powers = parts**exponent
+    tau = 2.0 * mu / exponent * (powers - powers.mean(axis=0))
+    plane = np.einsum("...ai,i...,...bi->...ab", axes, tau[:2], axes)
+    found = plane @ np.swapaxes(np.linalg.inv(F), -1, -2)
+    return np.stack(
+        (*(found[..., a, b] for a, b in zip(_ROWS[:4], _COLUMNS[:4], strict=True)), tau[2] / hoop)
+    )

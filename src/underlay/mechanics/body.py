@@ -347,7 +347,7 @@ class Stiffening(Part, ABC):
 
 
 #: A sample of finite width is round, or square.
-SHAPES = ("plug", "block")
+SHAPES = ("plug", "block", "ignored")
 
 
 @dataclass(frozen=True)
@@ -369,8 +369,9 @@ class Layer(Part):
         How it stiffens as it is indented, e.g. `Gent`; its E is then that of small strains.
     half_width : float, optional
         Half-width (m) of a sample with free sides, about the tip; without one, or infinite, it has none.
-    shape : "plug" or "block", default "plug"
-        Whether such a sample is round or square.
+    shape : "plug", "block" or "ignored", default "plug"
+        Whether such a sample is round or square; or that its law leaves the sides out: a fit warns where they
+        would matter.
 
     Raises
     ------
@@ -414,9 +415,14 @@ class Layer(Part):
         _check_sides(self)
 
     @property
+    def has_sides(self) -> bool:
+        """Whether its law has free sides."""
+        return self.half_width is not None and self.shape != "ignored"
+
+    @property
     def linear(self) -> Layer:
         """The layer in linear elasticity, without sides; itself where it is that."""
-        plain = self.stiffening is None and self.half_width is None
+        plain = self.stiffening is None and not self.has_sides
         return self if plain else replace(self, stiffening=None, half_width=None, shape="plug")
 
     @property
@@ -433,7 +439,7 @@ class Layer(Part):
 def _check_sides(layer: Layer) -> None:
     """Refuse a sample that is neither round nor square; an infinite half-width is none."""
     if layer.shape not in SHAPES:
-        raise InputError(f"a sample of finite width is a {' or a '.join(SHAPES)}; got {layer.shape!r:.60}")
+        raise InputError(f"a sample of finite width is one of {', '.join(SHAPES)}; got {layer.shape!r:.60}")
     if layer.half_width is not None:
         wide = (
             None if layer.half_width == np.inf else positive(layer.half_width, "the layer's half_width", "m")

@@ -179,7 +179,7 @@ def laws_on(
     found: list[OnLaw] = []
     if layer.stiffening is not None:
         found.append(layer.stiffening.on(indenter, layer, base, beside or {}))
-    if layer.half_width is not None:
+    if layer.has_sides:
         # Not loaded for a layer without sides.
         from underlay.mechanics.finite_width import sides_of  # noqa: PLC0415  see above
 

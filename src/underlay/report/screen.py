@@ -188,9 +188,12 @@ def verdict_lines(verdict: Advice) -> Iterator[str]:
 
 def next_step(verdict: Advice) -> str:
     """The next step in words, with the key of the scene file where it is one."""
-    section, _, key = (verdict.setting[0] if verdict.setting else "").partition(".")
-    as_key = f': {key} = "{verdict.setting[1]}" in [{section}]' if verdict.setting else ""
-    return in_words(verdict.next) + as_key
+    if not verdict.setting:
+        return in_words(verdict.next)
+    path, value = verdict.setting
+    # A number that is to be fitted stands in [fit] by its whole path.
+    section, _, key = path.partition(".") if path.startswith("fit.") else path.rpartition(".")
+    return f'{in_words(verdict.next)}: {key} = "{value}" in [{section}]'
 
 
 def in_words(text: str) -> str:

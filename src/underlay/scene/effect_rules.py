@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray
+from underlay.errors import InputError
 from underlay.mechanics.body import RIGID, Base, Body, Layer, stacked
 from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
@@ -226,9 +227,20 @@ def _effects_on_law(scene: Simulated, linear: Simulated) -> list[Effect]:
         found.append(Effect(_FINITE_STRAIN, soft, linear, simulated=True, note=note))
         note = "against a neo-Hookean layer of the same E"
         found.append(Effect("stiffening", wide, soft, simulated=True, note=note))
-    if layer.half_width is not None:
+    if layer.has_sides:
         found.append(Effect("sides", scene, wide, simulated=True, note="against a sample without sides"))
+    elif layer.half_width is not None:
+        found.append(_ignored_sides(scene, wide))
     return found
+
+
+def _ignored_sides(scene: Simulated, wide: Simulated) -> Effect:
+    """What the sides of a sample do that its law leaves out, taken for a round plug."""
+    try:
+        plug = replace(scene, layer=replace(scene.layer, shape="plug"))
+    except InputError as error:
+        return Effect("sides", None, None, simulated=False, note=f"ignored; {error}")
+    return Effect("sides", plug, wide, simulated=False, note="ignored; as of a round plug")
 
 
 def _layer_effects(scene: Simulated, *, layered: bool) -> list[Effect]:

@@ -10,13 +10,14 @@ from underlay._arrays import FloatArray
 from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, over_whitened
 from underlay.inference.least_squares.fit_result import Alternative, FitStatistics, FitWarning
+from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw, DeeperThanLayer
 from underlay.scene.noise import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
-__all__ = ["against_priors", "over_correlated", "too_deep", "warnings_of"]
+__all__ = ["against_priors", "ignored_sides", "over_correlated", "too_deep", "warnings_of"]
 
 # A standard error of a factor e either way, or of the whole range of the curve, says nothing.
 _UNINFORMATIVE = 1.0
@@ -183,14 +184,36 @@ def too_deep(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
     """One warning per curve whose tip goes deeper than the layer is thick, at values (SI), (k,)."""
     warnings = []
     for member in problem.members:
-        values, curve = member.values_at(physical), member.curve
-        compliance, baseline = values["instrument.compliance"], values["instrument.baseline"]
-        bent = compliance * max(float(curve.force.max()) - baseline, 0.0) if compliance else 0.0
-        pressed = float(curve.depth.max()) - values["instrument.contact_depth"] - bent
-        doubt = DeeperThanLayer.of(pressed, values["layer.thickness"])
+        values = member.values_at(physical)
+        doubt = DeeperThanLayer.of(_deepest(member, values), values["layer.thickness"])
         if doubt is not None:
             warnings.append(FitWarning("too-deep", str(doubt)))
     return tuple(warnings)
+
+
+def ignored_sides(
+    problem: Problem, physical: FloatArray, laws: Sequence[ContactLaw]
+) -> tuple[FitWarning, ...]:
+    """One warning per curve, whose law is one of `laws`, of a sample with sides that matter and are ignored."""
+    warnings = []
+    for member, law in zip(problem.members, laws, strict=True):
+        if member.scene.layer.half_width is None or member.scene.layer.has_sides:
+            continue
+        # Not loaded for a layer without a width.
+        from underlay.mechanics.finite_width import why_not_ignored  # noqa: PLC0415  see above
+
+        scene, depth = member.scene_at(physical), _deepest(member, member.values_at(physical))
+        why = why_not_ignored(scene.layer, scene.substrate, float(law.force(depth)), depth)
+        if why:
+            warnings.append(FitWarning("sides", why))
+    return tuple(warnings)
+
+
+def _deepest(member: Member, values: Mapping[str, float]) -> float:
+    """Largest depth (m) of the tip at values (SI) by path, from the readings."""
+    compliance, baseline = values["instrument.compliance"], values["instrument.baseline"]
+    bent = compliance * max(float(member.curve.force.max()) - baseline, 0.0) if compliance else 0.0
+    return float(member.curve.depth.max()) - values["instrument.contact_depth"] - bent
 
 
 def against_priors(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:

@@ -24,6 +24,7 @@ from underlay.inference.least_squares.fit_result import (
 )
 from underlay.inference.least_squares.fit_warnings import (
     against_priors,
+    ignored_sides,
     over_correlated,
     too_deep,
     warnings_of,
@@ -144,6 +145,7 @@ def judge(
         statistics=statistics,
         warnings=(
             *too_deep(problem, physical),
+            *ignored_sides(problem, physical, laws),
             *against_priors(problem, physical),
             *over_correlated(objective.noise.models, whitened),
             *(about_adhesion(problem, vector) if problem.adheres else ()),

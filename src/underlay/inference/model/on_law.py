@@ -65,7 +65,7 @@ class OnLinear:
         if self.layer.stiffening is not None:
             sliding = self.layered and self.layer.bond == "slip"
             stiff = at_values(values, sliding=sliding, layered=self.layered)
-        if self.layer.half_width is None:
+        if not self.layer.has_sides:
             return stiff, None
         return stiff, sides_at(values, self.layer, self.gain(values))
 

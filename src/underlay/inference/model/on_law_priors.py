@@ -12,13 +12,18 @@ from underlay.mechanics.stiffening import FORM_SPREAD
 from underlay.quantities import path_of
 from underlay.scene.scene import Scene
 
-__all__ = ["begun", "require_told_thickness", "usual_prior"]
+__all__ = ["LEFT_OPEN", "begun", "require_told_thickness", "usual_prior"]
 
 _SECTION = "layer.stiffening."
 # Soft tissue: 95 % from 0.02 to 12, locking stretches from 1.18 upward (the study of stiffening layers, section 3).
 _LIMIT, _LIMIT_SPREAD = 0.5, 1.6
 # Standard deviation of heights over the tip's radius, from the same.
 _HEIGHTS, _HEIGHTS_SPREAD = 0.02, 1.5
+#: What a layer that stiffens leaves open where its scene has zero: what it is called, and its size to 95 %.
+LEFT_OPEN = {
+    _SECTION + "form": ("form of the energy", "Ogden's -16 to 20"),
+    _SECTION + "height_spread": ("gradual contact", "heights by 0.001 to 0.4 R"),
+}
 
 
 def usual_prior(path: str, given: Given, scene: Scene) -> Given:

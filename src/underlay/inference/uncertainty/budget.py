@@ -18,6 +18,8 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError, UnderlayError
 from underlay.inference.model.compilation import IN_SERIES
+from underlay.inference.model.on_law_priors import LEFT_OPEN
+from underlay.inference.priors import Normal
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.inputs import (
     DEPTH,
@@ -44,8 +46,6 @@ __all__ = ["LAW", "Moved", "Refit", "Source", "sensitivities", "sources_of"]
 Moved: TypeAlias = Callable[[Sequence[FloatArray]], FloatArray]
 #: Fits a problem, begun at the values of its scenes.
 Refit: TypeAlias = Callable[[Problem], "Fit"]
-#: Means and covariance of the sizes of forces (N), of each curve m arrays, from the deviations of their priors.
-Sized: TypeAlias = Callable[[Sequence[Sequence[FloatArray]], FloatArray], tuple[FloatArray, FloatArray]]
 #: The general error of a contact law.
 LAW = "contact model"
 _NORMAL_95 = 1.96
@@ -81,7 +81,7 @@ class Source:
 
 
 def sources_of(
-    fit: Fit, moved: Callable[[Sequence[FloatArray]], FloatArray], refit: Refit, sized: Sized
+    fit: Fit, moved: Callable[[Sequence[FloatArray]], FloatArray], refit: Refit
 ) -> tuple[Source, ...]:
     """Every source of a fit that moves something.
 
@@ -93,13 +93,11 @@ def sources_of(
         Shift (k,) of the scaled vector that forces (N), one array a curve, make; to first order.
     refit : callable
         For what moves it far, and for another bond.
-    sized : callable
-        How large errors are that the curves tell something of (`Likelihood.sized`).
     """
     if fit.problem.base_scenes[0].uncertainties == "none":
         return ()
     readings = [member.reading(fit.problem.physical(fit.vector)) for member in fit.problem.members]
-    budget = _Budget(fit, moved, refit, sized, readings)
+    budget = _Budget(fit, moved, refit, readings)
     return tuple(source for source in budget.sources() if np.any(source.moves))
 
 
@@ -110,7 +108,6 @@ class _Budget:
     fit: Fit
     moved: Moved
     refit: Refit
-    sized: Sized
     readings: Sequence[Reading]
 
     def sources(self) -> Iterator[Source]:
@@ -118,6 +115,7 @@ class _Budget:
         yield from self._inputs()
         yield self._law()
         yield from self._left_out()
+        yield from self._left_open()
         yield from self._bonds()
         yield from self._drainage()
 
@@ -215,11 +213,7 @@ class _Budget:
             deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)
             found = (*left_out(scene, deepest).errors, *known_errors([scene]))
             errors |= {error.words: error for error in found}
-        free = {coordinate.path for coordinate in self.fit.problem.coordinates}
-        told: list[tuple[KnownError, Sequence[FloatArray]]] = []
         for error in errors.values():
-            if error.path in free:
-                continue
             try:
                 columns = [
                     _kept(self.fit, i, reading) * error.column(_pressed(self.fit, i, reading))
@@ -227,9 +221,6 @@ class _Budget:
                 ]
             except InputError:
                 # The error was not measured at this test's numbers: the report says which are not known.
-                continue
-            if error.path:
-                told.append((error, columns))
                 continue
             shift = self.moved(columns)
             spread = _NORMAL_95 * error.deviation
@@ -242,18 +233,40 @@ class _Budget:
                 -error.mean * shift,
             )
 
-        if told:
-            yield from self._told(told)
+    def _left_open(self) -> Iterator[Source]:
+        """Numbers of a layer that stiffens of which nobody knows more than what is usual, and the curves something.
 
-    def _told(self, told: Sequence[tuple[KnownError, Sequence[FloatArray]]]) -> Iterator[Source]:
-        """Errors whose sizes the curves tell something of: one given another, so that they add in quadrature."""
-        deviations = np.array([error.deviation for error, _ in told])
-        of_curves = list(zip(*(columns for _, columns in told), strict=True))
-        means, covariance = self.sized(of_curves, deviations)
-        shifts = np.array([self.moved(columns) for _, columns in told])
-        independent = _NORMAL_95 * np.linalg.cholesky(covariance).T @ shifts
-        for (error, _), mean, shift, move in zip(told, means, shifts, independent, strict=True):
-            yield Source(error.words, error.size, "model", np.array([[-move, move]]), -mean * shift)
+        The curves are fitted again with them free: where stiffening is strong, no step from the fit without them
+        goes as far, or even the same way (Ogden's energy of exponent -16). Each moves the others by what it leaves
+        open itself; the first has the way to that fit.
+        """
+        fit, problem = self.fit, self.fit.problem
+        free = {coordinate.path for coordinate in problem.coordinates}
+        open_ = {
+            path: words
+            for path, words in LEFT_OPEN.items()
+            if path not in free and any(scene.parameters.get(path) == 0.0 for scene in problem.base_scenes)
+        }
+        if not open_:
+            return
+        try:
+            again = self.refit(
+                problem.revised(
+                    free={**problem.free, **dict.fromkeys(open_)}, scenes=fit.scenes, noise=fit.noises
+                )
+            )
+        except (InputError, FitError):
+            return
+        covariance = again.scaled_covariance
+        own = [again.names.index(name) for name in fit.names]
+        sizes = [i for i in range(len(covariance)) if i not in own and covariance[i, i] > 0.0]
+        factor = np.linalg.cholesky(covariance[np.ix_(sizes, sizes)])
+        moves = _NORMAL_95 * np.linalg.solve(factor, covariance[np.ix_(sizes, own)])
+        way = problem.vector({name: again.values[name] for name in fit.names}) - fit.vector
+        for path, (words, size) in open_.items():
+            rows = moves[[again.problem.coordinates[i].path == path for i in sizes]]
+            yield Source(words, size, "model", np.stack((-rows, rows), axis=1), way)
+            way = np.zeros(len(own))
 
     def _bonds(self) -> Iterator[Source]:
         """A face of which nobody knows how it holds, free to slip."""
@@ -306,7 +319,9 @@ def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | 
     """The same of these together; None where one of them cannot act, or its neighbours are no scene."""
     if not paths:
         return {}
-    free = {**fit.problem.free, **dict.fromkeys(paths)}
+    # Only slopes are asked for; but a thickness beside stiffening is refused where nothing is said of it.
+    known = {path: Normal(fit.scene.parameters[path], 1.0) for path in paths}
+    free = {**fit.problem.free, **known}
     scenes = [replace(scene, uncertainties=None) for scene in fit.scenes]
     try:
         problem = fit.problem.revised(free=free, scenes=scenes, noise=fit.noises)

@@ -77,7 +77,7 @@ from underlay.mechanics.discrepancy import (
 from underlay.mechanics.finite_width import NarrowLaw
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Exact, Stuck
-from underlay.mechanics.stiffening import FORM_SPREAD, StiffeningLaw
+from underlay.mechanics.stiffening import StiffeningLaw
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
 from underlay.scene.scene import Scene
 
@@ -165,8 +165,6 @@ class KnownError:
         What people are told that it is part of; by default its words.
     size : str
         How large it is, as people write it; empty where that is no one number.
-    path : str
-        Number of the scene that is its size: where that is free, or given, there is no such error.
 
     Raises
     ------
@@ -180,7 +178,6 @@ class KnownError:
     deviation: float = 1.0
     told: tuple[str, ...] = ()
     size: str = ""
-    path: str = ""
 
     def __post_init__(self) -> None:
         """Refuse a prior that is none."""
@@ -211,35 +208,9 @@ def stiffening_formula(scene: Scene) -> KnownError | None:
     )
 
 
-def form_of_energy(scene: Scene) -> KnownError | None:
-    """Return what another form of the strain energy does; none where the scene says it."""
-    path = "layer.stiffening.form"
-    if scene.parameters.get(path) != 0.0:
-        return None
-
-    def column(test: Pressed) -> FloatArray:
-        return _own(test).own_slope("form", test.depth)
-
-    return KnownError(
-        "form of the energy", column, deviation=FORM_SPREAD, size="Ogden's -16 to 20", path=path
-    )
-
-
-def gradual_contact(scene: Scene) -> KnownError | None:
-    """Return what a contact that is made gradually does to a layer that stiffens; none where the scene says it."""
-    path = "layer.stiffening.height_spread"
-    if scene.parameters.get(path) != 0.0:
-        return None
-
-    def column(test: Pressed) -> FloatArray:
-        return _own(test).gradual_excess(test.depth, _HEIGHTS * test.values["indenter.radius"])
-
-    return KnownError("gradual contact", column, size=f"heights ± {_HEIGHTS:g} R", path=path)
-
-
 def sides(scene: Scene) -> KnownError | None:
     """Return the error of the spring of the sides."""
-    return _of_law("sides", "sides", "± 8 % of their spring", has=scene.layer.half_width is not None)
+    return _of_law("sides", "sides", "± 8 % of their spring", has=scene.layer.has_sides)
 
 
 def _of_law(words: str, name: str, size: str, *, has: bool) -> KnownError | None:
@@ -259,8 +230,6 @@ def _own(test: Pressed) -> StiffeningLaw | NarrowLaw:
 KINDS: Sequence[Callable[[Scene], KnownError | None]] = (
     paraboloid_for_sphere,
     stiffening_formula,
-    form_of_energy,
-    gradual_contact,
     sides,
 )
 

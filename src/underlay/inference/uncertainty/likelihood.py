@@ -9,7 +9,6 @@ draws along the ridge (`ridge`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,7 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
-from underlay.inference.uncertainty.tree import curve_models, has_common_errors, held, straight
+from underlay.inference.uncertainty.tree import BENDING, curve_models, has_common_errors, held, straight
 from underlay.inference.uncertainty.weighed import CurveState, Weighed, least_norm
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Likelihood"]
 
-_BENT = 0.35  # of two standard deviations: how far from straight the force may be in the contact
+_BENT = 0.35  # of two standard deviations: how far from straight the force may be in contact and stiffening
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,43 +83,15 @@ class Likelihood(Weighed):
 
         return Ridges.of(self)
 
-    def sized(
-        self, columns: Sequence[Sequence[FloatArray]], deviations: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sizes of additive forces that the curves tell beside the law: means (m,) and covariance (m, m).
-
-        Parameters
-        ----------
-        columns : sequence of sequence of FloatArray
-            Of each curve the forces (N) at size one, m arrays (points,).
-        deviations : FloatArray
-            Of the normal priors of the sizes about zero, (m,).
-        """
-        kept = np.flatnonzero(self.determined & ~held(self.fit))
-        blocks, residuals = [], []
-        for state, own in zip(self.states, columns, strict=True):
-            law = state.columns.values[:, state.columns.law][:, kept]
-            blocks.append(np.column_stack((law, *(state.model.rows(column) for column in own))))
-            residuals.append(state.columns.values[:, state.columns.residual][:, 0])
-        A, r = np.concatenate(blocks), np.concatenate(residuals)
-        prior = np.concatenate((self.priors[kept], deviations**-2.0))
-        normal, pull = A.T @ A, A.T @ r
-        left = r - A @ np.linalg.solve(normal + np.diag(prior), pull)
-        # What neither law nor these explain makes all less sure.
-        variance = max(float(left @ left) / max(len(r) - len(pull), 1), 1.0)
-        covariance = np.linalg.inv(normal / variance + np.diag(prior))
-        mean = covariance @ (pull / variance)
-        return mean[len(kept) :], covariance[len(kept) :, len(kept) :]
-
     def simulate(self, rng: np.random.Generator) -> list[Curve]:
         """Replicas of the curves, at the depths of their rows, with all that may disturb them drawn anew."""
         return [state.model.curve(state.disturbed(rng)) for state in self.states]
 
     def _bend(self) -> float:
-        """How far a step back from two standard deviations of the contact misses, in these."""
+        """How far a step back from two standard deviations of contact, or of stiffening, misses, in these."""
         mixture, problem = self.mixture, self.fit.problem
         worst = 0.0
-        for i in np.flatnonzero([c.path == "instrument.contact_depth" for c in problem.coordinates]):
+        for i in np.flatnonzero([c.path in BENDING for c in problem.coordinates]):
             C = np.einsum("m,mij->ij", mixture.weights, mixture.covariances)
             if not C[i, i] > 0.0:
                 continue

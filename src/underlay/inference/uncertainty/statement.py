@@ -36,6 +36,8 @@ NOISE = "noise and misfit"
 _LEVEL = 0.95
 # In scaled coordinates: an end a factor of 400 away, or six spans of the curve, is none.
 _FARTHEST = 6.0
+# Numbers that may be zero, and whose errors add as they are: their logarithms make factors of 100 of small ones.
+_FROM_ZERO = ("layer.stiffening.inverse_limit",)
 # Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
 # First places at which quantities are asked: the answer's value, and that of least squares.
@@ -111,7 +113,7 @@ class Statement:
         """Sources of the systematic part."""
         if self.fit.statistics.robust != "none":
             return ()
-        return sources_of(self.fit, self.likelihood.moved, self.refit, self.likelihood.sized)
+        return sources_of(self.fit, self.likelihood.moved, self.refit)
 
     @one_thread()
     def answer(self, name: str, level: float = _LEVEL) -> Answer:
@@ -181,7 +183,18 @@ class Statement:
             for end in self.reading.interval(index, level)
         )
         unit = KINDS[kind_of(name)].si
-        return _Scale(name, unit, low, high, places, lambda q: float(coordinate.physical(np.asarray(q))))
+
+        def physical(q: float) -> float:
+            return float(coordinate.physical(np.asarray(q)))
+
+        if coordinate.path not in _FROM_ZERO:
+            return _Scale(name, unit, low, high, places, physical)
+        own, top = physical(places[_VALUE]), physical(high)
+        slope = float(self.fit.problem.slopes(self.reading.corrected)[index])
+        # Within two deviations of zero, by the end that no prior makes, it has a bound above alone.
+        floor = 0.0 if top >= 2.0 * own else physical(low)
+        straight = own + slope * (places - places[_VALUE])
+        return _Scale(name, unit, floor, top, straight, lambda number: max(float(number), 0.0))
 
     def _of_derived(self, name: str, level: float) -> _Scale:
         if name not in self._derived:

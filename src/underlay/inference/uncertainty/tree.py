@@ -20,11 +20,14 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.blocks import Blocks, resolution
 
-__all__ = ["CurveModel", "Tangent", "curve_models"]
+__all__ = ["BENDING", "CurveModel", "Tangent", "curve_models"]
 
 _CONTACT, _COMPLIANCE = "instrument.contact_depth", "instrument.compliance"
+_STIFFENING = "layer.stiffening.inverse_limit"
 #: Numbers in which the force is straight, or nearly so (checked): those of the reading, and the modulus.
-_STRAIGHT = ("layer.E", _CONTACT, "instrument.baseline", "instrument.baseline_slope")
+_STRAIGHT = ("layer.E", _CONTACT, _STIFFENING, "instrument.baseline", "instrument.baseline_slope")
+#: Those among them that bend it where they are open: how far is asked of the curve.
+BENDING = (_CONTACT, _STIFFENING)
 
 
 class Tangent(NamedTuple):

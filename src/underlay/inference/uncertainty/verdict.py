@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from underlay.errors import InputError
 from underlay.inference.least_squares.diagnostics import diagnose
 from underlay.inference.uncertainty.answer import Advice, Answer
 from underlay.inference.uncertainty.reading import Reading
@@ -23,6 +25,7 @@ from underlay.units import format_quantity
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.uncertainty.seen import Seen
+    from underlay.scene.scene import Scene
 
 __all__ = ["CHECK", "GOOD", "REJECT", "verdict_of"]
 
@@ -45,6 +48,8 @@ _FOOT = 0.7
 _LIKELY, _STEP, _RAMP = 0.9, 0.02, 0.02
 # Share of the variance of one input, and the half width from which on that is worth a word.
 _ONE_INPUT, _WIDE = 0.8, 0.30
+# 1/Jm of soft tissue, the middle of its prior (the study of stiffening layers, section 3).
+_USUAL_LIMIT = 0.5
 # Ends that are a factor apart: the number is known to a factor only.
 _FACTOR = 2.0
 _WORDS = {
@@ -142,24 +147,42 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
         )
         return
     stiffer = "stiffer" if signed > 0.0 else "softer"
+    pressed = float(curve.depth.max()) - scene.instrument.contact_depth
+    stiffens = signed > 0.0 and _may_stiffen(scene, pressed)
     if half_space:
         yield Advice(
             word,
             f"the half-space model does not describe the curve: E rises with depth by {share}",
-            "a stiffer base below the layer",
+            "a stiffer base below the layer"
+            + (", or a sample that stiffens with strain" if stiffens else ""),
             "enter thickness and substrate (a rigid base: rigid = true)",
             ("layer.thickness", "<your thickness>"),
         )
         return
-    deepest = format_quantity(0.5 * (float(curve.depth.max()) - scene.instrument.contact_depth), "length")
-    cause = _cause(scene, signed)
+    half = format_quantity(0.5 * pressed, "length")
     yield Advice(
         word,
         f"the curve is {stiffer} at depth than the model, by {share}",
-        cause,
-        f"fit up to half of the depth ({deepest})",
-        ("curve.fit_to", deepest),
+        _cause(scene, signed),
+        "fit how it stiffens, inverse_limit (1/Jm, such as 0.5) free"
+        if stiffens
+        else f"fit up to half of the depth ({half})",
+        ("layer.stiffening.model", "gent") if stiffens else ("curve.fit_to", half),
     )
+
+
+def _may_stiffen(scene: Scene, deepest: float) -> bool:
+    """Whether a layer that stiffens is known for this test, as deep (m) as it goes, and is not in it."""
+    # Not loaded for a curve that its model describes.
+    from underlay.mechanics.stiffening import Gent  # noqa: PLC0415  see above
+
+    if scene.layer.stiffening is not None:
+        return False
+    try:
+        replace(scene, layer=replace(scene.layer, stiffening=Gent(_USUAL_LIMIT))).contact_law(deepest)
+    except InputError:
+        return False
+    return True
 
 
 def change_with_depth(fit: Fit, i: int) -> tuple[float, float]:
@@ -235,6 +258,13 @@ def _of_widths(answers: Sequence[Answer]) -> Iterator[Advice]:
                 f"{known.name} is not determined by this curve",
                 "two quantities trade off along the curve",
                 "enter one of them, or add a curve with a second tip radius",
+            )
+        elif known.low == 0.0:
+            yield Advice(
+                CHECK,
+                f"{known.name} is not told from zero: it is below {known.high:.2g}",
+                "strains too small to show it, or nothing to show",
+                "indent deeper, or leave it out",
             )
         elif known.low > 0.0 and known.high > _FACTOR * known.low:
             yield Advice(

@@ -4,11 +4,9 @@ from underlay.mechanics.finite_width.compliance import (
     equivalent_radius,
     is_wide,
     kappa,
-    share_of_sides,
     standard_error,
-    why_sides_matter,
 )
-from underlay.mechanics.finite_width.law import NarrowLaw, Sides, sides_at, sides_of
+from underlay.mechanics.finite_width.law import NarrowLaw, Sides, sides_at, sides_of, why_not_ignored
 
 __all__ = [
     "NarrowLaw",
@@ -16,9 +14,8 @@ __all__ = [
     "equivalent_radius",
     "is_wide",
     "kappa",
-    "share_of_sides",
     "sides_at",
     "sides_of",
     "standard_error",
-    "why_sides_matter",
+    "why_not_ignored",
 ]

@@ -35,9 +35,7 @@ __all__ = [
     "is_wide",
     "kappa",
     "require_wide",
-    "share_of_sides",
     "standard_error",
-    "why_sides_matter",
 ]
 
 # A square as a round of the same area; by its half-width alone forces are 6.5 % off at w/R = 0.5, W 5 to 6.5
@@ -67,8 +65,6 @@ _BEND = 2.0
 _RELATIVE_ERROR, _LEAST_ERROR = 0.04, 0.002
 # Largest a/W at which kappa was measured, at h/W = 2; 0.2 at other ratios.
 _WIDEST = 0.5
-# Sides matter where 1.5 kappa P/(E W w), what they do to the force on a half-space, passes this.
-_MATTERS = 0.01
 
 
 def equivalent_radius(half_width: float, shape: str = "plug") -> float:
@@ -80,7 +76,7 @@ def equivalent_radius(half_width: float, shape: str = "plug") -> float:
         If the half-width is not positive, or the shape not one of `SHAPES`.
     """
     if shape not in SHAPES:
-        raise InputError(f"a sample of finite width is a {' or a '.join(SHAPES)}; got {shape!r:.60}")
+        raise InputError(f"a sample of finite width is one of {', '.join(SHAPES)}; got {shape!r:.60}")
     # Of a round plug it is its radius, of a square block half its side.
     return positive(half_width, "the layer's half_width", "m") * (_OF_BLOCK if shape == "block" else 1.0)
 
@@ -162,37 +158,6 @@ def _spline(
 def standard_error(value: FloatArray) -> FloatArray:
     """Of kappa: 4 %, and 0.002 at least."""
     return np.asarray(np.maximum(_RELATIVE_ERROR * value, _LEAST_ERROR))
-
-
-def share_of_sides(
-    ratio: float, nu: float, E: float, radius: float, force: float, depth: float, *, sliding: bool
-) -> float:
-    """What sides take off the force at a depth, relative, to first order: 1.5 kappa P/(E W w).
-
-    Parameters
-    ----------
-    ratio : float
-        h/W.
-    nu, E : float
-        Poisson's ratio and Young's modulus (Pa).
-    radius : float
-        W (m), of the round plug.
-    force, depth : float
-        Of the law without sides (N, m).
-    sliding : bool
-        As of `kappa`.
-    """
-    return 1.5 * float(kappa(np.array(ratio), nu, sliding=sliding)) * force / (E * radius * depth)
-
-
-def why_sides_matter(share: float, depth: float) -> str:
-    """Say that sides which the model leaves out matter at a depth (m); empty where they take less than 1 %."""
-    if share <= _MATTERS:
-        return ""
-    return (
-        f"the sample's sides take {100.0 * share:.2g} % off the force at {depth:.4g} m, and the model leaves "
-        'them out: state its half_width and shape = "plug" or "block" in [layer]'
-    )
 
 
 def is_wide(contact_radius: FloatArray, radius: PerSet) -> NDArray[np.bool_]:

@@ -16,12 +16,16 @@ from underlay.mechanics.finite_width.compliance import equivalent_radius, kappa,
 from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.stiffening import StiffeningLaw
 
-__all__ = ["NarrowLaw", "Sides", "Sprung", "sides_at", "sides_of"]
+__all__ = ["NarrowLaw", "Sides", "Sprung", "sides_at", "sides_of", "why_not_ignored"]
 
 # Newton's method on a force that rises ever faster comes from above and never passes: 4 to 6 steps.
 _MOST_STEPS = 50
 # Of the depth: it converges quadratically, so that after such a step rounding is left.
 _SETTLED = 1e-12
+
+# Sides matter where 1.5 kappa P/(E W w), what they do to the force on a half-space, passes this (the study of
+# stiffening layers, section 5).
+_MATTERS = 0.01
 
 #: Force (N) and dP/dw (N/m) of the law without sides at depths (m), (..., n), in contact.
 Inner = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -166,11 +170,6 @@ class NarrowLaw(ContactLaw):
         found = self._through(depth, lambda law, u: {name: law.own_slope(name, u)})
         return found.get(name, np.zeros_like(depth))
 
-    def gradual_excess(self, depth: FloatArray, spread: float) -> FloatArray:
-        """What heights of a standard deviation (m) add to the force (N) at depths (m), (n,), to first order."""
-        found = self._through(depth, lambda law, u: {"": law.gradual_excess(u, spread)})
-        return found.get("", np.zeros_like(depth))
-
     def _through(
         self, depth: FloatArray, of: Callable[[StiffeningLaw, FloatArray], Mapping[str, FloatArray]]
     ) -> dict[str, FloatArray]:
@@ -234,7 +233,10 @@ def sides_of(layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> Sid
     """
     for part, words in _BESIDE.items():
         if beside.get(part) or (part == "relaxation" and layer.relaxation is not None):
-            raise InputError(f"finite width (layer.half_width) is known for {words}: leave out one of them")
+            raise InputError(
+                f"finite width (layer.half_width) is known for {words}: leave out one of them, or say "
+                'shape = "ignored"'
+            )
     return Sides.of(layer, base)
 
 
@@ -247,3 +249,18 @@ def sides_at(values: Mapping[str, Any], layer: Layer, gain: PerSet = 1.0) -> Sid
     radius, E = wider * values["layer.half_width"], gain * values["layer.E"]
     sliding = layer.bond == "slip"
     return Sides.round(values["layer.thickness"], radius, E, values["layer.nu"], sliding=sliding)
+
+
+def why_not_ignored(layer: Layer, base: Body | None, force: float, depth: float) -> str:
+    """Say that sides which a law of this force (N) at a depth (m) leaves out matter; empty where they take 1 %."""
+    try:
+        sides = Sides.of(layer, base)
+    except InputError as error:
+        return f"the sample's sides are ignored, and what they do is not known: {error}"
+    share = 1.5 * float(sides.compliance) * force / depth
+    if share <= _MATTERS:
+        return ""
+    return (
+        f"the sample's sides take about {100.0 * share:.2g} % off the force at {depth:.4g} m, and the model "
+        'ignores them: say shape = "plug" or "block" in [layer]'
+    )

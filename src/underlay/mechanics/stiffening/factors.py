@@ -191,10 +191,6 @@ class LogFactor(NamedTuple):
         """d ln/d ln w, `rate` being d ln a/d ln w of the linear law."""
         return np.asarray(self.in_y + self.in_z + rate * (self.in_t + self.in_alpha))
 
-    def along_thickness(self, rate: FloatArray) -> FloatArray:
-        """d ln/d ln h at fixed depth, `rate` being d ln a/d ln h of the linear law."""
-        return np.asarray(rate * (self.in_t + self.in_alpha) - self.in_z - self.in_t)
-
 
 def neo_hookean(place: Place, medium: Medium) -> LogFactor:
     """N: the force of a neo-Hookean layer over that of linear elasticity.

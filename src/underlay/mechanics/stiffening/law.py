@@ -82,12 +82,15 @@ class Pressed(NamedTuple):
         The same without dimensions.
     force, stiffness : FloatArray
         N and N/m, factors in.
+    in_limit : FloatArray
+        d ln G/ds.
     """
 
     asked: GradualDepth
     place: Place
     force: FloatArray
     stiffness: FloatArray
+    in_limit: FloatArray
 
 
 @dataclass(frozen=True)
@@ -125,17 +128,18 @@ class StiffLayer(OnLaw):
         """Depths and contact radii of the linear law (m) without dimensions."""
         return Place(depth / self.radius, depth / self.thickness, wide / self.thickness, wide / self.radius)
 
-    def factor(self, place: Place) -> LogFactor:
-        """N G F^c."""
-        found = neo_hookean(place, self.medium)
-        if np.any(self.inverse_limit):
-            found = found.times(gent(place, self.medium, self.inverse_limit)[0])
-        return found.times(form(place, self.medium).power(self.form)) if np.any(self.form) else found
+    def factor(self, place: Place) -> tuple[LogFactor, FloatArray]:
+        """N G F^c, and d ln G/ds."""
+        stiff, in_limit = gent(place, self.medium, self.inverse_limit)
+        found = neo_hookean(place, self.medium).times(stiff)
+        if np.any(self.form):
+            found = found.times(form(place, self.medium).power(self.form))
+        return found, in_limit
 
     def force(self, linear: Linear, depth: FloatArray) -> FloatArray:
         """Force (N) alone, (..., n): a third of the work."""
         asked = self.asked(depth).depth
-        factor = self.factor(self.place(asked, linear.contact_radius(asked)))
+        factor, _ = self.factor(self.place(asked, linear.contact_radius(asked)))
         return np.asarray(linear.force(asked) * factor.value)
 
     def pressed(self, linear: Linear, depth: FloatArray) -> Pressed:
@@ -145,23 +149,21 @@ class StiffLayer(OnLaw):
         wide = linear.contact_radius(asked.depth * steps)
         rate = np.tensordot(_WEIGHTS, np.log(wide), 1) / _STEP
         place = self.place(asked.depth, wide[2])
-        factor = self.factor(place)
+        factor, in_limit = self.factor(place)
         force, slope = linear.force_and_stiffness(asked.depth)
         rising = force * factor.along_depth(rate) / asked.depth
         value = factor.value
-        return Pressed(asked, place, force * value, asked.slope * (slope + rising) * value)
+        return Pressed(asked, place, force * value, asked.slope * (slope + rising) * value, in_limit)
 
-    def slopes(self, found: Pressed) -> dict[str, FloatArray]:
-        """dP/ds, dP/dc and dP/d(spread) (N, N/m) at fixed depth, each (..., n), by the names of `Gent`."""
-        _, in_limit = gent(found.place, self.medium, self.inverse_limit)
-        slopes = {
-            "inverse_limit": found.force * in_limit,
-            "form": found.force * form(found.place, self.medium).log,
-        }
-        if np.any(self.spread):
-            in_spread = found.asked.in_spread / self.spread
-            slopes["height_spread"] = found.stiffness / found.asked.slope * in_spread
-        return slopes
+    def slope(self, name: str, found: Pressed) -> FloatArray:
+        """dP/ds, dP/dc or dP/d(spread) (N, N/m) at fixed depth, (..., n), by the name `Gent` has for it."""
+        if name == "inverse_limit":
+            return found.force * found.in_limit
+        if name == "form":
+            return found.force * form(found.place, self.medium).log
+        if not np.any(self.spread):
+            return np.zeros_like(found.force)
+        return found.stiffness / found.asked.slope * found.asked.in_spread / self.spread
 
     def law(self, inner: Callable[[float], ContactLaw], max_depth: float) -> StiffeningLaw:
         """Law of the contact for depths up to `max_depth` (m), from the linear one.
@@ -246,23 +248,9 @@ class StiffeningLaw(ContactLaw):
         stiffening, soft = known_errors(factor, self.layer.medium)
         return np.asarray(found.force * np.stack((stiffening, np.broadcast_to(soft, stiffening.shape))))
 
-    def gradual_excess(self, depth: FloatArray, spread: float) -> FloatArray:
-        """What heights of a standard deviation (m) add to the force (N) at depths (m), (n,)."""
-        touching = depth > FIRST_TOUCH * spread
-        asked = depth.copy()
-        asked[touching] = gradual_depth(depth[touching], spread).depth
-        # The last depths, where it adds least, are beyond the law: they follow its slope.
-        inside = np.minimum(asked, self.max_depth)
-        force, slope = self.force_and_stiffness(inside)
-        return np.asarray(force + slope * (asked - inside) - self.force(depth))
-
-    def own_slopes(self, depth: FloatArray) -> Mapping[str, FloatArray]:
-        """dP/ds, dP/dc and dP/d(spread) at fixed depths (m) in contact, each (n,), by the names of `Gent`."""
-        return self.layer.slopes(self._pressed(depth))
-
     def own_slope(self, name: str, depth: FloatArray) -> FloatArray:
-        """One of these at depths (m), (n,); zero before contact, and where contact is not gradual."""
-        return self._in_contact(depth, lambda w: self.own_slopes(w).get(name, np.zeros_like(w)))
+        """dP/ds, dP/dc or dP/d(spread) at fixed depths (m), (n,), by its name in `Gent`; 0 before contact."""
+        return self._in_contact(depth, lambda w: self.layer.slope(name, self._pressed(w)))
 
     def _pressed(self, depth: FloatArray) -> Pressed:
         """Everything at depths (m) in contact, (n,); those asked last are kept: derivatives ask the same."""
