@@ -75,7 +75,7 @@ def pairs_of(text: str) -> dict[str, str]:
 
 
 #: Columns that can be filled in on the page; a manifest that is brought may have others.
-LABELS = ("animal", "group")
+LABELS = ("animal", "group", "region")
 
 
 _KIND = FileKind("a manifest (CSV)", 20_000_000, "it needs a row of names with 'file', and a row per curve")

@@ -216,22 +216,25 @@ class FitPage:
 
     def html(self, *, opened: bool = False) -> str:
         """The page; `opened` with what is folded behind it."""
-        fit = self.fit
+        head = masthead(self.day, self.name, self._about())
+        return document(f"{self.name}: indentation report", head, self.sheet(opened=opened))
+
+    def head(self) -> str:
+        """The numbers and the verdict, which are there before the pictures."""
+        return headline(self.answers, self.fit.verdict, self.fit.names, self._narrower())
+
+    def sheet(self, *, opened: bool = False) -> str:
+        """What stands under the masthead."""
+        side = drawing(self.tests[0], self.fit.solver, "at the deepest point")
         blocks = [
-            masthead(self.day, self.name, self._about()),
-            headline(self.answers, fit.verdict, fit.names, self._narrower()),
-            tag(
-                "section",
-                self._curve(0),
-                drawing(self.tests[0], fit.solver, "at the deepest point"),
-                kind="figs",
-            ),
+            self.head(),
+            tag("section", self._curve(0), side, kind="figs"),
             tag("section", self._depths(), self._budget(), kind="pair"),
             self._methods(),
             footer(*self._origin(), command=self.command),
             details(self._details(), opened=opened),
         ]
-        return document(f"{self.name}: indentation report", *blocks)
+        return "\n".join(blocks)
 
     # --- the sheet -------------------------------------------------------------------------------------------
     def _about(self) -> str:
@@ -260,7 +263,7 @@ class FitPage:
     def _curve(self, number: int) -> str:
         fit = self.fit
         ax = sized(_CURVE, lambda panel: plots.fit(fit, curve=number, half_space=self.half_space, ax=panel))
-        caption = "Indentation is counted from the fitted contact point. Below: what is left over."
+        caption = "Indentation is counted from the fitted contact point. Below: residuals."
         if self.half_space is not None:
             caption = f"{caption} {half_space_words(fit, self.half_space)}."
         alt = "Force against indentation with the fit, and the residuals below."

@@ -51,18 +51,22 @@ class PosteriorPage:
 
     def html(self, *, opened: bool = False) -> str:
         """The page; `opened` with what is folded behind it."""
+        head = masthead(self.day, f"{self._name()}: posterior", self._about())
+        return document(f"{self._name()}: posterior of an indentation test", head, self.sheet(opened=opened))
+
+    def sheet(self, *, opened: bool = False) -> str:
+        """What stands under the masthead."""
         post = self.posterior
         answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
         facts = [f"{path.name} · SHA-256 {sha256_of(path)}" for path in self.files]
         blocks = [
-            masthead(self.day, f"{self._name()}: posterior", self._about()),
             headline(answers, post.verdict, post.names),
             tag("section", self._predicted(0), self._drawing(), kind="figs"),
             self._corner(),
             footer(*facts, *self._origin(), command=self.command),
             details(self._details(), opened=opened),
         ]
-        return document(f"{self._name()}: posterior of an indentation test", *blocks)
+        return "\n".join(blocks)
 
     def _name(self) -> str:
         problem = self.posterior.problem

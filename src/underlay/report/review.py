@@ -358,7 +358,7 @@ def _pages(cards: Sequence[Card], per_page: int, errors: str) -> Iterator[str]:
             f"<p>Write <b>accept</b> or <b>refuse</b>, and why, beside a curve's name in <b>{DECISIONS}</b>, "
             "whose rows are in this order; then run the same <code>underlay map</code> again with "
             f"<code>--resume --decisions</code> and the path of that file. Grey: measured; blue: fit; dashed: "
-            f"contact point; below: what is left over. ±: {errors}.</p>"
+            f"contact point; below: residuals. ±: {errors}.</p>"
             f"<nav>Page {number} of {len(groups)}: {links}</nav>"
             f'<div class="grid">\n{body}\n</div></body></html>\n'
         )

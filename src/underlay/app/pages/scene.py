@@ -95,9 +95,11 @@ class FreeTable:
                 start(label(path)),
                 value=path in free,
                 on_change=lambda event: self._toggle(path, value, on=bool(event.value)),
-            ).props("dense").classes("free-name").mark(f"free-{path}")
+            ).props("dense").classes("free-name").mark(f"free-{path}").tooltip(
+                "Ticked: the fit finds it. Not ticked: it stays at the number of the test"
+            )
             if path not in free:
-                ui.label(f"held at {printed(amounts([value], kind_of(path))[0])}").classes("quiet")
+                ui.label(f"fixed at {printed(amounts([value], kind_of(path))[0])}").classes("quiet")
                 return
             entry = free[path]
             names = ["uniform", "loguniform", *_OF_PRIOR]
@@ -107,7 +109,9 @@ class FreeTable:
                 {"": "bounds only", **{name: name for name in names}},
                 value=entry.get("prior", ""),
                 on_change=lambda event: self._put(path, "prior", str(event.value)),
-            ).props('outlined dense options-dense aria-label="what is known before"').classes("prior")
+            ).props('outlined dense options-dense aria-label="what is known before"').classes(
+                "prior"
+            ).tooltip("What is known of it before the test: bounds alone, or how probable each value is")
 
     def _amount(self, path: str, name: str) -> None:
         kind = "dimensionless" if name == "relative_sd" else kind_of(path)
@@ -178,7 +182,7 @@ def _key_of(kind: str) -> SceneKey:
 
 _WORDS = (
     'What has no field is written here: springs under a layer, bond = { normal = "1 GPa/m" }, and the prior '
-    '"found" of the contact point. The command underlay keys lists every key.'
+    '"found" of the contact point.'
 )
 
 
@@ -195,10 +199,10 @@ class SceneText:
 
     def __init__(self, window: Window, changed: Callable[[], Awaitable[None]]) -> None:
         self._window, self._changed = window, changed
-        with ui.expansion("The test as text (scene.toml)").props("dense").classes("wide"):
+        with ui.expansion("More: the test as text").props("dense").classes("wide"):
             ui.label(_WORDS).classes("quiet")
             self._text = ui.textarea(value=window.analysis.draft.text())
-            self._text.props('outlined autogrow input-class=code-entry aria-label="scene.toml"')
+            self._text.props('outlined autogrow input-class=code-entry aria-label="the test as text"')
             self._text.classes("wide").mark("scene-text")
             ui.button("Use this text", on_click=self._use).props("outline no-caps").mark("use-text")
 
@@ -232,6 +236,7 @@ class SceneStep(Step):
     """The form of the scene."""
 
     title = "Test"
+    help = "Say what was tested: tip, layer, what lies under it, and what is fitted"
 
     def build(self) -> None:
         """Build the samples to begin with, and room for form and drawing."""
@@ -242,7 +247,7 @@ class SceneStep(Step):
                     for name, words in PRESETS.items():
                         ui.button(words, on_click=lambda name=name: self._begin(name)).props(
                             "outline no-caps dense"
-                        ).mark(f"preset-{name}")
+                        ).mark(f"preset-{name}").tooltip("Fills in usual numbers, which count as assumed")
                 self._form = ui.column().classes("wide form")
             with ui.column().classes("main"):
                 self._drawing = ui.column().classes("wide")
