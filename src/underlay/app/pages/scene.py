@@ -9,7 +9,7 @@ Step 2: the test. A form made from the scene's declarations, and the drawing to 
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 from nicegui import ui
@@ -40,6 +40,52 @@ _ELSEWHERE = ("instrument.contact_depth",)
 
 # Where the bounds of a number lie that is freed without any, as shares of it.
 _WIDE = (1e-3, 1e3)
+
+
+def amount(
+    words: str,
+    stated: str,
+    units: Sequence[str],
+    wrong: Callable[[str], str],
+    put: Callable[[str], Awaitable[None]],
+    kind: str,
+) -> ui.input:
+    """A number and its unit, side by side.
+
+    Parameters
+    ----------
+    words, stated : str
+        What it is called, and what stands there now.
+    units : sequence of str
+        Units that may be picked.
+    wrong : callable
+        Says in words what is wrong with a text; empty if nothing is.
+    put : callable
+        Called with a text that is not wrong.
+    kind : str
+        Classes of the pair.
+    """
+    many = "," in stated
+    number, unit = (stated, "") if many else apart(stated, tuple(units))
+    with ui.row(wrap=False).classes(f"amount {kind}"):
+        entry = ui.input(words, value=number).classes("number")
+        entry.props("outlined dense hide-bottom-space inputmode=decimal debounce=400")
+        picked = None
+        if any(units) and not many:
+            picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
+            picked.props(f'outlined dense options-dense aria-label="unit of {words}"').classes("unit")
+
+    async def changed() -> None:
+        said = str(entry.value or "").strip()
+        text = f"{said} {picked.value}" if said and picked is not None and "," not in said else said
+        entry.error = wrong(text) or None
+        if not entry.error:
+            await put(text)
+
+    entry.on_value_change(changed)
+    if picked is not None:
+        picked.on_value_change(changed)
+    return entry
 
 
 class FreeTable:
@@ -115,30 +161,17 @@ class FreeTable:
 
     def _amount(self, path: str, name: str) -> None:
         kind = "dimensionless" if name == "relative_sd" else kind_of(path)
-        units = KINDS[kind].units
         stated = str(self._window.analysis.draft.free[path].get(name, ""))
-        number, unit = apart(stated, units)
-        with ui.row(wrap=False).classes("amount small"):
-            entry = ui.input(name.replace("_", " "), value=number).props(
-                "outlined dense hide-bottom-space inputmode=decimal debounce=500"
-            )
-            entry.classes("number").mark(f"{path}.{name}")
-            picked = None
-            if any(units):
-                picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
-                picked.props(f'outlined dense options-dense aria-label="unit of {name}"').classes("unit")
-
-        async def changed() -> None:
-            said = str(entry.value or "").strip()
-            text = f"{said} {picked.value}" if said and picked is not None else said
-            wrong = comma_problem(said, may_list=False) or problem_with(text, _key_of(kind))
-            entry.error = wrong or None
-            if not wrong:
-                await self._put(path, name, text)
-
-        entry.on_value_change(changed)
-        if picked is not None:
-            picked.on_value_change(changed)
+        words = name.replace("_", " ")
+        entry = amount(
+            words,
+            stated,
+            KINDS[kind].units,
+            lambda text: comma_problem(text, may_list=False) or problem_with(text, _key_of(kind)),
+            lambda text: self._put(path, name, text),
+            "small",
+        )
+        entry.mark(f"{path}.{name}")
 
     async def _put(self, path: str, name: str, text: str) -> None:
         entry = self._window.analysis.draft.free.setdefault(path, {})
@@ -326,42 +359,23 @@ class SceneStep(Step):
         picked.on_value_change(lambda event: self._put(field.section, field.key, str(event.value or "")))
 
     def _amount(self, field: Field) -> None:
-        """A number and its unit, side by side."""
-        units = field.units
-        many = "," in field.text
-        number, unit = (field.text, "") if many else apart(field.text, units)
-        with ui.row(wrap=False).classes("amount" if field.key.kind else "wide"):
-            entry = ui.input(
-                field.label, value=number, placeholder="" if field.required else field.key.default
-            )
-            entry.props("outlined dense hide-bottom-space inputmode=decimal debounce=400").classes(
-                "number"
-            ).tooltip(field.key.meaning)
-            entry.mark(_mark(field))
-            if not field.key.kind:
-                # Of words there is no example in a unit: what may stand there is said under it.
-                entry.props["hint"] = field.key.meaning
-            picked = None
-            if any(units) and not many:
-                picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
-                picked.props(f'outlined dense options-dense aria-label="unit of {field.label}"').classes(
-                    "unit"
-                )
-                picked.mark(f"unit-{_mark(field)}")
-
-        def text() -> str:
-            said = str(entry.value or "").strip()
-            return f"{said} {picked.value}" if said and picked is not None and "," not in said else said
-
-        async def changed() -> None:
-            wrong = problem_with(text(), field.key)
-            entry.error = wrong or None
-            if not wrong:
-                await self._put(field.section, field.key, text())
-
-        entry.on_value_change(changed)
-        if picked is not None:
-            picked.on_value_change(changed)
+        kind = f"{'assumed' if field.assumed else ''} {'needed' if field.is_missing else ''}"
+        entry = amount(
+            field.label,
+            field.text,
+            field.units,
+            lambda text: problem_with(text, field.key),
+            lambda text: self._put(field.section, field.key, text),
+            kind if field.key.kind else "wide",
+        )
+        entry.props["placeholder"] = (
+            "needed" if field.is_missing else "" if field.required else field.key.default
+        )
+        about = "Assumed, a usual number: change it, or add how well you know it. " if field.assumed else ""
+        entry.tooltip(f"{about}{field.key.meaning}").mark(_mark(field))
+        if not field.key.kind:
+            # Of words there is no example in a unit: what may stand there is said under it.
+            entry.props["hint"] = field.key.meaning
 
     async def _begin(self, name: str) -> None:
         """Begin with a sample; the curve that is looked at stays."""
