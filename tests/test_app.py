@@ -76,10 +76,10 @@ async def drag_the_contact(user):
     """Move the contact point: both laws follow."""
     press(user, "step-3")
     await until(user, "modulus-half-space")
-    before = [text_of(user, f"modulus-{law}") for law in ("layer-and-base", "half-space")]
+    before = [text_of(user, f"modulus-{law}") for law in ("layer-on-substrate", "half-space")]
     write(user, "contact", 300)
     await changed(user, "modulus-half-space", before[1])
-    await changed(user, "modulus-layer-and-base", before[0])
+    await changed(user, "modulus-layer-on-substrate", before[0])
 
 
 def everything_is_told(shown):

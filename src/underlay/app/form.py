@@ -52,9 +52,9 @@ PRESETS: Mapping[str, str] = {
 
 #: What may lie under the layer, and what that is called.
 BASES: Mapping[str, str] = {
-    "rigid": "a rigid base",
-    "elastic": "an elastic base",
-    "none": "nothing: the sample is deep",
+    "rigid": "a rigid substrate",
+    "elastic": "an elastic substrate",
+    "none": "none: the sample is deep (half-space)",
 }
 
 
@@ -62,15 +62,15 @@ BASES: Mapping[str, str] = {
 ADVANCED: Mapping[str, str] = {
     "curve": "Which part of the curve is fitted",
     TOP: "Title, friction and large strain",
-    "layer.relaxation": "A sample that relaxes",
-    "layer.stiffening": "Soft tissue that stiffens",
-    "adhesion": "A tip that sticks",
-    "discrepancy": "What friction and large strain add, as numbers",
+    "layer.relaxation": "Viscoelastic sample",
+    "layer.stiffening": "Strain stiffening",
+    "adhesion": "Adhesion",
+    "discrepancy": "Size of friction and large strain",
     "instrument": "The instrument",
-    "uncertainties": "How well force, depth and lever are known",
+    "uncertainties": "Uncertainty of force, depth and cantilever",
     "lever": "The cantilever",
-    "noise": "The noise, where it is known",
-    "solver": "The contact law",
+    "noise": "Noise level, where it is known",
+    "solver": "Contact model",
 }
 
 

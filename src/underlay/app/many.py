@@ -80,12 +80,14 @@ def overview(folder: AnalysisFolder) -> Overview:
     if not (folder.results / "map.csv").is_file():
         return Overview()
     table = judged_table(folder)
+    sites = _sites(without_refused(table))
     return Overview(
-        MapPage(table, today()).sheet(),
+        # The map stands beside it, to draw on.
+        MapPage(table, today()).sheet(drawn=sites[1] is None),
         tuple(name for name in label_columns(folder) if name in table.columns),
         map_is_old(folder),
         folder.read_result("map.of.txt") == folder.read_result("map.done.txt"),
-        *_sites(without_refused(table)),
+        *sites,
     )
 
 

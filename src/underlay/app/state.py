@@ -237,7 +237,7 @@ class OpenAnalysis:
             if before:
                 self._handles[before] = taken
             self._put_handles(self._handles.get(self.stem, {_BOUNDS: {}}))
-        self.keep()
+        self.keep(by_hand=False)
 
     def remove(self, name: str) -> None:
         """Forget a file and what was said of its depths; where it was looked at, another is from now on."""
@@ -254,7 +254,7 @@ class OpenAnalysis:
         if left:
             self.pick(left[0].name)
         else:
-            self.keep()
+            self.keep(by_hand=False)
 
     def _take_handles(self) -> dict[str, Any]:
         """Take what is of one curve only out of the scene."""

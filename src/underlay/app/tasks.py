@@ -149,9 +149,10 @@ class Analyst:
         else:
             used = held.used
             moduli = {
-                name: printed(format_quantity(value, "pressure")) for name, value in held.moduli.items()
+                _said(name): printed(format_quantity(value, "pressure"))
+                for name, value in held.moduli.items()
             }
-            lines = {f"{name}, {moduli[name]}": line for name, line in held.lines.items()}
+            lines = {f"{_said(name)}, {moduli[_said(name)]}": line for name, line in held.lines.items()}
             said = [*(f"{name}: {reason}" for name, reason in held.refused.items()), *told]
         picture = canvas(plots.laws(curve, used, lines, contact=contact, view=ends), ends)
         return Look(
@@ -309,6 +310,11 @@ class Analyst:
         if file.simulate is not None:
             return file.simulate.max_depth
         return default_depth(file.scene) + file.draft.instrument.contact_depth
+
+
+def _said(model: str) -> str:
+    """What people call a model."""
+    return "layer on substrate" if model == "layer and base" else model
 
 
 def _first_contact(curve: Curve, file: SceneFile) -> float:

@@ -91,11 +91,8 @@ def columns_to_draw(table: pd.DataFrame) -> list[str]:
 def errors_in_words(table: pd.DataFrame) -> str:
     """What the errors of a map allow for."""
     if not any(str(column).endswith(".stat.low") for column in table.columns):
-        return (
-            "Errors are least-squares standard errors: noise alone, and white. Without --quick every curve has the "
-            "answer that a fit by itself prints."
-        )
-    return "Every curve has the answer that a fit by itself prints: both parts of its uncertainty at 95 %."
+        return "± of a curve is the standard error of white noise alone; without --quick it is what a fit prints."
+    return "± of a curve is at 95 %, statistical and systematic parts together, as of a single fit."
 
 
 def shared_error_words(table: pd.DataFrame) -> str:

@@ -31,6 +31,7 @@ from underlay.report.page import (
     words,
 )
 from underlay.report.page_fit import footer, masthead, sized
+from underlay.report.plots.style import in_words
 from underlay.report.screen import name_of
 from underlay.scene.parameters import kind_of
 from underlay.units import human_unit
@@ -94,13 +95,13 @@ class MapPage:
             f"{name}: a map of indentation tests", head, self.sheet(together=together, opened=opened)
         )
 
-    def sheet(self, *, together: str = "", opened: bool = False) -> str:
-        """What stands under the masthead; `together` is what the sites say of a population."""
+    def sheet(self, *, together: str = "", opened: bool = False, drawn: bool = True) -> str:
+        """What stands under the masthead: `together` is of a population, the map is `drawn` or not."""
         numbers = [self._number(name, place) for place, name in enumerate(self.parameters[:_NUMBERS])]
         facts = [f"{path.name} · SHA-256 {sha256_of(path)}" for path in self.files]
         blocks = [
             tag("section", *numbers, self._verdict(), kind="head"),
-            tag("section", *self._pictures(), kind="figs"),
+            tag("section", *self._pictures(drawn=drawn), kind="figs"),
             together,
             self._methods(),
             footer(*facts, command=self.command),
@@ -120,6 +121,10 @@ class MapPage:
         title, letter = name_of(name)
         number, _, unit = middle.partition(" ")
         under = f"middle half of the sites: {low} to {high}"
+        if {f"{name}.low", f"{name}.high"} <= set(self.sites.columns):
+            ends = self.sites[[f"{name}.low", f"{name}.high"]].to_numpy(dtype=float)
+            half = float(np.nanmedian(0.5 * (ends[:, 1] - ends[:, 0])))
+            under = f"{under}; one curve ± {in_words(half, kind_of(name), digits=2)} (95 %)"
         return number_block(f"{title} {letter}, median", number, unit, under, "second" if place else "")
 
     def _verdict(self) -> str:
@@ -134,9 +139,9 @@ class MapPage:
             "good" if good else "check", f"verdicts of the curves: {', '.join(told)}", more=more
         )
 
-    def _pictures(self) -> Iterator[str]:
+    def _pictures(self, *, drawn: bool) -> Iterator[str]:
         columns = maps.columns_to_draw(self.sites)
-        if columns:
+        if columns and drawn:
             ax = sized(_MAP, lambda panel: plots.map(self.sites, columns[0], ax=panel))
             alt, title = f"Map of the {label(columns[0])} by position.", "By position."
             caption = "Sites without a fit are grey."

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from underlay._door import sha256_of
 from underlay.report import plots, posterior_tables, tables
-from underlay.report.labels import is_of_the_sample
+from underlay.report.labels import is_of_the_sample, label
 from underlay.report.limits import distinct_scenes
 from underlay.report.methods import listed, sample_words, tip_words
 from underlay.report.page import Detail, details, document, figure, pixels, table, tag, words
@@ -118,7 +118,8 @@ class PosteriorPage:
 
     def _details(self) -> Iterator[Detail]:
         post = self.posterior
-        yield "Parameters", listed(post.names), [table(posterior_tables.posterior_table(post))]
+        names = listed([label(name) for name in post.names])
+        yield "Parameters", names, [table(posterior_tables.posterior_table(post))]
         more = [self._predicted(number) for number in range(1, len(post.predictive))]
         yield "The other curves", "", more
         yield (

@@ -50,6 +50,7 @@ __all__ = [
     "provenance_table",
     "reservations_table",
     "source_rows",
+    "span",
     "steps_table",
     "strong_pairs",
     "with_units",
@@ -71,6 +72,12 @@ def amounts(values: Sequence[float], kind: str) -> list[str]:
     unit = human_unit(largest, kind)[0] if largest else ""
     zero = f"0 {unit}".strip()
     return [format_quantity(value, kind) if abs(value) > _NOTHING * largest else zero for value in values]
+
+
+def span(low: float, high: float, kind: str) -> str:
+    """Return two SI values in one unit, so small that the larger is ten or more: ``"-15.8 to 124 um"``."""
+    unit, factor = human_unit(0.1 * max(abs(low), abs(high)), kind)
+    return f"{low / factor + 0.0:.4g} to {high / factor + 0.0:.4g} {unit}".rstrip()
 
 
 # Columns of tables of parameters that hold no value of the parameter.

@@ -14,14 +14,14 @@ from nicegui import events, ui
 from underlay.app.pages.outcome import Outcome, plain_table
 from underlay.app.pages.step import Step, Window, Working, data_address, message_list
 from underlay.app.shown import Film, Look
-from underlay.report.tables import amounts
+from underlay.report.tables import amounts, span
 from underlay.units import printed
 
 __all__ = ["GREEN", "GREY", "FilmPart", "FitStep"]
 
 _WORDS = (
-    "This curve says its contact stiffness S(h). An imprint that stayed cannot be fitted as an elastic curve; its "
-    "stiffness can: with a cone as the tip (such as berkovich, step 2), and what is fitted of layer and base."
+    "This curve holds the contact stiffness S(h). Where an imprint stays the curve is not elastic, but its "
+    "stiffness can be fitted: with a cone as the tip (such as berkovich, step 2), and layer and substrate as fitted there."
 )
 
 
@@ -393,11 +393,10 @@ class FitStep(Step):
         )
         self._picture.set_content(shade + handles)
         # As on the axis: from the contact point; the contact point itself as the file reads.
-        shown = [end - self._contact for end in (*self._range, *self._known().extent)]
-        first, last, *_ = (printed(text) for text in amounts(shown, "length"))
         (at, *_) = (printed(text) for text in amounts([self._contact, *self._known().extent], "length"))
         self._contact_words.set_text(at)
-        self._range_words.set_text(f"{first} to {last}")
+        low, high = (end - self._contact for end in self._range)
+        self._range_words.set_text(printed(span(low, high, "length")))
 
     def _write(self) -> None:
         """Write contact and range into the scene."""

@@ -139,10 +139,12 @@ class PopulationPart:
     ----------
     window : Window
         Where it is shown.
+    place : column
+        Where what the curves show together appears.
     """
 
-    def __init__(self, window: Window) -> None:
-        self._window = window
+    def __init__(self, window: Window, place: ui.column) -> None:
+        self._window, self._place = window, place
         ui.label("Groups").classes("heading")
         with ui.expansion("What each curve belongs to").props("dense").classes("wide").mark("whose"):
             self._find = (
@@ -183,7 +185,6 @@ class PopulationPart:
         ui.button("Mean and spread", on_click=self._together).props("outline no-caps").mark(
             "together"
         ).tooltip("Mean over animals with its interval, spread between and within them, and a box plot")
-        self._place = ui.column().classes("wide")
 
     async def show(self, told: Overview) -> None:
         """Offer the labels that the map has, and show what was found before."""
@@ -366,14 +367,16 @@ class ManyStep(Step):
             with ui.column().classes("main") as self._map:
                 self._regions = RegionPart(self.window, self._named)
             with ui.column().classes("side wider"):
-                self._population = PopulationPart(self.window)
+                place = ui.column()
+                self._population = PopulationPart(self.window, place)
+        place.classes("wide").move(target_index=-1)
         self._gallery = GalleryPart(self.window, self._decided)
 
     async def show(self) -> None:
         """Show what was found before."""
         count = len(self.analysis.folder.curve_files())
         self._count.set_text(
-            f"{count} file{'' if count == 1 else 's'}, each by itself, with the test of step 2"
+            f"{count} curve{'' if count == 1 else 's'}, each by itself, with the test of step 2"
         )
         told = await self.window.try_to(self.analysis.quick, "overview")
         if isinstance(told, Overview):

@@ -67,7 +67,7 @@ def amount(
     """
     many = "," in stated
     number, unit = (stated, "") if many else apart(stated, tuple(units))
-    with ui.row(wrap=False).classes(f"amount {kind}"):
+    with ui.row(wrap=False).classes(f"amount {kind}") as pair:
         entry = ui.input(words, value=number).classes("number")
         entry.props("outlined dense hide-bottom-space inputmode=decimal debounce=400")
         picked = None
@@ -80,6 +80,7 @@ def amount(
         text = f"{said} {picked.value}" if said and picked is not None and "," not in said else said
         entry.error = wrong(text) or None
         if not entry.error:
+            pair.classes(remove="needed assumed")
             await put(text)
 
     entry.on_value_change(changed)
@@ -291,14 +292,14 @@ class SceneStep(Step):
 
     async def show(self) -> None:
         """Build the form of the scene as it is, and draw it."""
-        draft = self.analysis.draft
+        draft, self._lacks = self.analysis.draft, bool(self.analysis.lacks)
         self._form.clear()
         with self._form:
             self._section("indenter", "The tip")
             self._section("layer", "The layer")
             self._between(draft)
             with ui.row().classes("section-head"):
-                ui.label("Under it").classes("heading")
+                ui.label("Substrate").classes("heading")
                 ui.select(
                     dict(BASES), value=draft.base, on_change=lambda event: self._rebase(event.value)
                 ).props("outlined dense aria-label='what lies under the layer'").classes("field").mark("base")
@@ -359,7 +360,8 @@ class SceneStep(Step):
         picked.on_value_change(lambda event: self._put(field.section, field.key, str(event.value or "")))
 
     def _amount(self, field: Field) -> None:
-        kind = f"{'assumed' if field.assumed else ''} {'needed' if field.is_missing else ''}"
+        missing = field.is_missing and self._lacks
+        kind = f"{'assumed' if field.assumed else ''} {'needed' if missing else ''}"
         entry = amount(
             field.label,
             field.text,
@@ -368,9 +370,7 @@ class SceneStep(Step):
             lambda text: self._put(field.section, field.key, text),
             kind if field.key.kind else "wide",
         )
-        entry.props["placeholder"] = (
-            "needed" if field.is_missing else "" if field.required else field.key.default
-        )
+        entry.props["placeholder"] = "needed" if missing else "" if field.required else field.key.default
         about = "Assumed, a usual number: change it, or add how well you know it. " if field.assumed else ""
         entry.tooltip(f"{about}{field.key.meaning}").mark(_mark(field))
         if not field.key.kind:
