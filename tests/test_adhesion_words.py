@@ -87,7 +87,6 @@ def test_maps_have_columns_of_the_pull_off():
     # The page of a map shows them beside the fitted ones.
     shown = maps.parameter_table(table).index
     assert list(shown) == ["layer modulus", "work of adhesion", "pull-off force", "pull-off depth"]
-    assert "Pull-off force" in maps.map_summary(table)
     placed = table.assign(x=[0.0], y=[0.0])
     assert {"adhesion.work", "adhesion.pull_off_force"} <= set(maps.columns_to_draw(placed))
     bare = ul.fit_many(

@@ -74,10 +74,10 @@ def first_analysis_by_keyboard(tab, taken):
     for _ in range(30):
         key(tab, "ArrowLeft")
     enter(tab, "Fit")
-    until(tab, says("What acts in this test"))
-    assert tab.evaluate(says("Layer modulus 0.6"))
+    until(tab, says("Effects that were considered"))
+    assert tab.evaluate(says("0.617"))
     step_by_arrows(tab, "5")
-    enter(tab, "Excel")
+    enter(tab, "Spreadsheet")
     assert zipfile.is_zipfile(downloaded(taken, ".xlsx"))
 
 
@@ -150,12 +150,12 @@ def handles_follow_a_finger(tab, folder):
 def many_and_a_decision(tab):
     press(tab, "4")
     press(tab, "Fit all curves")
-    press(tab, "Refuse ...")
+    press(tab, "Reject ...")
     until(tab, "Boolean(document.querySelector('.q-dialog input'))")
     tab.evaluate("document.querySelector('.q-dialog input').focus()")
     tab.call("Input.insertText", text="air bubble")
     until(tab, "document.querySelector('.q-dialog input').value === 'air bubble'")
-    press(tab, "Refuse", ".q-dialog button")
+    press(tab, "Reject", ".q-dialog button")
     until(tab, says("decided: refuse air bubble"))
 
 
@@ -205,7 +205,7 @@ def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_
             tab.open(address, **SIZE)
             assert "token" not in tab.evaluate("location.href")
             first_analysis_by_keyboard(tab, taken)
-            press(tab, "The page")
+            press(tab, "Report")
             assert "0.617" in downloaded(taken, ".html").read_text()
             (folder,) = home.iterdir()
             nothing_is_cut_off(tab)
@@ -225,7 +225,7 @@ def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_
             press(tab, "4")
             until(tab, says("decided: refuse air bubble"))
             press(tab, "3")
-            until(tab, says("What acts in this test"))
+            until(tab, says("Effects that were considered"))
             events = [*before, *later]
             a_page_of_another_site_gets_nothing(tab, address.partition("1:")[2].partition("/")[0])
     asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
@@ -269,7 +269,7 @@ def test_long_names_stay_in_their_places(tmp_path):
         press(tab, "3")
         modulus(tab)
         press(tab, "Fit")
-        until(tab, says("What acts in this test"))
+        until(tab, says("Effects that were considered"))
         assert tab.evaluate(_CUT_OFF) == []
         press(tab, "4")
         press(tab, "Fit all curves")

@@ -87,8 +87,6 @@ def test_the_measures_know_black_from_white_and_red_from_green():
         (style_of(".name", "color"), WHITE),
         (style_of(".steps .q-tab--active", "color"), WHITE),
         (style_of(".files .q-item--active", "color"), style_of(".files .q-item--active", "background")),
-        (style_of("body", "color"), style_of(".verdict.good", "background")),
-        (style_of("body", "color"), style_of(".verdict.doubtful", "background")),
         (style_of(".card-picture text", "fill"), WHITE),
         (WHITE, COLOURS["primary"]),
         (WHITE, COLOURS["negative"]),
@@ -101,7 +99,7 @@ def test_words_are_readable(words, ground):
 
 HANDLES = (fitting.GREEN, fitting.GREY)
 CARDS = tuple(
-    style_of(*rule) for rule in ((".card.doubtful", "border-left-color"), (".card.refused", "border-left"))
+    style_of(*rule) for rule in ((".card.check", "border-left-color"), (".card.refused", "border-left"))
 )
 GOOD_CARD = style_of(".card", "border-left")
 

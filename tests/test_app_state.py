@@ -115,10 +115,10 @@ def test_zero_has_the_unit_of_what_stands_beside_it_or_none(tmp_path):
             press(user, "step-2")
             press(user, "preset-gel_on_glass")
             await until(user, "to-fit")
-            await until(user, content="held at 0")
+            await until(user, content="fixed at 0")
             texts = [element.text for element in user.client.elements.values() if hasattr(element, "text")]
-            assert "held at 0" in texts
-            assert not [text for text in texts if str(text).startswith("held at 0 ")]
+            assert "fixed at 0" in texts
+            assert not [text for text in texts if str(text).startswith("fixed at 0 ")]
             analysis = user.home.analysis(folder.name)
             analysis.draft.table("instrument")["contact_depth"] = "-1e-22 m"
             analysis.keep()

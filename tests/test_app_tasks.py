@@ -37,12 +37,14 @@ def looked_at(tmp_path, sample, name, **curve):
 def test_a_file_is_told_with_its_segments_and_what_the_instrument_found(tmp_path):
     analyst, _ = looked_at(tmp_path, "cell_on_glass", "chiaro_cell_indentation")
     told = analyst.read("chiaro_cell_indentation.csv", silent)
-    assert told.vendor == "0.156 kPa (reduced modulus)"
+    assert told.facts["The instrument's own reduced modulus"] == "0.156 kPa"
+    assert set(told.facts) >= {"Spring constant", "Tip radius"}
     (test,) = told.tests
     assert test["segments"] == "loading 2533, unloading 233"
     assert "µm" in test["depth"]  # as it is printed, not as it is typed
     assert "nN" in test["force"]
-    assert analyst.segments("chiaro_cell_indentation.csv", 1, silent)[:4] == b"\x89PNG"
+    for picture in analyst.curve("chiaro_cell_indentation.csv", 1, silent):
+        assert picture[:4] == b"\x89PNG"
 
 
 def test_a_share_of_the_force_is_a_range_that_the_picture_shows(tmp_path):
@@ -88,7 +90,7 @@ def test_a_scene_without_a_curve_is_drawn_at_the_default_depth_of_every_command(
 
 def test_what_is_kept_is_what_was_shown_and_a_damaged_file_is_nothing(tmp_path):
     folder = AnalysisFolder(tmp_path / "one")
-    shown = Sampled("of this", ("E is 1 MPa",), ({"parameter": "layer.E"},), ("a.corner.png",))
+    shown = Sampled("of this", "<p>E is 1 MPa</p>", ("sample again",))
     assert kept(folder, "a", Sampled) is None
     keep(folder, "a", shown)
     assert json.dumps(kept(folder, "a", Sampled).__dict__) == json.dumps(shown.__dict__)

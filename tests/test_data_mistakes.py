@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.cli.fit import fit as fit_command
+from underlay.cli import main
 from underlay.data.signs import flipped, require_signs
 from underlay.inference.batch import work
 from underlay.inference.from_files import chosen_part
@@ -285,9 +285,12 @@ def test_a_map_asks_about_sizes_only_of_a_fit_in_doubt(monkeypatch):
     assert asked[0].curves[0].force.max() > 1e4 * good.force.max()
 
 
-def test_the_command_fits_an_unloading(curve, put, tmp_path, capsys):
+def test_the_command_fits_an_unloading(curve, put, tmp_path, monkeypatch, capsys):
     path, scene = put(curve.depth, curve.force, 'segment = "unloading"')
-    fit_command(path, scene, output=tmp_path / "out")
+    words = ["underlay", "fit", str(path), "--scene", str(scene), "--output", str(tmp_path / "out")]
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(SystemExit, match="0"):
+        main()
     # Four in a thousand is the drift of the law that the averaging allows for.
     found = float(re.search(r"Layer modulus +E = ([0-9.]+) ", capsys.readouterr().out).group(1))
     assert found == pytest.approx(0.62, rel=4e-3)

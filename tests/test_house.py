@@ -134,7 +134,7 @@ def test_the_page_and_the_commands_stand_side_by_side(imports):
         for here, there in (("app/", "underlay.cli"), ("cli/", "underlay.app"))
         if name.startswith(here) and module.startswith(there)
     }
-    assert across == {("cli/browser_page", "underlay.app.server")}
+    assert across == {("cli/start", "underlay.app.server")}
 
 
 def test_third_parties_live_in_one_place(imports):

@@ -15,7 +15,7 @@ from support.populations import made_study, table_of
 from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 from underlay.inference.population.messages import BETWEEN, WITHIN, Grid
-from underlay.report.intervals import quantity_with_interval
+from underlay.report import screen
 from underlay.report.maps import (
     comparison_table,
     group_table,
@@ -310,7 +310,7 @@ def test_few_animals_are_not_told_by_the_prior():
     assert pair.probability_above == pytest.approx(welch.pvalue, abs=0.01)
     (row,) = [row for _, row in group_table(found).iterrows() if row["group"] == "few"]
     assert row["beside it"].startswith("with priors")
-    told_ratio = quantity_with_interval(*pair.plain, "dimensionless")
+    told_ratio = screen.interval_text(*pair.plain, "dimensionless")
     assert told_ratio in comparison_table(found)["of the means"].iloc[0]
     # Where the model allows for outliers, or has no end, it stays the one to go by.
     assert not ul.population(few, tails="outliers").groups[""].leads_plain

@@ -215,7 +215,8 @@ def test_what_a_path_is_does_not_hang_on_what_was_imported(module):
 
 def test_a_sentence_calls_parameters_by_their_words():
     said = "layer.E of layer.E_axial and layer.E[1] is on its bound: free layer.thickness. Not layer.E."
-    assert labelled(said, ["layer.E", "layer.thickness"]) == (
-        "layer modulus of layer.E_axial and layer.E[1] is on its bound: free layer thickness. Not layer modulus."
+    assert labelled(said) == (
+        "layer modulus of axial modulus of the layer and layer modulus (curve 2) is on its bound: free layer "
+        "thickness. Not layer modulus."
     )
-    assert labelled(said, ["layer.E", "layer.E[1]"]).count("layer modulus (curve 2)") == 1
+    assert labelled("layer.toml and player.E stay") == "layer.toml and player.E stay"

@@ -13,7 +13,7 @@ from support.inverse import ambiguous
 from support.real_data import real_file
 from support.reports import SAMPLES, joint_fit, page_text
 from underlay.data.curve import recorded
-from underlay.report import labels, maps, screen, tables, words
+from underlay.report import labels, maps, screen, tables
 from underlay.report import limits as open_ends
 from underlay.report.limits import distinct_scenes
 
@@ -23,19 +23,19 @@ from underlay.report.limits import distinct_scenes
 @pytest.mark.parametrize(
     ("value", "low", "high", "kind", "text"),
     [
-        (4.2e5, 4.0e5, 4.4e5, "pressure", "0.420 MPa (0.400 to 0.440)"),
-        (1.5e-3, 1.1e-3, 2.2e-3, "length", "1.50 mm (1.10 to 2.20)"),
-        (1.5e-3, 1.1e-3, np.inf, "length", "1.50 mm (at least 1.10)"),
-        (0.45, -np.inf, 0.47, "dimensionless", "0.450 (at most 0.470)"),
-        (1.0, -np.inf, np.inf, "force", "1.0000 N"),
+        (4.2e5, 4.0e5, 4.4e5, "pressure", "0.420 ± 0.020 MPa"),
+        (1.5e-3, 1.1e-3, 2.2e-3, "length", "1.50 (1.10 to 2.20) mm"),
+        (1.5e-3, 1.1e-3, np.inf, "length", "1.5 mm (> 1.1 mm)"),
+        (0.45, -np.inf, 0.47, "dimensionless", "0.45 (< 0.47)"),
+        (1.0, -np.inf, np.inf, "force", "1 N"),
         # An end near zero is not read as zero.
-        (138.3, 4.787, 567.1, "pressure", "0.138 kPa (0.005 to 0.567)"),
-        (5.88e11, 7.6e5, np.inf, "pressure", "588 GPa (at least 0.76 MPa)"),
-        (1.2e-9, 0.0, 3e-9, "force", "1.2 nN (0.0 to 3.0)"),
+        (138.3, 4.787, 567.1, "pressure", "0.138 (0.005 to 0.567) kPa"),
+        (5.88e11, 7.6e5, np.inf, "pressure", "588 GPa (> 0.76 MPa)"),
+        (1.2e-9, 0.0, 3.6e-9, "force", "1.2 (0.0 to 3.6) nN"),
     ],
 )
 def test_interval_in_words(value, low, high, kind, text):
-    assert words.quantity_with_interval(value, low, high, kind) == text
+    assert screen.interval_text(value, low, high, kind) == text
 
 
 def test_names_for_people():

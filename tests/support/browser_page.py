@@ -9,7 +9,7 @@ import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-PATIENCE = 240.0
+PATIENCE = 60.0
 # Name, virtual key code and what it writes.
 KEYS = {
     "Tab": (9, ""),

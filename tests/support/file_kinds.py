@@ -161,7 +161,7 @@ def _maps(folder):
 def _read_map(path):
     maps.is_map(path)
     table = maps.read_map(path)
-    for show in (maps.parameter_table, maps.verdict_table, maps.failure_table, maps.columns_to_draw):
+    for show in (maps.parameter_table, maps.failure_table, maps.columns_to_draw):
         show(table)
     maps.map_provenance_table(table, {})
 

@@ -2,7 +2,9 @@
 
 import asyncio
 import contextlib
+import html
 import logging
+import re
 
 import httpx
 from nicegui import Client, core, ui
@@ -17,7 +19,7 @@ from underlay.app.work import Worker
 
 HOST = "test"
 # How long (s) is waited for what comes; only a failure takes it.
-PATIENCE = 240.0
+PATIENCE = 30.0
 
 
 @contextlib.asynccontextmanager
@@ -96,6 +98,16 @@ def text_of(user: User, marker):
     """What the one element of that mark says."""
     (element,) = user.find(marker=marker).elements
     return element.text
+
+
+def sheet_of(user: User):
+    """What the page of the result says, as text: the last one that is shown."""
+    return text_in(list(user.find(marker="sheet").elements)[-1].content)
+
+
+def text_in(page):
+    """Words of HTML, with single spaces between them."""
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", page)).split())
 
 
 def run(scenario):

@@ -35,6 +35,7 @@ __all__ = [
     "SHOWN",
     "AnalysisFolder",
     "analyses",
+    "described",
     "keep",
     "kept",
     "new_analysis",
@@ -48,7 +49,7 @@ LARGEST_FILE, MOST_FILES, MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
 
 #: The files of a curve's results by what made them: what stands in their names behind the curve's.
 RESULTS: Mapping[str, tuple[str, ...]] = {
-    "found": ("fit", "time", "relaxation", "adhesion", "segments", "depths", "effects"),
+    "found": ("fit", "depth", "time", "relaxation", "adhesion", "segments"),
     "sampled": ("corner", "predictive", "posterior"),
     "film": ("film", "film.depths"),
 }
@@ -137,7 +138,7 @@ class AnalysisFolder:
         if len(content) > LARGEST_FILE or held + len(content) > MOST_BYTES or len(there) >= MOST_FILES:
             raise InputError(
                 f"{one_line(name, 80)}: an analysis takes up to {MOST_FILES} files of {LARGEST_FILE // 10**6} MB, "
-                f"{MOST_BYTES // 10**9} GB in all; for more use underlay map"
+                f"{MOST_BYTES // 10**9} GB in all"
             )
         target = self.curves / safe_name(name)
         number = 2
@@ -222,6 +223,13 @@ def analyses(home: Path) -> list[str]:
     """Names of the analyses kept in a folder, the latest first."""
     found = [path for path in home.iterdir() if _NAME.fullmatch(path.name) and (path / "curves").is_dir()]
     return [path.name for path in sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)]
+
+
+def described(analysis: Path) -> str:
+    """How many curves an analysis holds, and when it was worked on last."""
+    count = sum(1 for path in (analysis / "curves").iterdir() if path.is_file())
+    day = time.strftime("%d %b %H:%M", time.localtime(analysis.stat().st_mtime))
+    return f"{count} curve{'' if count == 1 else 's'}, {day}"
 
 
 def new_analysis(home: Path) -> AnalysisFolder:

@@ -52,9 +52,9 @@ PRESETS: Mapping[str, str] = {
 
 #: What may lie under the layer, and what that is called.
 BASES: Mapping[str, str] = {
-    "rigid": "a rigid base",
-    "elastic": "an elastic base",
-    "none": "nothing: the sample is deep",
+    "rigid": "a rigid substrate",
+    "elastic": "an elastic substrate",
+    "none": "none: the sample is deep (half-space)",
 }
 
 
@@ -62,15 +62,15 @@ BASES: Mapping[str, str] = {
 ADVANCED: Mapping[str, str] = {
     "curve": "Which part of the curve is fitted",
     TOP: "Title, friction and large strain",
-    "layer.relaxation": "A sample that relaxes",
-    "layer.stiffening": "Soft tissue that stiffens",
-    "adhesion": "A tip that sticks",
-    "discrepancy": "What friction and large strain add, as numbers",
+    "layer.relaxation": "Viscoelastic sample",
+    "layer.stiffening": "Strain stiffening",
+    "adhesion": "Adhesion",
+    "discrepancy": "Size of friction and large strain",
     "instrument": "The instrument",
-    "uncertainties": "How well force, depth and lever are known",
+    "uncertainties": "Uncertainty of force, depth and cantilever",
     "lever": "The cantilever",
-    "noise": "The noise, where it is known",
-    "solver": "The contact law",
+    "noise": "Noise level, where it is known",
+    "solver": "Contact model",
 }
 
 
@@ -139,11 +139,17 @@ class Field:
         Its declaration.
     text : str
         What stands there now; empty for nothing.
+    assumed : bool
+        Whether it is still the usual number that a preset filled in.
+    is_missing : bool
+        Whether the test is not complete without it.
     """
 
     section: str
     key: SceneKey
     text: str
+    assumed: bool = False
+    is_missing: bool = False
 
     @property
     def label(self) -> str:
@@ -239,7 +245,13 @@ class Draft:
         chosen_by = _CHOSEN_BY.get(section)
         variant = self.get(section, chosen_by) if chosen_by else ""
         return [
-            Field(section, key, self.get(section, key.name))
+            Field(
+                section,
+                key,
+                self.get(section, key.name),
+                assumed=self._is_assumed(section, key),
+                is_missing=self._is_missing(section, key),
+            )
             for key in declared
             if (not key.variant or key.variant == variant or self._is_axial(section, key))
             and (section, key.name) not in ELSEWHERE
@@ -313,6 +325,30 @@ class Draft:
             if index:
                 table = table[int(index[1])] if isinstance(table, list) else {}
         return table if isinstance(table, dict) else {}
+
+    @property
+    def assumptions(self) -> list[str]:
+        """What is still as the preset filled it in, in words."""
+        return [
+            field.label
+            for section in ("indenter", "layer", *self.between, "substrate")
+            for field in self.fields(section)
+            if field.assumed
+        ]
+
+    def _is_assumed(self, section: str, key: SceneKey) -> bool:
+        begun_with = next((name for name, words in PRESETS.items() if words == self.get(TOP, "title")), "")
+        here = self.get(section, key.name)
+        if not begun_with or not key.kind or not here or f"{section}.{key.name}" in self.free:
+            return False
+        return here == preset(begun_with).get(section, key.name)
+
+    def _is_missing(self, section: str, key: SceneKey) -> bool:
+        """Whether nothing stands where something must; the file of a curve may know the tip."""
+        needed = not key.default or (section == "layer" and key.name == "thickness" and self.base != "none")
+        return (
+            needed and bool(key.kind) and not self.get(section, key.name) and section in ("indenter", "layer")
+        )
 
     def _is_axial(self, section: str, key: SceneKey) -> bool:
         return key.name in _AXIAL and key.name in self.peek(section)

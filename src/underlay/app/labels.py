@@ -75,7 +75,7 @@ def pairs_of(text: str) -> dict[str, str]:
 
 
 #: Columns that can be filled in on the page; a manifest that is brought may have others.
-LABELS = ("animal", "group")
+LABELS = ("animal", "group", "region")
 
 
 _KIND = FileKind("a manifest (CSV)", 20_000_000, "it needs a row of names with 'file', and a row per curve")
@@ -91,7 +91,7 @@ def read_labels(folder: AnalysisFolder) -> dict[str, dict[str, str]]:
     if not path.exists():
         return rows
     with understood(path, _KIND):
-        lines = numbered_rows(read_text(path, _KIND), _MOST_COLUMNS)
+        lines = numbered_rows(read_text(path, _KIND), _MOST_COLUMNS, comment="#")
         _, names = next(lines)
         for _, cells in lines:
             row = {name: unguarded_cell(cell) for name, cell in zip(names, cells, strict=True)}
@@ -138,7 +138,7 @@ def take_manifest(folder: AnalysisFolder, content: bytes) -> None:
     """
     with understood("the manifest", _KIND):
         text = content.decode("utf-8-sig")
-        _, names = next(numbered_rows(text, _MOST_COLUMNS))
+        _, names = next(numbered_rows(text, _MOST_COLUMNS, comment="#"))
         if "file" not in names:
             raise ValueError(f"it has no column 'file', but {', '.join(names)[:200]}")
     write_atomic(folder.path / "manifest.csv", content)

@@ -16,7 +16,6 @@ from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder, keep, kept
 from underlay.app.form import Draft
 from underlay.app.labels import label_columns
-from underlay.app.results import rows_of
 from underlay.app.shown import Card, Gallery, Overview, Progress, Together
 from underlay.app.work import Tell
 from underlay.errors import InputError
@@ -26,16 +25,11 @@ from underlay.inference.batch.model import MapOptions
 from underlay.inference.batch.results_table import FITTED, write_frame
 from underlay.inference.population.population import population
 from underlay.report import plots
-from underlay.report.maps import (
-    comparison_table,
-    failure_table,
-    group_table,
-    map_summary,
-    parameter_table,
-    population_sentences,
-    sample_parameters,
-    verdict_table,
-)
+from underlay.report.maps import columns_to_draw, sample_parameters
+from underlay.report.page import today
+from underlay.report.page_map import MapPage, together_block
+from underlay.report.plots.fit import Canvas, canvas
+from underlay.report.plots.map import map_unit
 from underlay.report.review import review_cards
 from underlay.report.spoken import spoken
 
@@ -82,26 +76,31 @@ def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
 
 
 def overview(folder: AnalysisFolder) -> Overview:
-    """Put the table of the map into words; empty where there is none."""
+    """The page of the map; empty where there is none."""
     if not (folder.results / "map.csv").is_file():
         return Overview()
     table = judged_table(folder)
-    counted = without_refused(table)
-    fitted = sample_parameters(counted)
-    pictures = []
-    if fitted and counted[fitted[0]].notna().any():
-        plots.save(plots.survey(counted, fitted[0]), folder.results / "map.png")
-        pictures.append("map.png")
+    sites = _sites(without_refused(table))
     return Overview(
-        tuple(map_summary(counted).replace("**", "").split("\n\n")),
-        rows_of(parameter_table(counted)),
-        rows_of(verdict_table(table)),
-        rows_of(failure_table(table)) if (table["status"] != FITTED).any() else (),
-        tuple(pictures),
+        # The map stands beside it, to draw on.
+        MapPage(table, today()).sheet(drawn=sites[1] is None),
         tuple(name for name in label_columns(folder) if name in table.columns),
         map_is_old(folder),
         folder.read_result("map.of.txt") == folder.read_result("map.done.txt"),
+        *sites,
     )
+
+
+def _sites(table: pd.DataFrame) -> tuple[tuple[tuple[str, float, float], ...], Canvas | None]:
+    """Names and places of the curves, and the map of the first number to draw regions on; nothing without both."""
+    columns = columns_to_draw(table)
+    if not columns:
+        return (), None
+    placed = table[table["x"].notna() & table["y"].notna()]
+    sites = zip(placed["name"].astype(str), placed["x"].astype(float), placed["y"].astype(float), strict=True)
+    drawn, unit = plots.map(placed, columns[0]), map_unit(placed)[1]
+    (left, right), (floor, ceiling) = drawn.get_xlim(), drawn.get_ylim()
+    return tuple(sites), canvas(drawn, (left * unit, right * unit), (floor * unit, ceiling * unit))
 
 
 def map_is_old(folder: AnalysisFolder) -> bool:
@@ -164,17 +163,10 @@ def decide(folder: AnalysisFolder, names: Sequence[str], word: str, reason: str)
 def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
     """Say what the curves tell of a population."""
     of = _judged(folder)
-    result = population(
-        judged_table(folder), [by] if by else [], parameter=_parameter(folder), group=group or None
-    )
+    table = judged_table(folder)
+    result = population(table, [by] if by else [], parameter=_parameter(folder), group=group or None)
     write_atomic(folder.results / "population.csv", csv_text(result.table()))
-    picture = ""
-    if by:
-        plots.save(plots.population(result), folder.results / "population.png")
-        picture = "population.png"
-    ratios = rows_of(comparison_table(result)) if result.comparisons else ()
-    sentences, groups = tuple(population_sentences(result)), rows_of(group_table(result))
-    together = Together(of, by, group, sentences, groups, ratios, picture)
+    together = Together(of, by, group, together_block(result, without_refused(table), group or by))
     keep(folder, _TOGETHER, together)
     return together
 

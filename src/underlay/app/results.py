@@ -9,49 +9,38 @@ A film by its contact stiffness S(h): what `underlay film` finds, for the page.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder, keep
-from underlay.app.shown import Film, Found, Progress, Row, Sampled
+from underlay.app.form import Draft
+from underlay.app.shown import Film, Found, Progress, Row, Sampled, spoken_once
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
 from underlay.data.curve import Curve
-from underlay.errors import InputError, UnderlayError
+from underlay.errors import InputError
 from underlay.inference.films import fit_film
 from underlay.inference.from_files import problem_from, weak_bounds
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.pointwise.result import PointwiseModulus
-from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
 from underlay.inference.uncertainty.answer import Answer
 from underlay.report import plots
 from underlay.report.film_tables import film_notes, film_table, write_film
-from underlay.report.fit_files import pointwise_of, pointwise_sentence, write_fit
-from underlay.report.labels import label, labelled
-from underlay.report.limits import advice, quality_doubts, reservations, rivals
-from underlay.report.posterior_tables import posterior_table
-from underlay.report.scene_tables import ledger_in_words
-from underlay.report.screen import budget_words, told_names
+from underlay.report.fit_files import write_fit
+from underlay.report.labels import label
+from underlay.report.page import today
+from underlay.report.page_fit import FitPage
+from underlay.report.page_posterior import PosteriorPage
 from underlay.report.spoken import gathered_warnings, spoken
-from underlay.report.tables import interval_table
-from underlay.report.words import headline, posterior_summary, verdict_sentence
-from underlay.scene.effects import effects_table
-from underlay.units import printed
 
-__all__ = ["film_of", "film_rows", "rows_of", "sample_posterior", "tell_found"]
+__all__ = ["film_of", "film_rows", "sample_posterior", "tell_found"]
 
 
-def tell_found(
-    folder: AnalysisFolder, tested: Snapshot, problem: Problem, result: Fit, notes: list[str], tell: Tell
-) -> Found:
-    """Put a fit into words, tables and pictures; each part is kept and told when it is there.
+def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell) -> Found:
+    """Tell the numbers of a fit, then its whole page; keep it, with the files that `underlay fit` writes.
 
     Parameters
     ----------
@@ -60,89 +49,24 @@ def tell_found(
     """
     for old in folder.result_files(tested.stem, (".csv", ".json", ".png"), ("found",)):
         old.unlink()
-    found = Found(tested.stem, tested.of, tested.text)
-    for more in _parts(folder, tested.stem, problem, result, notes):
-        found = replace(found, **more)
-        keep(folder, tested.stem, found)
-        tell(found)
+    page = FitPage(result, today())
+    values = {name: _exact(result.answer(name)) for name in (*result.names, *result.derived)}
+    notes = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
+    if assumed := Draft.of(tested.text).assumptions:
+        notes.append(f"Assumed, not entered: {', '.join(assumed)}. Enter yours in step 2.")
+    found = Found(tested.stem, tested.of, tested.text, values, page.head(), spoken_once(*notes))
+    tell(found)
+    found = replace(found, sheet=page.sheet())
+    keep(folder, tested.stem, found)
+    write_fit(result, folder.results, tested.stem)
+    tell(found)
     return found
-
-
-def _parts(
-    folder: AnalysisFolder, stem: str, problem: Problem, result: Fit, notes: list[str]
-) -> Iterator[dict[str, Any]]:
-    """The parts of `Found`, quickest first."""
-    yield {
-        "headline": spoken(headline(result)),
-        "verdict": printed(spoken(verdict_sentence(result))),
-        "values": {name: _exact(result.answer(name)) for name in (*result.names, *result.derived)},
-        "table": rows_of(interval_table(result)),
-    }
-    doubts = [*quality_doubts(problem), *reservations(result, notes)]
-    yield {"doubts": tuple(dict.fromkeys(_named(doubt, result) for doubt in doubts))}
-    written = write_fit(result, folder.results, stem)
-    yield {"pictures": tuple(path.name for path in written if path.suffix == ".png")}
-    yield from _by_depth(folder, result, [path.name for path in written if path.suffix == ".png"], stem)
-    told = [_sources(result), *rivals(result), *advice(result)]
-    yield {"more": tuple(_named(sentence, result) for sentence in told if sentence)}
-    try:
-        scene = result.scenes[0]
-        deepest = float(np.max(result.curves[0].depth)) - scene.instrument.contact_depth
-        effects = effects_table(scene, deepest, result.solver)
-        write_atomic(folder.result(f"{stem}.effects.csv"), csv_text(effects))
-        plots.save(plots.effects(scene, deepest, result.solver), folder.result(f"{stem}.effects.png"))
-    except UnderlayError:
-        # A scene that the ledger has no rows for: the fit stands without it.
-        return
-    yield {"effects": rows_of(ledger_in_words(effects))}
-
-
-def _sources(result: Fit) -> str:
-    """What the uncertainty of the first number of the sample is made of."""
-    (name,) = told_names(result)[:1] or ("",)
-    if not name or result.verdict == "reject":
-        return ""
-    sources, assumed = budget_words(result.answer(name))
-    return f"Uncertainty of the {label(name)}: {sources}. {assumed}" if sources else ""
 
 
 def _exact(known: Answer) -> list[str]:
     """The numbers that are printed of a quantity: value, ends, and ends of the statistical part."""
     numbers = (known.value, known.low, known.high, known.statistical.low, known.statistical.high)
     return [repr(float(number)) for number in numbers]
-
-
-def _named(sentence: str, result: Fit) -> str:
-    """Say a sentence of the library as the page does, with every parameter called by its words."""
-    return printed(spoken(labelled(sentence, result.names)))
-
-
-def _by_depth(
-    folder: AnalysisFolder, result: Fit, pictures: list[str], stem: str
-) -> Iterator[dict[str, Any]]:
-    """The modulus depth by depth, where it can be read."""
-    (found,) = pointwise_of(result)[:1]
-    if isinstance(found, PointwiseModulus):
-        plots.save(plots.pointwise_modulus(found), folder.result(f"{stem}.depths.png"))
-        write_atomic(folder.result(f"{stem}.depths.csv"), csv_text(found.table))
-        yield {"pictures": (*pictures, f"{stem}.depths.png")}
-    yield {"depths": spoken(pointwise_sentence(found))}
-
-
-def rows_of(frame: pd.DataFrame) -> tuple[Row, ...]:
-    """Rows of a table as texts; an index of names becomes the first column."""
-    if not pd.api.types.is_integer_dtype(frame.index):
-        name = frame.columns.name if frame.index.name is None else frame.index.name
-        frame = frame.rename_axis(index="parameter" if name is None else str(name)).reset_index()
-    return tuple({str(key): _cell(value) for key, value in row.items()} for row in frame.to_dict("records"))
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, bool | np.bool_):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return "" if np.isnan(value) else f"{value:.4g}"
-    return str(value)
 
 
 _WALKERS, _EVERY = 64, 10
@@ -174,20 +98,15 @@ def sample_posterior(
         problem = problem_from(file, curve, weak_bounds(file, curve))
         tell(Progress(0, most, _OPEN_NOISE if problem.noise_is_open else "looking for where to begin"))
         posterior = sample(problem, _WALKERS, most, backend=chain, resume=chain.exists(), progress=step)
-    pictures = []
     for name, draw in (("corner", plots.corner), ("predictive", plots.predictive)):
         plots.save(draw(posterior), folder.result(f"{stem}.{name}.png"))
-        pictures.append(f"{stem}.{name}.png")
     posterior.save(folder.result(f"{stem}.posterior.npz"))
     summary = csv_text(posterior.summary().rename_axis("parameter"))
     write_atomic(folder.result(f"{stem}.posterior.csv"), summary)
-    words = posterior_summary(posterior).replace("**", "").split("\n\n")
-    # What the sampler warns of is the second sentence already; what to do about it is not.
-    unfinished = not posterior.converged
-    notes = [note for note in notes if not (unfinished and posterior.diagnostics.reason in note)]
-    advice = (_UNFINISHED,) if unfinished else ()
-    said = (*words[:2], *advice, *words[2:], *map(spoken, notes))
-    sampled = Sampled(of, said, rows_of(posterior_table(posterior)), tuple(pictures))
+    if not posterior.converged:
+        # What the sampler warns of is the verdict already; what to do about it is not.
+        notes = [_UNFINISHED, *(note for note in notes if posterior.diagnostics.reason not in note)]
+    sampled = Sampled(of, PosteriorPage(posterior, today()).sheet(), spoken_once(*notes))
     keep(folder, stem, sampled)
     return sampled
 
@@ -201,7 +120,8 @@ _WORDS = {
 
 def film_rows(table: pd.DataFrame) -> tuple[Row, ...]:
     """Rows of `underlay film`, with every parameter called by its words."""
-    return tuple(row | {"parameter": label(row["parameter"])} for row in rows_of(table))
+    rows = table.assign(parameter=[label(name) for name in table["parameter"]]).to_dict("records")
+    return tuple({str(key): str(value) for key, value in row.items()} for row in rows)
 
 
 def film_of(folder: AnalysisFolder, tested: Snapshot, base: str, modulus: str, ends: tuple[str, str]) -> Film:

@@ -33,10 +33,10 @@ __all__ = [
     "Sampled",
     "Taken",
     "Together",
+    "facts_of",
     "printed_rows",
     "quality_of",
     "spoken_once",
-    "vendor_words",
 ]
 
 #: A row of a table: texts by column.
@@ -51,8 +51,10 @@ class Reading:
     ----------
     file : str
         Its name.
-    format, instrument, vendor : str
+    format, instrument : str
         In words; empty where the file says nothing.
+    facts : mapping of str to str
+        Numbers of the instrument that the file holds, by their names.
     tests : tuple of Row
         A row per test.
     notes : tuple of str
@@ -64,7 +66,7 @@ class Reading:
     file: str
     format: str = ""
     instrument: str = ""
-    vendor: str = ""
+    facts: dict[str, str] = field(default_factory=dict)
     tests: tuple[Row, ...] = ()
     notes: tuple[str, ...] = ()
     refused: str = ""
@@ -80,6 +82,8 @@ class Look:
         Of the curve and both laws.
     contact, low, high : float
         Depth readings (m) of the contact and of the ends of what is used.
+    extent : (float, float)
+        Depth readings (m) at the ends of the curve.
     moduli : mapping of str to str
         Layer modulus by law, in words.
     quality : str
@@ -94,6 +98,7 @@ class Look:
     contact: float
     low: float
     high: float
+    extent: tuple[float, float]
     moduli: dict[str, str] = field(default_factory=dict)
     quality: str = ""
     notes: tuple[str, ...] = ()
@@ -102,47 +107,30 @@ class Look:
 
 @dataclass(frozen=True)
 class Found:
-    """What is shown of a fit.
+    """What came of a fit.
 
     Parameters
     ----------
     stem : str
         Beginning of the names of its files.
     of : str
-        Fingerprint of the curve and scene that were fitted.
+        Fingerprint of the curve and scene that it is of.
     scene : str
-        Text of that scene.
-    headline, verdict : str
-        In words.
-    more : tuple of str
-        Other optima, what it stands on, what the law leaves out, the second test that would tell.
-    doubts : tuple of str
-        Warnings of the reader, the fit and the laws.
-    table : tuple of Row
-        A row per fitted number.
-    effects : tuple of Row
-        A row per effect.
+        Text of that scene file, which repeats it.
     values : mapping of str to list of str
-        What is printed of every number (SI), to its last bit: value, low and high, and low and high of the
-        statistical part.
-    pictures : tuple of str
-        Names of the files.
-    depths : str
-        What the modulus depth by depth says.
+        What is printed of each quantity (SI): value, ends, ends of the statistical part.
+    sheet : str
+        The page of the fit as HTML; its numbers and verdict alone until the pictures are drawn.
+    notes : tuple of str
+        What the reader of the file has to say.
     """
 
     stem: str
     of: str
     scene: str
-    headline: str = ""
-    verdict: str = ""
-    more: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
-    table: tuple[Row, ...] = ()
-    effects: tuple[Row, ...] = ()
     values: dict[str, list[str]] = field(default_factory=dict)
-    pictures: tuple[str, ...] = ()
-    depths: str = ""
+    sheet: str = ""
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -190,28 +178,26 @@ class Overview:
 
     Parameters
     ----------
-    sentences : tuple of str
-        In words.
-    table, verdicts, failures : tuple of Row
-        Numbers over all curves, how many got which verdict, and the curves without a fit.
-    pictures : tuple of str
-        Names of files.
+    sheet : str
+        The page of the map as HTML; empty where nothing was fitted.
     labels : tuple of str
         Columns by which curves may be grouped.
     is_old : bool
         Whether files or scene were changed since.
     is_whole : bool
         Whether the run came to its end.
+    sites : tuple of (str, float, float)
+        Names of the curves that have a position, and where they lie (m).
+    plan : Canvas, optional
+        The map to draw regions on, where there are positions.
     """
 
-    sentences: tuple[str, ...] = ()
-    table: tuple[Row, ...] = ()
-    verdicts: tuple[Row, ...] = ()
-    failures: tuple[Row, ...] = ()
-    pictures: tuple[str, ...] = ()
+    sheet: str = ""
     labels: tuple[str, ...] = ()
     is_old: bool = False
     is_whole: bool = True
+    sites: tuple[tuple[str, float, float], ...] = ()
+    plan: Canvas | None = None
 
 
 @dataclass(frozen=True)
@@ -263,29 +249,22 @@ class Gallery:
 
 @dataclass(frozen=True)
 class Together:
-    """What many curves say of a population.
+    """What many curves show of a population.
 
     Parameters
     ----------
     of : str
         Fingerprint of the map and of what was decided by hand.
     by, group : str
-        Labels that say which curves belong together, and what is compared; empty for none.
-    sentences : tuple of str
-        In words.
-    groups, ratios : tuple of Row
-        A row per group, and per pair of groups.
-    picture : str
-        Name of a file; empty where there is none.
+        Labels by which curves belong together, and what is compared; empty for none.
+    sheet : str
+        Sentences, pictures and tables as HTML.
     """
 
     of: str
     by: str = ""
     group: str = ""
-    sentences: tuple[str, ...] = ()
-    groups: tuple[Row, ...] = ()
-    ratios: tuple[Row, ...] = ()
-    picture: str = ""
+    sheet: str = ""
 
 
 @dataclass(frozen=True)
@@ -316,18 +295,15 @@ class Sampled:
     ----------
     of : str
         Fingerprint of the curve and scene that it is of.
-    sentences : tuple of str
-        In words, with whether it converged.
-    table : tuple of Row
-        A row per parameter.
-    pictures : tuple of str
-        Names of files.
+    sheet : str
+        The page of the posterior as HTML.
+    notes : tuple of str
+        What to do where it did not converge, and what was assumed.
     """
 
     of: str
-    sentences: tuple[str, ...] = ()
-    table: tuple[Row, ...] = ()
-    pictures: tuple[str, ...] = ()
+    sheet: str = ""
+    notes: tuple[str, ...] = ()
 
 
 _SPANS = ("depth", "force")
@@ -344,12 +320,23 @@ def quality_of(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:
     return quality.verdict, list(quality.reasons)
 
 
-def vendor_words(curve: Curve) -> str:
-    """What the instrument itself found, in words."""
-    reduced = curve.metadata.get("instrument_reduced_modulus")
-    if not isinstance(reduced, int | float) or isinstance(reduced, bool) or not np.isfinite(reduced):
-        return ""
-    return f"{format_quantity(float(reduced), 'pressure')} (reduced modulus)"
+#: Numbers that a file of a curve may hold: key, what it is called, kind.
+_FACTS = (
+    ("spring_constant", "Spring constant", "stiffness"),
+    ("sensitivity", "Deflection sensitivity", "sensitivity"),
+    ("indenter_radius", "Tip radius", "length"),
+    ("instrument_reduced_modulus", "The instrument's own reduced modulus", "pressure"),
+)
+
+
+def facts_of(curve: Curve) -> dict[str, str]:
+    """What the file of a curve says of the instrument, in words."""
+    found = {}
+    for key, words, kind in _FACTS:
+        value = curve.metadata.get(key)
+        if isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value):
+            found[words] = format_quantity(float(value), kind)
+    return found
 
 
 def printed_rows(table: pd.DataFrame) -> tuple[Row, ...]:

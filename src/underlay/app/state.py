@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,13 +18,14 @@ from typing import Any
 from underlay._door import parse_toml, sha256_of
 from underlay._files import require_writable_folder
 from underlay.app.folder import AnalysisFolder, stem_of
-from underlay.app.form import Draft, empty
+from underlay.app.form import Draft, empty, in_the_form
 from underlay.app.security import Doorkeeper
 from underlay.app.work import Worker
 from underlay.errors import InputError, UnderlayError
+from underlay.report.labels import label
 from underlay.scene.scene_file import SceneFile, scene_file_from_text
 
-__all__ = ["Home", "OpenAnalysis", "Snapshot", "said"]
+__all__ = ["Home", "OpenAnalysis", "Snapshot", "changed", "said"]
 
 _NOTHING = "bring a file first, and pick the curve to look at"
 
@@ -96,6 +99,42 @@ def said(text: str) -> str:
         return text  # no TOML: it says what it is
 
 
+def changed(before: str, after: str) -> str:
+    """What the second text of a scene file says otherwise, in words; empty for nothing.
+
+    Examples
+    --------
+    >>> changed('layer.thickness = "1 mm"', 'layer.thickness = "2 mm"')
+    'layer thickness'
+    """
+    first, second = (_numbers(parse_toml(text)) for text in (before, after))
+    paths = [path for path in {**first, **second} if first.get(path) != second.get(path)]
+    if len(paths) > _MANY:
+        return "the whole test"
+    for path in paths[:1]:
+        return next((words for begin, words in _CHANGED.items() if path.startswith(begin)), label(path))
+    return ""
+
+
+def _numbers(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """Whatever a document says, by its path."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        found |= _numbers(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
+    return found
+
+
+_CHANGED = {
+    "fit.": "what is fitted",
+    "curve.file": "the curve",
+    "curve.test": "the curve",
+    "curve.m": "fit range",
+    "instrument.contact_depth": "contact point",
+}
+# Changes that are remembered; of how many numbers one is of the whole; seconds within which it is one.
+_MOST_UNDONE, _MANY, _AT_ONCE = 50, 5, 2.0
+
+
 _TASKS = "underlay.app.tasks:Analyst"
 
 
@@ -128,6 +167,9 @@ class OpenAnalysis:
         self.long = Worker(_TASKS, str(folder.path))
         self.window = 0
         self._handles: dict[str, dict[str, Any]] = {}
+        self._past: list[tuple[str, str]] = []
+        self._future: list[tuple[str, str]] = []
+        self._changed = 0.0
         try:
             self.draft = Draft.of(folder.scene_text())
         except UnderlayError:
@@ -136,9 +178,40 @@ class OpenAnalysis:
         if not self.draft.table("indenter"):
             self.draft = empty()
 
-    def keep(self) -> None:
-        """Write the scene file."""
-        self.folder.write_scene(self.draft.text())
+    def keep(self, *, by_hand: bool = True) -> None:
+        """Write the scene file; what it said before can be had back where it was changed `by_hand`."""
+        before, text = self.folder.scene_text(), self.draft.text()
+        what = changed(before, text) if before and by_hand else ""
+        if what:
+            now = time.monotonic()
+            # A handle that is dragged, a number that is typed: one change.
+            if not (self._past and self._past[-1][0] == what and now - self._changed < _AT_ONCE):
+                self._past = [*self._past[1 - _MOST_UNDONE :], (what, before)]
+            self._changed, self._future = now, []
+        self.folder.write_scene(text)
+
+    def step(self, *, back: bool) -> None:
+        """Undo the last change of the test, or do again what was undone last."""
+        source, target = (self._past, self._future) if back else (self._future, self._past)
+        what, text = source.pop()
+        target.append((what, self.folder.scene_text()))
+        self.draft = Draft.of(text)
+        self.folder.write_scene(text)
+
+    @property
+    def undone(self) -> tuple[str, str]:
+        """What would be undone, and done again, in words; empty for nothing."""
+        last = [steps[-1][0] if steps else "" for steps in (self._past, self._future)]
+        return last[0], last[1]
+
+    @property
+    def lacks(self) -> str:
+        """What the test misses, in words; empty where it is complete."""
+        try:
+            scene_file_from_text(self.draft.text())
+        except UnderlayError as error:
+            return in_the_form(str(error))
+        return ""
 
     @property
     def curve_name(self) -> str:
@@ -164,7 +237,7 @@ class OpenAnalysis:
             if before:
                 self._handles[before] = taken
             self._put_handles(self._handles.get(self.stem, {_BOUNDS: {}}))
-        self.keep()
+        self.keep(by_hand=False)
 
     def remove(self, name: str) -> None:
         """Forget a file and what was said of its depths; where it was looked at, another is from now on."""
@@ -181,7 +254,7 @@ class OpenAnalysis:
         if left:
             self.pick(left[0].name)
         else:
-            self.keep()
+            self.keep(by_hand=False)
 
     def _take_handles(self) -> dict[str, Any]:
         """Take what is of one curve only out of the scene."""

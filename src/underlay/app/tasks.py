@@ -26,16 +26,17 @@ from underlay.app.shown import (
     Sampled,
     Taken,
     Together,
+    facts_of,
     printed_rows,
     quality_of,
     spoken_once,
-    vendor_words,
 )
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve, recorded
 from underlay.data.readers import read_all
+from underlay.data.segments import LOADING
 from underlay.data.signs import flipped
 from underlay.errors import InputError, UnderlayError
 from underlay.inference.compare import laws_at_contact
@@ -45,8 +46,9 @@ from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
+from underlay.report.limits import quality_doubts
 from underlay.report.plots.fit import canvas
-from underlay.report.plots.style import drawn, unit_for
+from underlay.report.plots.style import drawn
 from underlay.report.reading import format_name, reading_table
 from underlay.report.spoken import gathered_warnings, spoken
 from underlay.scene.program import default_depth
@@ -90,17 +92,24 @@ class Analyst:
             name,
             format_name(curves[0]),
             recorded(curves[0]),
-            vendor_words(curves[0]),
+            facts_of(curves[0]),
             printed_rows(rows),
             spoken_once(*notes, *told),
         )
 
-    def segments(self, name: str, test: int, _tell: Tell) -> bytes:
-        """Draw the segments of a curve of a file."""
+    def curve(self, name: str, test: int, _tell: Tell) -> tuple[bytes, bytes]:
+        """Draw a curve of a file: force against indentation, and its segments against time."""
         stated = self._stated()
         options = {key: stated[key] for key in _READING if key in stated}
-        curve = read_all(self._folder.curve_file(name), **options)[test - 1]
-        return drawn(plots.segments(flipped(curve, stated.get("flip") or ())))
+        read = read_all(self._folder.curve_file(name), **options)[test - 1]
+        whole = flipped(read, stated.get("flip") or ())
+        try:
+            contact = find_contact(whole).depth
+        except UnderlayError:
+            # Without a contact readings are all there is to draw against.
+            contact = 0.0
+        force = plots.laws(whole, whole.select(whole.segments() == LOADING), {}, contact=contact)
+        return drawn(force), drawn(plots.segments(whole))
 
     def scene(self, _tell: Tell) -> bytes:
         """Draw the test to scale, at the depth of the curve or of a default."""
@@ -111,7 +120,14 @@ class Analyst:
             test = test.with_values(settle(test, self._curve(file), left_out=file.left_out).values)
         return drawn(plots.scene(test, depth=self._deepest(file), solver=file.solver))
 
-    def look(self, contact: float | None, low: float | None, high: float | None, _tell: Tell) -> Look:
+    def look(
+        self,
+        contact: float | None,
+        low: float | None,
+        high: float | None,
+        view: tuple[float, float] | None,
+        _tell: Tell,
+    ) -> Look:
         """Draw the curve with both laws at a contact point; where none is given, at the one that is found."""
         file = read_scene_file(self._folder.scene)
         curve = self._curve(file)
@@ -121,31 +137,45 @@ class Analyst:
         if contact is None:
             quality, notes = quality_of(curve, file)
             contact = _first_contact(curve, file)
-        unit, has_stiffness = unit_for(curve.depth, "length")[1], "contact_stiffness" in curve.columns
-        ends = max(low, float(curve.depth.min())), min(high, float(curve.depth.max()))
+        extent = float(curve.depth.min()), float(curve.depth.max())
+        ends = view or extent
+        lines, moduli = {}, {}
         try:
             with gathered_warnings() as told:
                 held = laws_at_contact(file, curve, contact, low, high)
         except UnderlayError as error:
             used = chosen_part(curve, {**file.curve, "min_depth": low, "max_depth": high})
-            bare = canvas(plots.laws(curve, used, {}), unit)
-            said = spoken_once(*notes, str(error))
-            return Look(bare, contact, *ends, {}, quality, said, has_stiffness)
-        moduli = {name: printed(format_quantity(value, "pressure")) for name, value in held.moduli.items()}
-        refused = [f"{name}: {reason}" for name, reason in held.refused.items()]
-        lines = {f"{name}, {moduli[name]}": line for name, line in held.lines.items()}
-        picture = canvas(plots.laws(curve, held.used, lines), unit)
-        said = spoken_once(*notes, *refused, *told)
-        return Look(picture, contact, *ends, moduli, quality, said, has_stiffness)
+            said = [str(error)]
+        else:
+            used = held.used
+            moduli = {
+                _said(name): printed(format_quantity(value, "pressure"))
+                for name, value in held.moduli.items()
+            }
+            lines = {f"{_said(name)}, {moduli[_said(name)]}": line for name, line in held.lines.items()}
+            said = [*(f"{name}: {reason}" for name, reason in held.refused.items()), *told]
+        picture = canvas(plots.laws(curve, used, lines, contact=contact, view=ends), ends)
+        return Look(
+            picture,
+            contact,
+            max(low, extent[0]),
+            min(high, extent[1]),
+            extent,
+            moduli,
+            quality,
+            spoken_once(*notes, *said),
+            "contact_stiffness" in curve.columns,
+        )
 
     def fit(self, tell: Tell) -> Found:
         """Fit the curve as the scene says; what is there already is told on the way."""
         tested = Snapshot.now(self._folder)
-        with gathered_warnings() as notes:
+        with gathered_warnings():
             problem = self._problem(tested)
+            quality_doubts(problem)
             result = least_squares_fit(problem)
         self._fit = (tested.of, result)
-        return tell_found(self._folder, tested, problem, result, notes, tell)
+        return tell_found(self._folder, tested, result, tell)
 
     def before(self, kind: type[_Of], _tell: Tell) -> tuple[_Of | None, bool]:
         """What of this kind was found on this curve before, and whether the scene is still the same."""
@@ -280,6 +310,11 @@ class Analyst:
         if file.simulate is not None:
             return file.simulate.max_depth
         return default_depth(file.scene) + file.draft.instrument.contact_depth
+
+
+def _said(model: str) -> str:
+    """What people call a model."""
+    return "layer on substrate" if model == "layer and base" else model
 
 
 def _first_contact(curve: Curve, file: SceneFile) -> float:

@@ -9,26 +9,14 @@ from typing import Annotated
 import typer
 
 from underlay._version import VERSION
-from underlay.cli.accuracy import accuracy
 from underlay.cli.benchmark import benchmark
-from underlay.cli.browser_page import browser_page
-from underlay.cli.cite import cite
-from underlay.cli.compare import compare
 from underlay.cli.console import noted, say, say_error
-from underlay.cli.demo import demo
-from underlay.cli.effects import effects
-from underlay.cli.film import film
-from underlay.cli.fit import fit
-from underlay.cli.formats import formats
-from underlay.cli.identify import identify
-from underlay.cli.keys import keys
-from underlay.cli.map import map_curves
+from underlay.cli.design import accuracy, effects, identify, plan, simulate
+from underlay.cli.fit import compare, demo, film, fit, sample
+from underlay.cli.maps import map_curves, population
 from underlay.cli.options import without_empty_folders
-from underlay.cli.plan import plan
-from underlay.cli.population import population
-from underlay.cli.report import report
-from underlay.cli.sample import sample
-from underlay.cli.simulate import simulate
+from underlay.cli.report import cite, report
+from underlay.cli.start import browser_page, formats, keys
 from underlay.errors import UnderlayError
 
 __all__ = ["app", "main"]

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from underlay._files import write_atomic
-from underlay.cli.console import say, say_table
-from underlay.cli.options import OutputFolder, ready_folder
+import underlay as ul
+from underlay.cli.console import say, say_table, write_out
+from underlay.cli.options import OutputFolder
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,17 +48,13 @@ def benchmark(
 
     Example: `underlay benchmark --solver garcia2018 --kind elastic --output results`
     """
-    from underlay._csv import csv_text
     from underlay.inference.benchmark import Program, against_finite_elements, against_references
-    from underlay.inference.benchmark import benchmark as scored
 
     if solver is not None and program is not None:
         raise InputError("--solver and --program do not go together: score one after the other")
-    if output is not None:
-        ready_folder(output)
     other = None if program is None else Program(program)
     with Console(stderr=True).status("") as line:  # seen on a terminal only
-        scores = scored(
+        scores = ul.benchmark(
             solver,
             estimate=other,
             kinds=kind or (),
@@ -75,9 +71,7 @@ def benchmark(
         tables["benchmark.finite_elements.csv"] = against_finite_elements(law)
         say_table(tables["benchmark.references.csv"], f"{law}: force against the exact contact problem")
         say_table(tables["benchmark.finite_elements.csv"], f"{law}: force against finite elements")
-    if output is not None:
-        for name, table in tables.items():
-            say(f"wrote {write_atomic(output / name, csv_text(table))}")
+    write_out(output, tables)
 
 
 def _say_reasons(scores: Scores) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -20,9 +20,12 @@ from underlay.errors import UnderlayWarning
 from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from pathlib import Path
 
-__all__ = ["noted", "say", "say_error", "say_table", "say_warnings"]
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+__all__ = ["noted", "say", "say_error", "say_table", "say_warnings", "write_out"]
 
 
 _FILE_WIDTH = 160
@@ -72,6 +75,20 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.4g}"
     return escape(one_line(value))
+
+
+def write_out(folder: Path | None, files: Mapping[str, pd.DataFrame | Callable[[], Axes]]) -> None:
+    """Write tables as CSV, and pictures that are drawn for it, and say so; nothing without a folder."""
+    if folder is None:
+        return
+    from underlay._csv import csv_text
+    from underlay._files import write_atomic
+    from underlay.report.plots import save
+
+    for name, what in files.items():
+        path = folder / name
+        written = save(what(), path) if callable(what) else write_atomic(path, csv_text(what))
+        say(f"wrote {written}")
 
 
 @contextmanager

@@ -1,30 +1,36 @@
-"""`underlay fit`: a measured curve and a scene in, parameters with their uncertainty out."""
+"""Commands that make numbers of one curve: `fit`, `demo`, `compare`, `film`, `sample`."""
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from underlay.cli.console import say, say_table, say_warnings
+import underlay as ul
+from underlay._files import require_writable_folder
+from underlay.cli.console import say, say_table, say_warnings, write_out
 from underlay.cli.options import (
     CurveFile,
     ExcelFile,
     OutputFolder,
     Rtol,
     SceneOption,
+    Seed,
     SolverName,
-    ready_folder,
-    require_excel,
     wanted_solver,
 )
+from underlay.data.samples import sample as sample_file
+from underlay.errors import InputError, installing
 from underlay.report.spoken import gathered_warnings, spoken
 
 if TYPE_CHECKING:
-    from underlay.inference.least_squares.fit_result import Fit
+    import pandas as pd
 
-__all__ = ["fit", "show_fit"]
+    from underlay.inference.compare import Comparison
+
+__all__ = ["compare", "demo", "film", "fit", "sample", "show_fit"]
 
 
 def fit(
@@ -42,19 +48,13 @@ def fit(
 
     Example: `underlay fit curve.csv --scene scene.toml --output results`
     """
-    from underlay.inference.from_files import load_problem
-    from underlay.inference.least_squares import fit as least_squares_fit
     from underlay.report.limits import quality_doubts, reservations
 
-    if output is not None:
-        ready_folder(output)
-    if excel is not None:
-        require_excel(excel)
     with gathered_warnings() as notes:
-        problem = load_problem(curve, scene)
+        problem = ul.load_problem(curve, scene)
         problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
         doubts = quality_doubts(problem)
-        result = least_squares_fit(problem)
+        result = ul.fit(problem)
     show_fit(result, curve.name, details=details)
     if details:
         say_warnings([*doubts, *reservations(result, notes)])
@@ -66,20 +66,13 @@ def fit(
 
         say(written_line(write_fit(result, output, curve.stem), output, curve.stem))
     if excel is not None:
-        say(f"wrote {_write_excel(result, excel)}")
+        from underlay.report.fit_files import pointwise_of
+
+        by_depth = [found for found in pointwise_of(result) if not isinstance(found, str)]
+        say(f"wrote {ul.write_excel(excel, result, *by_depth)}")
 
 
-def _write_excel(result: Fit, path: Path) -> Path:
-    """Write the fit and its modulus at each depth, where there is one, as an Excel file."""
-    from underlay.inference.pointwise.result import PointwiseModulus
-    from underlay.report.excel import write_excel
-    from underlay.report.fit_files import pointwise_of
-
-    by_depth = [found for found in pointwise_of(result) if isinstance(found, PointwiseModulus)]
-    return write_excel(path, result, *by_depth)
-
-
-def show_fit(result: Fit, name: str, *, details: bool = False) -> None:
+def show_fit(result: ul.Fit, name: str, *, details: bool = False) -> None:
     """Print what a fit found: number, verdict, next step; with `details` all that stands behind it."""
     from underlay.report.screen import fit_lines
 
@@ -90,9 +83,8 @@ def show_fit(result: Fit, name: str, *, details: bool = False) -> None:
         _show_details(result, name)
 
 
-def _show_details(result: Fit, name: str) -> None:
+def _show_details(result: ul.Fit, name: str) -> None:
     """Budget, parameters, correlations, what the instrument found, the contact law."""
-    from underlay.inference.recipe import steps_to_ours
     from underlay.report.adhesion_tables import adhesion_frame, halfspace_of
     from underlay.report.labels import is_of_the_sample, label
     from underlay.report.limits import advice, rivals
@@ -121,10 +113,205 @@ def _show_details(result: Fit, name: str) -> None:
             f"{format_quantity(told.youngs, 'pressure')} at nu = {told.nu:g}; ours differs by "
             f"{100.0 * told.difference:+.3g} %"
         )
-    if steps := steps_to_ours(result):
+    if steps := ul.steps_to_ours(result):
         table = steps_table(steps).reset_index(names="step")
         say_table(table, "From the instrument's number to the value of this fit")
     pairs = correlated_pairs(result)
     if len(pairs):
         say_table(pairs, "Correlations above 0.9")
     say(f"contact model: {spoken(result.law_reason)}")
+
+
+_SAMPLES = (
+    ("chiaro_cell_indentation.csv", "chiaro_cell.toml", "A real curve: a cell under an Optics11 Chiaro."),
+    ("cartilage_on_bone.csv", "cartilage_on_bone.toml", "Made data: a ball on cartilage on bone."),
+)
+
+
+def demo(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for the results; made if absent.")
+    ] = Path("underlay-demo"),
+) -> None:
+    """Fit two sample curves, and write their tables and pictures.
+
+    Example: `underlay demo --output underlay-demo`
+    """
+    from underlay.report.fit_files import write_fit
+    from underlay.report.limits import reservations
+
+    folder, written = require_writable_folder(output), list[Path]()
+    for curve, scene, title in _SAMPLES:
+        with gathered_warnings() as notes:
+            result = ul.fit(ul.load_problem(sample_file(curve), sample_file(scene)))
+        say(f"\n{title}")
+        show_fit(result, curve)
+        say_warnings(reservations(result, notes))
+        written += write_fit(result, folder, Path(curve).stem)
+    say("\nThe results are in:")
+    for path in written:
+        say(f"  {path}")
+    say(f"\nNext: underlay fit CURVE --scene SCENE.toml (start from {sample_file(_SAMPLES[1][1])})")
+
+
+def compare(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> None:
+    """Fit one curve with every contact model, and with the layer bonded or free to slip on its substrate.
+
+    Example: `underlay compare curve.csv --scene scene.toml --output results`
+    """
+    from underlay.report.limits import bonds_sentences
+    from underlay.scene.scene import has_face
+
+    with gathered_warnings() as notes:
+        problem = ul.load_problem(curve, scene)
+        laws = ul.compare(problem)
+        faces = all(has_face(one) for one in problem.base_scenes)
+        bonds = ul.compare_bonds(problem) if faces else None
+    say_table(_laws_shown(laws), f"{curve.name} under each law")
+    if bonds is not None:
+        say("Lower face of the layer")
+        for sentence in bonds_sentences(bonds):
+            say(f"  {spoken(sentence)}")
+    say_warnings(list(notes))
+    files = {f"{curve.stem}.laws.csv": laws.to_frame().reset_index()}
+    write_out(output, files | ({} if bonds is None else {f"{curve.stem}.bonds.csv": bonds.to_frame()}))
+
+
+def _laws_shown(laws: Comparison) -> pd.DataFrame:
+    """The table in units for people, without standard errors: those are in the file."""
+    from underlay.quantities import path_of
+    from underlay.scene.parameters import kind_of
+    from underlay.units import human_unit
+
+    frame = laws.to_frame()
+    shown = frame[[]].copy()
+    for name in laws.names:
+        if name in frame:
+            unit, factor = human_unit(float(frame[name].abs().median()), kind_of(path_of(name)))
+            shown[f"{name} ({unit})" if unit else name] = frame[name] / factor
+    return shown.join(frame[[column for column in ("rms residual", "AIC", "notes") if column in frame]])
+
+
+def film(
+    curve: CurveFile,
+    scene: SceneOption,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="Test with the same tip on a sample of known modulus, for its area."),
+    ] = None,
+    known_modulus: Annotated[
+        str | None,
+        typer.Option(help='E / (1 - nu^2) of that sample, e.g. "165 GPa" of (001) silicon.'),
+    ] = None,
+    depth_from: Annotated[str, typer.Option("--from", help="Smallest indentation that is fitted.")] = "0 nm",
+    depth_to: Annotated[str, typer.Option("--to", help="Largest indentation that is fitted.")] = "1 m",
+    output: OutputFolder = None,
+) -> None:
+    """Fit the contact stiffness S(h) of a film that was indented plastically; the scene's indenter is a cone.
+
+    What [fit] frees of layer and substrate is fitted. Without a calibration the tip is taken as perfect.
+
+    Example: `underlay film oxide.xls --scene film.toml --calibration silicon.xls --known-modulus "165 GPa"`
+    """
+    from underlay.inference.films import fit_film
+    from underlay.report.film_tables import film_notes, film_table
+    from underlay.scene.scene_file import read_scene_file
+
+    found = fit_film(read_scene_file(scene), curve, calibration, known_modulus, (depth_from, depth_to))
+    say_table(film_table(found), "Film")
+    for note in film_notes(found, perfect=calibration is None):
+        say(note)
+    if output is not None:
+        from underlay.report.film_tables import write_film
+
+        for path in write_film(found, output, curve.stem):
+            say(f"wrote {path}")
+
+
+def sample(
+    curve: CurveFile,
+    scene: SceneOption,
+    output: OutputFolder = None,
+    walkers: Annotated[int, typer.Option(help="Walkers of the ensemble.")] = 64,
+    max_steps: Annotated[
+        int | None,
+        typer.Option(
+            help="Most steps; it stops once converged. By default 20,000, or 5 min of processor time."
+        ),
+    ] = None,
+    seed: Seed = 0,
+    solver: SolverName = None,
+    rtol: Rtol = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the chain in the output folder where it stopped.")
+    ] = False,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="emcee for a long chain, importance for weighted draws alone. Without it weighted draws that a "
+            "short chain judges; where the two differ the chain goes on and is the answer."
+        ),
+    ] = None,
+    model_error: Annotated[
+        bool,
+        typer.Option("--model-error", help="Sample the sizes of friction and finite strain too."),
+    ] = False,
+) -> None:
+    """Sample the posterior of the free parameters; each needs a prior or bounds in the scene file.
+
+    A baseline and its slope without any are given weak ones, which is said.
+
+    With --output the chain is kept step by step, so that an interrupted run continues with --resume.
+
+    Example: `underlay sample curve.csv --scene scene.toml --output results --max-steps 400`
+    """
+    from underlay.inference.from_files import problem_from, read_for, weak_bounds
+    from underlay.report.posterior_tables import posterior_table, prior_table
+    from underlay.scene.scene_file import read_scene_file
+
+    file = read_scene_file(scene)
+    part = read_for(file, curve).with_metadata(scene_path=str(file.path))
+    weak = weak_bounds(file, part)
+    problem = problem_from(file, part, weak)
+    if resume and method == "importance":
+        raise InputError("--resume continues a chain, and weighted draws are none: leave --method out")
+    chain = None if method == "importance" else _chain_file(output, curve.stem, resume=resume)
+    with gathered_warnings() as notes:
+        problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
+        if model_error:
+            problem = ul.free_model_error(problem)
+        if problem.noise_is_open:
+            say(
+                "note: no noise is stated, so it is averaged over, and misfit with it. A noise that is known tells "
+                "more and is quicker: force in [noise] of the scene file"
+            )
+        posterior = ul.sample(problem, walkers, max_steps, seed, backend=chain, resume=resume, method=method)
+    say_table(posterior_table(posterior), f"Posterior of {curve.name}")
+    say_table(prior_table(posterior), "What the data told")
+    say(posterior.diagnostics.reason)
+    if weak:
+        notes.append(f"{', '.join(weak)}: sampled within ten spans of the curve, for want of bounds in [fit]")
+    say_warnings(notes)
+    if output is not None:
+        draws = output / f"{curve.stem}.posterior.npz"
+        posterior.save(draws)
+        say(f"wrote {draws}")
+    write_out(
+        output,
+        {
+            f"{curve.stem}.posterior.csv": posterior.summary().rename_axis("parameter"),
+            f"{curve.stem}.corner.png": lambda: ul.plots.corner(posterior),
+            f"{curve.stem}.predictive.png": lambda: ul.plots.predictive(posterior),
+        },
+    )
+
+
+def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
+    if output is None:
+        if resume:
+            raise InputError("--resume continues the chain of an output folder: name it with --output")
+        return None
+    if importlib.util.find_spec("h5py") is None and not resume:
+        say(f"note: h5py is not installed, so this run cannot be resumed ({installing('uq')})")
+        return None
+    return output / f"{stem}.chain.h5"

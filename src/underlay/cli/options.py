@@ -40,8 +40,6 @@ __all__ = [
     "Seed",
     "SolverName",
     "named_quantities",
-    "ready_folder",
-    "require_excel",
     "wanted_solver",
     "without_empty_folders",
 ]
@@ -117,31 +115,11 @@ def wanted_solver(stated: Solver, name: str | None, rtol: float | None) -> Solve
     return solver.with_tolerance(rtol)
 
 
-def require_excel(path: Path) -> None:
-    """Refuse a file that could not be written at the end.
-
-    Raises
-    ------
-    InputError
-        If it does not end in .xlsx.
-    MissingExtraError
-        If the extra ``excel`` is not installed.
-    FileAccessError
-        If its folder cannot be written.
-    """
-    from underlay.report.excel import excel_library
-
-    if path.suffix.lower() != ".xlsx":
-        raise InputError(f"--excel must end in .xlsx; got {path.name!r}")
-    excel_library()
-    require_writable_folder(path.parent)
-
-
 # Folders that the command at hand has made, innermost first.
 _made: ContextVar[list[Path] | None] = ContextVar("made", default=None)
 
 
-def ready_folder(path: Path) -> Path:
+def _ready_folder(path: Path | None) -> Path | None:
     """Make an output folder, so that a command that cannot write fails before it computes.
 
     Raises
@@ -149,6 +127,8 @@ def ready_folder(path: Path) -> Path:
     FileAccessError
         As `require_writable_folder`.
     """
+    if path is None:
+        return None
     missing = [folder for folder in (path, *path.parents) if not folder.exists()]
     folder = require_writable_folder(path)
     made = _made.get()
@@ -159,7 +139,7 @@ def ready_folder(path: Path) -> Path:
 
 @contextmanager
 def without_empty_folders() -> Iterator[None]:
-    """Take away what `ready_folder` made and nothing was written into, as after input that is refused."""
+    """Take away what `_ready_folder` made and nothing was written into, as after input that is refused."""
     token = _made.set([])
     try:
         yield
@@ -169,6 +149,29 @@ def without_empty_folders() -> Iterator[None]:
             with suppress(OSError):
                 folder.rmdir()
         _made.reset(token)
+
+
+def _require_excel(path: Path | None) -> Path | None:
+    """Refuse, before the work, a file that could not be written after it.
+
+    Raises
+    ------
+    InputError
+        If it does not end in .xlsx.
+    MissingExtraError
+        If the extra ``excel`` is not installed.
+    FileAccessError
+        If its folder cannot be written.
+    """
+    if path is None:
+        return None
+    from underlay.report.excel import excel_library
+
+    if path.suffix.lower() != ".xlsx":
+        raise InputError(f"--excel must end in .xlsx; got {path.name!r}")
+    excel_library()
+    require_writable_folder(path.parent)
+    return path
 
 
 CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
@@ -190,13 +193,22 @@ ScenePath = Annotated[Path, typer.Argument(help="Scene file (TOML).")]
 
 OutputFolder = Annotated[
     Path | None,
-    typer.Option("--output", "-o", help="Folder for tables, JSON and pictures; made if absent."),
+    typer.Option(
+        "--output",
+        "-o",
+        callback=_ready_folder,
+        help="Folder for tables, JSON and pictures; made if absent.",
+    ),
 ]
 
 
 ExcelFile = Annotated[
     Path | None,
-    typer.Option("--excel", help="Excel file to write (.xlsx): results, settings, curves, each a sheet."),
+    typer.Option(
+        "--excel",
+        callback=_require_excel,
+        help="Excel file to write (.xlsx): results, settings, curves, each a sheet.",
+    ),
 ]
 
 

@@ -1,4 +1,4 @@
-"""`underlay report`: a result as one page, HTML or PDF, or as an executed notebook to go on from."""
+"""Commands that share a result: `report`, one page or an executed notebook, and `cite`."""
 
 from __future__ import annotations
 
@@ -6,20 +6,18 @@ import os
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
+from typing import Annotated, Any, NamedTuple, cast
 
 import typer
 
+import underlay as ul
 from underlay._door import FileKind, parse_json, read_text, understood
-from underlay._files import require_writable_folder
-from underlay.cli.console import say
+from underlay._files import require_writable_folder, write_atomic
+from underlay.cli.console import say, say_table
+from underlay.cli.options import OutputFolder
 from underlay.errors import InputError
 
-if TYPE_CHECKING:
-    from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.problem import Problem
-
-__all__ = ["report"]
+__all__ = ["cite", "report"]
 
 _RECORD = FileKind("a result of underlay fit", 64_000_000, "fit the curve again")
 # Two fits of the same points agree to the minimiser's tolerance, with room for another machine's rounding.
@@ -75,44 +73,36 @@ def report(
         _write_notebook(asked, table, notebook)
         return
     from underlay.report.render import page_path
-    from underlay.report.render import report as write_report
 
     page_path(output)
     how: dict[str, Any] = {"pdf": pdf, "details": details, "command": command}
     if table is not None:
-        written = write_report(read_map(table), output, files=[table], **how)
+        written = ul.report(read_map(table), output, files=[table], **how)
     elif asked.posterior is not None:
         written = _of_posterior(asked, output, how)
     else:
-        written = write_report(_fitted(asked), output, **how)
+        written = ul.report(_fitted(asked), output, **how)
     say(f"wrote {written}")
     if pdf and written.suffix.lower() != ".pdf":
         say(f"wrote {written.with_suffix('.pdf')}")
 
 
-def _fitted(asked: _Asked) -> Fit:
+def _fitted(asked: _Asked) -> ul.Fit:
     """The fit of a curve by a scene file, which a record of it must equal."""
-    from underlay.inference.from_files import load_problem
-    from underlay.inference.least_squares import fit as least_squares_fit
-
-    problem = load_problem(*_curve_and_scene(asked))
+    problem = ul.load_problem(*_curve_and_scene(asked))
     if asked.record is not None:
         _check_curve(asked.record, problem)
-    found = least_squares_fit(problem)
+    found = ul.fit(problem)
     if asked.record is not None:
         _check_values(asked.record, found)
     return found
 
 
 def _of_posterior(asked: _Asked, output: Path, how: Mapping[str, Any]) -> Path:
-    from underlay.inference.from_files import load_problem
-    from underlay.inference.sampling.posterior import Posterior
-    from underlay.report.render import report as write_report
-
     files = _sampled_files(asked)
-    problem = None if files is None else load_problem(*files)
+    problem = None if files is None else ul.load_problem(*files)
     posterior = cast("Path", asked.posterior)
-    return write_report(Posterior.load(posterior), output, problem=problem, files=[posterior], **how)
+    return ul.report(ul.Posterior.load(posterior), output, problem=problem, files=[posterior], **how)
 
 
 class _Record(NamedTuple):
@@ -162,11 +152,11 @@ def _read_record(path: Path) -> _Record:
         numbers = {name: float(value) for name, value in values.items()}
     digest, name, scene = texts
     if len(curves) != 1 or not name:
-        raise InputError(f"{path} is not of one curve file; call underlay.report(fit) where it was made")
+        raise InputError(f"{path} is not of one curve file; report it from Python, where it was made")
     return _Record(path, Path(name), Path(scene) if scene else None, digest, numbers)
 
 
-def _check_curve(record: _Record, problem: Problem) -> None:
+def _check_curve(record: _Record, problem: ul.Problem) -> None:
     """Refuse a record whose curve is no longer what was fitted: its page would show another fit."""
     from underlay.inference.least_squares.provenance import curve_hash
 
@@ -174,7 +164,7 @@ def _check_curve(record: _Record, problem: Problem) -> None:
         raise InputError(f"{record.curve} has changed since {record.path} was made; fit it again")
 
 
-def _check_values(record: _Record, found: Fit) -> None:
+def _check_values(record: _Record, found: ul.Fit) -> None:
     """Refuse a record whose scene is no longer the one that was fitted."""
     for name, value in record.values.items():
         same = name in found.values and abs(found.values[name] - value) <= _SAME * abs(value)
@@ -232,3 +222,30 @@ def _command(results: list[Path], scene: Path | None, output: Path) -> str:
     words = ["underlay", "report", *map(str, results)]
     words += ["--scene", str(scene)] if scene else []
     return shlex.join([*words, "--output", str(output)])
+
+
+def cite(
+    result: Annotated[
+        Path, typer.Argument(help="A .fit.json, a .posterior.npz or the table of a map.", metavar="RESULT")
+    ],
+    output: OutputFolder = None,
+) -> None:
+    """List what to cite of an analysis: the paper, the contact model, the sampler, programs that read files.
+
+    DOIs are given where a source confirms them. With --output the list is written as BibTeX.
+
+    Example: `underlay cite curve.fit.json --output results`
+    """
+    import pandas as pd
+
+    from underlay.inference.citation import bibtex
+    from underlay.inference.cited import cited
+
+    found = cited(result)
+    say_table(
+        pd.DataFrame([{"for": why, "cite": str(work)} for work, why in found]),
+        f"What {result.name} stands on",
+    )
+    if output is not None:
+        stem = result.name.partition(".")[0]
+        say(f"wrote {write_atomic(output / f'{stem}.bib', bibtex(work for work, _ in found))}")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from underlay.inference.sampling.derived import adhesive_estimates, kind_of_quantity
-from underlay.report.intervals import quantity_with_interval
 from underlay.report.labels import label
+from underlay.report.screen import interval_text
 from underlay.report.tables import labelled_table
 from underlay.units import format_quantity, human_unit
 
@@ -54,11 +54,7 @@ def adhesion_table(result: Fit, curve: int = 0) -> pd.DataFrame:
     rows = []
     for known in adhesive_estimates(result, curve):
         kind = kind_of_quantity(known.name)
-        value = (
-            quantity_with_interval(known.value, known.low, known.high, kind)
-            if math.isfinite(known.low) or math.isfinite(known.high)
-            else format_quantity(known.value, kind)
-        )
+        value = interval_text(known.value, known.low, known.high, kind)
         rows.append({"quantity": label(known.name), "value (95 % interval)": value, "of": _HELD[known.name]})
     law = scene.contact_law(0.0, solver=result.solver)
     compliance = scene.instrument.compliance

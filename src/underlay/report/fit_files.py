@@ -18,8 +18,8 @@ from underlay.inference.pointwise.modulus import modulus_by_depth
 from underlay.inference.pointwise.result import ModulusCurve, PointwiseModulus
 from underlay.report import plots
 from underlay.report.adhesion_tables import adhesion_frame
-from underlay.report.intervals import quantity_with_interval
 from underlay.report.reading import beyond_loading
+from underlay.report.screen import interval_text
 from underlay.report.tables import labelled_table
 from underlay.units import format_quantity, human_unit, printed, printed_unit
 
@@ -88,7 +88,7 @@ def pointwise_table(found: PointwiseModulus) -> pd.DataFrame:
 
 def _cell(curve: ModulusCurve, n: int, pascal: float) -> str:
     value, low, high = (float(column[n]) / pascal for column in (curve.modulus, curve.low, curve.high))
-    return "none" if np.isnan(value) else quantity_with_interval(value, low, high, "dimensionless")
+    return "none" if np.isnan(value) else interval_text(value, low, high, "dimensionless")
 
 
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
 
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import curve_of, path_of
@@ -29,13 +28,15 @@ def label(name: str) -> str:
     return words if curve is None else f"{words} (curve {curve + 1})"
 
 
-def labelled(text: str, names: Collection[str]) -> str:
+def labelled(text: str) -> str:
     """Return `text` with parameters called by their words: ``"layer.E is ..."`` -> ``"layer modulus is ..."``."""
-    if not names:
-        return text
-    # A name may begin a longer one, and may end a sentence.
-    named = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, names))})(?!\w|\[|\.\w)")
-    return named.sub(lambda found: label(found[1]), text)
+    return _PATHS.sub(lambda found: label(found[0]), text)
+
+
+_PATHS = re.compile(
+    r"(?<![\w.])(?:layer|substrate|indenter|instrument|lever|adhesion|noise|discrepancy|history)"
+    r"\.[A-Za-z_]\w*(?:\.[A-Za-z_]\w*|\[\d+\])*"
+)
 
 
 def _words(path: str) -> str:

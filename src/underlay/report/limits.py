@@ -125,8 +125,7 @@ def rivals(result: Fit) -> list[str]:
     Examples
     --------
     ``"A second optimum explains these data as well: layer modulus 0.3311 MPa, layer thickness 0.2276 mm;
-    chi-square higher by 3.6. The intervals above reach over it too; ul.profile(fit, name, calibrate=99) says
-    how far they can be trusted."``
+    chi-square higher by 3.6. The intervals reach over it too; a posterior shows how far they can be trusted."``
     """
     return [
         _rival_sentence(result, other, rival_name(place)) for place, other in enumerate(result.alternatives)
@@ -170,8 +169,8 @@ def _rival_sentence(result: Fit, other: Alternative, name: str) -> str:
     # With two optima intervals from chi-square hold the truth less often than they say.
     return (
         f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
-        f"{other.delta_chi_square:.2g}. The intervals {reach}; ul.profile(fit, name, calibrate=99) says how "
-        "far they can be trusted."
+        f"{other.delta_chi_square:.2g}. The intervals {reach}; a posterior shows how far they can "
+        "be trusted."
     )
 
 
@@ -215,20 +214,21 @@ def _spoken_for(difference: float) -> str:
     )
 
 
-def quality_doubts(problem: Problem) -> list[str]:
+def quality_doubts(problem: Problem, *, require: bool = True) -> list[str]:
     """Return what speaks against each curve before it is fitted.
 
     Raises
     ------
     CurveError
-        If a curve shows no contact, with the reason.
+        If it is required that each curve shows a contact, and one does not, with the reason.
     """
     doubts: list[str] = []
     for curve, scene in zip(problem.curves, problem.base_scenes, strict=True):
         quality = check_quality(curve, scene)
-        quality.require()
+        if require:
+            quality.require()
         doubts += quality.reasons
-    return doubts
+    return list(dict.fromkeys(doubts))
 
 
 def reservations(result: Fit, notes: Iterable[str]) -> list[str]:

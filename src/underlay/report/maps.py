@@ -25,8 +25,8 @@ from underlay.inference.batch.decisions import (
     without_refused,
 )
 from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
-from underlay.report.intervals import quantity_with_interval
 from underlay.report.labels import label, start
+from underlay.report.screen import interval_text
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
@@ -45,7 +45,6 @@ __all__ = [
     "has_positions",
     "is_map",
     "map_provenance_table",
-    "map_summary",
     "of_map",
     "parameter_table",
     "population_sentences",
@@ -54,7 +53,6 @@ __all__ = [
     "sample_parameters",
     "shared_error_words",
     "spread_in_words",
-    "verdict_table",
     "without_refused",
 ]
 
@@ -90,27 +88,11 @@ def columns_to_draw(table: pd.DataFrame) -> list[str]:
     return [name for name in columns if np.isfinite(table[name].to_numpy(dtype=float)).any()]
 
 
-def map_summary(table: pd.DataFrame) -> str:
-    """Return the map as Markdown: the middle and the spread of each parameter, and how many sites failed."""
-    fitted = table[table["status"] == FITTED]
-    sentences = [f"**{_sentence(name, fitted[name])}**" for name in sample_parameters(table) if len(fitted)]
-    doubtful = int((fitted["verdict"] != "good").sum())
-    counts = f"{len(fitted)} of {len(table)} curves were fitted"
-    if doubtful:
-        counts += f", {doubtful} of them with reservations"
-    return "\n\n".join(
-        filter(None, [" ".join(sentences), f"{counts}.", errors_in_words(table), shared_error_words(fitted)])
-    )
-
-
 def errors_in_words(table: pd.DataFrame) -> str:
     """What the errors of a map allow for."""
     if not any(str(column).endswith(".stat.low") for column in table.columns):
-        return (
-            "Errors are least-squares standard errors: noise alone, and white. Without --quick every curve has the "
-            "answer that a fit by itself prints."
-        )
-    return "Every curve has the answer that a fit by itself prints: both parts of its uncertainty at 95 %."
+        return "± of a curve is the standard error of white noise alone; without --quick it is what a fit prints."
+    return "± of a curve is at 95 %, statistical and systematic parts together, as of a single fit."
 
 
 def shared_error_words(table: pd.DataFrame) -> str:
@@ -122,12 +104,6 @@ def shared_error_words(table: pd.DataFrame) -> str:
         f"Inputs and model shift every {label('layer.E')} alike, by up to {196.0 * share:.2g} % (95 %): no scatter "
         "shows it, and no mean takes it away."
     )
-
-
-def _sentence(name: str, values: pd.Series) -> str:
-    middle, low, high = np.nanquantile(values.to_numpy(dtype=float), _MIDDLE)
-    text = quantity_with_interval(float(middle), float(low), float(high), kind_of(name))
-    return f"{start(label(name))} {text.removesuffix(')')}, two thirds of the sites)."
 
 
 def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -147,7 +123,7 @@ def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
         rows.append(
             {
                 "parameter": label(name),
-                "median (two thirds of the sites)": quantity_with_interval(middle, low, high, kind_of(name)),
+                "median (two thirds of the sites)": interval_text(middle, low, high, kind_of(name)),
                 "median standard error": f"{100.0 * share:.2g} %" if np.isfinite(share) else "",
                 **_instrument_cells(table, name),
             }
@@ -165,12 +141,6 @@ def _instrument_cells(table: pd.DataFrame, name: str) -> dict[str, str]:
         "instrument's own (median)": format_quantity(own, kind_of(name)),
         "ours against it (median)": f"{difference:+.2g} %",
     }
-
-
-def verdict_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Return how many curves got which verdict."""
-    counts = table["verdict"].value_counts()
-    return labelled_table([{"verdict": str(name), "curves": str(count)} for name, count in counts.items()])
 
 
 def decision_words(table: pd.DataFrame) -> str:
@@ -274,8 +244,8 @@ def group_table(result: Population) -> pd.DataFrame:
         if result.by:
             row[f"{result.by[0]}s"] = str(group.units)
         row["curves"] = str(group.curves)
-        row["mean"] = quantity_with_interval(group.mean, group.low, group.high, kind)
-        row["beside it"] = _beside(group, lambda found: quantity_with_interval(*found, kind))
+        row["mean"] = interval_text(group.mean, group.low, group.high, kind)
+        row["beside it"] = _beside(group, lambda found: interval_text(*found, kind))
         for spread in group.spreads:
             row[f"spread, {spread.level}s"] = spread_in_words(spread)
         row["error of a curve"] = f"{100.0 * group.curve_error:.2g} %"
@@ -307,7 +277,7 @@ def population_sentences(result: Population) -> list[str]:
         of = (
             f"{group.units} {result.by[0]}s, {group.curves} curves" if result.by else f"{group.curves} curves"
         )
-        mean = quantity_with_interval(group.mean, group.low, group.high, kind)
+        mean = interval_text(group.mean, group.low, group.high, kind)
         said.append(f"{who}{start(label(result.parameter))} {mean}, geometric mean of {of}.")
     said += [_compared(pair) for pair in result.comparisons]
     if result.shared_error:
@@ -334,7 +304,7 @@ def _compared(pair: Comparison) -> str:
 def _ratio(ratio: float, low: float, high: float) -> str:
     if math.isnan(low):
         return f"{ratio:.3g} (no interval)"
-    return quantity_with_interval(ratio, low, high, "dimensionless")
+    return interval_text(ratio, low, high, "dimensionless")
 
 
 def _beside(found: Group | Comparison, written: Callable[[Triple], str]) -> str:

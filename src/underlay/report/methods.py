@@ -11,7 +11,7 @@ from underlay.mechanics.body import RIGID
 from underlay.quantities import numbers_of
 from underlay.report.labels import label, labelled, start
 from underlay.report.scene_tables import number_rows
-from underlay.report.screen import by_depth_words, in_words, name_of, source_words, told_names, written
+from underlay.report.screen import by_depth_words, name_of, source_words, told_names, written
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def methods_paragraph(
         value = format_quantity(half_space.values["layer.E"], "pressure")
         sentences.append(f"A half-space (Hertz) model would have given {value}.")
     if fit.verdict != "good":
-        sentences.append(f"The analysis notes: {labelled(in_words(fit.verdict.reason), fit.names)}.")
+        sentences.append(f"The analysis notes: {labelled(fit.verdict.reason)}.")
     return " ".join(sentences)
 
 

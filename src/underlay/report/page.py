@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import html
 from collections.abc import Iterable
+from datetime import UTC, datetime
 from importlib import resources
 
 import pandas as pd
@@ -23,8 +24,10 @@ __all__ = [
     "figure",
     "number_block",
     "pixels",
+    "style_of",
     "table",
     "tag",
+    "today",
     "verdict_block",
     "words",
 ]
@@ -111,11 +114,20 @@ def details(parts: Iterable[Detail], *, opened: bool = False) -> str:
     return tag("section", *folded, kind="details printed" if opened else "details")
 
 
+def style_of(*parts: str) -> str:
+    """Return the style of a page: its ``colours``, the ``frame`` of a sheet of paper, the ``sheet`` itself."""
+    folder = resources.files("underlay.report") / "templates" / "page"
+    return "".join((folder / f"{part}.css").read_text(encoding="utf-8") for part in parts)
+
+
+def today() -> str:
+    """Return the day that a page is made."""
+    return datetime.now(UTC).date().isoformat()
+
+
 def document(title: str, *blocks: str) -> str:
     """Return the whole page."""
-    style = (resources.files("underlay.report") / "templates" / "page" / "page.css").read_text(
-        encoding="utf-8"
-    )
+    style = style_of("colours", "frame", "sheet")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,9 +20,8 @@ from underlay.errors import UnderlayError
 from underlay.quantities import path_of
 from underlay.report import adhesion_tables, plots, tables
 from underlay.report.fit_files import pointwise_sentence, pointwise_table
-from underlay.report.intervals import doubts_of_curves
 from underlay.report.labels import label, labelled, start
-from underlay.report.limits import DistinctScene, advice, distinct_scenes, rivals
+from underlay.report.limits import DistinctScene, advice, distinct_scenes, quality_doubts, rivals
 from underlay.report.methods import listed, methods_paragraph, references, sample_words, tip_words
 from underlay.report.page import (
     Detail,
@@ -50,7 +49,6 @@ from underlay.report.screen import (
     told_names,
     written,
 )
-from underlay.report.words import known_together
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
@@ -118,15 +116,11 @@ def masthead(day: str, name: str, about: str) -> str:
     )
 
 
-def headline(answers: list[Answer], verdict: Advice, names: Sequence[str], more: str = "") -> str:
+def headline(answers: list[Answer], verdict: Advice, more: str = "") -> str:
     """Numbers with their two parts, the first large, beside the verdict with cause and next step."""
-
-    def named(text: str) -> str:
-        return labelled(text, names) if text else ""
-
     numbers = [_number(known, place, str(verdict.word)) for place, known in enumerate(answers[:_NUMBERS])]
     told = verdict_block(
-        verdict.word, named(verdict.reason), named(verdict.cause), named(next_step(verdict)), more
+        verdict.word, labelled(verdict.reason), labelled(verdict.cause), next_step(verdict), more
     )
     return tag("section", *numbers, told, kind="head")
 
@@ -216,22 +210,25 @@ class FitPage:
 
     def html(self, *, opened: bool = False) -> str:
         """The page; `opened` with what is folded behind it."""
-        fit = self.fit
+        head = masthead(self.day, self.name, self._about())
+        return document(f"{self.name}: indentation report", head, self.sheet(opened=opened))
+
+    def head(self) -> str:
+        """The numbers and the verdict, which are there before the pictures."""
+        return headline(self.answers, self.fit.verdict, self._narrower())
+
+    def sheet(self, *, opened: bool = False) -> str:
+        """What stands under the masthead."""
+        side = drawing(self.tests[0], self.fit.solver, "at the deepest point")
         blocks = [
-            masthead(self.day, self.name, self._about()),
-            headline(self.answers, fit.verdict, fit.names, self._narrower()),
-            tag(
-                "section",
-                self._curve(0),
-                drawing(self.tests[0], fit.solver, "at the deepest point"),
-                kind="figs",
-            ),
+            self.head(),
+            tag("section", self._curve(0), side, kind="figs"),
             tag("section", self._depths(), self._budget(), kind="pair"),
             self._methods(),
             footer(*self._origin(), command=self.command),
             details(self._details(), opened=opened),
         ]
-        return document(f"{self.name}: indentation report", *blocks)
+        return "\n".join(blocks)
 
     # --- the sheet -------------------------------------------------------------------------------------------
     def _about(self) -> str:
@@ -260,7 +257,7 @@ class FitPage:
     def _curve(self, number: int) -> str:
         fit = self.fit
         ax = sized(_CURVE, lambda panel: plots.fit(fit, curve=number, half_space=self.half_space, ax=panel))
-        caption = "Indentation is counted from the fitted contact point. Below: what is left over."
+        caption = "Indentation is counted from the fitted contact point. Below: residuals."
         if self.half_space is not None:
             caption = f"{caption} {half_space_words(fit, self.half_space)}."
         alt = "Force against indentation with the fit, and the residuals below."
@@ -303,7 +300,7 @@ class FitPage:
     def _methods(self) -> str:
         heading = "<h2>Methods paragraph</h2>"
         if self.fit.verdict == "reject":
-            reason = labelled(self.fit.verdict.reason, self.fit.names)
+            reason = labelled(self.fit.verdict.reason)
             return heading + tag("p", words(f"No modulus is reported, because {reason}."), kind="none")
         found = self.by_depth[0]
         text = methods_paragraph(self.fit, None if isinstance(found, str) else found, self.half_space)
@@ -347,7 +344,7 @@ class FitPage:
         sentences = [*rivals(fit), *advice(fit)]
         sentences += [
             f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f})."
-            for first, second, value in known_together(fit)
+            for first, second, value in tables.known_together(fit)
         ]
         blocks = [table(tables.interval_table(fit))] if fit.verdict != "reject" else []
         blocks += [tag("p", words(text)) for text in sentences]
@@ -381,8 +378,8 @@ class FitPage:
 
     def _quality(self) -> Detail:
         fit = self.fit
-        also = [tag("p", words(f"Also {labelled(str(other), fit.names)}.")) for other in fit.verdict.others]
-        doubts = len(doubts_of_curves(fit)) + len(fit.warnings)
+        also = [tag("p", words(f"Also {labelled(str(other))}.")) for other in fit.verdict.others]
+        doubts = len(quality_doubts(fit.problem, require=False)) + len(fit.warnings)
         blocks = [*also, table(tables.diagnostics_table(fit)), table(tables.reservations_table(fit))]
         return "Quality of the fit, reservations", f"{doubts or 'no'} reservations", blocks
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -30,11 +31,15 @@ from underlay.report.page import (
     words,
 )
 from underlay.report.page_fit import footer, masthead, sized
+from underlay.report.plots.style import in_words
 from underlay.report.screen import name_of
 from underlay.scene.parameters import kind_of
 from underlay.units import human_unit
 
-__all__ = ["MapPage"]
+if TYPE_CHECKING:
+    from underlay.inference.population.result import Population
+
+__all__ = ["MapPage", "together_block"]
 
 # Millimetres: the map, and what stands beside it and below it.
 _MAP, _SMALL = (112.0, 78.0), (70.0, 60.0)
@@ -82,18 +87,27 @@ class MapPage:
         """The page; `opened` with what is folded behind it."""
         name = self.files[0].name if self.files else "all sites"
         about = f"{len(self.whole)} curves, {self.fitted} fitted"
+        head = masthead(self.day, f"A map of indentation tests: {name}", about)
+        label = "group" if "group" in self.sites.columns else "animal"
+        shared = maps.shared_error_words(self.sites)
+        together = together_block(maps.of_map(self.sites), self.sites, label, shared)
+        return document(
+            f"{name}: a map of indentation tests", head, self.sheet(together=together, opened=opened)
+        )
+
+    def sheet(self, *, together: str = "", opened: bool = False, drawn: bool = True) -> str:
+        """What stands under the masthead: `together` is of a population, the map is `drawn` or not."""
         numbers = [self._number(name, place) for place, name in enumerate(self.parameters[:_NUMBERS])]
         facts = [f"{path.name} · SHA-256 {sha256_of(path)}" for path in self.files]
         blocks = [
-            masthead(self.day, f"A map of indentation tests: {name}", about),
             tag("section", *numbers, self._verdict(), kind="head"),
-            tag("section", *self._pictures(), kind="figs"),
-            self._together(),
+            tag("section", *self._pictures(drawn=drawn), kind="figs"),
+            together,
             self._methods(),
             footer(*facts, command=self.command),
             details(self._details(), opened=opened),
         ]
-        return document(f"{name}: a map of indentation tests", *blocks)
+        return "\n".join(blocks)
 
     def _quartiles(self, name: str) -> tuple[str, str, str]:
         """Median with its unit, and the ends of the middle half."""
@@ -107,6 +121,10 @@ class MapPage:
         title, letter = name_of(name)
         number, _, unit = middle.partition(" ")
         under = f"middle half of the sites: {low} to {high}"
+        if {f"{name}.low", f"{name}.high"} <= set(self.sites.columns):
+            ends = self.sites[[f"{name}.low", f"{name}.high"]].to_numpy(dtype=float)
+            half = float(np.nanmedian(0.5 * (ends[:, 1] - ends[:, 0])))
+            under = f"{under}; one curve ± {in_words(half, kind_of(name), digits=2)} (95 %)"
         return number_block(f"{title} {letter}, median", number, unit, under, "second" if place else "")
 
     def _verdict(self) -> str:
@@ -121,9 +139,9 @@ class MapPage:
             "good" if good else "check", f"verdicts of the curves: {', '.join(told)}", more=more
         )
 
-    def _pictures(self) -> Iterator[str]:
+    def _pictures(self, *, drawn: bool) -> Iterator[str]:
         columns = maps.columns_to_draw(self.sites)
-        if columns:
+        if columns and drawn:
             ax = sized(_MAP, lambda panel: plots.map(self.sites, columns[0], ax=panel))
             alt, title = f"Map of the {label(columns[0])} by position.", "By position."
             caption = "Sites without a fit are grey."
@@ -133,18 +151,6 @@ class MapPage:
             ax = sized(_SMALL, lambda panel: plots.histogram(self.sites, self.parameters[0], ax=panel))
             name = label(self.parameters[0])
             yield figure(ax, "histogram", f"Histogram of the {name}.", "All sites.", kind="side")
-
-    def _together(self) -> str:
-        """What the sites say together: of animals and groups, where the curves carry labels."""
-        found = maps.of_map(self.sites)
-        sentences = [found] if isinstance(found, str) else maps.population_sentences(found)
-        told = [tag("p", words(text)) for text in (*sentences, maps.shared_error_words(self.sites)) if text]
-        if isinstance(found, str):
-            return "<h2>All sites together</h2>" + "".join(told)
-        alt = "Curves, animals and the population with its interval, group by group."
-        drawn = figure(plots.population(found), "population", alt, "Population.")
-        frames = [table(frame) for frame in maps.population_tables(found)]
-        return tag("section", drawn, tag("div", *told), kind="pair") + "".join(frames)
 
     def _methods(self) -> str:
         laws = [str(law) for law in self.sites.get("law", []) if isinstance(law, str)]
@@ -177,3 +183,23 @@ class MapPage:
             yield pixels(plots.map(self.sites, name), f"Map of the {label(name)}.", start(label(name)))
         if maps.has_positions(self.sites):
             yield pixels(plots.verdicts(self.sites), "Map of the verdicts.", "Verdicts")
+
+
+def together_block(found: Population | str, curves: pd.DataFrame, label: str, shared: str = "") -> str:
+    """What the sites say together, of animals and groups; why nothing is said where they carry no labels.
+
+    Where the `curves` have the column `label`, a box plot by it stands below the population.
+    """
+    sentences = [found] if isinstance(found, str) else maps.population_sentences(found)
+    told = [tag("p", words(text)) for text in (*sentences, shared) if text]
+    if isinstance(found, str):
+        return "<h2>All sites together</h2>" + "".join(told)
+    drawn = ""
+    if found.by:
+        alt = "Curves, animals and the population with its interval, group by group."
+        drawn = figure(plots.population(found), "population", alt, "Population.")
+    if label in curves.columns:
+        ax = plots.boxes(curves, label, found.parameter)
+        drawn += figure(ax, "boxes", f"Box plot of every {label}, with its curves.", f"Curves by {label}.")
+    frames = [table(frame) for frame in maps.population_tables(found)]
+    return tag("section", tag("div", drawn), tag("div", *told), kind="pair") + "".join(frames)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from underlay._door import sha256_of
 from underlay.report import plots, posterior_tables, tables
-from underlay.report.labels import is_of_the_sample
+from underlay.report.labels import is_of_the_sample, label
 from underlay.report.limits import distinct_scenes
 from underlay.report.methods import listed, sample_words, tip_words
 from underlay.report.page import Detail, details, document, figure, pixels, table, tag, words
@@ -51,18 +51,22 @@ class PosteriorPage:
 
     def html(self, *, opened: bool = False) -> str:
         """The page; `opened` with what is folded behind it."""
+        head = masthead(self.day, f"{self._name()}: posterior", self._about())
+        return document(f"{self._name()}: posterior of an indentation test", head, self.sheet(opened=opened))
+
+    def sheet(self, *, opened: bool = False) -> str:
+        """What stands under the masthead."""
         post = self.posterior
         answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
         facts = [f"{path.name} · SHA-256 {sha256_of(path)}" for path in self.files]
         blocks = [
-            masthead(self.day, f"{self._name()}: posterior", self._about()),
-            headline(answers, post.verdict, post.names),
+            headline(answers, post.verdict),
             tag("section", self._predicted(0), self._drawing(), kind="figs"),
             self._corner(),
             footer(*facts, *self._origin(), command=self.command),
             details(self._details(), opened=opened),
         ]
-        return document(f"{self._name()}: posterior of an indentation test", *blocks)
+        return "\n".join(blocks)
 
     def _name(self) -> str:
         problem = self.posterior.problem
@@ -114,7 +118,8 @@ class PosteriorPage:
 
     def _details(self) -> Iterator[Detail]:
         post = self.posterior
-        yield "Parameters", listed(post.names), [table(posterior_tables.posterior_table(post))]
+        names = listed([label(name) for name in post.names])
+        yield "Parameters", names, [table(posterior_tables.posterior_table(post))]
         more = [self._predicted(number) for number in range(1, len(post.predictive))]
         yield "The other curves", "", more
         yield (

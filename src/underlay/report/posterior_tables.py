@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from underlay.inference.sampling.derived import kind_of_quantity
-from underlay.report.intervals import quantity_with_interval
 from underlay.report.labels import label
+from underlay.report.screen import interval_text
 from underlay.report.tables import facts_table, labelled_table
 from underlay.scene.parameters import kind_of
 from underlay.units import format_ends, human_unit, interval_digits
@@ -36,8 +36,8 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
         rows.append(
             {
                 "parameter": label(str(name)),
-                "value (95 % interval)": quantity_with_interval(*_stated(posterior, str(name), row), kind),
-                "median of the draws (95 %)": quantity_with_interval(
+                "value (95 % interval)": interval_text(*_stated(posterior, str(name), row), kind),
+                "median of the draws (95 %)": interval_text(
                     row["median"], row["hdi95_low"], row["hdi95_high"], kind
                 ),
                 "68 % interval": _span(row["hdi68_low"], row["hdi68_high"], kind),

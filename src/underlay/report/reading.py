@@ -16,7 +16,7 @@ import pandas as pd
 from underlay.data.readers import all_formats
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.inference.from_files import whole_curve
-from underlay.report.tables import amounts
+from underlay.report.tables import span
 
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
@@ -66,4 +66,4 @@ def _span(values: FloatArray, kind: str) -> str:
     finite = values[np.isfinite(values)]
     if not finite.size:
         return "no finite number"
-    return " to ".join(amounts([float(finite.min()), float(finite.max())], kind))
+    return span(float(finite.min()), float(finite.max()), kind)

@@ -9,7 +9,6 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from underlay._door import FileKind, read_bytes
 from underlay._files import require_writable_folder, write_atomic
 from underlay.errors import FileAccessError, InputError, MissingExtraError
 from underlay.inference.least_squares.fit_result import Fit
+from underlay.report.page import today
 
 if TYPE_CHECKING:
     from underlay.inference.problem import Problem
@@ -96,7 +96,7 @@ def report(
 
 def _page(result: Any, problem: Problem | None, origin: tuple[str, list[Path]]) -> Any:
     """The page of a result."""
-    day = datetime.now(UTC).date().isoformat()
+    day = today()
     if isinstance(result, Fit):
         from underlay.report.page_fit import FitPage  # noqa: PLC0415  pictures of what is reported alone
 

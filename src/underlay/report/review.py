@@ -31,8 +31,9 @@ from underlay.inference.from_files import within_range
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Auto, as_solver
 from underlay.report.labels import label, start
-from underlay.report.maps import sample_parameters
+from underlay.report.maps import errors_in_words, sample_parameters
 from underlay.report.plots.style import unit_of
+from underlay.report.screen import interval_text
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
@@ -226,11 +227,10 @@ def write_review(
     target = require_writable_folder(folder)
     known = decisions or Decisions({})
     own = [*leave_out, target / DECISIONS]
-    errors = "standard deviations of posteriors" if "converged" in table else "standard errors of white noise"
     cards = review_cards(table, curves, scene, options=options, decisions=known, leave_out=own)
     pages = [
         write_atomic(target / _page_name(number), text)
-        for number, text in enumerate(_pages(cards, max(1, per_page), errors), start=1)
+        for number, text in enumerate(_pages(cards, max(1, per_page), errors_in_words(table)), start=1)
     ]
     listed = pd.DataFrame(
         {
@@ -329,10 +329,16 @@ def _fitted(
 
 def _numbers(row: Mapping[Any, Any]) -> Iterator[str]:
     for name in sample_parameters(pd.DataFrame(columns=list(row))):
-        value = row[name]
-        error = float(standard_errors(pd.DataFrame([row]), name)[0]) if name in fitted_names(row) else None
-        if isinstance(value, float) and math.isfinite(value):
-            yield f"{start(label(name))} {format_quantity(value, kind_of(name), error)}"
+        value, low, high = (row.get(f"{name}{end}", math.nan) for end in ("", ".low", ".high"))
+        if not (isinstance(value, float) and math.isfinite(value)):
+            continue
+        if math.isfinite(low) and math.isfinite(high):
+            text = interval_text(value, low, high, kind_of(name))
+        else:
+            known = name in fitted_names(row)
+            error = float(standard_errors(pd.DataFrame([row]), name)[0]) if known else None
+            text = format_quantity(value, kind_of(name), error)
+        yield f"{start(label(name))} {text}"
 
 
 def _page_name(number: int) -> str:
@@ -358,7 +364,7 @@ def _pages(cards: Sequence[Card], per_page: int, errors: str) -> Iterator[str]:
             f"<p>Write <b>accept</b> or <b>refuse</b>, and why, beside a curve's name in <b>{DECISIONS}</b>, "
             "whose rows are in this order; then run the same <code>underlay map</code> again with "
             f"<code>--resume --decisions</code> and the path of that file. Grey: measured; blue: fit; dashed: "
-            f"contact point; below: what is left over. ±: {errors}.</p>"
+            f"contact point; below: residuals. {html.escape(errors)}</p>"
             f"<nav>Page {number} of {len(groups)}: {links}</nav>"
             f'<div class="grid">\n{body}\n</div></body></html>\n'
         )

@@ -7,7 +7,6 @@ digits of uncertainty; a range where one arm is far longer; an inequality where 
 from __future__ import annotations
 
 import math
-import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -40,7 +39,7 @@ __all__ = [
     "fit_lines",
     "half_space_fit",
     "half_space_words",
-    "in_words",
+    "interval_text",
     "line",
     "map_lines",
     "name_of",
@@ -57,6 +56,8 @@ LEFT = 16
 _WIDTH = 80
 # One arm of an interval that is so much longer than the other is told as a range.
 _LOPSIDED = 1.5
+# Decimals that an end near zero may add.
+_MORE = 4
 # Inputs that are named, largest first, and the share below which none is.
 _NAMED, _SMALL = 3, 0.02
 _SOURCES = {
@@ -90,19 +91,37 @@ class Written(NamedTuple):
 def written(known: Answer) -> Written:
     """Write a number whose ends are closed, a range where an arm is much longer."""
     unit, factor = human_unit(known.value, kind_of(path_of(known.name)))
-    below, above = (known.value - known.low) / factor, (known.high - known.value) / factor
-    decimals = _decimals(max(below, above))
-    if max(below, above) > _LOPSIDED * min(below, above):
-        decimals = _decimals(min(below, above))
-        ends = " to ".join(f"{end / factor:.{decimals}f}" for end in (known.low, known.high))
-        number = f"{known.value / factor:.{decimals}f} ({ends})"
-    else:
-        number = f"{known.value / factor:.{decimals}f} ± {max(below, above):.{decimals}f}"
     own = [
         _two_digits(max(known.value - part.low, part.high - known.value) / factor)
         for part in (known.statistical, known.systematic)
     ]
+    number = _with_ends(*(end / factor for end in (known.value, known.low, known.high)))
     return Written(number, unit, f"{100.0 * known.level:.3g} %", *own)
+
+
+def _with_ends(value: float, low: float, high: float) -> str:
+    """``"0.617 ± 0.037"``; ``"0.62 (0.52 to 0.81)"`` where an arm is much longer."""
+    arms = value - low, high - value
+    if max(arms) <= _LOPSIDED * min(arms):
+        decimals = _decimals(max(arms))
+        return f"{value:.{decimals}f} ± {max(arms):.{decimals}f}"
+    decimals = _decimals(min(arm for arm in (*arms, max(arms)) if arm > 0.0))
+    # An end near zero is not read as zero.
+    decimals += next((n for n in range(_MORE) if not _misread((low, high), decimals + n)), 0)
+    return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"
+
+
+def _misread(ends: Iterable[float], decimals: int) -> bool:
+    """Whether an end is off by a quarter with so many decimals: 0.00 for 0.0048."""
+    return any(abs(round(end, decimals) - end) > 0.25 * abs(end) for end in ends)
+
+
+def interval_text(value: float, low: float, high: float, kind: str) -> str:
+    """Write a number (SI) with its interval: ``"0.420 ± 0.020 MPa"``, ``"1.5 mm (> 1.1 mm)"``."""
+    if math.isfinite(low) and math.isfinite(high):
+        unit, factor = human_unit(value, kind)
+        return f"{_with_ends(value / factor, low / factor, high / factor)} {unit}".rstrip()
+    return f"{format_quantity(value, kind)}{_one_end(low, high, kind)}"
 
 
 def answer_text(known: Answer, *, parts: bool = True) -> str:
@@ -112,16 +131,17 @@ def answer_text(known: Answer, *, parts: bool = True) -> str:
     an end is open.
     """
     if known.is_open:
-        return f"not determined by this curve{_one_end(known, kind_of(path_of(known.name)))}"
+        return f"not determined by this curve{_one_end(known.low, known.high, kind_of(path_of(known.name)))}"
     one = written(known)
     text = f"{one.number} {one.unit}".rstrip()
     return f"{text} ({one.level}; stat {one.statistical}, syst {one.systematic})" if parts else text
 
 
-def _one_end(known: Answer, kind: str) -> str:
-    if math.isfinite(known.low):
-        return f" (> {format_quantity(known.low, kind)})"
-    return f" (< {format_quantity(known.high, kind)})" if math.isfinite(known.high) else ""
+def _one_end(low: float, high: float, kind: str) -> str:
+    """The one end that is known, in brackets; empty without."""
+    if math.isfinite(low):
+        return f" (> {format_quantity(low, kind)})"
+    return f" (< {format_quantity(high, kind)})" if math.isfinite(high) else ""
 
 
 def _decimals(width: float) -> int:
@@ -179,9 +199,9 @@ def _letter(name: str) -> str:
 # --- a verdict ----------------------------------------------------------------------------------------------
 def verdict_lines(verdict: Advice) -> Iterator[str]:
     """The verdict; cause and next step where there are."""
-    yield line("Verdict", f"{verdict.word}: {in_words(verdict.reason)}")
+    yield line("Verdict", f"{verdict.word}: {labelled(verdict.reason)}")
     if verdict.cause:
-        yield line("Likely cause", in_words(verdict.cause))
+        yield line("Likely cause", labelled(verdict.cause))
     if verdict.next:
         yield line("Next step", next_step(verdict))
 
@@ -189,19 +209,11 @@ def verdict_lines(verdict: Advice) -> Iterator[str]:
 def next_step(verdict: Advice) -> str:
     """The next step in words, with the key of the scene file where it is one."""
     if not verdict.setting:
-        return in_words(verdict.next)
+        return labelled(verdict.next)
     path, value = verdict.setting
     # A number that is to be fitted stands in [fit] by its whole path.
     section, _, key = path.partition(".") if path.startswith("fit.") else path.rpartition(".")
-    return f'{in_words(verdict.next)}: {key} = "{value}" in [{section}]'
-
-
-def in_words(text: str) -> str:
-    """A sentence with parameters by their words."""
-    return labelled(text, set(_PATHS.findall(text)))
-
-
-_PATHS = re.compile(r"\b(?:layer|substrate|indenter|instrument|lever|adhesion)\.\w+(?:\.\w+|\[\d+\])*")
+    return f'{labelled(verdict.next)}: {key} = "{value}" in [{section}]'
 
 
 # --- a budget -----------------------------------------------------------------------------------------------
@@ -324,8 +336,10 @@ def by_depth_words(found: PointwiseModulus) -> str:
 
 
 def _range(least: float, most: float) -> str:
+    """``"0.611 to 0.620 MPa"``; one number where three digits are the same."""
     unit, factor = human_unit(most, "pressure")
-    low, high = f"{least / factor:.3g}", f"{most / factor:.3g}"
+    decimals = max(0, 2 - math.floor(math.log10(most / factor)))
+    low, high = f"{least / factor:.{decimals}f}", f"{most / factor:.{decimals}f}"
     return f"{high} {unit}" if low == high else f"{low} to {high} {unit}"
 
 

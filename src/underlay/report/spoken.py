@@ -30,7 +30,6 @@ _PYTHON_TO_COMMAND_LINE: tuple[tuple[str, str], ...] = (
     (r"\bsolver=(['\"])(\w+)\1", r'name = "\2" in [solver]'),
     (r"\bform=(['\"])(\w+)\1", r'form = "\2" in [solver]'),
     (r"\bNoise\(force=\.\.\.\) in newtons", 'force = "1 uN" in [noise], with the number of your instrument'),
-    (r"\buse Noise\((\w+)=\.\.\.\)", r"free it, noise.\1 = {} in [fit]"),
     (r"\bread\(path, test=\d+\); read_all takes all of them", "--test where the command has it"),
     (
         r"\bgive calibration=\{\.*'spring_constant'.*?\}",
@@ -62,12 +61,10 @@ _PYTHON_TO_COMMAND_LINE: tuple[tuple[str, str], ...] = (
     ),
     (r"\buse profile\(\.\.\., calibrate=[^()]*\)( or more)?", "use underlay sample"),
     (r"\bprofile\(fit, name\) without calibration walks", "underlay sample follows"),
-    (r"\bcall underlay\.report\(fit\) where it was made", "report it from Python, where it was made"),
     (r"\bfit curve\.loading\(\) instead", 'fit segment = "loading" of [curve] instead'),
     (r", for example with curve\.select\(mask\)", ""),
     (r"\bdepth\(force\) needs forces", "a depth is asked for forces"),
     # units as numbers go where a string with its unit is asked
-    (r"\bstart the prior such as LogUniform\(low, high\) or Normal\(mean, sd\)", "start the prior"),
     (
         r"\bgive finite bounds or a prior such as LogUniform\(low, high\) or Normal\(mean, sd\)",
         'give it bounds in [fit], { min = ..., max = ... }, or a prior = "normal" with mean and sd',

@@ -24,11 +24,9 @@ from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.recipe import Step
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import numbers_of, path_of
-from underlay.report.intervals import doubts_of_curves
 from underlay.report.labels import label
-from underlay.report.limits import rival_name
+from underlay.report.limits import quality_doubts, rival_name
 from underlay.report.screen import answer_text
-from underlay.report.words import strong_pairs
 from underlay.scene.noise import NoiseModel
 from underlay.scene.parameters import declared, kind_of
 from underlay.units import format_quantity, human_unit, printed
@@ -46,12 +44,15 @@ __all__ = [
     "facts_table",
     "fit_table",
     "interval_table",
+    "known_together",
     "labelled_table",
     "method_label",
     "provenance_table",
     "reservations_table",
     "source_rows",
+    "span",
     "steps_table",
+    "strong_pairs",
     "with_units",
 ]
 
@@ -71,6 +72,12 @@ def amounts(values: Sequence[float], kind: str) -> list[str]:
     unit = human_unit(largest, kind)[0] if largest else ""
     zero = f"0 {unit}".strip()
     return [format_quantity(value, kind) if abs(value) > _NOTHING * largest else zero for value in values]
+
+
+def span(low: float, high: float, kind: str) -> str:
+    """Return two SI values in one unit, so small that the larger is ten or more: ``"-15.8 to 124 um"``."""
+    unit, factor = human_unit(0.1 * max(abs(low), abs(high)), kind)
+    return f"{low / factor + 0.0:.4g} to {high / factor + 0.0:.4g} {unit}".rstrip()
 
 
 # Columns of tables of parameters that hold no value of the parameter.
@@ -173,6 +180,36 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
         for first, second, value in strong_pairs(result)
     ]
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
+
+
+# Correlation above which two parameters are known together only; standard error of a logarithm that is badly known.
+_STRONG, _BADLY = 0.9, 0.05
+
+
+def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
+    """Pairs of parameters whose correlation is above 0.9 in size, strongest first."""
+    frame = result.correlations
+    matrix, names = frame.to_numpy(), [str(name) for name in frame.columns]
+    pairs = [
+        (names[j], names[i], float(matrix[i, j]))
+        for i in range(len(names))
+        for j in range(i)
+        if abs(matrix[i, j]) > _STRONG
+    ]
+    return sorted(pairs, key=lambda pair: -abs(pair[2]))
+
+
+def known_together(result: Fit) -> list[tuple[str, str, float]]:
+    """Those of `strong_pairs` that are badly known one by one, and well if the other were known."""
+    index = {name: i for i, name in enumerate(result.names)}
+    pairs = []
+    for first, second, value in strong_pairs(result):
+        errors = [
+            math.sqrt(float(result.scaled_covariance[index[name], index[name]])) for name in (first, second)
+        ]
+        if max(errors) > _BADLY and max(errors) * math.sqrt(max(1.0 - value * value, 0.0)) < _BADLY:
+            pairs.append((first, second, value))
+    return pairs
 
 
 def interval_table(result: Fit) -> pd.DataFrame:
@@ -286,7 +323,8 @@ def reservations_table(result: Fit) -> pd.DataFrame:
         for curve in result.curves
         for note in curve.metadata.get("notes", ())
     ]
-    rows += [{"from": "the curve", "reservation": reason} for reason in doubts_of_curves(result)]
+    doubts = quality_doubts(result.problem, require=False)
+    rows += [{"from": "the curve", "reservation": reason} for reason in doubts]
     rows += [{"from": "the fit", "reservation": warning.message} for warning in result.warnings]
     return labelled_table(rows or [{"from": "the fit", "reservation": "none"}])
 

@@ -7,23 +7,30 @@ from typing import Any
 from nicegui import events, ui
 
 from underlay.app.folder import LARGEST_FILE
-from underlay.app.labels import pairs_of
+from underlay.app.labels import comma_problem, pairs_of
 from underlay.app.pages.step import Step, data_address, message_list
 from underlay.app.shown import Reading
 from underlay.data.readers import all_formats
 from underlay.errors import InputError, UnderlayError
 
-__all__ = ["FilesStep"]
+__all__ = ["FOLDER_DROPPED", "FilesStep"]
+
+#: What is said where a browser could not send what was dropped.
+FOLDER_DROPPED = (
+    "The upload failed: a folder cannot be dropped. Drop the files in it, or a ZIP archive of them."
+)
 
 # Names listed at once; with more than a few there is a field to find one, and a table turns pages.
 _LISTED, _FEW = 100, 8
 _AUTO = "as its content says"
+_CALIBRATION = {"spring_constant": "Spring constant", "sensitivity": "Deflection sensitivity"}
 
 
 class FilesStep(Step):
     """The files of an analysis and how they are read."""
 
-    title = "Files"
+    title = "Curves"
+    help = "Bring curve files, and see how each was read"
 
     def build(self) -> None:
         """Build the place to drop files, the list, and room for how one was read."""
@@ -34,7 +41,7 @@ class FilesStep(Step):
                         multiple=True,
                         auto_upload=True,
                         max_file_size=LARGEST_FILE,
-                        label="Drop curve files here, or press +",
+                        label="Drop curves here, or press +",
                         on_multi_upload=self._bring,
                         on_rejected=lambda: self.window.complain(
                             f"A file of more than {LARGEST_FILE // 10**6} MB is not taken."
@@ -46,6 +53,7 @@ class FilesStep(Step):
                 )
                 self._upload.on("failed", self._failed)
                 self._find = ui.input("Find").props("dense outlined clearable").classes("wide")
+                self._find.tooltip("Lists the curves whose name holds this")
                 self._find.on_value_change(self._show_list)
                 self._list = ui.column().classes("wide")
             self._reading = ui.column().classes("main")
@@ -58,9 +66,7 @@ class FilesStep(Step):
     def _failed(self) -> None:
         """Say that an upload failed, and make ready for the next one: a list that holds it would take no other."""
         self._upload.reset()
-        self.window.complain(
-            "The upload failed: a folder cannot be dropped. Drop the files in it, or a ZIP archive of them."
-        )
+        self.window.complain(FOLDER_DROPPED)
 
     async def _bring(self, event: events.MultiUploadEventArguments) -> None:
         self._upload.reset()
@@ -99,7 +105,7 @@ class FilesStep(Step):
             with ui.item_section().props("side"):
                 ui.button(icon="close").props("flat dense round size=sm aria-label=remove").on(
                     "click.stop", lambda: self._remove(name)
-                )
+                ).tooltip("Takes the curve out of this analysis; your own file stays")
 
     async def _pick(self, name: str, test: int = 1) -> None:
         if self.window.holds:
@@ -117,9 +123,7 @@ class FilesStep(Step):
         with place:
             ui.label(f"Reading {name} ..." if name else "No file yet").classes("heading")
             if not name:
-                ui.label(
-                    "Bring one or many curves. They are copied into the folder of this analysis, unchanged."
-                )
+                ui.label("The curve and how it was read will appear here. Drop one or many on the left.")
                 return
         told: Reading | None = await self.window.ask(self.analysis.quick, "read", name)
         place.clear()
@@ -127,32 +131,34 @@ class FilesStep(Step):
             ui.label(name).classes("heading")
             if told is None:
                 return
+            self._picture = ui.column().classes("wide")
             if told.refused:
                 ui.label(told.refused).classes("bad").mark("refused")
             else:
+                self._told(told)
+            self._how(told)
+            if not told.refused:
                 ui.button("Next: the test", on_click=lambda: self.window.go("Test")).props(
                     "unelevated no-caps"
-                )
-                self._told(told)
-            self._how()
+                ).tooltip("Say what was tested: tip, layer, what lies under it")
         if not told.refused:
-            picture = await self.window.ask(self.analysis.quick, "segments", name, self._test)
-            if picture is not None:
-                with place:
-                    ui.image(data_address(picture)).classes("picture").props(
-                        'alt="depth and force against time"'
-                    )
+            pictures = await self.window.ask(self.analysis.quick, "curve", name, self._test)
+            if pictures is not None and name == self.analysis.curve_name:
+                self._drawn(*pictures)
+
+    def _drawn(self, force: bytes, time: bytes) -> None:
+        """Show force against indentation; segments against time behind it."""
+        with self._picture:
+            ui.image(data_address(force)).classes("picture").props('alt="force against indentation"')
+            with ui.expansion("Against time, with its segments").props("dense").classes("wide"):
+                ui.image(data_address(time)).classes("picture").props('alt="depth and force against time"')
 
     @property
     def _test(self) -> int:
         return int(self.analysis.draft.get("curve", "test") or 1)
 
     def _told(self, told: Reading) -> None:
-        for words, value in (
-            ("Format", told.format),
-            ("Recorded", told.instrument),
-            ("The instrument's own result", told.vendor),
-        ):
+        for words, value in {"Format": told.format, "Recorded": told.instrument, **told.facts}.items():
             if value:
                 with ui.row().classes("fact"):
                     ui.label(words).classes("quiet")
@@ -174,10 +180,11 @@ class FilesStep(Step):
         if event.selection:
             await self._pick(self.analysis.curve_name, int(event.selection[0]["test"]))
 
-    def _how(self) -> None:
+    def _how(self, told: Reading) -> None:
         """What the scene says of reading, for files that do not say it themselves."""
         draft = self.analysis.draft
-        with ui.expansion("Read it otherwise").props("dense").classes("wide"):
+        known = draft.peek("curve")
+        with ui.expansion("Read it differently", value=bool(told.refused)).props("dense").classes("wide"):
             with ui.row().classes("fields"):
                 ui.select(
                     [_AUTO, *(entry.name for entry in all_formats())],
@@ -187,25 +194,42 @@ class FilesStep(Step):
                         "format", None if event.value == _AUTO else event.value
                     ),
                 ).props("outlined dense").classes("field").mark("format")
-                turned = draft.peek("curve").get("flip") or []
+                for key, words in _CALIBRATION.items():
+                    ui.input(
+                        words,
+                        value=str((known.get("calibration") or {}).get(key, "")),
+                        placeholder=told.facts.get(words, "as in the file"),
+                    ).props("outlined dense").classes("field").tooltip(
+                        f"{words} with its unit, where the file holds none or a wrong one"
+                    ).on(
+                        "change",
+                        lambda event, key=key: self._calibrate(key, str(event.sender.value or "").strip()),
+                    ).mark(f"read-{key}")
+                turned = known.get("flip") or []
                 for column in ("depth", "force"):
                     ui.checkbox(
                         f"turn the sign of the {column}",
                         value=column in turned,
                         on_change=lambda event, column=column: self._turn(column, turned=bool(event.value)),
                     )
-            for key, example in (
-                ("columns", "depth = h (nm), force = -Fz (mN)"),
-                ("calibration", "spring_constant = 0.04 N/m, sensitivity = 60 nm/V"),
-            ):
-                there = draft.peek("curve").get(key) or {}
-                ui.input(
-                    key.capitalize(),
-                    value=", ".join(f"{name} = {value}" for name, value in there.items()),
-                    placeholder=example,
-                ).props("outlined dense").classes("wide").on(
-                    "change", lambda event, key=key: self._pair(key, str(event.sender.value or ""))
-                ).mark(f"read-{key}")
+            there = known.get("columns") or {}
+            ui.input(
+                "Columns",
+                value=", ".join(f"{name} = {value}" for name, value in there.items()),
+                placeholder="depth = h (nm), force = -Fz (mN)",
+            ).props("outlined dense").classes("wide").tooltip(
+                "Which columns of the file are depth and force, with their units"
+            ).on("change", lambda event: self._pair("columns", str(event.sender.value or ""))).mark(
+                "read-columns"
+            )
+
+    async def _calibrate(self, key: str, text: str) -> None:
+        known = dict(self.analysis.draft.peek("curve").get("calibration") or {})
+        known.pop(key, None)
+        if wrong := comma_problem(text, may_list=False):
+            self.window.complain(wrong)
+            return
+        await self._read_as("calibration", known | ({key: text} if text else {}))
 
     async def _pair(self, key: str, text: str) -> None:
         """Take over names and values, or say what is wrong with them and leave them as they are."""

@@ -14,14 +14,14 @@ from nicegui import events, ui
 from underlay.app.pages.outcome import Outcome, plain_table
 from underlay.app.pages.step import Step, Window, Working, data_address, message_list
 from underlay.app.shown import Film, Look
-from underlay.report.tables import amounts
+from underlay.report.tables import amounts, span
 from underlay.units import printed
 
 __all__ = ["GREEN", "GREY", "FilmPart", "FitStep"]
 
 _WORDS = (
-    "This curve says its contact stiffness S(h). An imprint that stayed cannot be fitted as an elastic curve; its "
-    "stiffness can: with a cone as the tip (such as berkovich, step 2), and what is fitted of layer and base."
+    "This curve holds the contact stiffness S(h). Where an imprint stays the curve is not elastic, but its "
+    "stiffness can be fitted: with a cone as the tip (such as berkovich, step 2), and layer and substrate as fitted there."
 )
 
 
@@ -105,6 +105,12 @@ _CONTACT = "instrument.contact_depth"
 _STEPS = 1000
 
 
+# The curve is magnified up to this. What is held where no handle is near.
+_MOST_ZOOM, _PAN = 100.0, "pan"
+# Which way a wheel was turned, and where on the picture, as a share of its width.
+_WHEEL = """(event) => { event.preventDefault();
+  const box = event.currentTarget.getBoundingClientRect();
+  emit({up: event.deltaY < 0, at: (event.clientX - box.left) / box.width}); }"""
 # A handle is taken from this far (pixels of the picture): a finger covers twice that.
 _REACH = 20.0
 
@@ -117,11 +123,15 @@ class FitStep(Step):
     """The curve with its handles, and the fit."""
 
     title = "Fit"
+    help = "Set contact point and range on the curve, fit it, and see the number with its uncertainty"
 
     def __init__(self, window: Window) -> None:
         super().__init__(window)
         self._look: Look | None = None
         self._contact, self._range = 0.0, (0.0, 0.0)
+        # What of the curve is seen, and where it was when it was taken to be moved: pixel and ends.
+        self._view: tuple[float, float] | None = None
+        self._taken = (0.0, 0.0, 0.0)
         self._held: str = ""
         self._looking = self._again = False
 
@@ -130,6 +140,21 @@ class FitStep(Step):
         self._empty = ui.label("Bring a curve first.").classes("heading")
         with ui.row().classes("columns") as self._whole:
             with ui.column().classes("main"):
+                with ui.row().classes("actions"):
+                    for words, turn, mark in (("Previous", -1, "previous"), ("Next", 1, "next")):
+                        ui.button(words, on_click=lambda turn=turn: self._turn(turn)).props(
+                            "flat no-caps dense"
+                        ).mark(mark).tooltip(f"{words} curve of this analysis")
+                    self._place = ui.label().classes("quiet").mark("place")
+                    ui.space()
+                    for icon, words, factor in (
+                        ("zoom_in", "Zoom in", 0.5),
+                        ("zoom_out", "Zoom out", 2.0),
+                        ("zoom_out_map", "Whole curve", 0.0),
+                    ):
+                        ui.button(icon=icon, on_click=lambda factor=factor: self._zoom(factor)).props(
+                            f'flat dense aria-label="{words}"'
+                        ).mark(icon).tooltip(words)
                 self._picture = (
                     ui.interactive_image(
                         size=(936, 507),
@@ -140,22 +165,33 @@ class FitStep(Step):
                     .classes("picture handle")
                     .mark("curve")
                 )
+                self._picture.on("wheel", self._wheel, js_handler=_WHEEL, throttle=0.05)
+                self._picture.on("dblclick", lambda: self._zoom(0.0))
+                ui.label(
+                    "Drag the handles: green is the contact point, grey the ends of the fitted range. "
+                    "The wheel zooms, dragging elsewhere moves what is seen."
+                ).classes("quiet")
                 with ui.row().classes("slide"):
-                    ui.label("Contact").classes("slide-name")
+                    ui.label("Contact").classes("slide-name").tooltip(
+                        "Where the tip first touches; the arrow keys move it"
+                    )
                     self._contact_slide = ui.slider(min=0, max=_STEPS, step=1, on_change=self._slid)
                     self._contact_slide.props('color=accent aria-label="contact point"').mark("contact")
                     self._contact_words = ui.label().classes("slide-value").mark("contact-words")
                 with ui.row().classes("slide"):
-                    ui.label("Fit range").classes("slide-name")
+                    ui.label("Fit range").classes("slide-name").tooltip(
+                        "The part of the curve that is fitted, from the contact point"
+                    )
                     self._range_slide = ui.range(min=0, max=_STEPS, step=1, on_change=self._slid)
                     self._range_slide.props('color=grey-9 aria-label="fit range"').mark("range")
                     self._range_words = ui.label().classes("slide-value")
             with ui.column().classes("side"):
-                ui.label("At this contact point").classes("heading")
+                ui.label("Modulus at this contact point").classes("heading")
                 self._moduli = ui.column().classes("wide")
                 self._fitted = ui.switch("find the contact point in the fit", on_change=self._hold).mark(
                     "fit-contact"
                 )
+                self._fitted.tooltip("Off: it is taken where the green handle stands, as exactly known")
                 self._notes = ui.column().classes("wide")
         self._outcome = Outcome(self.window, self._fill_in)
         self._film = FilmPart(self.window)
@@ -166,15 +202,47 @@ class FitStep(Step):
         self._whole.set_visibility(there)
         self._empty.set_visibility(not there)
         if there:
-            self._look = None
+            self._look = self._view = None
+            names = [path.name for path in self.analysis.folder.curve_files()]
+            at = names.index(self.analysis.curve_name)
+            self._place.set_text(f"{names[at]}, {at + 1} of {len(names)}")
             self._moduli.clear()
             await self._take(None, None, None)
             self._fill_in()
             await self._outcome.show()
         await self._film.show(has_stiffness=there and self._look is not None and self._look.has_stiffness)
 
+    async def _turn(self, turn: int) -> None:
+        """Look at the curve before or after this one; the first follows the last."""
+        names = [path.name for path in self.analysis.folder.curve_files()]
+        if self.window.holds and names:
+            self.analysis.pick(names[(names.index(self.analysis.curve_name) + turn) % len(names)])
+            self.window.kept()
+            await self.show()
+
+    async def _wheel(self, event: events.GenericEventArguments) -> None:
+        picture = self._known().picture
+        at = event.args["at"] * picture.width
+        await self._zoom(0.8 if event.args["up"] else 1.25, self._depth(at))
+
+    async def _zoom(self, factor: float, about: float | None = None) -> None:
+        """Show less or more of the curve about a depth, or the contact point; all of it for a factor of 0."""
+        if self._look is None:
+            return
+        low, high = self._view or self._look.extent
+        about = self._contact if about is None else about
+        self._show_from(about - factor * (about - low), about + factor * (high - about), whole=not factor)
+        await self._follow()
+
+    def _show_from(self, low: float, high: float, *, whole: bool = False) -> None:
+        """Have this part of the curve seen, within its ends."""
+        first, last = self._known().extent
+        span = min(max(high - low, (last - first) / _MOST_ZOOM), last - first)
+        low = min(max(low, first), last - span)
+        self._view = None if whole or span >= last - first else (low, low + span)
+
     async def _take(self, contact: float | None, low: float | None, high: float | None) -> None:
-        look = await self.window.try_to(self.analysis.quick, "look", contact, low, high)
+        look = await self.window.try_to(self.analysis.quick, "look", contact, low, high, self._view)
         if not isinstance(look, Look):
             self._say([str(look)], "bad")
             return
@@ -208,7 +276,8 @@ class FitStep(Step):
 
     def _step(self, depth: float) -> int:
         look = self._known()
-        share = (depth - look.picture.low) / (look.picture.high - look.picture.low)
+        low, high = look.extent
+        share = (depth - low) / (high - low)
         return round(_STEPS * min(max(share, 0.0), 1.0))
 
     def _known(self) -> Look:
@@ -220,7 +289,7 @@ class FitStep(Step):
         """Take over what the sliders say, unless they only follow."""
         if self._look is None:
             return
-        low, high = self._look.picture.low, self._look.picture.high
+        low, high = self._look.extent
 
         def depth(step: float) -> float:
             return low + (high - low) * step / _STEPS
@@ -241,15 +310,20 @@ class FitStep(Step):
         """Move the handle that mouse or finger took."""
         if self._look is None:
             return
-        picture = self._look.picture
-        at = picture.low + (event.image_x - picture.left) / (picture.right - picture.left) * (
-            picture.high - picture.low
-        )
+        at, picture = self._depth(event.image_x), self._look.picture
         if event.type == "pointerdown":
             self._held = self._nearest(event.image_x)
+            self._taken = (event.image_x, picture.low, picture.high)
+        elif event.type == "pointermove" and self._held == _PAN and event.buttons:
+            began, low, high = self._taken
+            moved = (began - event.image_x) * (high - low) / (picture.right - picture.left)
+            self._show_from(low + moved, high + moved)
+            await self._follow()
         elif event.type == "pointermove" and self._held and event.buttons:
             self._move(min(max(at, picture.low), picture.high))
             await self._follow()
+        elif self._held == _PAN:
+            self._held = ""
         elif self._held:
             self._held = ""
             self._set_slides()
@@ -259,7 +333,7 @@ class FitStep(Step):
     def _nearest(self, x: float) -> str:
         places = {"contact": self._contact, "low": self._range[0], "high": self._range[1]}
         name = min(places, key=lambda name: abs(self._pixel(places[name]) - x))
-        return name if abs(self._pixel(places[name]) - x) < _REACH else ""
+        return name if abs(self._pixel(places[name]) - x) < _REACH else _PAN
 
     def _move(self, depth: float) -> None:
         if self._held == "contact":
@@ -285,6 +359,11 @@ class FitStep(Step):
         finally:
             self._looking = False
 
+    def _depth(self, pixel: float) -> float:
+        picture = self._known().picture
+        share = (pixel - picture.left) / (picture.right - picture.left)
+        return picture.low + share * (picture.high - picture.low)
+
     def _pixel(self, depth: float) -> float:
         picture = self._known().picture
         return picture.left + (depth - picture.low) / (picture.high - picture.low) * (
@@ -299,7 +378,7 @@ class FitStep(Step):
         shade = "".join(
             f'<rect x="{min(a, b):.1f}" y="{top}" width="{abs(b - a):.1f}" height="{bottom - top}" fill="#000" '
             'fill-opacity="0.06"/>'
-            for a, b in ((picture.left, low), (high, picture.right))
+            for a, b in ((picture.left, max(low, picture.left)), (min(high, picture.right), picture.right))
         )
         handles = "".join(
             f'<g class="{name}"><line x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{bottom}" stroke="{colour}" '
@@ -310,21 +389,23 @@ class FitStep(Step):
                 ("high", high, GREY, 1.5, "4 4"),
                 ("contact", contact, GREEN, 2, "none"),
             )
+            if picture.left - 1.0 <= x <= picture.right + 1.0
         )
         self._picture.set_content(shade + handles)
-        shown = self._contact, *self._range, picture.low, picture.high
-        at, first, last, *_ = (printed(text) for text in amounts(shown, "length"))
+        # As on the axis: from the contact point; the contact point itself as the file reads.
+        (at, *_) = (printed(text) for text in amounts([self._contact, *self._known().extent], "length"))
         self._contact_words.set_text(at)
-        self._range_words.set_text(f"{first} to {last}")
+        low, high = (end - self._contact for end in self._range)
+        self._range_words.set_text(printed(span(low, high, "length")))
 
     def _write(self) -> None:
         """Write contact and range into the scene."""
-        draft, picture = self.analysis.draft, self._known().picture
+        draft, (begin, end_) = self.analysis.draft, self._known().extent
         draft.table("instrument")["contact_depth"] = f"{self._contact!r} m"
-        margin = (picture.high - picture.low) / _STEPS
+        margin = (end_ - begin) / _STEPS
         for key, end, edge in (
-            ("min_depth", self._range[0], picture.low),
-            ("max_depth", self._range[1], picture.high),
+            ("min_depth", self._range[0], begin),
+            ("max_depth", self._range[1], end_),
         ):
             draft.table("curve").pop(key, None)
             if math.isfinite(end) and abs(end - edge) > margin:
@@ -340,13 +421,13 @@ class FitStep(Step):
             and not draft.free.get(_CONTACT)
             and not draft.get("instrument", "contact_depth")
         ):
-            self._free_contact()
+            self._free_contact(by_hand=False)
         self._fitted.set_value(_CONTACT in draft.free)
 
-    def _free_contact(self) -> None:
-        picture = self._known().picture
-        self.analysis.draft.free[_CONTACT] = {"min": f"{picture.low!r} m", "max": f"{picture.high!r} m"}
-        self.window.keep()
+    def _free_contact(self, *, by_hand: bool = True) -> None:
+        low, high = self._known().extent
+        self.analysis.draft.free[_CONTACT] = {"min": f"{low!r} m", "max": f"{high!r} m"}
+        self.window.keep(by_hand=by_hand)
 
     def _hold(self) -> None:
         draft = self.analysis.draft

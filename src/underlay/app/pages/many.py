@@ -9,16 +9,17 @@ Step 4: all curves. The map, the gallery with what is decided by hand, groups an
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Awaitable, Callable
 
 from nicegui import events, ui
 
-from underlay.app.pages.outcome import plain_table, plain_words
-from underlay.app.pages.step import Step, Window, Working, data_address, message_list
+from underlay.app.labels import LABELS
+from underlay.app.pages.step import Step, Window, Working, data_address, message_list, sheet
 from underlay.app.shown import Card, Gallery, Overview, Together
 
-__all__ = ["GalleryPart", "ManyStep", "PopulationPart"]
+__all__ = ["GalleryPart", "ManyStep", "PopulationPart", "RegionPart"]
 
 
 class GalleryPart:
@@ -53,9 +54,7 @@ class GalleryPart:
             return
         with self._head:
             ui.label("Curves, worst first").classes("heading")
-            ui.label("grey measured, blue fit, dashed contact point; below, what is left over").classes(
-                "quiet"
-            )
+            ui.label("grey: measured; blue: fit; dashed: contact point; below: residuals").classes("quiet")
             ui.space()
             if gallery.pages > 1:
                 pages = ui.pagination(
@@ -68,7 +67,9 @@ class GalleryPart:
 
     def _card(self, card: Card) -> None:
         with ui.element("article").classes(f"card {card.verdict} {card.decision}").mark(f"card-{card.name}"):
-            ui.label(card.name).classes("card-name")
+            name = ui.button(card.name, on_click=lambda: open_curve(self._window, card.name))
+            name.props("flat dense no-caps align=left").classes("card-name").mark(f"open-{card.name}")
+            name.tooltip("Opens this curve in step 3")
             # The picture is made here of numbers alone; names in it are escaped.
             ui.html(card.picture, sanitize=False).classes("card-picture")
             for words in (*card.numbers, f"{card.verdict}; {card.misfit}"):
@@ -83,7 +84,7 @@ class GalleryPart:
             with ui.row().classes("card-buttons"):
                 if card.fitted:
                     self._button("Accept", card, "accept")
-                ui.button("Refuse ...", on_click=lambda: self._refuse(card)).props("flat dense no-caps").mark(
+                ui.button("Reject ...", on_click=lambda: self._refuse(card)).props("flat dense no-caps").mark(
                     f"refuse-{card.name}"
                 )
                 if card.decision:
@@ -96,11 +97,11 @@ class GalleryPart:
 
     async def _refuse(self, card: Card) -> None:
         with self._asked, ui.dialog() as dialog, ui.card():
-            ui.label(f"Why is {card.name} refused?")
+            ui.label(f"Why is {card.name} rejected?")
             reason = ui.input("Reason").props("outlined dense autofocus").classes("wide").mark("reason")
             reason.on("keydown.enter", lambda: dialog.submit(reason.value))
             with ui.row():
-                ui.button("Refuse", on_click=lambda: dialog.submit(reason.value)).props(
+                ui.button("Reject", on_click=lambda: dialog.submit(reason.value)).props(
                     "unelevated no-caps"
                 ).mark("refuse-now")
                 ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
@@ -125,9 +126,6 @@ class GalleryPart:
         await self.show()
 
 
-_LABELS = ("animal", "group")
-
-
 _NONE = "none"
 
 
@@ -141,12 +139,14 @@ class PopulationPart:
     ----------
     window : Window
         Where it is shown.
+    place : column
+        Where what the curves show together appears.
     """
 
-    def __init__(self, window: Window) -> None:
-        self._window = window
+    def __init__(self, window: Window, place: ui.column) -> None:
+        self._window, self._place = window, place
         ui.label("Groups").classes("heading")
-        with ui.expansion("Whose is which curve").props("dense").classes("wide").mark("whose"):
+        with ui.expansion("What each curve belongs to").props("dense").classes("wide").mark("whose"):
             self._find = (
                 ui.input("Files whose name holds")
                 .props("outlined dense clearable")
@@ -158,7 +158,7 @@ class PopulationPart:
             self._known = ui.column().classes("wide")
             with ui.row().classes("fields"):
                 self._column = (
-                    ui.select(list(_LABELS), value=_LABELS[0], label="are of")
+                    ui.select(list(LABELS), value=LABELS[0], label="are of")
                     .props("outlined dense")
                     .classes("prior")
                 )
@@ -182,15 +182,16 @@ class PopulationPart:
                 .classes("field")
                 .mark("group")
             )
-        ui.button("Mean and spread", on_click=self._together).props("outline no-caps").mark("together")
-        self._place = ui.column().classes("wide")
+        ui.button("Mean and spread", on_click=self._together).props("outline no-caps").mark(
+            "together"
+        ).tooltip("Mean over animals with its interval, spread between and within them, and a box plot")
 
     async def show(self, told: Overview) -> None:
         """Offer the labels that the map has, and show what was found before."""
         before = await self._window.try_to(self._window.analysis.quick, "together")
         found, is_new = before if isinstance(before, tuple) else (None, True)
         # Curves of one animal are not independent: with such a label, that is where it begins.
-        asked = _LABELS if found is None else (found.by, found.group)
+        asked = LABELS[:2] if found is None else (found.by, found.group)
         for select, chosen in zip((self._by, self._group), asked, strict=True):
             value = select.value if select.value != _NONE else chosen
             select.set_options([_NONE, *told.labels], value=value if value in told.labels else _NONE)
@@ -201,7 +202,7 @@ class PopulationPart:
             with self._place:
                 if not is_new:
                     ui.label(_OLD).classes("note").mark("old-population")
-                self._found_together(found)
+                sheet(found.sheet)
 
     async def _show_labels(self) -> None:
         """Say how many files each label has."""
@@ -210,7 +211,7 @@ class PopulationPart:
         if not isinstance(rows, dict):
             return
         with self._known:
-            for column in dict.fromkeys(name for row in rows.values() for name in row if name in _LABELS):
+            for column in dict.fromkeys(name for row in rows.values() for name in row if name in LABELS):
                 counted = Counter(row.get(column, "") for row in rows.values())
                 told = ", ".join(f"{label} ({count})" for label, count in sorted(counted.items()) if label)
                 if told:
@@ -226,14 +227,13 @@ class PopulationPart:
         self._found.set_text(f"{len(self._files())} files")
 
     async def _set(self) -> None:
+        await self.name(self._files(), str(self._column.value), str(self._label.value or ""))
+
+    async def name(self, files: list[str], column: str, label: str) -> None:
+        """Give curves a label."""
         if self._window.holds:
-            files, label = self._files(), str(self._label.value or "")
-            answer = await self._window.try_to(
-                self._window.analysis.quick, "set_label", files, self._column.value, label
-            )
-            await self._tell(
-                answer, f"{len(files)} files are of {self._column.value} {label}; fit all curves again"
-            )
+            answer = await self._window.try_to(self._window.analysis.quick, "set_label", files, column, label)
+            await self._tell(answer, f"{len(files)} files are of {column} {label}; fit all curves again")
 
     async def _manifest(self, event: events.UploadEventArguments) -> None:
         if self._window.holds:
@@ -257,29 +257,104 @@ class PopulationPart:
             if not isinstance(told, Together):
                 ui.label(str(told)).classes("bad").mark("population-refused")
                 return
-            self._found_together(told)
+            sheet(told.sheet)
 
-    def _found_together(self, told: Together) -> None:
-        message_list(told.sentences, "more")
-        plain_table(told.groups)
-        plain_table(told.ratios)
-        content = self._window.analysis.folder.read_result(told.picture) if told.picture else None
-        if content is not None:
-            ui.image(data_address(content)).classes("picture").props(
-                'alt="units of every group and their means"'
+
+class RegionPart:
+    """The map of the curves: a click opens a curve, a box drawn over some gives them the name of a region.
+
+    Parameters
+    ----------
+    window : Window
+        Where it is shown.
+    named : callable
+        Called with the files in a box and the name that they are given.
+    """
+
+    def __init__(self, window: Window, named: Callable[[list[str], str], Awaitable[None]]) -> None:
+        self._window, self._named = window, named
+        self._told = Overview()
+        self._began = (0.0, 0.0)
+        self._inside: list[str] = []
+        with ui.column().classes("wide") as self._whole:
+            ui.label("Map").classes("heading")
+            ui.label("Click a square to open its curve; drag a box to name a region.").classes("quiet")
+            self._picture = ui.interactive_image(
+                on_mouse=self._draw, events=["pointerdown", "pointermove", "pointerup"]
             )
+            self._picture.classes("picture region").mark("regions")
+            with ui.row().classes("fields") as self._ask:
+                self._words = ui.label().classes("quiet")
+                self._name = ui.input("Name of this region").props("outlined dense").classes("field")
+                self._name.mark("region-name")
+                ui.button("Name region", on_click=self._set).props("outline no-caps").mark("region-set")
+
+    def show(self, told: Overview) -> None:
+        """Show the map, where curves have positions."""
+        self._told, self._inside = told, []
+        self._whole.set_visibility(told.plan is not None)
+        self._ask.set_visibility(False)
+        if told.plan is not None:
+            self._picture.set_source(data_address(told.plan.data))
+            self._picture.set_content("")
+
+    def _pixels(self, x: float, y: float) -> tuple[float, float]:
+        plan = self._told.plan
+        if plan is None:
+            raise RuntimeError("no map is shown")
+        across = (x - plan.low) / (plan.high - plan.low)
+        up = (y - plan.floor) / (plan.ceiling - plan.floor)
+        return plan.left + across * (plan.right - plan.left), plan.bottom - up * (plan.bottom - plan.top)
+
+    async def _draw(self, event: events.MouseEventArguments) -> None:
+        """Begin, stretch or end a box; what is hardly one is a click."""
+        here = (event.image_x, event.image_y)
+        if event.type == "pointerdown":
+            self._began = here
+            return
+        (left, right), (top, bottom) = (sorted(ends) for ends in zip(self._began, here, strict=True))
+        if event.type == "pointermove" and event.buttons:
+            self._picture.set_content(
+                f'<rect x="{left:.0f}" y="{top:.0f}" width="{right - left:.0f}" height="{bottom - top:.0f}" '
+                'fill="#0b62a4" fill-opacity="0.12" stroke="#0b62a4" stroke-width="2"/>'
+            )
+        if event.type != "pointerup" or not self._told.sites:
+            return
+        places = {name: self._pixels(x, y) for name, x, y in self._told.sites}
+        if max(right - left, bottom - top) < _CLICK:
+            nearest = min(places, key=lambda name: math.dist(places[name], here))
+            open_curve(self._window, nearest)
+            return
+        self._inside = [name for name, (x, y) in places.items() if left <= x <= right and top <= y <= bottom]
+        self._words.set_text(f"{len(self._inside)} curves in this box")
+        self._ask.set_visibility(bool(self._inside))
+
+    async def _set(self) -> None:
+        await self._named(self._inside, str(self._name.value or ""))
+
+
+# Pixels: a box that is smaller is a click.
+_CLICK = 6.0
+
+
+def open_curve(window: Window, name: str) -> None:
+    """Look at a curve of the analysis, in the step of the fit."""
+    if window.holds and any(path.name == name for path in window.analysis.folder.curve_files()):
+        window.analysis.pick(name)
+        window.go("Fit")
 
 
 _CUT = "This run did not come to its end; what it finished is kept. Press Fit all curves to go on."
 
 
-_MANY_OLD = "Files, labels or the test were changed since: fit all curves again. What was decided is kept."
+_MANY_OLD = "Curves, labels or the test were changed since: fit all curves again. What was decided is kept."
 
 
 class ManyStep(Step):
     """All curves of an analysis."""
 
-    title = "Many curves"
+    title = "Map"
+    help = "Fit every curve by itself, look at each, and compare animals, groups and regions"
 
     def build(self) -> None:
         """Build the button, and room for what is found."""
@@ -287,23 +362,29 @@ class ManyStep(Step):
             self._working = Working(self.window, "Fit all curves", self._go, mark="fit-all")
             self._count = ui.label().classes("quiet")
         self._old = ui.label(_MANY_OLD).classes("note")
+        self._overview = ui.column().classes("wide")
         with ui.row().classes("columns"):
-            self._overview = ui.column().classes("main")
+            with ui.column().classes("main") as self._map:
+                self._regions = RegionPart(self.window, self._named)
             with ui.column().classes("side wider"):
-                self._population = PopulationPart(self.window)
+                place = ui.column()
+                self._population = PopulationPart(self.window, place)
+        place.classes("wide").move(target_index=-1)
         self._gallery = GalleryPart(self.window, self._decided)
 
     async def show(self) -> None:
         """Show what was found before."""
         count = len(self.analysis.folder.curve_files())
         self._count.set_text(
-            f"{count} file{'' if count == 1 else 's'}, each by itself, with the test of step 2"
+            f"{count} curve{'' if count == 1 else 's'}, each by itself, with the test of step 2"
         )
         told = await self.window.try_to(self.analysis.quick, "overview")
         if isinstance(told, Overview):
             await self._shown(told)
         else:
-            plain_words(self._overview, [str(told)])
+            self._overview.clear()
+            with self._overview:
+                message_list([str(told)], "bad")
 
     async def _go(self) -> None:
         told = await self._working.run("fit_all")
@@ -326,20 +407,19 @@ class ManyStep(Step):
         await self._population.show(told)
         await self._gallery.show()
 
+    async def _named(self, files: list[str], label: str) -> None:
+        await self._population.name(files, "region", label)
+
     def _words(self, told: Overview) -> None:
         self._old.set_text(_MANY_OLD if told.is_old else _CUT)
-        self._old.set_visibility((told.is_old or not told.is_whole) and bool(told.sentences))
+        self._old.set_visibility((told.is_old or not told.is_whole) and bool(told.sheet))
+        self._map.set_visibility(told.plan is not None)
+        self._regions.show(told)
         self._overview.clear()
         with self._overview:
-            if not told.sentences:
-                ui.label("Nothing is fitted yet.").classes("quiet")
-                return
-            ui.label(told.sentences[0]).classes("headline").mark("map-headline")
-            message_list(told.sentences[1:], "quiet")
-            plain_table(told.table)
-            plain_table(told.verdicts)
-            plain_table(told.failures)
-            for name in told.pictures:
-                content = self.analysis.folder.read_result(name)
-                if content is not None:
-                    ui.image(data_address(content)).classes("picture").props('alt="map and histogram"')
+            if told.sheet:
+                sheet(told.sheet)
+            else:
+                ui.label("Median, map and every curve will appear here. Press Fit all curves.").classes(
+                    "quiet"
+                )

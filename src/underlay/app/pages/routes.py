@@ -7,19 +7,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nicegui import ui
+from nicegui import events, ui
 
 from underlay._door import FileKind, read_text
-from underlay.app.folder import analyses, new_analysis
-from underlay.app.pages.files import FilesStep
+from underlay.app.folder import LARGEST_FILE, AnalysisFolder, analyses, described, new_analysis
+from underlay.app.pages.files import FOLDER_DROPPED, FilesStep
 from underlay.app.pages.fitting import FitStep
 from underlay.app.pages.many import ManyStep
 from underlay.app.pages.scene import SceneStep
-from underlay.app.pages.step import Step, Window
+from underlay.app.pages.step import Step, Window, complain
 from underlay.app.pages.takeaway import TakeAwayStep
+from underlay.app.samples import SAMPLES, with_sample
 from underlay.app.state import Home, OpenAnalysis
+from underlay.errors import UnderlayError
+from underlay.report.page import style_of
 
-__all__ = ["COLOURS", "AnalysisPage", "add_pages"]
+__all__ = ["COLOURS", "AnalysisPage", "StartPage", "add_pages"]
 
 
 class AnalysisPage:
@@ -42,17 +45,20 @@ class AnalysisPage:
     async def build(self) -> None:
         """Build the whole page and show the step that is next."""
         self._head()
-        first = self._steps[0 if not self.window.analysis.curve_name else 2]
-        with ui.tabs().classes("steps") as tabs:
+        analysis = self.window.analysis
+        first = self._steps[0 if not analysis.curve_name else 1 if analysis.lacks else 2]
+        with ui.tabs().classes("steps") as self._tabs:
             for number, step in enumerate(self._steps, start=1):
-                ui.tab(step.title, label=f"{number}  {step.title}").mark(f"step-{number}")
-        self.window.go = tabs.set_value
-        with ui.tab_panels(tabs, value=first.title, animated=False).classes("panels"):
+                ui.tab(step.title, label=f"{number}  {step.title}").mark(f"step-{number}").tooltip(step.help)
+        self.window.go = self._tabs.set_value
+        with ui.tab_panels(self._tabs, value=first.title, animated=False).classes("panels"):
             for step in self._steps:
                 with ui.tab_panel(step.title).classes("panel"):
                     step.build()
         # Only now: the first step is shown once, below, and not for being chosen above as well.
-        tabs.on_value_change(lambda event: self._show(str(event.value)))
+        self._tabs.on_value_change(lambda event: self._show(str(event.value)))
+        self.window.kept = self._show_steps_back
+        self._show_steps_back()
         await ui.context.client.connected()
         await first.show()
 
@@ -62,11 +68,31 @@ class AnalysisPage:
                 await step.show()
 
     def _head(self) -> None:
-        with ui.header(elevated=False).classes("head"):
-            ui.link("underlay", "/").classes("name")
+        with ui.header(elevated=False).classes("top"):
+            ui.link("underlay", "/").classes("name").tooltip("All analyses")
             ui.label(self.window.analysis.folder.name).classes("quiet")
+            self._back = [
+                ui.button(on_click=lambda back=back: self._step(back=back))
+                .props(f"flat no-caps dense icon={icon}")
+                .mark(icon)
+                for back, icon in ((True, "undo"), (False, "redo"))
+            ]
             ui.space()
-            ui.button("Another browser", on_click=self._another).props("flat no-caps dense").mark("another")
+            ui.button("Another browser", on_click=self._another).props("flat no-caps dense").mark(
+                "another"
+            ).tooltip("Gives an address that opens this page in another browser of this machine")
+
+    def _show_steps_back(self) -> None:
+        """Name on the buttons what they undo, or do again."""
+        for button, verb, what in zip(self._back, ("Undo", "Redo"), self.window.analysis.undone, strict=True):
+            button.set_text(f"{verb}: {what}" if what else verb)
+            button.set_enabled(bool(what))
+
+    async def _step(self, *, back: bool) -> None:
+        if self.window.holds:
+            self.window.analysis.step(back=back)
+            self._show_steps_back()
+            await self._show(str(self._tabs.value))
 
     async def _another(self) -> None:
         with ui.dialog() as dialog, ui.card():
@@ -96,13 +122,15 @@ _CSS = FileKind("the style of the page", 1_000_000, "install underlay again")
 
 def add_pages(home: Home) -> None:
     """Add the pages of a server."""
-    style = read_text(Path(__file__).parent / "page.css", _CSS)
+    own = read_text(Path(__file__).parent / "page.css", _CSS)
+    # What a report looks like on paper, within its place on the page.
+    style = f"{style_of('colours')}{own}.sheet {{{style_of('sheet')}}}"
 
     @ui.page("/", response_timeout=_PATIENCE)
     def start() -> None:
         ui.add_css(style)
         ui.colors(**COLOURS)
-        _list(home)
+        StartPage(home)
 
     @ui.page("/analysis/{name}", response_timeout=_PATIENCE)
     async def analysis(name: str) -> None:
@@ -115,23 +143,80 @@ def add_pages(home: Home) -> None:
         await AnalysisPage(home, home.analysis(name)).build()
 
 
-def _list(home: Home) -> None:
-    """Analyses that were begun, and the way to a new one."""
+class StartPage:
+    """The way to a new analysis, from files or with sample data, and the analyses that were begun.
 
-    def begin() -> None:
-        ui.navigate.to(f"/analysis/{new_analysis(home.path).name}")
+    Parameters
+    ----------
+    home : Home
+        The server it belongs to.
+    """
 
-    with ui.column().classes("start"):
-        ui.label("underlay").classes("name")
-        ui.label(
-            "The stiffness of a thin layer from an indentation curve, with what lies under it in the model."
-        )
-        ui.button("New analysis", on_click=begin).mark("new").props("unelevated no-caps")
-        known = analyses(home.path)
-        if known:
-            ui.label("Go on with").classes("heading")
-            for name in known:
+    def __init__(self, home: Home) -> None:
+        self._home = home
+        with ui.row().classes("columns start"):
+            with ui.column().classes("main"):
+                ui.label("underlay").classes("name")
+                ui.label("Young's modulus of a thin layer on a substrate, from indentation curves.")
+                self._upload = ui.upload(
+                    multiple=True,
+                    auto_upload=True,
+                    max_file_size=LARGEST_FILE,
+                    label="Drop curves here, or press +",
+                    on_multi_upload=self._bring,
+                )
+                self._upload.props("flat bordered hide-upload-btn").classes("drop").mark("drop-new")
+                self._upload.on("failed", self._failed)
+                ui.label("They are copied; your files are not changed.").classes("quiet")
+                ui.button("New analysis", on_click=self._begin).mark("new").props("outline no-caps")
+                ui.label("Or try it with sample data").classes("heading")
+                with ui.row().classes("actions"):
+                    for scene, (words, about, _) in SAMPLES.items():
+                        ui.button(
+                            f"{words}\n{about}", on_click=lambda scene=scene: self._show_sample(scene)
+                        ).props("outline no-caps align=left").classes("sample").mark(f"sample-{scene}")
+                ui.label("They come with their test filled in; all but the cell are simulated.").classes(
+                    "quiet"
+                )
+            with ui.column().classes("side"):
+                self._known()
+
+    def _known(self) -> None:
+        known = analyses(self._home.path)
+        ui.label("Recent analyses" if known else "No analysis yet").classes("heading")
+        for name in known:
+            with ui.row().classes("fact"):
                 ui.link(name, f"/analysis/{name}").mark(f"open-{name}")
-        ui.label(f"Everything is kept in {home.path.resolve()}; nothing leaves this machine.").classes(
+                ui.label(described(self._home.path / name)).classes("quiet")
+        ui.label(f"Everything is kept in {self._home.path.resolve()}; nothing leaves this machine.").classes(
             "quiet"
         )
+
+    def _begin(self) -> None:
+        self._go(new_analysis(self._home.path))
+
+    def _go(self, folder: AnalysisFolder) -> None:
+        ui.navigate.to(f"/analysis/{folder.name}")
+
+    def _show_sample(self, scene: str) -> None:
+        folder = new_analysis(self._home.path)
+        with_sample(folder, scene)
+        self._go(folder)
+
+    def _failed(self) -> None:
+        self._upload.reset()
+        complain(FOLDER_DROPPED)
+
+    async def _bring(self, event: events.MultiUploadEventArguments) -> None:
+        folder = new_analysis(self._home.path)
+        analysis = self._home.analysis(folder.name)
+        for file in event.files:
+            try:
+                name = folder.add_curve(file.name, await file.read()).name
+            except UnderlayError as error:
+                complain(str(error))
+                continue
+            if not analysis.curve_name:
+                analysis.pick(name)
+        if analysis.curve_name:
+            self._go(folder)

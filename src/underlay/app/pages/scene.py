@@ -9,7 +9,7 @@ Step 2: the test. A form made from the scene's declarations, and the drawing to 
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 from nicegui import ui
@@ -40,6 +40,53 @@ _ELSEWHERE = ("instrument.contact_depth",)
 
 # Where the bounds of a number lie that is freed without any, as shares of it.
 _WIDE = (1e-3, 1e3)
+
+
+def amount(
+    words: str,
+    stated: str,
+    units: Sequence[str],
+    wrong: Callable[[str], str],
+    put: Callable[[str], Awaitable[None]],
+    kind: str,
+) -> ui.input:
+    """A number and its unit, side by side.
+
+    Parameters
+    ----------
+    words, stated : str
+        What it is called, and what stands there now.
+    units : sequence of str
+        Units that may be picked.
+    wrong : callable
+        Says in words what is wrong with a text; empty if nothing is.
+    put : callable
+        Called with a text that is not wrong.
+    kind : str
+        Classes of the pair.
+    """
+    many = "," in stated
+    number, unit = (stated, "") if many else apart(stated, tuple(units))
+    with ui.row(wrap=False).classes(f"amount {kind}") as pair:
+        entry = ui.input(words, value=number).classes("number")
+        entry.props("outlined dense hide-bottom-space inputmode=decimal debounce=400")
+        picked = None
+        if any(units) and not many:
+            picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
+            picked.props(f'outlined dense options-dense aria-label="unit of {words}"').classes("unit")
+
+    async def changed() -> None:
+        said = str(entry.value or "").strip()
+        text = f"{said} {picked.value}" if said and picked is not None and "," not in said else said
+        entry.error = wrong(text) or None
+        if not entry.error:
+            pair.classes(remove="needed assumed")
+            await put(text)
+
+    entry.on_value_change(changed)
+    if picked is not None:
+        picked.on_value_change(changed)
+    return entry
 
 
 class FreeTable:
@@ -95,9 +142,11 @@ class FreeTable:
                 start(label(path)),
                 value=path in free,
                 on_change=lambda event: self._toggle(path, value, on=bool(event.value)),
-            ).props("dense").classes("free-name").mark(f"free-{path}")
+            ).props("dense").classes("free-name").mark(f"free-{path}").tooltip(
+                "Ticked: the fit finds it. Not ticked: it stays at the number of the test"
+            )
             if path not in free:
-                ui.label(f"held at {printed(amounts([value], kind_of(path))[0])}").classes("quiet")
+                ui.label(f"fixed at {printed(amounts([value], kind_of(path))[0])}").classes("quiet")
                 return
             entry = free[path]
             names = ["uniform", "loguniform", *_OF_PRIOR]
@@ -107,34 +156,23 @@ class FreeTable:
                 {"": "bounds only", **{name: name for name in names}},
                 value=entry.get("prior", ""),
                 on_change=lambda event: self._put(path, "prior", str(event.value)),
-            ).props('outlined dense options-dense aria-label="what is known before"').classes("prior")
+            ).props('outlined dense options-dense aria-label="what is known before"').classes(
+                "prior"
+            ).tooltip("What is known of it before the test: bounds alone, or how probable each value is")
 
     def _amount(self, path: str, name: str) -> None:
         kind = "dimensionless" if name == "relative_sd" else kind_of(path)
-        units = KINDS[kind].units
         stated = str(self._window.analysis.draft.free[path].get(name, ""))
-        number, unit = apart(stated, units)
-        with ui.row(wrap=False).classes("amount small"):
-            entry = ui.input(name.replace("_", " "), value=number).props(
-                "outlined dense hide-bottom-space inputmode=decimal debounce=500"
-            )
-            entry.classes("number").mark(f"{path}.{name}")
-            picked = None
-            if any(units):
-                picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
-                picked.props(f'outlined dense options-dense aria-label="unit of {name}"').classes("unit")
-
-        async def changed() -> None:
-            said = str(entry.value or "").strip()
-            text = f"{said} {picked.value}" if said and picked is not None else said
-            wrong = comma_problem(said, may_list=False) or problem_with(text, _key_of(kind))
-            entry.error = wrong or None
-            if not wrong:
-                await self._put(path, name, text)
-
-        entry.on_value_change(changed)
-        if picked is not None:
-            picked.on_value_change(changed)
+        words = name.replace("_", " ")
+        entry = amount(
+            words,
+            stated,
+            KINDS[kind].units,
+            lambda text: comma_problem(text, may_list=False) or problem_with(text, _key_of(kind)),
+            lambda text: self._put(path, name, text),
+            "small",
+        )
+        entry.mark(f"{path}.{name}")
 
     async def _put(self, path: str, name: str, text: str) -> None:
         entry = self._window.analysis.draft.free.setdefault(path, {})
@@ -178,7 +216,7 @@ def _key_of(kind: str) -> SceneKey:
 
 _WORDS = (
     'What has no field is written here: springs under a layer, bond = { normal = "1 GPa/m" }, and the prior '
-    '"found" of the contact point. The command underlay keys lists every key.'
+    '"found" of the contact point.'
 )
 
 
@@ -195,10 +233,10 @@ class SceneText:
 
     def __init__(self, window: Window, changed: Callable[[], Awaitable[None]]) -> None:
         self._window, self._changed = window, changed
-        with ui.expansion("The test as text (scene.toml)").props("dense").classes("wide"):
+        with ui.expansion("More: the test as text").props("dense").classes("wide"):
             ui.label(_WORDS).classes("quiet")
             self._text = ui.textarea(value=window.analysis.draft.text())
-            self._text.props('outlined autogrow input-class=code-entry aria-label="scene.toml"')
+            self._text.props('outlined autogrow input-class=code-entry aria-label="the test as text"')
             self._text.classes("wide").mark("scene-text")
             ui.button("Use this text", on_click=self._use).props("outline no-caps").mark("use-text")
 
@@ -232,6 +270,7 @@ class SceneStep(Step):
     """The form of the scene."""
 
     title = "Test"
+    help = "Say what was tested: tip, layer, what lies under it, and what is fitted"
 
     def build(self) -> None:
         """Build the samples to begin with, and room for form and drawing."""
@@ -242,7 +281,7 @@ class SceneStep(Step):
                     for name, words in PRESETS.items():
                         ui.button(words, on_click=lambda name=name: self._begin(name)).props(
                             "outline no-caps dense"
-                        ).mark(f"preset-{name}")
+                        ).mark(f"preset-{name}").tooltip("Fills in usual numbers, which count as assumed")
                 self._form = ui.column().classes("wide form")
             with ui.column().classes("main"):
                 self._drawing = ui.column().classes("wide")
@@ -253,14 +292,14 @@ class SceneStep(Step):
 
     async def show(self) -> None:
         """Build the form of the scene as it is, and draw it."""
-        draft = self.analysis.draft
+        draft, self._lacks = self.analysis.draft, bool(self.analysis.lacks)
         self._form.clear()
         with self._form:
             self._section("indenter", "The tip")
             self._section("layer", "The layer")
             self._between(draft)
             with ui.row().classes("section-head"):
-                ui.label("Under it").classes("heading")
+                ui.label("Substrate").classes("heading")
                 ui.select(
                     dict(BASES), value=draft.base, on_change=lambda event: self._rebase(event.value)
                 ).props("outlined dense aria-label='what lies under the layer'").classes("field").mark("base")
@@ -321,42 +360,22 @@ class SceneStep(Step):
         picked.on_value_change(lambda event: self._put(field.section, field.key, str(event.value or "")))
 
     def _amount(self, field: Field) -> None:
-        """A number and its unit, side by side."""
-        units = field.units
-        many = "," in field.text
-        number, unit = (field.text, "") if many else apart(field.text, units)
-        with ui.row(wrap=False).classes("amount" if field.key.kind else "wide"):
-            entry = ui.input(
-                field.label, value=number, placeholder="" if field.required else field.key.default
-            )
-            entry.props("outlined dense hide-bottom-space inputmode=decimal debounce=400").classes(
-                "number"
-            ).tooltip(field.key.meaning)
-            entry.mark(_mark(field))
-            if not field.key.kind:
-                # Of words there is no example in a unit: what may stand there is said under it.
-                entry.props["hint"] = field.key.meaning
-            picked = None
-            if any(units) and not many:
-                picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
-                picked.props(f'outlined dense options-dense aria-label="unit of {field.label}"').classes(
-                    "unit"
-                )
-                picked.mark(f"unit-{_mark(field)}")
-
-        def text() -> str:
-            said = str(entry.value or "").strip()
-            return f"{said} {picked.value}" if said and picked is not None and "," not in said else said
-
-        async def changed() -> None:
-            wrong = problem_with(text(), field.key)
-            entry.error = wrong or None
-            if not wrong:
-                await self._put(field.section, field.key, text())
-
-        entry.on_value_change(changed)
-        if picked is not None:
-            picked.on_value_change(changed)
+        missing = field.is_missing and self._lacks
+        kind = f"{'assumed' if field.assumed else ''} {'needed' if missing else ''}"
+        entry = amount(
+            field.label,
+            field.text,
+            field.units,
+            lambda text: problem_with(text, field.key),
+            lambda text: self._put(field.section, field.key, text),
+            kind if field.key.kind else "wide",
+        )
+        entry.props["placeholder"] = "needed" if missing else "" if field.required else field.key.default
+        about = "Assumed, a usual number: change it, or add how well you know it. " if field.assumed else ""
+        entry.tooltip(f"{about}{field.key.meaning}").mark(_mark(field))
+        if not field.key.kind:
+            # Of words there is no example in a unit: what may stand there is said under it.
+            entry.props["hint"] = field.key.meaning
 
     async def _begin(self, name: str) -> None:
         """Begin with a sample; the curve that is looked at stays."""

@@ -19,7 +19,7 @@ from underlay.app.state import OpenAnalysis
 from underlay.app.work import Tell, Worker, WorkError
 from underlay.errors import UnderlayError
 
-__all__ = ["Step", "Window", "Working", "data_address", "message_list"]
+__all__ = ["Step", "Window", "Working", "complain", "data_address", "message_list", "sheet"]
 
 
 class Window:
@@ -34,12 +34,15 @@ class Window:
     ----------
     go : callable
         Shows the step of a title.
+    kept : callable
+        Called when the test was written.
     """
 
     def __init__(self, analysis: OpenAnalysis) -> None:
         self.analysis = analysis
         self._number = analysis.open_window()
         self.go: Callable[[str], Any] = lambda _title: None
+        self.kept: Callable[[], None] = lambda: None
 
     @property
     def holds(self) -> bool:
@@ -51,7 +54,7 @@ class Window:
 
     def complain(self, message: str) -> None:
         """Say what is wrong, until it is read."""
-        ui.notify(message, type="negative", timeout=0, close_button="OK", multi_line=True)
+        complain(message)
 
     async def ask(self, worker: Worker, task: str, *arguments: Any, heard: Tell | None = None) -> Any:
         """Have a process do something; None, and a message, where it could not."""
@@ -68,15 +71,16 @@ class Window:
         except WorkError as error:
             return str(error)
 
-    def keep(self) -> bool:
-        """Write the scene file, if this window still holds the analysis."""
+    def keep(self, *, by_hand: bool = True) -> bool:
+        """Write the scene file, if this window still holds the analysis; what was done `by_hand` can be undone."""
         if not self.holds:
             return False
         try:
-            self.analysis.keep()
+            self.analysis.keep(by_hand=by_hand)
         except UnderlayError as error:
             self.complain(str(error))
             return False
+        self.kept()
         return True
 
 
@@ -89,7 +93,7 @@ class Step(ABC):
         Where it is shown.
     """
 
-    title = ""
+    title = help = ""
 
     def __init__(self, window: Window) -> None:
         self.window = window
@@ -108,6 +112,11 @@ class Step(ABC):
         """Bring what is shown up to date."""
 
 
+def complain(message: str) -> None:
+    """Say what is wrong, until it is read."""
+    ui.notify(message, type="negative", timeout=0, close_button="OK", multi_line=True)
+
+
 def data_address(picture: bytes) -> str:
     """Return a picture as an address of itself."""
     return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
@@ -117,6 +126,11 @@ def message_list(texts: Iterable[str], kind: str = "note") -> None:
     """Show sentences one under the other; their words are text, never markup."""
     for text in texts:
         ui.label(text).classes(kind)
+
+
+def sheet(page: str) -> None:
+    """Show a page of a report; it is made here, and every word in it is escaped there."""
+    ui.html(page, sanitize=False).classes("sheet wide").mark("sheet")
 
 
 class Working:
@@ -149,6 +163,7 @@ class Working:
         self._asked = False
         self._go = ui.button(words, on_click=begin).props("unelevated no-caps size=lg").mark(mark)
         self._stop = ui.button("Stop", on_click=self._halt).props("outline no-caps").mark(f"stop-{mark}")
+        self._stop.tooltip("Ends it with what is there by then; pressed again, at once")
         self._bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback").classes("bar")
         self._words = ui.label().classes("quiet").mark(f"progress-{mark}")
         self._working(on=False)

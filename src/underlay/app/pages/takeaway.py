@@ -1,26 +1,25 @@
-"""Step 5: what is taken away, and the posterior."""
+"""Step 5: exports, and the posterior."""
 
 from __future__ import annotations
 
 from nicegui import ui
 
-from underlay.app.pages.outcome import plain_table
-from underlay.app.pages.step import Step, Working, data_address, message_list
+from underlay.app.pages.step import Step, Working, message_list, sheet
 from underlay.app.shown import Sampled, Taken
 
 __all__ = ["TakeAwayStep"]
 
 # What can be taken: words, task, ending of the file's name.
 _OF_FIT = (
-    ("The page (HTML)", "report", "report.html"),
-    ("Excel", "excel", "xlsx"),
-    ("This analysis, to run again (ZIP: scene.toml, Python, curve, results)", "archive", "analysis.zip"),
+    ("Report: one page (HTML)", "report", "report.html"),
+    ("Spreadsheet (Excel)", "excel", "xlsx"),
+    ("This analysis, to run again (ZIP)", "archive", "analysis.zip"),
 )
 
 
 _OLD_FIT = (
-    "The test was changed since it was fitted. What is taken away of the fit is of the test as it was then, which "
-    "stands here; press Fit again for the test as it is now."
+    "The test was changed since it was fitted. What is exported is of the test as it was then; press Fit again for "
+    "the test as it is now."
 )
 
 
@@ -39,26 +38,27 @@ _STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
 class TakeAwayStep(Step):
     """Downloads and the posterior."""
 
-    title = "Take away"
+    title = "Export"
+    help = "The report page, spreadsheets, pictures, the posterior, and what repeats the fit"
 
     def build(self) -> None:
         """Build the buttons, and room for scene, script and posterior."""
         with ui.row().classes("columns"):
             with ui.column().classes("side wider"):
-                ui.label("Of the fit").classes("heading")
+                ui.label("This fit").classes("heading")
                 for words, task, ending in _OF_FIT:
                     ui.button(
                         words, on_click=lambda task=task, ending=ending: self._take(task, ending)
                     ).props("outline no-caps align=left").mark(f"take-{task}")
                 self._pictures = ui.column().classes("wide")
-                ui.label("Of all curves").classes("heading")
+                ui.label("All curves").classes("heading")
                 self._old_map = ui.label(_OLD_MAP).classes("note").mark("old-map")
                 ui.button("Excel", on_click=lambda: self._take("excel_of_all", "all.xlsx")).props(
                     "outline no-caps"
                 ).mark("take-all")
                 ui.label("Posterior").classes("heading")
                 ui.label(
-                    "Every combination of numbers that the curve allows, not only the best one."
+                    "How probable each combination of numbers is, given this curve; not only the best one."
                 ).classes("quiet")
                 self._most = (
                     ui.select(
@@ -74,10 +74,13 @@ class TakeAwayStep(Step):
             with ui.column().classes("main"):
                 self._posterior = ui.column().classes("wide")
                 self._old = ui.label(_OLD_FIT).classes("note").mark("old-fit")
-                ui.label("This analysis as scene.toml").classes("heading")
-                self._scene = ui.code("", language="toml").classes("wide code").mark("fitted-scene")
-                ui.label("and as Python").classes("heading")
-                self._script = ui.code("", language="python").classes("wide code").mark("script")
+                with (
+                    ui.expansion("For programmers: the test as a file, and Python that fits it")
+                    .props("dense")
+                    .classes("wide")
+                ):
+                    self._scene = ui.code("", language="toml").classes("wide code").mark("fitted-scene")
+                    self._script = ui.code("", language="python").classes("wide code").mark("script")
 
     async def show(self) -> None:
         """Show scene and script as they are now, and what was sampled before."""
@@ -126,10 +129,5 @@ class TakeAwayStep(Step):
             ui.label("Posterior").classes("heading")
             if not before[1]:
                 ui.label(_OLD).classes("note").mark("old-posterior")
-            ui.label(told.sentences[0]).classes("headline").mark("posterior-headline")
-            message_list(told.sentences[1:])
-            plain_table(told.table)
-            for name in told.pictures:
-                content = self.analysis.folder.read_result(name)
-                if content is not None:
-                    ui.image(data_address(content)).classes("picture").props(f'alt="{name.split(".")[-2]}"')
+            sheet(told.sheet)
+            message_list(told.notes)

@@ -6,6 +6,7 @@ from .accuracy import (
     what_accuracy_costs as what_accuracy_costs,
 )
 from .adhesion import adhesion as adhesion
+from .map import boxes as boxes
 from .budget import budget as budget
 from .posterior import corner as corner
 from .design import correlations as correlations

@@ -62,6 +62,8 @@ class Canvas:
         Of the axes, in pixels from the upper left corner.
     low, high : float
         Ends of the horizontal axis (SI).
+    floor, ceiling : float
+        Ends of the vertical axis (SI), where they are asked for.
     """
 
     data: bytes
@@ -73,6 +75,8 @@ class Canvas:
     bottom: float
     low: float
     high: float
+    floor: float = 0.0
+    ceiling: float = 1.0
 
 
 # More points than the picture has pixels only make the file heavy.
@@ -332,10 +336,6 @@ def _measured(
     return upper, lower, newton, offset
 
 
-# More points than the picture has pixels only make it slow.
-_LAWS_MOST_POINTS = 1500
-
-
 # Of a picture on a page: crisp enough, and drawn in half the time of one for print.
 _DPI = 130
 
@@ -344,9 +344,15 @@ _LINES = ((FIT, "-"), (REFERENCE, "--"))
 
 
 def laws(
-    curve: Curve, used: Curve, lines: Mapping[str, tuple[FloatArray, FloatArray]], *, ax: Axes | None = None
+    curve: Curve,
+    used: Curve,
+    lines: Mapping[str, tuple[FloatArray, FloatArray]],
+    *,
+    contact: float = 0.0,
+    view: tuple[float, float] | None = None,
+    ax: Axes | None = None,
 ) -> Axes:
-    """Draw a measured curve, which of its points are used, and laws beside it.
+    """Draw a measured curve against indentation, which of its points are used, and laws beside it.
 
     Parameters
     ----------
@@ -356,6 +362,10 @@ def laws(
         The points that are fitted.
     lines : mapping of str to (depth, force)
         What each law gives, readings (m, N).
+    contact : float, default 0.0
+        Depth reading of the contact point (m), from which indentation is counted.
+    view : (float, float), optional
+        Ends of the axis as depth readings (m); by default those of the curve.
     ax : matplotlib Axes, optional
         Where to draw.
 
@@ -364,27 +374,25 @@ def laws(
     matplotlib Axes
         The axes.
     """
-    length, mm = unit_for(curve.depth, "length")
-    load, newton = unit_for(curve.force, "force")
+    low, high = view or (float(np.min(curve.depth)), float(np.max(curve.depth)))
+    shown = (curve.depth >= low) & (curve.depth <= high)
+    forces = curve.force[shown] if shown.any() else curve.force
+    length, metre = _axis_unit(np.array([low - contact, high - contact]), "length")
+    load, newton = _axis_unit(forces, "force")
     with style():
         ax = _wide_axes() if ax is None else ax
         for points, colour, label in ((curve, GREY, "measured"), (used, DATA, "used in the fit")):
-            step = max(1, len(points) // _LAWS_MOST_POINTS)
-            ax.plot(
-                points.depth[::step] / mm,
-                points.force[::step] / newton,
-                ".",
-                ms=3.0,
-                color=colour,
-                label=label,
-            )
+            inside = np.flatnonzero((points.depth >= low) & (points.depth <= high))
+            step = inside[:: max(1, len(inside) // _MOST_POINTS)]
+            x, y = (points.depth[step] - contact) / metre, points.force[step] / newton
+            ax.plot(x, y, ".", ms=3.0, color=colour, label=label)
         for (label, (depth, force)), (colour, stroke) in zip(lines.items(), _LINES, strict=False):
-            ax.plot(depth / mm, force / newton, stroke, color=colour, label=label)
-        ax.set_xlim(float(np.min(curve.depth)) / mm, float(np.max(curve.depth)) / mm)
-        low, high = float(np.min(curve.force)), float(np.max(curve.force))
-        room = 0.06 * (high - low)
-        ax.set_ylim((low - room) / newton, (high + room) / newton)
-        ax.set(xlabel=f"depth reading ({length})", ylabel=f"force ({load})")
+            ax.plot((depth - contact) / metre, force / newton, stroke, color=colour, label=label)
+        ax.set_xlim((low - contact) / metre, (high - contact) / metre)
+        least, most = float(np.min(forces)), float(np.max(forces))
+        room = 0.06 * (most - least)
+        ax.set_ylim((least - room) / newton, (most + room) / newton)
+        ax.set(xlabel=f"Indentation δ ({length})", ylabel=f"Force F ({load})")
         ax.legend(loc="upper left")
     return ax
 
@@ -394,25 +402,20 @@ def _wide_axes() -> Axes:
     return plt.figure(figsize=(PAGE, 3.9)).add_axes((0.085, 0.12, 0.9, 0.86))
 
 
-def canvas(ax: Axes, metre: float) -> Canvas:
-    """Return the picture of `ax` with the place of its axis; `metre` is the SI value of one unit of that axis."""
+def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0, 1.0)) -> Canvas:
+    """Return the picture of `ax` with the place of its axes, whose ends (SI) are given."""
     data = drawn(ax, dpi=_DPI)
     # 24 bytes in, a PNG says its size.
     width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
     box = ax.get_position()
-    # Plain floats: what numpy's write of themselves is no number to anyone else.
-    low, high = map(float, ax.get_xlim())
-    return Canvas(
-        data,
-        width,
-        height,
-        float(box.x0 * width),
-        float(box.x1 * width),
-        float((1.0 - box.y1) * height),
-        float((1.0 - box.y0) * height),
-        low * metre,
-        high * metre,
+    left, right, top, bottom = (
+        box.x0 * width,
+        box.x1 * width,
+        (1.0 - box.y1) * height,
+        (1.0 - box.y0) * height,
     )
+    # Plain floats: what numpy's write of themselves is no number to anyone else.
+    return Canvas(data, width, height, *map(float, (left, right, top, bottom, *across, *up)))
 
 
 _CURVE_POINTS = 60

@@ -22,10 +22,12 @@ from matplotlib.ticker import MaxNLocator
 from scipy import spatial
 
 from underlay._arrays import FloatArray
+from underlay._text import one_line
 from underlay.errors import InputError
 from underlay.report.labels import label
 from underlay.report.plots.style import (
     ACCENT,
+    DATA,
     FIT,
     GREY,
     INK,
@@ -41,7 +43,7 @@ from underlay.report.plots.style import (
 )
 from underlay.scene.parameters import kind_of
 
-__all__ = ["histogram", "map", "survey", "verdicts"]
+__all__ = ["boxes", "histogram", "map", "map_unit", "survey", "verdicts"]
 
 _SHOWN = (0.005, 0.995)
 
@@ -67,9 +69,7 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
     InputError
         If there is no such column, or no value in it.
     """
-    if column not in table.columns:
-        there = ", ".join(str(name) for name in table.columns)
-        raise InputError(f"the table has no column {column!r}; it has {there}")
+    _require(table, column)
     values = table[column].to_numpy(dtype=float)
     known = values[np.isfinite(values)]
     if not known.size:
@@ -124,18 +124,14 @@ def map(  # noqa: A001  the public name; the builtin is not used here
     InputError
         If a column is missing or no site has a value; names the columns there are.
     """
-    for name in (x, y, column):
-        if name not in table.columns:
-            raise InputError(
-                f"the table has no column {name!r}; it has {', '.join(str(name) for name in table.columns)}"
-            )
+    _require(table, x, y, column)
     placed = table[table[x].notna() & table[y].notna()]
     if not pd.api.types.is_numeric_dtype(placed[column]):
         raise InputError(f"{column!r} holds words; a map shows numbers, and plots.verdicts the verdicts")
     if placed[column].notna().sum() == 0:
         raise InputError(f"no site of the map has a value of {column!r}")
     across, up = placed[x].to_numpy(dtype=float), placed[y].to_numpy(dtype=float)
-    length, scale = unit_for(np.concatenate([across - across.min(), up - up.min()]), "length")
+    length, scale = map_unit(placed, x, y)
     squares = _squares(across, up) / scale
     with style():
         ax = axes(ax, height=3.0)
@@ -145,6 +141,76 @@ def map(  # noqa: A001  the public name; the builtin is not used here
         ax.set_xlabel(f"x ({length})")
         ax.set_ylabel(f"y ({length})")
     return ax
+
+
+def map_unit(table: pd.DataFrame, x: str = "x", y: str = "y") -> tuple[str, float]:
+    """Return the unit of the axes of a map of sites with these positions, as it is printed, and its SI value."""
+    across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
+    return unit_for(np.concatenate([across - across.min(), up - up.min()]), "length")
+
+
+def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | None = None) -> Axes:
+    """Draw a box plot of one column of a map for every value of a label, with the curves as points.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        One row per curve, such as the result of `fit_many` (SI).
+    by : str
+        Column of the label: an animal, a group, a region.
+    column : str, default "layer.E"
+        What to draw.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+        Boxes hold the middle half, with the median; whiskers reach to the last curve within 1.5 boxes.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, or no curve with a label has a value.
+    """
+    _require(table, by, column)
+    known = table[table[by].notna() & np.isfinite(table[column].to_numpy(dtype=float))]
+    if known.empty:
+        raise InputError(f"no curve of the map has both a {by} and a value of {column!r}")
+    unit, factor = unit_of(float(known[column].abs().median()), kind_of(column))
+    parts = {str(name): part[column].to_numpy(dtype=float) / factor for name, part in known.groupby(by)}
+    with style():
+        ax = axes(ax, width=0.75 * PAGE, height=2.8)
+        ink = {"color": FIT}
+        ax.boxplot(
+            list(parts.values()),
+            showfliers=False,
+            boxprops=ink,
+            whiskerprops=ink,
+            capprops=ink,
+            medianprops=ink,
+        )
+        for place, values in enumerate(parts.values(), start=1):
+            across = place + _APART * (np.arange(len(values)) / max(len(values) - 1, 1) - 0.5)
+            ax.plot(across, values, "o", ms=3.0, mec="none", color=DATA)
+        ax.set_xticks(
+            range(1, len(parts) + 1), [f"{one_line(name, 24)} ({len(parts[name])})" for name in parts]
+        )
+        ax.set_ylim(bottom=0.0)
+        ax.set_ylabel(f"{label(column)} ({unit})" if unit else label(column))
+    return ax
+
+
+# Share of a box's distance over which its points are spread.
+_APART = 0.3
+
+
+def _require(table: pd.DataFrame, *columns: str) -> None:
+    """Refuse a table without one of these columns; say those that there are."""
+    for name in columns:
+        if name not in table.columns:
+            there = ", ".join(str(name) for name in table.columns)
+            raise InputError(f"the table has no column {name!r}; it has {there}")
 
 
 def _draw(ax: Axes, squares: FloatArray, values: FloatArray, column: str) -> None:

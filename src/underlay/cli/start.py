@@ -1,24 +1,51 @@
-"""`underlay formats`: the instrument formats that can be read, and how one file is read."""
+"""Commands to begin with: `app`, `formats` and `keys`."""
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+import underlay as ul
 from underlay._files import write_atomic
-from underlay.cli.console import say, say_table, say_warnings
+from underlay.cli.console import say, say_table, say_warnings, write_out
 from underlay.cli.new_scene import new_scene as starter
 from underlay.cli.new_scene import unread_scene
-from underlay.cli.options import OutputFolder, ready_folder
-from underlay.errors import FileAccessError, InputError
+from underlay.cli.options import OutputFolder
+from underlay.errors import FileAccessError, InputError, missing_extra
 
-if TYPE_CHECKING:
-    from underlay.data.curve import Curve
+__all__ = ["browser_page", "formats", "keys"]
 
-__all__ = ["formats"]
+
+def browser_page(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder in which the analyses are kept; made if absent.")
+    ] = Path("underlay-analyses"),
+    port: Annotated[int, typer.Option(help="Port of this machine; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
+) -> None:
+    """Open the app in your browser: drop curves, enter the test, fit, export.
+
+    Nothing leaves this machine. Every analysis is a folder of plain files that the other commands read.
+
+    Example: `underlay app`
+    """
+    if importlib.util.find_spec("nicegui") is None:
+        raise missing_extra("the page needs NiceGUI", "app")
+    if not 0 <= port <= 65_535:
+        raise InputError(f"--port must be from 0 to 65535; got {port}")
+    from underlay.app.server import serve
+
+    serve(folder, port, show=browser, tell=_tell)
+
+
+def _tell(address: str) -> None:
+    say("The page is at this address, which opens once; end it with Ctrl-C.")
+    say(address)
+
 
 # What a scene file may say of how a file is read; which test of it is one more.
 _READING = ("format", "columns", "calibration")
@@ -50,9 +77,7 @@ def formats(
 
     Example: `underlay formats curve.csv --new-scene new_scene.toml`
     """
-    from underlay.data.readers import read_all
     from underlay.data.signs import flipped
-    from underlay.report import plots
     from underlay.report.reading import format_name, reading_table
     from underlay.scene.scene_file import PLACE, read_scene_file
 
@@ -61,11 +86,9 @@ def formats(
             raise InputError("name the file to read, e.g. underlay formats curve.csv")
         _list_formats()
         return
-    if output is not None:
-        ready_folder(output)
     stated = {} if scene is None else dict(read_scene_file(scene).curve)
     try:
-        read = read_all(file, **{key: stated[key] for key in _READING if key in stated})
+        read = ul.read_all(file, **{key: stated[key] for key in _READING if key in stated})
     except InputError as error:
         if new_scene is None or isinstance(error, FileAccessError):
             raise
@@ -86,10 +109,10 @@ def formats(
     if output is not None:
         for number, curve in chosen:
             stem = f"{file.stem}-{number}" if len(curves) > 1 else file.stem
-            say(f"wrote {plots.save(plots.segments(curve), output / f'{stem}.segments.png')}")
+            say(f"wrote {ul.plots.save(ul.plots.segments(curve), output / f'{stem}.segments.png')}")
 
 
-def _write_new(target: Path, file: Path, chosen: list[tuple[int, Curve]]) -> Path:
+def _write_new(target: Path, file: Path, chosen: list[tuple[int, ul.Curve]]) -> Path:
     if len(chosen) > 1:
         say(f"{file.name} holds {len(chosen)} tests: the scene is of the first; --test says another")
     return write_atomic(_new(target), starter(chosen[0][1], _name_from(target, file)))
@@ -145,10 +168,44 @@ def _plug_ins() -> list[dict[str, str]]:
     ]
 
 
-def _chosen(curves: list[Curve], test: int | None, file: Path) -> list[tuple[int, Curve]]:
+def _chosen(curves: list[ul.Curve], test: int | None, file: Path) -> list[tuple[int, ul.Curve]]:
     """The tests asked for, with their numbers from 1."""
     if test is None:
         return list(enumerate(curves, start=1))
     if not 1 <= test <= len(curves):
         raise InputError(f"{file.name} has no test {test}; it holds {len(curves)}, counted from 1")
     return [(test, curves[test - 1])]
+
+
+def keys(
+    section: Annotated[
+        str | None, typer.Argument(help="One section, e.g. layer; without it, all of them.")
+    ] = None,
+    output: OutputFolder = None,
+) -> None:
+    """List every key of a scene file: what it takes, its default, what it means.
+
+    A starter for your own file: `underlay formats curve.csv --new-scene scene.toml`.
+
+    Example: `underlay keys`
+
+    Example: `underlay keys layer`
+
+    Example: `underlay keys substrate.layers`
+    """
+    import pandas as pd
+
+    from underlay.scene.scene_keys import TOP, scene_keys
+
+    table = pd.DataFrame(scene_keys()).drop(columns=["kind", "words"])
+    sections = list(dict.fromkeys(table["section"]))
+    if section is not None and section not in sections[1:]:
+        raise InputError(f"a scene file has no section {section!r}; it has {', '.join(sections[1:])}")
+    for name in sections if section is None else [section]:
+        # One table for every layer: its header is doubled in TOML.
+        title = {"substrate.layers": f"[[{name}]]", TOP: "Before any section"}.get(name, f"[{name}]")
+        say_table(table[table["section"] == name].drop(columns="section"), title)
+    say(
+        "PARAMETER is any number of the scene: layer.E, layer.thickness, instrument.contact_depth, noise.force"
+    )
+    write_out(output, {"scene_keys.csv": table})

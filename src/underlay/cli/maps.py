@@ -1,4 +1,4 @@
-"""`underlay map`: a folder of curves in, one table and a map out."""
+"""Commands on many curves: `map` and `population`."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import underlay as ul
 from underlay._files import require_writable_folder
-from underlay.cli.console import say, say_error
-from underlay.cli.options import ExcelFile, Rtol, SceneOption, Seed, SolverName, require_excel, wanted_solver
+from underlay.cli.console import say, say_error, say_table, write_out
+from underlay.cli.options import ExcelFile, OutputFolder, Rtol, SceneOption, Seed, SolverName, wanted_solver
 from underlay.errors import InputError
 from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from underlay.mechanics.solver import Solver
-
-__all__ = ["map_curves"]
+__all__ = ["map_curves", "population"]
 
 _LISTED = 10
 _INTERRUPTED = 130  # what shells give a command that Ctrl-C ended
@@ -72,31 +71,28 @@ def map_curves(
 
     Example: `underlay map curves --scene scene.toml --manifest manifest.csv --output results`
     """
-    from underlay.inference.batch.decisions import read_decisions, without_refused
-    from underlay.inference.batch.fit_many import fit_many
-    from underlay.inference.batch.model import MapOptions, Sampling
+    from underlay.inference.batch.decisions import without_refused
     from underlay.inference.batch.results_table import write_frame
     from underlay.scene.scene_file import read_scene_file
 
-    decided = None if decisions is None else read_decisions(decisions)
+    decided = None if decisions is None else ul.read_decisions(decisions)
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
     wanted = wanted_solver(read_scene_file(scene).solver, solver, rtol)
     if excel is not None:
         _require_elsewhere(excel, curves, folders)
-        require_excel(excel)
     folder = require_writable_folder(output)
     path = folder / f"map.{table_format}"
-    options = MapOptions(
+    options = ul.MapOptions(
         solver=wanted,
         quality=check,
-        sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
+        sampling=ul.Sampling(max_steps=max_steps, seed=seed) if sample else False,
         answers=not quick,
         resume=resume,
         folders=_levels(folders),
     )
     try:
-        table = fit_many(
+        table = ul.fit_many(
             curves,
             scene,
             manifest=manifest,
@@ -117,11 +113,11 @@ def map_curves(
     _show(counted)
     say(f"wrote {path}")
     if review:
-        from underlay.report.review import write_review
-
         # As `fit_many` listed the curves.
         own = [entry for entry in (manifest, scene, path) if entry is not None]
-        pages = write_review(table, curves, scene, folder, options=options, decisions=decided, leave_out=own)
+        pages = ul.write_review(
+            table, curves, scene, folder, options=options, decisions=decided, leave_out=own
+        )
         say(f"wrote {pages[0]}{f' and {len(pages) - 2} more' if len(pages) > 2 else ''}")
         say(f"wrote {pages[-1]}: fill it in, and run this again with --resume --decisions {pages[-1]}")
     for picture in _draw(counted, folder):
@@ -150,16 +146,15 @@ def _spoken(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(reason=reasons)
 
 
-def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: Solver) -> Path:
+def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: ul.Solver) -> Path:
     """Write the table of a map as an Excel file, with the scene file line by line."""
     from underlay._door import read_text
-    from underlay.report.excel import write_excel
     from underlay.scene.scene_file import SCENE_FILE
 
     lines = enumerate(read_text(scene, SCENE_FILE).splitlines(), 1)
     settings = {"solver": solver.label, "scene file": str(scene)}
     settings |= {f"scene file, line {number}": line for number, line in lines if line.strip()}
-    return write_excel(path, table, settings=settings)
+    return ul.write_excel(path, table, settings=settings)
 
 
 def _show(table: pd.DataFrame) -> None:
@@ -179,10 +174,63 @@ def _show(table: pd.DataFrame) -> None:
 
 def _draw(table: pd.DataFrame, folder: Path) -> list[Path]:
     from underlay.inference.batch.results_table import fitted_names
-    from underlay.report import plots
 
     names = fitted_names(table.columns)
     parameter = next(iter(sorted(names, key=lambda name: name != "layer.E")), None)
     if parameter is None or not table[parameter].notna().any():
         return []
-    return [plots.save(plots.survey(table, parameter), folder / "map.png")]
+    return [ul.plots.save(ul.plots.survey(table, parameter), folder / "map.png")]
+
+
+def population(
+    table: Annotated[Path, typer.Argument(help="Table of a map (map.csv or map.parquet) with labels.")],
+    by: Annotated[
+        list[str] | None,
+        typer.Option(help="Column with the animal of a curve; repeat for nested levels, outermost first."),
+    ] = None,
+    group: Annotated[str | None, typer.Option(help="Column of the groups to compare.")] = None,
+    parameter: Annotated[str, typer.Option(help="Which fitted parameter.")] = "layer.E",
+    sites_only: Annotated[
+        bool,
+        typer.Option("--sites-only", help="Take all curves for independent; holds for these sites only."),
+    ] = False,
+    doubtful: Annotated[str, typer.Option(help="keep or drop curves whose verdict is check.")] = "keep",
+    tails: Annotated[
+        str, typer.Option(help="normal, or outliers: a tenth of the curves may be far off.")
+    ] = "normal",
+    shared_error: Annotated[
+        float | None,
+        typer.Option(
+            help="Relative error that all curves share, such as the tip radius's; else the map's own."
+        ),
+    ] = None,
+    output: OutputFolder = None,
+    excel: ExcelFile = None,
+) -> None:
+    """Mean and spread over animals, with intervals that allow for sites of one animal that are alike.
+
+    Labels come from columns of the map's manifest (animal, group, joint, ...) or from its folders
+    (`underlay map --folders group/animal`).
+
+    Example: `underlay population map.csv --by animal --group treatment`
+    """
+    from underlay.report.maps import comparison_table, group_table, population_sentences
+
+    levels = [] if sites_only else (by or ["animal"])
+    result = ul.population(
+        table, levels, parameter, group=group, doubtful=doubtful, tails=tails, shared_error=shared_error
+    )
+    for sentence in population_sentences(result):
+        say(sentence)
+    say_table(group_table(result), "Groups" if group else "Population")
+    if result.comparisons:
+        say_table(comparison_table(result), "Ratios")
+    if excel is not None:
+        from underlay.inference.batch.decisions import read_map
+
+        asked = {"table": str(table), "by": ", ".join(levels), "group": group or "", "parameter": parameter}
+        asked |= {"doubtful": doubtful, "tails": tails, "shared error": f"{result.shared_error:g}"}
+        say(f"wrote {ul.write_excel(excel, read_map(table), result, settings=asked)}")
+    stem = f"{table.stem}.population"
+    files = {f"{stem}.csv": result.table()}
+    write_out(output, files | ({f"{stem}.png": lambda: ul.plots.population(result)} if levels else {}))

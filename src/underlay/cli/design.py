@@ -1,0 +1,463 @@
+"""Commands that look ahead: `plan`, `identify`, `effects`, `accuracy`, `simulate`.
+
+What a command takes a test to be comes from its options, a measured curve, the scene file, else a default that is
+printed: a scene alone says neither how deep the tip goes nor how noisy the force is.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import underlay as ul
+from underlay._files import write_atomic
+from underlay.cli.console import say, say_table, say_warnings, write_out
+from underlay.cli.options import (
+    CurveOption,
+    MaxDepth,
+    OutputFolder,
+    Rtol,
+    ScenePath,
+    Seed,
+    SolverName,
+    named_quantities,
+    wanted_solver,
+)
+from underlay.errors import InputError
+from underlay.report.spoken import spoken
+
+if TYPE_CHECKING:
+    from underlay._arrays import FloatArray
+    from underlay.inference.design.identifiability import Identifiability
+    from underlay.scene.noise import NoiseModel
+    from underlay.scene.scene_file import SceneFile, SimulatedDepths
+
+__all__ = ["accuracy", "effects", "identify", "plan", "simulate"]
+
+# A grid without being asked: a factor of five around the tip at hand, a tenth of the depth up to all of it.
+_TIP_FACTOR, _SHALLOWEST, _COUNT = 5.0, 0.1, 8
+_MOST = 60
+
+RadiiOption = Annotated[
+    str | None, typer.Option(help='Tip radii to consider, "from:to:count", e.g. "0.1 mm:2 mm:8".')
+]
+DepthsOption = Annotated[str | None, typer.Option(help='Indentations to consider, e.g. "10 um:200 um:8".')]
+
+
+def plan(
+    scene: ScenePath,
+    parameter: Annotated[str, typer.Option(help="Parameter that the test is to determine.")] = "layer.E",
+    radii: RadiiOption = None,
+    depths: DepthsOption = None,
+    max_depth: MaxDepth = None,
+    curve: CurveOption = None,
+    solver: SolverName = None,
+    rtol: Rtol = None,
+    output: OutputFolder = None,
+) -> None:
+    """Recommend a tip radius and a depth, by the expected standard error of a parameter.
+
+    The scene file says the specimen as expected, [fit] what will be unknown, [noise] or a curve how well is
+    read.
+
+    Example: `underlay plan scene.toml --parameter layer.E --max-depth "200 um"`
+    """
+    import numpy as np
+
+    from underlay.inference.from_files import free_of
+    from underlay.scene.scene_file import read_scene_file
+
+    file = read_scene_file(scene)
+    measured = measured_curve(file, curve)
+    deepest = deepest_point(file, max_depth, measured)
+    free = free_of(file, measured)
+    if parameter in file.scene.parameters and parameter not in free:
+        free[parameter] = None
+        say_warnings([f"{parameter} is planned as unknown too: [fit] does not free it"])
+    planned = ul.plan(
+        file.scene,
+        free=free,
+        noise=expected_noise(file, deepest, measured),
+        radii=_grid(radii) if radii else _radii_around(file),
+        depths=_grid(depths) if depths else np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest,
+        parameter=parameter,
+        solver=wanted_solver(file.solver, solver, rtol),
+    )
+    say(planned.recommendation)
+    stem = f"{scene.stem}.plan"
+    write_out(output, {f"{stem}.csv": planned.to_frame(), f"{stem}.png": lambda: ul.plots.plan(planned)})
+
+
+def _radii_around(file: SceneFile) -> FloatArray:
+    import numpy as np
+
+    radius = file.scene.parameters.get("indenter.radius")
+    if radius is None:
+        raise InputError(f"{file.path.name}: the grid varies indenter.radius, which this indenter lacks")
+    return np.geomspace(radius / _TIP_FACTOR, radius * _TIP_FACTOR, _COUNT)
+
+
+def _grid(text: str) -> FloatArray:
+    """Read "0.1 mm:2 mm:8" as a geometric grid of lengths (m)."""
+    import numpy as np
+
+    from underlay.units import parse_quantity
+
+    parts = text.split(":")
+    if len(parts) != 3 or not parts[2].strip().isdigit() or not 2 <= int(parts[2]) <= _MOST:
+        raise InputError(
+            f'a grid is "from:to:count" with 2 to {_MOST} points, e.g. "0.1 mm:2 mm:8"; got {text!r}'
+        )
+    low, high = (parse_quantity(part.strip(), "length") for part in parts[:2])
+    if not 0.0 < low < high:
+        raise InputError(f"a grid runs from a positive length to a larger one; got {text!r}")
+    return np.geomspace(low, high, int(parts[2]))
+
+
+def identify(
+    scene: ScenePath,
+    curve: CurveOption = None,
+    solver: SolverName = None,
+    rtol: Rtol = None,
+    output: OutputFolder = None,
+) -> None:
+    """Show which combinations of the free parameters a test determines, and how well.
+
+    Before a test, the scene file's [simulate] and [noise] sections say what it will be.
+
+    Example: `underlay identify scene.toml --curve curve.csv`
+    """
+    from underlay.inference.from_files import problem_from
+    from underlay.scene.scene_file import read_scene_file
+
+    file = read_scene_file(scene)
+    file = replace(file, solver=wanted_solver(file.solver, solver, rtol))
+    measured = measured_curve(file, curve)
+    told = _before(file) if measured is None else ul.identifiability(problem_from(file, measured))
+    say(spoken(told.report()))
+    stem = f"{scene.stem}.identifiability"
+    write_out(output, {f"{stem}.csv": told.to_frame(), f"{stem}.png": lambda: ul.plots.identifiability(told)})
+
+
+def _before(file: SceneFile) -> Identifiability:
+    from underlay.inference.from_files import free_of
+
+    deepest = deepest_point(file, None)
+    depths = expected_depths(file, deepest)
+    return ul.identifiability(
+        file.scene,
+        depth=depths.depth,
+        time=depths.time,
+        free=free_of(file),
+        noise=expected_noise(file, deepest),
+        solver=file.solver,
+    )
+
+
+def effects(
+    scene: ScenePath,
+    max_depth: MaxDepth = None,
+    curve: CurveOption = None,
+    solver: SolverName = None,
+    rtol: Rtol = None,
+    output: OutputFolder = None,
+) -> None:
+    """List the effects that matter for a scene: size, change of a fit without it, cost.
+
+    Example: `underlay effects scene.toml --max-depth "100 um" --output results`
+    """
+    from underlay.scene.effects import effects_table
+    from underlay.scene.scene_file import read_scene_file
+    from underlay.units import format_quantity
+
+    file = read_scene_file(scene)
+    deepest = deepest_point(file, max_depth, measured_curve(file, curve))
+    wanted = wanted_solver(file.solver, solver, rtol)
+    table = effects_table(file.scene, deepest, wanted)
+    on_fits = ul.effects_on_answers(file.scene, deepest, wanted).drop(columns="effect")
+    law, notes = table.attrs["law"], table.pop("note")
+    table = table.join(on_fits).assign(note=notes)
+    say_table(table, f"Effects of {scene.name} at {format_quantity(deepest, 'length')}")
+    say("E and h: what leaving an effect out of a fit does to modulus and thickness (%)")
+    say(f"law: {law}")
+    stem = f"{scene.stem}.effects"
+    draw = partial(ul.plots.effects, file.scene, deepest, wanted)
+    write_out(output, {f"{stem}.csv": table, f"{stem}.png": draw})
+
+
+def accuracy(
+    scene: ScenePath,
+    max_depth: MaxDepth = None,
+    curve: CurveOption = None,
+    output: OutputFolder = None,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="The force alone; fits and sampling take some ten seconds."),
+    ] = False,
+) -> None:
+    """Compare error and time of every contact model for a scene: of the force, the modulus and the posterior.
+
+    Example: `underlay accuracy scene.toml --max-depth "100 um" --output results`
+    """
+    from underlay.report.tables import accuracy_summary, answer_summary
+    from underlay.scene.accuracy_cost import accuracy_cost
+    from underlay.scene.scene_file import read_scene_file
+    from underlay.units import format_quantity
+
+    file = read_scene_file(scene)
+    deepest = deepest_point(file, max_depth, measured_curve(file, curve))
+    table = accuracy_cost(file.scene, deepest)
+    facts = table.attrs
+    say_table(
+        accuracy_summary(table),
+        f"{scene.name}, {facts['points']} depths to {format_quantity(deepest, 'length')}, "
+        f"a/h = {facts['a_over_h']:.2g}; (x): times the {1e6 * facts['unit_seconds']:.0f} us of the formula",
+    )
+    tables = {"accuracy": table}
+    if not quick:
+        answers = tables["answers"] = ul.answer_cost(file.scene, deepest)
+        unit = f"(x): times the {1e3 * answers.attrs['unit_seconds']:.1f} ms of lmfit's Hertz fit"
+        say_table(
+            answer_summary(answers),
+            f"Fits of the scene's own curve, {answers.attrs['points']} points; {unit}",
+        )
+        posterior = tables["posterior"] = ul.posterior_cost(file.scene, deepest)
+        floor = posterior.attrs["reference_error"]
+        say_table(posterior, f"Error of posterior quantiles (sd); the reference itself is off by {floor:.2g}")
+    title = f"{scene.stem}, a/h = {facts['a_over_h']:.2g}"
+    files: dict[str, Any] = {f"{scene.stem}.{name}.csv": found for name, found in tables.items()}
+    files[f"{scene.stem}.accuracy.png"] = lambda: ul.plots.what_accuracy_costs(
+        *tables.values(), title=title
+    ).axes[0]
+    write_out(output, files)
+
+
+NoiseOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--noise",
+        metavar="NAME=VALUE",
+        help='One disturbance; repeat it for more: force="2 uN" (white), relative=0.5% (of the force), '
+        'depth="3 nm", correlation_time="20 ms", drift="1 uN/s", quantisation="0.5 uN", outliers=1% with '
+        'outlier_sd="20 uN". Goes before what [noise] says under the same name; --noise none drops [noise].',
+    ),
+]
+OffsetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--offset",
+        metavar="NAME=VALUE",
+        help='One offset of the instrument; repeat it for more: contact_depth="5 um", baseline="10 uN", '
+        'baseline_slope="0.2 N/m". Goes before what [instrument] says.',
+    ),
+]
+
+
+def simulate(
+    scene: ScenePath,
+    output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.")] = Path("simulated.csv"),
+    seed: Seed = 0,
+    noise: NoiseOption = None,
+    offset: OffsetOption = None,
+    sampling_rate: Annotated[
+        str | None,
+        typer.Option("--sampling-rate", help='Points per second, e.g. "100 Hz"; else as [simulate] says.'),
+    ] = None,
+) -> None:
+    """Make a curve from a scene, with the noise that --noise and its [noise] section name, and no other.
+
+    The depths are those of the scene's [simulate] section, else a default that is said. Beside the CSV stands a
+    JSON file with the truth.
+
+    Example: `underlay simulate scene.toml --output curve.csv --seed 1`
+
+    Example: `underlay simulate scene.toml --output noisy.csv --noise force="2 uN" --noise relative=0.5%`
+    """
+    from underlay.data.export import curve_csv
+    from underlay.scene.scene_file import read_scene_file
+
+    file = read_scene_file(scene)
+    if output.exists() and output.samefile(scene):
+        raise InputError(f"--output {output} is the scene file: name the CSV to write")
+    if file.simulate is None:
+        file = replace(file, simulate=expected_depths(file, deepest_point(file, None)))
+    else:
+        doubt_depth(file.scene, file.simulate.max_depth - file.scene.instrument.contact_depth)
+    curve = _made(file, seed, noise or [], offset or [], sampling_rate)
+    command = _command(scene, output, seed, noise or [], offset or [], sampling_rate)
+    truth = {"command": command, "seed": seed, "truth": dict(curve.truth or {})}
+    say(f"wrote {write_atomic(output, curve_csv(curve, [f'made by: {command}']))}")
+    text = json.dumps(truth, indent=2) + "\n"
+    say(f"wrote {write_atomic(output.with_suffix('.truth.json'), text)}")
+
+
+def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate: str | None) -> ul.Curve:
+    """The curve of a scene file with what the options change."""
+    from underlay._arrays import positive
+    from underlay.scene.instrument import Instrument
+    from underlay.scene.noise import Noise
+    from underlay.units import parse_quantity
+
+    if file.simulate is None:
+        raise InputError(f"{file.path.name} has no [simulate] section")
+    given = [text for text in noise if text.strip() != "none"]
+    stated = file.noise if len(given) == len(noise) else None
+    kind = Noise if stated is None else type(stated)
+    of_noise, of_others, of_instrument = _kinds(kind), _kinds(ul.Disturbances), _kinds(Instrument)
+    of_instrument.pop("compliance")
+    written = {} if stated is None else {name: getattr(stated, name) for name in of_noise}
+    numbers = {**written, **named_quantities("--noise", given, {**of_noise, **of_others})}
+    offsets = named_quantities("--offset", offset, of_instrument)
+    scene = file.scene.with_values({f"instrument.{name}": value for name, value in offsets.items()})
+    if numbers.get("outlier_sd") and not numbers.get("outliers"):
+        raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")
+    others = ul.Disturbances(**{name: numbers[name] for name in of_others if name in numbers})
+    model = _noise_model(kind, {name: numbers[name] for name in of_noise if numbers.get(name)})
+    clock: dict[str, Any]
+    depth, clock = file.simulate.depth, {"time": file.simulate.time}
+    if rate is not None:
+        hertz = positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")
+        if file.simulate.is_timed:
+            depth, time = file.simulate.motion.sampled(sampling_rate=hertz)
+            clock = {"time": time}
+        else:
+            clock = {"sampling_rate": hertz}
+    if model is None and others == ul.Disturbances() and rate is None:
+        return ul.simulate(scene, depth, **clock, solver=file.solver)
+    return ul.synthesize(scene, depth, model, seed, **clock, disturbances=others, solver=file.solver)
+
+
+def _kinds(declared: type) -> dict[str, str]:
+    """Names that an option takes, with the kind of each: the quantities that a class declares."""
+    from underlay.quantities import field_quantities
+
+    return {name: known.kind for name, known in field_quantities(declared).items()}
+
+
+def _noise_model(kind: type[NoiseModel], numbers: Mapping[str, float]) -> NoiseModel | None:
+    """The noise model of what is not zero; none of nothing."""
+    if not numbers:
+        return None
+    if set(numbers) == {"correlation_time"}:
+        raise InputError(
+            'correlation_time says how long a noise lasts; name the noise too, e.g. --noise force="2 uN"'
+        )
+    return kind(**numbers)
+
+
+def _command(
+    scene: Path, output: Path, seed: int, noise: list[str], offset: list[str], rate: str | None
+) -> str:
+    words = ["underlay", "simulate", scene.name, "--output", output.name, "--seed", str(seed)]
+    words += [word for text in noise for word in ("--noise", text)]
+    words += [word for text in offset for word in ("--offset", text)]
+    words += ["--sampling-rate", rate] if rate is not None else []
+    return shlex.join(words)
+
+
+_NOISE_SHARE = 0.01
+# Share of the readings before contact, as `underlay plan` takes it.
+_APPROACH, _POINTS = 0.25, 200
+
+
+def measured_curve(file: SceneFile, option: Path | None) -> ul.Curve | None:
+    """Read the curve of --curve, else the one that the scene file names; None if there is neither."""
+    from underlay.inference.from_files import read_for
+
+    path = option if option is not None else file.curve_path
+    return None if path is None else read_for(file, path)
+
+
+def deepest_point(file: SceneFile, option: str | None, curve: ul.Curve | None = None) -> float:
+    """Deepest point since contact (m): of the option, the curve, [simulate], else a default that is said.
+
+    Raises
+    ------
+    InputError
+        If what was given is not positive.
+    """
+    from underlay.scene.program import default_depth
+    from underlay.units import format_quantity, parse_quantity
+
+    if option is not None:
+        depth = parse_quantity(option, "length")
+    elif curve is not None:
+        depth = float(curve.depth.max()) - _contact_of(file, curve)
+    elif file.simulate is not None:
+        depth = file.simulate.max_depth - file.scene.instrument.contact_depth
+    else:
+        depth = default_depth(file.scene)
+        say_warnings(
+            [
+                (
+                    f"pressed to {format_quantity(depth, 'length')} by default; --max-depth, --curve, "
+                    "[simulate] max_depth or [curve] file says otherwise"
+                )
+            ]
+        )
+    if not depth > 0.0:
+        raise InputError(f"the deepest point since contact must be positive; got {depth:.6g} m")
+    doubt_depth(file.scene, depth)
+    return depth
+
+
+def doubt_depth(scene: ul.Scene, depth: float) -> None:
+    """Warn where a depth since contact (m) is more than the layer's thickness."""
+    from underlay.mechanics.contact_law import DeeperThanLayer
+
+    doubt = DeeperThanLayer.of(depth, scene.layer.thickness)
+    if doubt is not None:
+        say_warnings([str(doubt)])
+
+
+def expected_noise(file: SceneFile, deepest: float, curve: ul.Curve | None = None) -> NoiseModel:
+    """Noise of [noise], else what the curve scatters, else a default that is said."""
+    import numpy as np
+
+    from underlay.inference.model.members import scatter
+    from underlay.scene.noise import Noise
+    from underlay.units import format_quantity
+
+    if file.noise is not None:
+        return file.noise
+    if curve is not None:
+        spread = scatter(curve)
+        if spread > 0.0:
+            say_warnings([f"noise {format_quantity(spread, 'force')}, as the curve scatters"])
+            return Noise(force=spread)
+    ideal = replace(file.scene, instrument=type(file.scene.instrument)())
+    force = _NOISE_SHARE * float(ideal.force(np.array([deepest]), solver=file.solver)[0])
+    say_warnings(
+        [
+            (
+                f"noise {format_quantity(force, 'force')} by default, {_NOISE_SHARE:.0%} of the force at the "
+                "deepest point; [noise] force or --curve says otherwise"
+            )
+        ]
+    )
+    return Noise(force=force)
+
+
+def expected_depths(file: SceneFile, deepest: float) -> SimulatedDepths:
+    """Depth readings of [simulate], else a ramp that begins before contact."""
+    from underlay.scene.scene_file import SimulatedDepths
+
+    if file.simulate is not None:
+        return file.simulate
+    contact = file.scene.instrument.contact_depth
+    before = _APPROACH / (1.0 - _APPROACH) * deepest
+    return SimulatedDepths(contact + deepest, contact - before, _POINTS)
+
+
+def _contact_of(file: SceneFile, curve: ul.Curve) -> float:
+    from underlay.data.contact_point import find_contact
+
+    stated = "instrument.contact_depth" in file.stated
+    return file.scene.instrument.contact_depth if stated else find_contact(curve, scene=file.scene).depth
