@@ -306,7 +306,9 @@ def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | 
     """The same of these together; None where one of them cannot act, or its neighbours are no scene."""
     if not paths:
         return {}
-    free = {**fit.problem.free, **dict.fromkeys(paths)}
+    # What is free beside them moves no slope, and one hold of a test in steps takes no second number.
+    beside = fit.problem.free if fit.problem.n_points > len(fit.problem.names) + len(paths) else {}
+    free = {**beside, **dict.fromkeys(paths)}
     scenes = [replace(scene, uncertainties=None) for scene in fit.scenes]
     try:
         problem = fit.problem.revised(free=free, scenes=scenes, noise=fit.noises)
