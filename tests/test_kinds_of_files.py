@@ -695,22 +695,39 @@ def test_a_ramp_or_a_hold_is_chosen_by_its_number_or_its_time(choice, points, de
         chosen_part(curve, {"segment": "ramp 9"} if "segment" in choice else {"step": 9})
 
 
-@pytest.mark.parametrize("steps", [2, 3, 5])
-def test_equilibrium_of_few_steps_is_fitted(steps, tmp_path, put):
+@pytest.mark.parametrize("thickness", ["", ', thickness = "40 um"'])
+@pytest.mark.parametrize("steps", [1, 2, 3, 4, 5])
+def test_equilibrium_of_few_steps_is_fitted(steps, thickness, tmp_path, put):
     depth = np.concatenate([np.r_[np.linspace(k, k + 1, 40), np.full(200, k + 1.0)] for k in range(steps)])
-    scene = ul.Scene(ul.Paraboloid(5e-4), ul.Layer(ul.Isotropic(1e5, 0.5)))
-    force = np.asarray(scene.force(1e-5 * depth))
+    layer = ul.Layer(ul.Isotropic(1e5, 0.45), 4e-5) if thickness else ul.Layer(ul.Isotropic(1e5, 0.45))
+    scene = ul.Scene(ul.Paraboloid(5e-5), layer, *([ul.RIGID] if thickness else []))
+    force = np.asarray(scene.force(1e-6 * depth)) * (
+        1.0 + 2e-3 * np.random.default_rng(steps).standard_normal(len(depth))
+    )
     text = "depth (um),force (uN),time (s)\n" + rows(
-        10 * depth, 1e6 * force, np.arange(len(depth)), separator=","
+        depth, 1e6 * force, np.arange(len(depth)), separator=",", form="{:.9f}"
     )
     path = tmp_path / "scene.toml"
     path.write_text(
-        'indenter = { shape = "paraboloid", radius = "0.5 mm" }\nlayer = { E = "50 kPa", nu = 0.5 }\n'
+        'indenter = { shape = "paraboloid", radius = "50 um" }\n'
+        f'layer = {{ E = "50 kPa", nu = 0.45{thickness} }}\n'
+        f"{'substrate.rigid = true' if thickness else ''}\n"
         'fit.layer.E = { min = "1 kPa", max = "10 MPa" }\n[curve]\nsegment = "equilibrium"\n'
     )
     problem = load_problem(put(text, "steps.csv"), path)
     assert problem.n_points == steps
-    assert ul.fit(problem).values["layer.E"] == pytest.approx(1e5, rel=1e-3)
+    found = ul.fit(problem)
+    assert found.values["layer.E"] == pytest.approx(1e5, rel=2e-3)
+    stated = found.answer("layer.E")
+    assert 0.8e5 < stated.low < 1e5 < stated.high < 1.2e5
+
+
+def test_one_hold_takes_one_number():
+    curve = ul.Curve([*np.linspace(0, 1e-6, 40), *[1e-6] * 200], [*np.linspace(0, 1e-6, 40), *[1e-6] * 200])
+    scene = ul.Scene(ul.Paraboloid(5e-5), ul.Layer(ul.Isotropic(1e5, 0.45), 4e-5), ul.RIGID)
+    with pytest.raises(ul.InputError, match="free fewer"):
+        ul.Problem(scene, curve.equilibrium(), ["layer.E", "layer.thickness"])
+    assert "one hold alone" in str(ul.check_quality(curve.equilibrium(), scene).reasons)
 
 
 def test_a_manifest_may_be_a_workbook_with_any_further_column(tmp_path):

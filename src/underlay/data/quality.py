@@ -128,6 +128,8 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
         Never raises for a bad curve; see `Quality.require`.
     """
     require_given(curve, "curve", Curve)
+    if "equilibrium_share" in curve.metadata:
+        return _of_steps(curve)
     try:
         foot = foot_of(curve)
         loading = curve.way_in()
@@ -152,6 +154,21 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
         expected,
         float(beyond.force.max() / noise) if noise > 0.0 else float("inf"),
     )
+
+
+def _of_steps(curve: Curve) -> Quality:
+    """Judge the means of the holds of a test in steps: there is no foot and no way in to look at."""
+    if not (curve.force > 0.0).any():
+        return Quality(REFUSED, ("no contact: no hold of the test has a force",))
+    order = np.argsort(curve.depth)
+    fell = np.flatnonzero(np.diff(curve.force[order]) < 0.0)
+    told = [
+        f"hold {order[at + 1] + 1} is deeper than hold {order[at] + 1} and its force is smaller"
+        for at in fell
+    ]
+    if len(curve) == 1:
+        told.append("one hold alone: no other reading can speak against the model")
+    return Quality(DOUBTFUL if told else GOOD, tuple(told))
 
 
 def _law(scene: Scene | None, foot: Foot, loading: Curve) -> ContactLaw | None:

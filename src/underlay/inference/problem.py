@@ -20,7 +20,7 @@ from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
 from underlay.inference.model.laws import LawStore
-from underlay.inference.model.members import CommonErrors
+from underlay.inference.model.members import CommonErrors, means_alone
 from underlay.inference.priors import Given, Prior
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
@@ -235,9 +235,9 @@ class Problem:
 
     @property
     def noise_is_stated(self) -> bool:
-        """Whether anything was said of the noise of any curve."""
-        given = self.noise
-        return any(entry is not None for entry in ([given] if isinstance(given, NoiseModel) else given or ()))
+        """Whether anything was said of the noise of any curve, or its points are means whose errors are known."""
+        given = [self.noise] if isinstance(self.noise, NoiseModel) else self.noise or ()
+        return any(entry is not None for entry in given) or any(map(means_alone, self.curves))
 
     @property
     def noise_is_open(self) -> bool:

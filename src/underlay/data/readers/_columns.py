@@ -16,13 +16,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.readers._not_readings import plain
-from underlay.data.readers._text import kind_named, split_label, unit_named
+from underlay._text import names_there
+from underlay.data.readers._text import kind_named, listed, plain, split_label, unit_named
 from underlay.errors import InputError, UnitError
 from underlay.units import unit_factor
 
@@ -39,6 +40,7 @@ __all__ = [
     "name_of",
     "parse_column",
     "require_kind",
+    "unread",
 ]
 
 #: What a column can be, and the kind of quantity it holds.
@@ -46,63 +48,40 @@ ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
 
 #: Names taken for granted, in small letters without accents, best first. English, German, French, Spanish, Italian.
 KNOWN: dict[str, tuple[str, ...]] = {
-    "depth": (
-        *("depth", "indentation", "indentation depth", "penetration", "penetration depth", "displacement"),
-        *("displacement into surface", "h", "w", "delta", "δ", "pd", "ind"),
-        *(
-            "zugweg",
-            "prufweg",
-            "traversenweg",
-            "stauchung",
-            "eindringtiefe",
-            "tiefe",
-            "eindringung",
-            "verschiebung",
-            "weg",
-            "standardweg",
-        ),
-        *("enfoncement", "profondeur", "deplacement", "allongement"),
-        *("profundidad", "penetracion", "desplazamiento", "profondita", "penetrazione", "spostamento"),
+    "depth": listed(
+        """depth, indentation, indentation depth, penetration, penetration depth, displacement,
+        displacement into surface, h, w, delta, δ, pd, ind,
+        zugweg, prufweg, traversenweg, stauchung, eindringtiefe, tiefe, eindringung, verschiebung, weg, standardweg,
+        enfoncement, profondeur, deplacement, allongement, profundidad, penetracion, desplazamiento,
+        profondita, penetrazione, spostamento"""
     ),
     # Grows towards the sample in most instruments and away from it in others: the motion is asked.
-    "travel": (
-        *("extension", "stroke", "travel", "position"),
-        *("z", "ramp", "piezo", "z sensor", "zsensor", "height sensor", "zsnsr", "lvdt", "raw"),
+    "travel": listed(
+        """extension, stroke, travel, position,
+        z, ramp, piezo, z sensor, zsensor, height sensor, zsnsr, lvdt, raw"""
     ),
     # Grows away from the sample.
-    "height": (
-        *("separation", "sep", "tip sample separation", "height measured", "measuredheight"),
-        *("straingaugeheight", "height", "hohe"),
+    "height": listed(
+        """separation, sep, tip sample separation, height measured, measuredheight, straingaugeheight, height,
+        hohe"""
     ),
-    "force": (
-        *("force", "load", "load on sample", "normal force", "fn", "f", "p"),
-        *("kraft", "normalkraft", "prufkraft", "standardkraft", "last"),
-        *("force normale", "force standard", "charge", "effort"),
-        *("fuerza", "fuerza normal", "carga", "forza", "forza normale", "carico"),
+    "force": listed(
+        """force, load, load on sample, normal force, fn, f, p,
+        kraft, normalkraft, prufkraft, standardkraft, last, force normale, force standard, charge, effort,
+        fuerza, fuerza normal, carga, forza, forza normale, carico"""
     ),
     # Of a lever: a length, a voltage, or a force already.
-    "deflection": (
-        *("deflection", "defl", "vertical deflection", "vdeflection", "cantilever", "cantilever deflection"),
+    "deflection": listed(
+        """deflection, defl, vertical deflection, vdeflection, cantilever, cantilever deflection"""
     ),
-    "time": (
-        *(
-            "time",
-            "t",
-            "test time",
-            "time on sample",
-            "elapsed time",
-            "zeit",
-            "prufzeit",
-            "temps",
-            "temps d'essai",
-        ),
-        *("tiempo", "tempo"),
+    "time": listed(
+        """time, t, test time, time on sample, elapsed time, zeit, prufzeit, temps, temps d'essai, tiempo, tempo"""
     ),
     "segment": ("segment", "segments"),
 }
 # What stands beside a name and changes nothing of what it means here.
 _BESIDE = frozenset(
-    "axial compressive compression applied measured corrected crosshead actuator calc avg".split()  # noqa: SIM905
+    listed("axial, compressive, compression, applied, measured, corrected, crosshead, actuator, calc, avg")
 )
 # In brackets behind a name, and no unit.
 _REMARKS = frozenset(("measured", "sensor"))
@@ -171,6 +150,11 @@ def check_mapping(mapping: Mapping[str, str | int] | None) -> None:
 
 def name_of(label: str) -> str:
     """Name of a column without its unit, as it is compared: small letters, no accents, blanks for underscores."""
+    return _name_of(label[:_LONGEST])
+
+
+@lru_cache(maxsize=1024)
+def _name_of(label: str) -> str:
     name, unit = split_label(label)
     return " ".join(re.sub(r"[_()\[\]<>-]+", " ", plain(label if unit.lower() in _REMARKS else name)).split())
 
@@ -191,44 +175,84 @@ def find_columns(labels: Sequence[str], mapping: Mapping[str, str | int] | None 
     mapping : mapping of role to name, optional
         As ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here.
     """
-    found: dict[str, int] = {}
-    names = [name_of(label) for label in labels]
-    for role in (*ROLES, "travel", "height", "deflection"):
-        wanted = (mapping or {}).get(role)
-        if wanted is not None:
-            parsed = parse_column(str(wanted), labels)
-            if parsed is not None:
-                found[role] = columns_of(parsed[0])[0].index
-        elif (index := _known_column(labels, names, role)) is not None:
-            found[role] = index
+    known = _known_columns(tuple(label[:_LONGEST] for label in labels))
+    found = {role: index for role, index in known.items() if role not in (mapping or {})}
+    for role, wanted in (mapping or {}).items():
+        parsed = parse_column(str(wanted), labels)
+        if parsed is not None:
+            found[role] = columns_of(parsed[0])[0].index
     return found
 
 
-def _known_column(labels: Sequence[str], names: Sequence[str], role: str) -> int | None:
-    """The first column with the best name of a role, in a unit of its kind where there is one of several."""
-    kinds = ("length", "voltage") if role == "deflection" else (ROLES.get(role) or "length",)
-    for called in (names, [bare_name(name) for name in names]):
-        for candidate in (*KNOWN[role], *(KNOWN["deflection"] if role == "force" else ())):
-            if candidate not in called:
-                continue
-            there = {
-                at: kind_named(split_label(labels[at])[1])
-                for at, name in enumerate(called)
-                if name == candidate
-            }
-            fitting = [at for kind in kinds for at in there if there[at] == kind]
-            # A deflection is a force where its unit says so.
-            open_ = (
-                []
-                if candidate in KNOWN["deflection"]
-                else [at for at in there if there[at] in (None, "dimensionless")]
+@lru_cache(maxsize=64)
+def _known_columns(labels: tuple[str, ...]) -> Mapping[str, int]:
+    """The first column with the best name of each role, in a unit of its kind where there is one of several."""
+    names = [name_of(label) for label in labels]
+    kinds = [kind_named(split_label(label)[1]) for label in labels]
+    found: dict[str, int] = {}
+    for role, known in KNOWN.items():
+        wanted = ("length", "voltage") if role == "deflection" else (ROLES.get(role) or "length",)
+        for called in (names, [bare_name(name) for name in names]):
+            for candidate in (*known, *(KNOWN["deflection"] if role == "force" else ())):
+                there = (
+                    [at for at, name in enumerate(called) if name == candidate] if candidate in called else []
+                )
+                chosen = [at for kind in wanted for at in there if kinds[at] == kind]
+                # A deflection is a force where its unit says so.
+                if role != "force" or candidate in known:
+                    chosen += [at for at in there if kinds[at] in (None, "dimensionless")]
+                    chosen += there if len(there) == 1 and role != "deflection" else []
+                if chosen:
+                    found.setdefault(role, chosen[0])
+    return found
+
+
+@lru_cache(maxsize=64)
+def unread(
+    labels: tuple[str, ...], found: tuple[tuple[str, int], ...], mapping: tuple[tuple[str, str], ...]
+) -> tuple[str, ...]:
+    """Notes of columns that are not read and may be meant: of the same name as one that is, or of another for it.
+
+    Parameters
+    ----------
+    labels : tuple of str
+        The header.
+    found, mapping : tuple of pairs
+        Index of the column of each role, and what was asked for.
+    """
+    names, units = (
+        [plain(split_label(label)[0]) for label in labels],
+        [split_label(label)[1] for label in labels],
+    )
+    asked = dict(mapping)
+    same: list[str] = []
+    other: list[str] = []
+    for role, index in found:
+        label = labels[index].strip()
+        namesakes = [
+            labels[at].strip()
+            for at, name in enumerate(names)
+            if name == names[index]
+            and at != index
+            and len({kind_named(unit) for unit in (units[at], units[index]) if unit}) < 2
+        ]
+        chosen = plain(asked.get(role, "").strip().removeprefix("-")) == plain(label)
+        if role in ROLES and namesakes and (label in namesakes or not chosen):
+            same.append(
+                f"the {role} is read from the first column of its name, {label!r}; not read: "
+                f"{', '.join(map(repr, namesakes))}. Choose by the whole name in columns, or split a file that "
+                "holds several tests side by side"
             )
-            alone = [] if candidate in KNOWN["deflection"] else list(there)[: len(there) == 1]
-            if role == "deflection":
-                open_ = [at for at in there if there[at] in (None, "dimensionless")]
-            if chosen := (fitting or open_ or alone):
-                return chosen[0]
-    return None
+        known = KNOWN[role] if role in {"depth", "force", "time"} and role not in asked else ()
+        rivals = [
+            labels[at].strip() for at, name in enumerate(names) if name in known and name != names[index]
+        ]
+        if rivals and names[index] in known:
+            other.append(
+                f"the {role} is read from {label!r:.80}; not read: {names_there(rivals)}, which may be one too. "
+                "Say which in columns"
+            )
+    return (*same, *other)
 
 
 def columns_of(node: Node) -> list[Column]:

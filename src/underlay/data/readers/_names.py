@@ -10,14 +10,13 @@ from typing import NamedTuple
 from underlay._text import names_there
 from underlay.data.readers._columns import find_columns, parse_column
 from underlay.data.readers._format import Options
-from underlay.data.readers._not_readings import plain
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import sides_of, tests_beside
-from underlay.data.readers._text import is_number, is_unit, kind_named, split_label
+from underlay.data.readers._text import is_number, is_unit, kind_named, plain, split_label
 from underlay.errors import FileFormatError
 from underlay.units import unit_factor
 
-__all__ = ["Layout", "find_names", "is_unit_row", "layout_of", "serves", "stated_lever", "with_units"]
+__all__ = ["Layout", "Row", "find_names", "is_unit_row", "layout_of", "serves", "stated_lever", "with_units"]
 
 # How far down a table may begin (the head of a NanoScope export has 658 lines), how many rows in a run are one for
 # certain, and how far above them the names may stand.
@@ -26,33 +25,8 @@ _MAX_HEAD, _CERTAIN, _MAX_PREAMBLE = 4000, 24, 80
 _LONGEST_UNIT = 8
 # What may stand in front of the names, in place of one.
 _LABELS = frozenset(
-    [
-        "columns",
-        "column",
-        "cols",
-        "col",
-        "fields",
-        "field",
-        "names",
-        "name",
-        "header",
-        "headers",
-        "channels",
-        "channel",
-        "variables",
-        "variable",
-        "labels",
-        "legend",
-        "data",
-        "spalten",
-        "felder",
-        "kanale",
-        "colonnes",
-        "champs",
-        "columnas",
-        "campos",
-        "colonne",
-    ]
+    """columns column cols col fields field names name header headers channels channel variables variable labels
+    legend data spalten felder kanale colonnes champs columnas campos colonne""".split()  # noqa: SIM905
 )
 _UNITS = frozenset("units unit einheiten einheit unites unite unidades unita".split())  # noqa: SIM905
 # "\\Spring Constant: 0.06", "springConstant: 0.06": N/m in every file seen; "DeflSens: V 41.0 nm/V".
@@ -77,48 +51,61 @@ class Layout(NamedTuple):
     numbers: int
 
 
-def layout_of(count: int, cells_of: Callable[[int], Sequence[str] | None]) -> Layout | None:
+class Row(NamedTuple):
+    """How many cells a row has, how many of them are numbers, and up to which cell there are numbers."""
+
+    cells: int
+    numbers: int
+    last: int
+
+    @classmethod
+    def of(cls, cells: Sequence[str]) -> Row:
+        """Look at every cell."""
+        numeric = [at for at, cell in enumerate(cells, start=1) if is_number(cell)]
+        return cls(len(cells), len(numeric), numeric[-1] if numeric else 0)
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether it holds two numbers or more."""
+        return self.numbers >= 2
+
+
+def layout_of(
+    count: int, row_at: Callable[[int], Row | None], is_regular: Callable[[int, int, int], bool] | None = None
+) -> Layout | None:
     """The first long run of rows of two numbers or more: a table of results above the readings is short.
 
     Parameters
     ----------
     count : int
         How many rows there are.
-    cells_of : callable
-        Cells of a row by its number; None of a row that is none.
+    row_at : callable
+        A row by its number; None where there is none.
+    is_regular : callable, optional
+        Whether so many rows from a number on hold so many cells each, all of them numbers: one look at all of them.
     """
     runs: list[tuple[int, Layout]] = []
     at, end = 0, min(count, _MAX_HEAD)
     while at < end:
-        found = _numeric(cells_of(at))
-        if found is None:
+        row = row_at(at)
+        if row is None or not row.is_reading:
             at += 1
             continue
-        first, (cells, last) = at, found
+        first, cells, last = at, row.cells, row.last
         # A row with one number of as many cells is one of them, with a cell that is none.
-        while first and _is_spoilt(cells_of(first - 1), cells):
+        while first and (above := row_at(first - 1)) and above.numbers and above.cells == cells:
             first -= 1
-        while at < end and found is not None and at - first < _CERTAIN:
-            cells, last = max(cells, found[0]), max(last, found[1])
+        if row.numbers == cells and is_regular is not None and is_regular(at, _CERTAIN, cells):
+            at += _CERTAIN
+        while row is not None and row.is_reading and at - first < _CERTAIN:
+            cells, last = max(cells, row.cells), max(last, row.last)
             at += 1
-            found = _numeric(cells_of(at)) if at < end else None
+            row = row_at(at) if at < end else None
         runs.append((at - first, Layout(first, cells, last)))
         if at - first >= _CERTAIN:
             break
     longest = max((length for length, _ in runs), default=0)
     return next((layout for length, layout in runs if 2 * length >= longest), None)
-
-
-def _numeric(cells: Sequence[str] | None) -> tuple[int, int] | None:
-    """How many cells a row of two numbers or more has, and up to which there are numbers."""
-    if cells is None:
-        return None
-    numeric = [at for at, cell in enumerate(cells, start=1) if is_number(cell)]
-    return (len(cells), numeric[-1]) if len(numeric) >= 2 else None
-
-
-def _is_spoilt(cells: Sequence[str] | None, count: int) -> bool:
-    return cells is not None and len(cells) == count and any(map(is_number, cells))
 
 
 def find_names(
@@ -205,9 +192,9 @@ def serves(names: Sequence[str], options: Options) -> bool:
         return all(parse_column(text, names) is not None for text in asked) and _serves_by_name(
             [*names], {role: str(text) for role, text in options.columns.items()}
         )
-    if tests_beside(names):
+    if tests_beside(tuple(names)):
         return True
-    sides = sides_of(names)
+    sides = sides_of(tuple(names))
     return _serves_by_name(next(iter(sides.values()))[1] if sides else names, None)
 
 

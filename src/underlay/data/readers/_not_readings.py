@@ -9,36 +9,33 @@ tests of a public file (TriDiMap, ``ASMEC_example_20x11.xlsx``) were 220 points.
 row, words for what only a whole test has (its work, its creep, its final depth), or a modulus beside depths and
 forces that leap from row to row. A curve that carries its modulus point by point, as of a continuous stiffness,
 does none of it.
-
-What a table holds beside the columns that are read of it, and that it holds several tests, as notes.
 """
 
 from __future__ import annotations
 
 import re
-import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import is_number, kind_named, split_label
+from underlay.data.readers._text import is_number, kind_named, listed, split_label
 from underlay.errors import FileFormatError
 
-__all__ = ["NUMBERED", "namesakes", "plain", "require_readings", "rivals", "without_statistics"]
+__all__ = ["NUMBERED", "require_readings", "without_statistics"]
 
 # In small letters, without what ends an abbreviation or goes before the number. Single letters are not here: they
 # may be anybody's remark on the last reading.
 _WORDS = frozenset(
-    (
-        *("mean", "average", "avg", "median", "max", "maximum", "min", "minimum", "sum", "total", "count"),
-        *("sd", "s.d", "std", "stdev", "st.dev", "std.dev", "std dev", "standard deviation", "variance"),
-        *("sem", "s.e.m", "se", "standard error", "std error", "std.error", "cv", "cov", "range"),
-        *("mittelwert", "mittel", "standardabweichung", "stabw", "summe", "anzahl", "moyenne", "somme"),
-        *("écart type", "écart-type", "ecart type", "ecart-type", "media", "promedio", "mediana", "suma"),
-        *("desviación estándar", "desviacion estandar", "deviazione standard", "somma"),
+    listed(
+        """mean, average, avg, median, max, maximum, min, minimum, sum, total, count, sd, s.d, std, stdev, st.dev,
+        std.dev, std dev, standard deviation, variance, sem, s.e.m, se, standard error, std error, std.error, cv,
+        cov, range, mittelwert, mittel, standardabweichung, stabw, summe, anzahl, moyenne, somme, écart type,
+        écart-type, ecart type, ecart-type, media, promedio, mediana, suma, desviación estándar,
+        desviacion estandar, deviazione standard, somma"""
     )
 )
 
@@ -70,7 +67,7 @@ def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence
 
 def _is_statistic(cell: str) -> bool:
     """Whether a cell is a word for one, or several of them such as "Mean ± SD"; what stands in brackets aside."""
-    if len(cell) > _LONGEST:
+    if len(cell) > _LONGEST or is_number(cell):
         return False
     bare = re.sub(r"[(\[].*?[)\]]", "", cell.lower())
     return all(_plain(part) in _WORDS for part in re.split(r"±|\+/?-|[/&]", bare))
@@ -82,10 +79,10 @@ def _plain(words: str) -> str:
 
 # What a whole test has once, in small letters: work, creep, recovery, values at the peak and after it.
 _OF_A_TEST = frozenset(
-    (
-        *("wtot", "welast", "wplast", "we", "wp", "nit", "ηit", "cit", "rit", "t rec", "average of"),
-        *("hmax", "fmax", "pmax", "hf", "hp", "hr", "max. force", "max. depth", "max force", "max depth"),
-        *("maximum force", "maximum depth", "max load", "maximum load", "peak load"),
+    listed(
+        """wtot, welast, wplast, we, wp, nit, ηit, cit, rit, t rec, average of, hmax, fmax, pmax, hf, hp, hr,
+        max. force, max. depth, max force, max depth, maximum force, maximum depth, max load, maximum load,
+        peak load"""
     )
 )
 
@@ -120,28 +117,9 @@ _SAME = 0.02
 
 #: What a column that counts tests is called; one that counts readings is "point" or "no.".
 NUMBERED = frozenset(
-    (
-        *(
-            "test",
-            "test no",
-            "test number",
-            "test id",
-            "indent",
-            "indent no",
-            "indent number",
-            "indentation no",
-        ),
-        *(
-            "measurement",
-            "measurement no",
-            "specimen",
-            "specimen no",
-            "versuch",
-            "probe",
-            "messung",
-            "eindruck",
-        ),
-        *("essai", "mesure", "ensayo", "prova"),
+    listed(
+        """test, test no, test number, test id, indent, indent no, indent number, indentation no, measurement,
+        measurement no, specimen, specimen no, versuch, probe, messung, eindruck, essai, mesure, ensayo, prova"""
     )
 )
 
@@ -172,7 +150,7 @@ def require_readings(
     """
     why = (
         _names_of_tests(labels, rows)
-        or _words_of_tests(labels)
+        or _words_of_tests(tuple(labels))
         or _tests_beside_moduli(labels, units, rows, depth, force)
     )
     if why:
@@ -205,7 +183,8 @@ def _is_name(cell: str) -> bool:
     return _CLOCK.fullmatch(text) is None and _WITH_UNIT.fullmatch(text) is None
 
 
-def _words_of_tests(labels: Sequence[str]) -> str:
+@lru_cache(maxsize=64)
+def _words_of_tests(labels: tuple[str, ...]) -> str:
     found = [label for label in labels if split_label(label)[0].strip().lower() in _OF_A_TEST]
     return f"it has {names_there(found)}" if len(found) >= _ENOUGH else ""
 
@@ -242,70 +221,3 @@ def _leaping(values: FloatArray) -> bool:
     if len(values) < _SHORTEST:
         return False
     return float(np.abs(np.diff(values)).sum()) > float(np.ptp(values)) * len(values) / _LEAPS
-
-
-def plain(name: str) -> str:
-    """Name in small letters without accents, however these are coded."""
-    if name.isascii():
-        return name.strip().lower()
-    letters = unicodedata.normalize("NFKD", name.strip().lower())
-    return "".join(letter for letter in letters if not unicodedata.combining(letter)).replace("’", "'")
-
-
-def namesakes(
-    labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str | int] | None
-) -> tuple[str, ...]:
-    """Notes of columns that share the name of the one that is read, the first: another unit, or another test."""
-    names = [plain(split_label(label)[0]) for label in labels]
-    notes = []
-    for role in ("depth", "force", "time", "segment"):
-        index = columns.get(role, -1)
-        if index < 0:
-            continue
-        label = labels[index].strip()
-        unit = split_label(label)[1]
-        others = [
-            labels[i].strip()
-            for i, name in enumerate(names)
-            if name == names[index] and i != index and _of_a_kind(split_label(labels[i])[1], unit)
-        ]
-        chosen = plain(str((mapping or {}).get(role, "")).strip().removeprefix("-")) == plain(label)
-        if others and (label in others or not chosen):
-            told = ", ".join(map(repr, others))
-            notes.append(
-                f"the {role} is read from the first column of its name, {label!r}; not read: {told}. Choose by "
-                "the whole name in columns, or split a file that holds several tests side by side"
-            )
-    return tuple(notes)
-
-
-def _of_a_kind(one: str, other: str) -> bool:
-    kinds = {kind_named(unit) for unit in (one, other) if unit}
-    return len(kinds) < 2
-
-
-def rivals(
-    labels: Sequence[str],
-    columns: Mapping[str, int],
-    mapping: Mapping[str, str | int] | None,
-    known: Mapping[str, Sequence[str]],
-) -> tuple[str, ...]:
-    """Notes of columns of another name that would be read as well, were the one that is read not there."""
-    names = [plain(split_label(label)[0]) for label in labels]
-    notes = []
-    for role, index in columns.items():
-        if (
-            role in (mapping or {})
-            or role not in {"depth", "force", "time"}
-            or names[index] not in known[role]
-        ):
-            continue
-        others = [
-            labels[i].strip() for i, name in enumerate(names) if name in known[role] and name != names[index]
-        ]
-        if others:
-            notes.append(
-                f"the {role} is read from {labels[index].strip()!r:.80}; not read: {names_there(others)}, which "
-                "may be one too. Say which in columns"
-            )
-    return tuple(notes)

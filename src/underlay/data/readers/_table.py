@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -26,14 +27,13 @@ from underlay.data.readers._columns import (
     name_of,
     parse_column,
     require_kind,
+    unread,
 )
 from underlay.data.readers._format import Options, make_curve
 from underlay.data.readers._lever import Lever
 from underlay.data.readers._not_readings import (
     NUMBERED,
-    namesakes,
     require_readings,
-    rivals,
     without_statistics,
 )
 from underlay.data.readers._source import Source
@@ -45,7 +45,6 @@ from underlay.data.readers._text import (
     numbers,
     split_label,
     unit_named,
-    uses_comma,
 )
 from underlay.data.segments import HOLD, LOADING, UNLOADING, against_motion
 from underlay.data.signs import reversed_columns, sign_note
@@ -72,6 +71,7 @@ _COMPLETE = [{"Fn", "Pd"}] + [
     for force in ("Defl", "DeflV", "DeflVolts", "Force")
     for travel in ("Raw", "ZSnsr", "LVDT", "Sep", "Ind")
 ]
+_WAVES_ALONE = frozenset({"Raw", "Defl", "DeflV", "DeflVolts", "ZSnsr", "LVDT"})
 _WAVE_NAMES = {"DeflV": "Defl", "DeflVolts": "Defl"}
 _WAVE_UNITS = {"DeflV": "V", "DeflVolts": "V", "Force": "N"}
 # Approach and way back side by side: a word of each, beside the name of the channel.
@@ -97,9 +97,11 @@ class Table:
         The cells; the first row may hold units.
     breaks : sequence of int
         Rows before which something else than readings stands: blank rows, the names once more.
-    may_use_comma, commas_between : bool
-        Whether a comma may be a decimal's; whether commas stand between the cells, as where a decimal is written
-        with a point: a quoted ``"1,234"`` may be either there.
+    comma : bool, optional
+        Whether the decimal sign is a comma; the cells are asked where it is not said.
+    commas_between : bool
+        Whether commas stand between the cells, as where a decimal is written with a point: a quoted ``"1,234"`` may
+        be either there.
     units : sequence of str
         Of all columns, where they stand elsewhere.
     segments : sequence of (int, str)
@@ -113,7 +115,7 @@ class Table:
     labels: Sequence[str]
     rows: Sequence[Sequence[str]]
     breaks: Sequence[int] = ()
-    may_use_comma: bool = True
+    comma: bool | None = None
     commas_between: bool = False
     units: Sequence[str] = ()
     segments: Sequence[tuple[int, str]] = ()
@@ -140,7 +142,7 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
     """
     check_mapping(options.columns)
     name = metadata.pop("name", None)
-    if options.columns is None and (tests := tests_beside(table.labels)):
+    if options.columns is None and (tests := tests_beside(tuple(table.labels))):
         return [
             curve
             for test, indices, labels in tests
@@ -151,46 +153,45 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
     if name is not None:
         metadata["name"] = name
     asked = [str(text) for text in (options.columns or {}).values()]
-    ways = sides_of(table.labels)
+    ways = sides_of(tuple(table.labels))
     if ways and (not asked or any(parse_column(text, table.labels) is None for text in asked)):
         return _curves(source, [(table.of(*way), label) for label, way in ways.items()], options, metadata)
     return _curves(source, [(table, "")], options, metadata)
 
 
-def tests_beside(labels: Sequence[str]) -> list[tuple[str, list[int], list[str]]]:
+@lru_cache(maxsize=64)
+def tests_beside(labels: tuple[str, ...]) -> Sequence[tuple[str, list[int], list[str]]]:
     """Tests side by side: name, columns and their labels of each; [] for any other table."""
-    found: dict[str, dict[str, tuple[int, str]]] = {}
-    for index, label in enumerate(labels):
-        matched = _BESIDE.fullmatch(label.strip().strip('"'))
-        if matched:
-            told = f"{matched['name']} ({matched['unit']})"
-            found.setdefault(matched["test"], {}).setdefault(matched["name"], (index, told))
-    waves = [_WAVE.fullmatch(label.strip().strip('"')) for label in labels]
-    for index, matched in enumerate(waves if not found and sum(map(bool, waves)) >= 2 else ()):
-        if matched and (
-            matched["name"] in {"Raw", "Defl", "DeflV", "DeflVolts", "ZSnsr", "LVDT"} or matched["test"]
-        ):
-            name = matched["name"]
-            unit = matched["unit"] or _WAVE_UNITS.get(name, "m")
-            told = f"{_WAVE_NAMES.get(name, name)} ({unit})"
-            found.setdefault(matched["test"], {}).setdefault(name, (index, told))
-    return [
-        (test, [index for index, _ in parts.values()], [label for _, label in parts.values()])
-        for test, parts in found.items()
-        if any(one <= parts.keys() for one in _COMPLETE)
-    ]
+    for pattern in (_BESIDE, _WAVE):
+        found: dict[str, dict[str, tuple[int, str]]] = {}
+        for index, label in enumerate(labels):
+            matched = pattern.fullmatch(label.strip().strip('"'))
+            if matched and (matched["test"] or matched["name"] in _WAVES_ALONE):
+                name = matched["name"]
+                told = f"{_WAVE_NAMES.get(name, name)} ({matched['unit'] or _WAVE_UNITS.get(name, 'm')})"
+                found.setdefault(matched["test"], {}).setdefault(name, (index, told))
+        tests = [
+            (test, [index for index, _ in parts.values()], [label for _, label in parts.values()])
+            for test, parts in found.items()
+            if any(one <= parts.keys() for one in _COMPLETE)
+        ]
+        if tests:
+            return tests
+    return []
 
 
-def sides_of(labels: Sequence[str]) -> dict[str, tuple[list[int], list[str]]]:
+@lru_cache(maxsize=64)
+def sides_of(labels: tuple[str, ...]) -> Mapping[str, tuple[list[int], list[str]]]:
     """Columns of the approach and of the way back, and their labels, of a table that has both side by side."""
     found: dict[str, tuple[list[int], list[str]]] = {LOADING: ([], []), UNLOADING: ([], [])}
     for index, label in enumerate(labels):
-        words = label.strip().split("_") if "_" in label else label.split()
+        joint = "_" if "_" in label else " "
+        words = label.strip().split("_" if joint == "_" else None)
         ways = [word for word in words if word.lower() in _WAYS]
         if len(ways) == 1:
             indices, names = found[_WAYS[ways[0].lower()]]
             indices.append(index)
-            names.append(("_" if "_" in label else " ").join(word for word in words if word != ways[0]))
+            names.append(joint.join(word for word in words if word != ways[0]))
     there, back = found[LOADING][1], found[UNLOADING][1]
     return found if len(there) >= 2 and sorted(there) == sorted(back) else {}
 
@@ -319,11 +320,8 @@ class _Reader:
         found = {"depth": self._value("depth", depth), "force": self._value("force", force)}
         clock = None if time is None else self._time(time)
         self._take_off_bending(found)
-        notes = (
-            *self.notes,
-            *namesakes(self.labels, self.found, self.mapping),
-            *rivals(self.labels, self.found, self.mapping, KNOWN),
-        )
+        others = unread(tuple(self.labels), tuple(self.found.items()), tuple(self.mapping.items()))
+        notes = (*self.notes, *others)
         return _Read(
             found["depth"], found["force"], clock, self.units, self.signs, notes, self.known, self.free
         )
@@ -362,13 +360,11 @@ class _Reader:
                     continue
 
     def _numbers(self, indices: Sequence[int]) -> FloatArray:
-        some = self.rows[:200] if self.table.may_use_comma else ()
-        self.comma = uses_comma([row[index] for row in some for index in indices if index < len(row)])
-        return numbers(self.rows, indices, self.source.name, comma=self.comma)
+        return numbers(self.rows, indices, self.source.name, comma=self.table.comma)
 
     def _require_sound(self, indices: Sequence[int], table: FloatArray, depth: Node, force: Node) -> None:
         _require_no_groups(self.source, self.labels, self.rows, indices, table)
-        if self.comma and self.table.commas_between:
+        if self.table.comma is None and self.table.commas_between:
             _require_decimals(self.source, self.labels, self.rows, indices)
         if not {"depth", "force"} <= self.mapping.keys():
             units = [one or other for one, other in zip(self.above, self.below, strict=False)]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import overload
 
 import numpy as np
@@ -26,7 +28,9 @@ __all__ = [
     "kind_named",
     "lines_and_gaps",
     "lines_of",
+    "listed",
     "numbers",
+    "plain",
     "split_label",
     "unit_named",
     "uses_comma",
@@ -48,6 +52,13 @@ _AFTER_SLASH = re.compile(r"(.*?\S)\s*/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
 _AFTER_WORD = re.compile(r"(.*?[^\s_:=-])(?:\s+in\s+|[\s_:=-]+)([^\W\d_]+)\.?\s*", re.IGNORECASE)
 # Letters of a unit without a sign in it; longer ones that are usual stand below.
 _LONGEST_WORD = 4
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """Words of a list that a text holds, commas between."""
+    return tuple(" ".join(name.split()) for name in text.split(","))
+
+
 _PLAIN_UNITS = frozenset(
     "pm nm um µm μm mm cm m pN nN uN µN μN mN N kN gf kgf lbf s ms us µs μs V mV".split()  # noqa: SIM905
 )
@@ -83,6 +94,8 @@ _WORD_UNITS = {
     **dict.fromkeys(("minute", "minutes"), "min"),
 }
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
+# Rows that show which decimal sign a table has.
+_SHOWN = 200
 _MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 
 
@@ -231,11 +244,20 @@ def unit_named(text: str) -> str:
     return _WORD_UNITS.get(word.rstrip(".").casefold(), word)
 
 
+def plain(name: str) -> str:
+    """Name in small letters without accents, however these are coded."""
+    if name.isascii():
+        return name.strip().lower()
+    letters = unicodedata.normalize("NFKD", name.strip().lower())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter)).replace("’", "'")
+
+
 def is_unit(text: str) -> bool:
     """Whether a word is one of the usual units of a curve's columns, by letters or in words."""
     return text in _PLAIN_UNITS or text.rstrip(".").casefold() in _WORD_UNITS
 
 
+@lru_cache(maxsize=1024)
 def kind_named(unit: str) -> str | None:
     """Kind of quantity of a unit as instruments write it; None of a word, without asking what it might be."""
     return kind_of(unit) if is_unit(unit) or len(unit) <= _LONGEST_WORD or not unit.isalpha() else None
@@ -251,7 +273,11 @@ def split_label(label: str) -> tuple[str, str]:
     >>> split_label("force_N"), split_label("Load in Newtons"), split_label("depth/um"), split_label("time: Sec")
     (('force', 'N'), ('Load', 'N'), ('depth', 'um'), ('time', 's'))
     """
-    text = label.strip().strip('"').strip()[:200]
+    return _split_label(label.strip().strip('"').strip()[:200])
+
+
+@lru_cache(maxsize=1024)
+def _split_label(text: str) -> tuple[str, str]:
     matched = _AFTER_COMMA.fullmatch(text)
     if matched and kind_of(unit_named(matched.group(2))) is not None:
         return matched.group(1).strip(), unit_named(matched.group(2))
@@ -300,8 +326,7 @@ def numbers(
     indices: Sequence[int],
     where: str,
     *,
-    comma: bool = False,
-    first_line: int = 1,
+    comma: bool | None = None,
 ) -> FloatArray:
     """Read some columns of a table of cells.
 
@@ -313,10 +338,8 @@ def numbers(
         Columns wanted.
     where : str
         File, for messages.
-    comma : bool
-        Whether the decimal sign is a comma.
-    first_line : int
-        Number of the first row, for messages.
+    comma : bool, optional
+        Whether the decimal sign is a comma; the first rows of these columns are asked where it is not said.
 
     Returns
     -------
@@ -328,12 +351,14 @@ def numbers(
     FileFormatError
         If a row is too short or a cell is not a number.
     """
+    if comma is None:
+        comma = uses_comma([row[at] for row in rows[:_SHOWN] for at in indices if at < len(row)])
     if isinstance(rows, Arrays):
         table: FloatArray | None = np.column_stack([rows.columns[at] for at in indices]).astype(np.float64)
     else:
         table = _all_good(rows, indices, comma=comma)
     if table is None:
-        table = _cell_by_cell(rows, indices, where, comma=comma, first_line=first_line)
+        table = _cell_by_cell(rows, indices, where, comma=comma)
     no_value = np.abs(table) > SENTINEL
     if no_value.any():
         table[no_value] = np.nan
@@ -374,7 +399,7 @@ def _all_lines(rows: Lines, indices: Sequence[int]) -> FloatArray | None:
 
 
 def _cell_by_cell(
-    rows: Sequence[Sequence[str]], indices: Sequence[int], where: str, *, comma: bool, first_line: int
+    rows: Sequence[Sequence[str]], indices: Sequence[int], where: str, *, comma: bool
 ) -> FloatArray:
     """Convert a table (n, m) with missing cells, or say which cell is wrong."""
     table = np.empty((len(rows), len(indices)))
@@ -384,10 +409,10 @@ def _cell_by_cell(
                 cell = row[index]
             except IndexError:
                 raise FileFormatError(
-                    f"{where}, row {first_line + i} of the table has {len(row)} cells where at least "
+                    f"{where}, row {i + 1} of the table has {len(row)} cells where at least "
                     f"{max(indices) + 1} are expected; the file may be cut short"
                 ) from None
-            table[i, j] = _number(cell, comma=comma, where=where, line=first_line + i)
+            table[i, j] = _number(cell, comma=comma, where=where, line=i + 1)
     return table
 
 

@@ -26,7 +26,15 @@ from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK
 from underlay.data.readers._format import Format, Options
-from underlay.data.readers._names import Layout, find_names, is_unit_row, layout_of, stated_lever, with_units
+from underlay.data.readers._names import (
+    Layout,
+    Row,
+    find_names,
+    is_unit_row,
+    layout_of,
+    stated_lever,
+    with_units,
+)
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import Lines, is_number, lines_and_gaps
@@ -45,7 +53,19 @@ _COMMENT = ("#", "%", "//")
 _ALSO_COMMENT = (";", "!")
 # The first line of an Igor text file, and most waves that are read of one.
 _IGOR, _MOST_WAVES = "IGOR", 2000
+_DECIMAL = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
+_DIGIT = re.compile(r"\d")
 _NUMERIC = frozenset("0123456789+-.")
+# Rows of nothing but numbers, by what separates them; a comma between cells is no decimal's.
+_READINGS = {
+    separator: re.compile(rf"(?:[ \t]*{number}(?:{between}{number})*[ \t]*\n)*")
+    for separator, between, number in (
+        ("\t", "[ ]*\t[ ]*", _DECIMAL),
+        (";", r"[ \t]*;[ \t]*", _DECIMAL),
+        (",", r"[ \t]*,[ \t]*", _DECIMAL.replace(",", "")),
+        (" ", r"[ \t]+", _DECIMAL),
+    )
+}
 _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
 
@@ -55,7 +75,7 @@ def _sniff(source: Source) -> bool:
 
 def _separator(line: str) -> str:
     """What separates a row of two numbers or more; '' of any other line."""
-    if not line or line.isspace() or line.lstrip().startswith(_COMMENT):
+    if _DIGIT.search(line) is None or line.lstrip().startswith(_COMMENT):
         return ""
     for separator in ("\t", ";", ",", " "):
         if (separator in line or separator == " ") and sum(map(is_number, _split(line, separator))) >= 2:
@@ -67,24 +87,27 @@ def _layout(lines: Sequence[str]) -> tuple[Layout, str] | None:
     """Where the numbers begin, and what separates them."""
     separators: dict[int, str] = {}
 
-    def cells(at: int) -> list[str] | None:
+    def row_at(at: int) -> Row | None:
         line = lines[at]
         if line.lstrip().startswith(_COMMENT):
             return None
-        known = separators.get(at - 1)
-        found = _split(line, known) if known else []
-        if sum(map(is_number, found)) >= 2:
-            separators[at] = known or ""
-            return found
-        if separator := _separator(line):
-            separators[at] = separator
-            return _split(line, separator)
-        # A row in front of rows of numbers may be one with a cell that is none.
-        if after := separators.get(at + 1):
-            separators[at] = after
-        return _split(line, after) if after else None
+        # As the row above, by what stands in it, or, in front of rows of numbers, as the row below.
+        known = separators.get(at - 1, "")
+        row = Row.of(_split(line, known)) if known else None
+        if row is None or not row.is_reading:
+            known = _separator(line) or separators.get(at + 1, "")
+            row = Row.of(_split(line, known)) if known else None
+        if row is not None:
+            separators[at] = known
+        return row
 
-    found = layout_of(len(lines), cells)
+    def is_regular(at: int, count: int, cells: int) -> bool:
+        separator = separators[at]
+        block = "\n".join([*lines[at : at + count], ""])
+        there = len(block.split()) if separator == " " else block.count(separator) + count
+        return there == count * cells and bool(_READINGS[separator].fullmatch(block))
+
+    found = layout_of(len(lines), row_at, is_regular)
     return None if found is None else (found, separators[found.first])
 
 
@@ -143,7 +166,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         cells,
         body.breaks,
         # Between commas only what stands in quotes can hold one.
-        may_use_comma=separator != "," or not isinstance(cells, Lines),
+        comma=False if separator == "," and isinstance(cells, Lines) else None,
         commas_between=separator == ",",
         units=units,
         stated=stated_lever(about),

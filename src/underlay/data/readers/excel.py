@@ -22,7 +22,7 @@ from typing import Any
 from underlay._text import names_there, one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, read_parts
-from underlay.data.readers._names import find_names, is_unit_row, layout_of, serves
+from underlay.data.readers._names import Row, find_names, is_unit_row, layout_of, serves
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip, read_member
 from underlay.data.readers._table import Table, is_marker, table_curves
 from underlay.data.readers._text import is_number
@@ -255,7 +255,7 @@ def _is_header(row: Sequence[str]) -> bool:
 
 def _table(source: Source, sheet: Sheet, options: Options) -> Table | None:
     """The table of a sheet; None where it holds none with what is asked for."""
-    layout = layout_of(len(sheet.rows), lambda at: sheet.rows[at])
+    layout = layout_of(len(sheet.rows), lambda at: Row.of(sheet.rows[at]))
     if layout is None:
         return None
     above = [list(row) for row in sheet.rows[: layout.first]]

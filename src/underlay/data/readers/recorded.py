@@ -174,7 +174,7 @@ def _curves(
         if len(kept) < 2 and len(groups) > 1:
             continue
         called = f"{source.path.stem}, {name}" if name and len(groups) > 1 else None
-        table = Table(list(kept), Arrays(list(kept.values())), may_use_comma=False)
+        table = Table(list(kept), Arrays(list(kept.values())), comma=False)
         curves += table_curves(source, table, options, **({"name": called} if called else {}))
     if not curves:
         raise FileFormatError(f"{source.name} holds no two columns of numbers of one length")

@@ -255,7 +255,8 @@ def _statistics(
         points=n,
         parameters=k,
         chi_square=sum(squares),
-        reduced_chi_square=sum(squares) / (n - k),
+        # As many numbers as readings leave nothing to judge by.
+        reduced_chi_square=sum(squares) / (n - k) if n > k else float("nan"),
         log_likelihood=log_likelihood,
         aic=2.0 * counted - 2.0 * log_likelihood,
         bic=counted * log(n) - 2.0 * log_likelihood,

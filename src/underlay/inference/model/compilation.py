@@ -24,7 +24,7 @@ from underlay.errors import CurveError, InputError, ParameterError
 from underlay.inference.model.coordinates import Coordinate, Spans, make_coordinate
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore, quiet_law
-from underlay.inference.model.members import Member, noise_start
+from underlay.inference.model.members import Member, means_alone, noise_start, scatter
 from underlay.inference.model.on_law_priors import begun, require_told_thickness, usual_prior
 from underlay.inference.priors import Given, Prior
 from underlay.mechanics.discrepancy import require_measured
@@ -194,8 +194,9 @@ def compile_members(
     store: LawStore,
 ) -> tuple[tuple[Member, ...], tuple[Coordinate, ...]]:
     """Check a problem and compile it; see `Problem` for what is refused."""
-    noises = _noises(noise, len(tests))
+    stated = _noises(noise, len(tests))
     _check_tests(tests)
+    noises = [_noise_of(entry, curve) for entry, (_, curve) in zip(stated, tests, strict=True)]
     if noise is None:
         tests = [against_travel(scene, curve, free) for scene, curve in tests]
     requests = _requests(free, shared, len(tests))
@@ -233,7 +234,8 @@ def compile_members(
         for i, (scene, curve) in enumerate(tests)
     )
     points = sum(len(curve) for _, curve in tests)
-    if points <= len(coordinates):
+    exact = points == len(coordinates) and not any(member.scale_is_unknown for member in members)
+    if points <= len(coordinates) and not exact:
         raise InputError(
             f"{len(coordinates)} parameters are free but there are only {points} points: free fewer"
         )
@@ -245,14 +247,19 @@ def _quantities_of(noise: NoiseModel) -> dict[str, Quantity]:
     return {f"noise.{name}": known for name, known in field_quantities(noise).items()}
 
 
-def _noises(noise: NoiseModel | Sequence[NoiseModel | None] | None, count: int) -> list[NoiseModel]:
+def _noises(noise: NoiseModel | Sequence[NoiseModel | None] | None, count: int) -> list[NoiseModel | None]:
     given = list(noise) if isinstance(noise, Sequence) else [noise] * count
     if len(given) != count:
         raise InputError(f"give one noise model for all curves or one for each of {count}; got {len(given)}")
     for entry in given:
         if not isinstance(entry, NoiseModel | None):
             raise InputError(f"noise must be a Noise, another NoiseModel or None; got {entry!r}")
-    return [Noise() if entry is None else entry for entry in given]
+    return given
+
+
+def _noise_of(given: NoiseModel | None, curve: Curve) -> NoiseModel:
+    """The noise that is given; else of unknown size, but for means alone, whose errors are known."""
+    return given or Noise(scatter(curve) if means_alone(curve) else None)
 
 
 def _require_unstated(path: str, scene: Scene) -> None:
@@ -366,6 +373,8 @@ def _common_start(
 def _spans(curve: Curve) -> Spans:
     # numpy.ptp takes twice as long.
     depth, force = curve.depth, curve.force
+    if len(curve) == 1:  # the mean of one hold: as far as it is from nothing
+        return Spans(depth=abs(float(depth[0])), force=abs(float(force[0])))
     return Spans(depth=float(depth.max() - depth.min()), force=float(force.max() - force.min()))
 
 

@@ -37,11 +37,18 @@ from underlay.quantities import field_quantities
 from underlay.scene.noise import LowRankNoise, NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["CommonErrors", "Member", "noise_start", "scatter"]
+__all__ = ["CommonErrors", "Member", "means_alone", "noise_start", "scatter"]
 
 # A smooth curve has small second differences; those of white noise have variance 6 sigma^2. The median
 # absolute value of a normal variable is 0.6745 sigma.
 _SECOND_DIFFERENCE = 6.0**0.5 * 0.6744897501960817
+# Points without a second difference.
+_MEANS_ALONE = 2
+
+
+def means_alone(curve: Curve) -> bool:
+    """Whether a curve is one or two holds of a test in steps: means with known errors, which no residual tells."""
+    return len(curve) <= _MEANS_ALONE
 
 
 def scatter(curve: Curve) -> float:
@@ -49,7 +56,7 @@ def scatter(curve: Curve) -> float:
     force = curve.force[np.argsort(curve.depth, kind="stable")] if curve.time is None else curve.force
     # In order, which takes a third of numpy.median's time.
     second = np.sort(np.abs(np.diff(force, 2)))
-    if not second.size:  # one or two steps of a test in steps: means, whose errors are known
+    if not second.size:
         errors = curve.metadata.get("force_standard_error", ())
         return max(*(float(error) for error in errors), 1e-9 * float(np.abs(curve.force).max()))
     median = 0.5 * float(second[(len(second) - 1) // 2] + second[len(second) // 2])

@@ -321,7 +321,9 @@ def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | 
         return {}
     # Only slopes are asked for; but a thickness beside stiffening is refused where nothing is said of it.
     known = {path: Normal(fit.scene.parameters[path], 1.0) for path in paths}
-    free = {**fit.problem.free, **known}
+    # What is free beside them moves no slope, and one hold of a test in steps takes no second number.
+    beside = fit.problem.free if fit.problem.n_points > len(fit.problem.names) + len(paths) else {}
+    free = {**beside, **known}
     scenes = [replace(scene, uncertainties=None) for scene in fit.scenes]
     try:
         problem = fit.problem.revised(free=free, scenes=scenes, noise=fit.noises)

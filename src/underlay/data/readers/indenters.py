@@ -1,0 +1,324 @@
+"""Text files of indenters: Optics11, Anton Paar Bioindenter, Hysitron and Fischer, each said as data.
+
+Depth grows into the sample and force is positive in compression as they are written, but where a format says
+otherwise; no file marks contact.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.readers._format import require
+from underlay.data.readers._source import Source
+from underlay.data.readers._text import is_number, lines_of, split_label
+from underlay.data.readers.text_format import Channel, Columns, Part, TextFormat, header_of, table_below
+from underlay.data.segments import (
+    HOLD,
+    LOADING,
+    UNLOADING,
+    against_motion,
+    label_pieces,
+    segments_from_motion,
+)
+from underlay.errors import FileFormatError
+
+__all__ = ["BIOINDENTER", "FISCHER", "HYSITRON", "OPTICS11"]
+
+_SIGNS = {
+    "depth": "as written, growing into the sample",
+    "force": "as written, positive in compression",
+    "segment": "from the motion",
+}
+
+
+# --- Optics11 Piuma and Chiaro, all three generations
+
+
+# Load = k * cantilever holds to the last digit written (3e-7 uN) in every file seen.
+_CLOSURE = 1e-3
+# An indentation that is zero at more of the points than this was cut by the software.
+_CUT_SHARE = 0.05
+
+
+def _is_optics11(source: Source) -> bool:
+    head = source.head()
+    return "Cantilever (nm)" in head and "Piezo (nm)" in head and "\tLoad (" in head
+
+
+def _optics11_parts(source: Source) -> Iterator[Part]:
+    lines, needed = lines_of(source), {"time", "load", "cantilever", "piezo"}
+    for at, line in enumerate(lines):
+        if needed <= {split_label(label)[0].lower() for label in line.split("\t")}:
+            require(lines[at + 1 :], source, "the table has no rows")
+            named = at > 1 and "\t" not in lines[1]
+            yield table_below(lines, at, name=lines[1].strip() if named else source.path.stem)
+            return
+    raise FileFormatError(f"{source.name}: no table header 'Time (s)  Load (uN) ...' found")
+
+
+def _made_of_optics11(part: Part, columns: Columns) -> dict[str, Any]:
+    """Depth is Piezo - Cantilever: "Indentation" is that less a constant the software chose, and cut to zero."""
+    piezo, cantilever, header = columns["piezo"], columns["cantilever"], header_of(part.head)
+    depth = piezo - cantilever
+    made: dict[str, Any] = {}
+    places = [header.get(f"{axis}-position (um)", "") for axis in "XYZ"]
+    if all(map(is_number, places)):
+        made["position"] = tuple(float(place.replace(",", ".")) * 1e-6 for place in places)
+    indentation = columns.get("indentation", np.zeros(0))
+    cut, pressed = indentation == 0.0, indentation > 0.0
+    # Some versions write Piezo - Cantilever as it is; a zero in it is then a chance.
+    if pressed.any() and cut.mean() >= _CUT_SHARE:
+        made["software_contact_depth"] = float(np.median((depth - indentation)[pressed]))
+    finite = np.isfinite(piezo).all() and np.isfinite(columns["time"]).all()
+    return {
+        "depth": depth,
+        "segment": segments_from_motion(piezo, columns["time"]) if finite else None,
+        "bending_taken_off": True,
+        "notes": _closure(columns["force"], cantilever, header.get("k (N/m)", "")),
+        **made,
+    }
+
+
+def _closure(load: FloatArray, cantilever: FloatArray, stiffness: str) -> list[str]:
+    if not is_number(stiffness):
+        return ["the header gives no cantilever stiffness: load could not be checked against deflection"]
+    gap = np.nanmax(np.abs(load - float(stiffness.replace(",", ".")) * cantilever))
+    if gap <= _CLOSURE * np.nanmax(np.abs(load)):
+        return []
+    return [f"load differs from stiffness times deflection by up to {gap:.3g} N: check the file's units"]
+
+
+OPTICS11 = TextFormat(
+    name="optics11",
+    description="Optics11 Piuma and Chiaro text files",
+    sniff=_is_optics11,
+    parts=_optics11_parts,
+    columns={
+        "time": Channel("time", ("time",)),
+        "force": Channel("force", ("load",)),
+        "cantilever": Channel("length", ("cantilever",)),
+        "piezo": Channel("length", ("piezo",)),
+        "indentation": Channel("length", ("indentation",), needed=False),
+    },
+    signs={
+        "depth": "Piezo - Cantilever, growing into the sample",
+        "force": "Load as written, positive in compression",
+        "segment": "from the motion of the piezo",
+    },
+    known={
+        "Tip radius (um)": ("indenter_radius", "length", "um"),
+        "k (N/m)": ("spring_constant", "stiffness", "N/m"),
+        "E[eff] (Pa)": ("instrument_reduced_modulus", "pressure", "Pa"),
+    },
+    made=_made_of_optics11,
+).format
+
+
+# --- Anton Paar Bioindenter (UNHT Bio)
+
+
+_MEASURED = "Measured values"
+# "Linear load 20.00 uN ; 100.00 uN/min", "Pause in depth 120 s": a step has its numbers on its line.
+_STEP = re.compile(r"\s*(linear|pause in)\s+(?:load|depth)\b.*\d", re.IGNORECASE)
+# "Load Fit [10%,98%]": over which share of the force the first analysis was fitted.
+_FIT_RANGE = re.compile(r"\s*Load Fit \[\s*(\d+(?:\.\d+)?)\s*%\s*[,;]\s*(\d+(?:\.\d+)?)\s*%\s*\]\s*")
+_PROFILE = re.compile(r"\s*\+?\s*user defined profile", re.IGNORECASE)
+# The number of the pause in the automatic protocol "+ Advanced": load, pause, unload, retract.
+_PAUSE_OF_ADVANCED = 2
+
+
+def _is_bioindenter(source: Source) -> bool:
+    head = source.head(65_536)
+    return _MEASURED in head and "SegmentID" in head and "\tFn (" in head
+
+
+def _bioindenter_parts(source: Source) -> Iterator[Part]:
+    lines = lines_of(source)
+    marks = [at for at, line in enumerate(lines) if line.strip() == _MEASURED]
+    require(marks and marks[0] + 2 < len(lines), source, f"no table after the line {_MEASURED!r}")
+    yield table_below(lines, marks[0] + 1)
+
+
+def _made_of_bioindenter(part: Part, columns: Columns) -> dict[str, Any]:
+    """Segments from SegmentID and the protocol, and what the vendor's Hertz fit says."""
+    made: dict[str, Any] = {}
+    if "ErHz" in header_of(part.head):
+        made["instrument_model"] = "Hertz"
+    if found := next((matched for matched in map(_FIT_RANGE.fullmatch, part.head) if matched), None):
+        made["instrument_fit_range"] = tuple(float(end) / 100.0 for end in found.groups())
+    ids, depth, force, time = (columns[name] for name in ("id", "depth", "force", "time"))
+    if not np.isfinite(ids).all() or not np.isfinite(depth).all():
+        return made
+    # A pause of the protocol is a hold, else the motion of each run of one number decides.
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(ids)) + 1, [len(ids)]))
+    pauses = _pauses(part.head)
+    segment = label_pieces(depth, starts, {int(at): HOLD for at in starts[:-1] if int(ids[at]) in pauses})
+    if np.isfinite(force).all() and np.isfinite(time).all():
+        segment, made["notes"] = against_motion(segment, depth, time, force)
+    return {**made, "segment": segment}
+
+
+def _pauses(lines: Sequence[str]) -> set[int]:
+    """SegmentIDs of the pauses of a protocol; in a profile of the user 0 is the approach, and 1 the first step."""
+    if not any(map(_PROFILE.match, lines)):
+        return {_PAUSE_OF_ADVANCED}
+    steps = [matched[1].lower() for matched in map(_STEP.match, lines) if matched]
+    return {number for number, step in enumerate(steps, start=1) if step.startswith("pause")}
+
+
+BIOINDENTER = TextFormat(
+    name="bioindenter",
+    description="Anton Paar Bioindenter (UNHT Bio) text exports",
+    sniff=_is_bioindenter,
+    parts=_bioindenter_parts,
+    columns={
+        "time": Channel("time", ("time",)),
+        # Zero depth is where the head first met the contact force, not contact.
+        "depth": Channel("length", ("pd",)),
+        "force": Channel("force", ("fn",)),
+        "id": Channel("", ("segmentid",)),
+    },
+    signs={
+        "depth": "Pd as written, growing into the sample",
+        "force": "Fn as written, positive in compression",
+        "segment": "from SegmentID and the protocol",
+    },
+    known={"ErHz": ("instrument_reduced_modulus", "pressure", "")},
+    made=_made_of_bioindenter,
+).format
+
+
+# --- Hysitron TriboScan: .hld, and the text export of load-controlled tests
+
+
+# The section "Test Data Points" of a .hld is the curve; approach and drift stand before it.
+_POINTS = re.compile(r"^(?:Test Data Points:|Number of Points\s*=)\s*(\d{1,18})\s*$", re.MULTILINE)
+_DYNAMIC = "nanoDMA Text Export"
+# Approach and drift sections come before the test; they hold a few thousand rows.
+_HEAD = 1_000_000
+
+
+def _is_hysitron(source: Source) -> bool:
+    head = source.head(_HEAD)
+    if _DYNAMIC in head[:200]:
+        return True
+    if "Test Data Points:" in head and "Disp_" in head and "Force_" in head:
+        return bool(_POINTS.search(head))
+    return "Depth (" in head[:2000] and "\tLoad (" in head[:2000] and bool(_POINTS.search(head[:2000]))
+
+
+def _hysitron_parts(source: Source) -> Iterator[Part]:
+    lines = lines_of(source)
+    if _DYNAMIC in lines[0]:
+        raise FileFormatError(
+            f"{source.name} is a nanoDMA export: it holds dynamic moduli, not one force-depth curve. "
+            "Export the quasi-static data, or read columns of it with format='csv' and columns={...}"
+        )
+    at, claimed = next(
+        ((at, found) for at, line in enumerate(lines) if (found := _POINTS.match(line))), (0, None)
+    )
+    if claimed is None:
+        raise FileFormatError(f"{source.name} has no line 'Test Data Points: N' or 'Number of Points = N'")
+    count, there = int(claimed[1]), len(lines) - at - 2
+    require(there >= 0, source, "the file ends before the table")
+    require(
+        count <= there,
+        source,
+        f"the header claims {count} points but {there} rows follow; the file is cut short",
+    )
+    yield table_below(lines, at + 1, slice(count))
+
+
+def _made_of_hysitron(part: Part, columns: Columns) -> dict[str, Any]:
+    """Labels by the demand of the segment in which a point falls, where the file lists segments."""
+    listed: dict[str, list[float]] = {"Begin Time": [], "End Time": [], "Begin Demand": [], "End Demand": []}
+    for line in part.head:
+        key, _, value = line.partition(":")
+        number = (value.split() or [""])[0]
+        name = key.strip().removeprefix("Segment ")
+        if key.startswith("Segment ") and name in listed and is_number(number):
+            listed[name].append(float(number.replace(",", ".")))
+    count, time = len(listed["End Time"]), columns["time"]
+    ends = np.array(listed["End Time"])
+    whole = count and all(len(values) == count for values in listed.values()) and np.isfinite(time).all()
+    if not whole or (np.diff(ends) < 0.0).any():
+        return {}
+    rise = np.array(listed["End Demand"]) - np.array(listed["Begin Demand"])
+    kinds = np.where(rise > 0.0, LOADING, np.where(rise < 0.0, UNLOADING, HOLD)).astype("<U9")
+    return {"segment": kinds[np.minimum(np.searchsorted(ends, time, side="left"), count - 1)]}
+
+
+HYSITRON = TextFormat(
+    name="hysitron",
+    description="Hysitron TriboScan .hld files and text exports",
+    sniff=_is_hysitron,
+    parts=_hysitron_parts,
+    columns={
+        "depth": Channel("length", ("disp", "depth")),
+        "force": Channel("force", ("force", "load")),
+        "time": Channel("time", ("time",)),
+    },
+    signs={**_SIGNS, "segment": "from the file's list of segments, else from the motion"},
+    known={
+        "Drift Rate": ("drift_rate", "speed", ""),
+        "Machine Comp": ("machine_compliance", "compliance", ""),
+    },
+    made=_made_of_hysitron,
+).format
+
+
+# --- Fischer (Picodentor, HM2000): blocks of one application; the units stand nowhere and are fixed
+
+
+_BLOCK = re.compile(r"^Block\s*:\s*(\d{1,9})\s+Value\s*:\s*(\d{1,9})\s*$", re.MULTILINE)
+_PLACE = re.compile(r"^x=\s*([-+\d.,]+)\s+y=\s*([-+\d.,]+)")
+
+
+def _is_fischer(source: Source) -> bool:
+    head = source.head(262_144)
+    # The longer words first: they are looked for in long steps.
+    is_block = "Block" in head and ("Name of the application" in head or "HM" in head)
+    return is_block and _BLOCK.search(head) is not None
+
+
+def _fischer_parts(source: Source) -> Iterator[Part]:
+    lines = lines_of(source)
+    starts = [(at, found) for at, line in enumerate(lines) if (found := _BLOCK.match(line.strip()))]
+    require(starts, source, "no line 'Block : 1   Value : 1'")
+    ends = [*(at for at, _ in starts[1:]), len(lines)]
+    for (at, matched), end in zip(starts, ends, strict=True):
+        block, value = map(int, matched.groups())
+        about: dict[str, Any] = {"block": block, "name": f"{source.path.stem}, block {block}, value {value}"}
+        head, rows = [], []
+        for line in lines[at + 1 : end]:
+            cells, place = line.split("\t"), _PLACE.match(line)
+            if len(cells) == 3 and all(map(is_number, cells)):
+                rows.append(cells)
+            elif place and all(map(is_number, place.groups())):
+                # The unit of the stage is mm in every file seen.
+                about["position"] = tuple(float(text.replace(",", ".")) * 1e-3 for text in place.groups())
+            elif len(cells) >= 3:
+                head.append(f"{cells[0].strip()} {cells[1].strip()}:\t{' '.join(map(str.strip, cells[2:]))}")
+        labels = [("F", "mN"), ("h", "um"), ("t", "s")]
+        yield Part(head, labels, rows, f"block {block}, value {value}", about=about)
+
+
+FISCHER = TextFormat(
+    name="fischer",
+    description="Fischer (Picodentor, HM2000) text exports",
+    sniff=_is_fischer,
+    parts=_fischer_parts,
+    columns={
+        "force": Channel("force", ("f",)),
+        "depth": Channel("length", ("h",)),
+        "time": Channel("time", ("t",)),
+    },
+    signs=_SIGNS,
+    # Whole numbers lose their comma ("1" beside "0,7"), so each cell is read with either sign.
+    comma=True,
+).format

@@ -1,0 +1,227 @@
+"""A text format is data: what tells it, where its tests stand, what its columns are, and what its head says."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, TypeAlias
+
+from underlay._arrays import FloatArray
+from underlay._text import names_there
+from underlay.data.curve import Curve
+from underlay.data.readers._format import Format, Options, make_curve, read_parts
+from underlay.data.readers._source import Source
+from underlay.data.readers._text import (
+    Lines,
+    column_factor,
+    is_number,
+    kind_named,
+    numbers,
+    split_label,
+)
+from underlay.errors import FileFormatError, UnitError
+from underlay.units import parse_quantity, unit_factor
+
+__all__ = ["Channel", "Columns", "Part", "TextFormat", "header_of", "table_below"]
+
+#: Columns (n,) in SI by what they are.
+Columns: TypeAlias = Mapping[str, FloatArray]
+# "Model: Hertz", "SMDuration (s) 0.0", "ErHz= 830.29 kPa": a key ends in a colon, an equals sign or a bracket.
+_KEY_VALUE = re.compile(r"(.+?(?:\)|:|=))\s*(.*)")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column that an instrument writes.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of quantity; "" for a number without a unit.
+    names : tuple of str
+        What it is called, in small letters, best first; none where the parts say its place.
+    unit : str
+        Its unit, where the file does not say it.
+    needed : bool
+        Whether there is no curve without it.
+    """
+
+    kind: str
+    names: tuple[str, ...] = ()
+    unit: str = ""
+    needed: bool = True
+
+
+@dataclass(frozen=True)
+class Part:
+    """One test as it stands in a file.
+
+    Parameters
+    ----------
+    head : sequence of str
+        Lines above the table.
+    labels : sequence of (str, str)
+        Name and unit of each column.
+    rows : sequence of sequences of str
+        The cells.
+    name : str
+        What to call it in a message beside the file's name, such as its block or sheet.
+    found : mapping of str to int
+        Columns whose place is known, whatever they are called.
+    about : mapping
+        What is known of it beside its table.
+    """
+
+    head: Sequence[str]
+    labels: Sequence[tuple[str, str]]
+    rows: Sequence[Sequence[str]]
+    name: str = ""
+    found: Mapping[str, int] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+
+def table_below(lines: Sequence[str], at: int, rows: slice = slice(None), **about: Any) -> Part:
+    """The table whose names stand in a line, tabs between, and all lines above it as its head."""
+    labels = [split_label(label) for label in lines[at].split("\t")]
+    return Part(lines[:at], labels, Lines(list(lines[at + 1 :][rows]), "\t"), about=about)
+
+
+def header_of(lines: Sequence[str]) -> dict[str, str]:
+    """Key and value of every line of a head; lines of several pairs, tabs between, give several entries."""
+    header: dict[str, str] = {}
+    for line in lines:
+        cells = [" ".join(cell.split()) for cell in line.strip().split("\t")]
+        if len(cells) == 1:
+            matched = _KEY_VALUE.fullmatch(cells[0])
+            cells = [matched[1], matched[2]] if matched else []
+        elif len(cells) % 2 or cells[0].endswith((":", "=")):  # a number and its unit in cells of their own
+            cells = [cells[0], " ".join(cells[1:]).strip()]
+        for key, value in zip(cells[::2], cells[1::2], strict=False):
+            if key:
+                header.setdefault(key.rstrip(" :="), value)
+    return header
+
+
+def _as_written(part: Part, columns: Columns) -> Mapping[str, Any]:
+    del part, columns
+    return {}
+
+
+@dataclass(frozen=True)
+class TextFormat:
+    """What one instrument writes, as data over one table reader.
+
+    Parameters
+    ----------
+    name, description : str
+        As in `Format`.
+    sniff : callable
+        Whether the content of a file is of this format.
+    parts : callable
+        Its tests; raises `FileFormatError` where there is none.
+    columns : mapping of str to Channel
+        What it writes; ``depth``, ``force`` and ``time`` become those of the curve, others serve `made`.
+    signs : mapping of str to str
+        The rule of each sign, for people.
+    known : mapping of str to (str, str, str)
+        Of a key of the head: name in the curve's metadata, kind of quantity, and its unit where the value has none.
+    made : callable
+        What else makes a curve of a part and its columns: columns, labels, notes, metadata.
+    comma : bool or None
+        Whether a comma is the decimal sign; None asks the first rows.
+    extra : str
+        As in `Format`.
+    """
+
+    name: str
+    description: str
+    sniff: Callable[[Source], bool]
+    parts: Callable[[Source], Iterable[Part]]
+    columns: Mapping[str, Channel]
+    signs: Mapping[str, str]
+    known: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
+    made: Callable[[Part, Columns], Mapping[str, Any]] = _as_written
+    comma: bool | None = None
+    extra: str = ""
+
+    @property
+    def format(self) -> Format:
+        """What the table of formats holds of it."""
+        return Format(self.name, self.description, self.sniff, self._read_all, extra=self.extra)
+
+    def _read_all(self, source: Source, options: Options) -> list[Curve]:
+        del options
+        parts = [(part.name, partial(self._curves, source, part)) for part in self.parts(source)]
+        if all(name.startswith("sheet") for name, _ in parts):
+            return read_parts(parts)
+        return [curve for _, read in parts for curve in read()]
+
+    def _curves(self, source: Source, part: Part) -> list[Curve]:
+        where = f"{source.name}, {part.name}" if part.name else source.name
+        found = self._found(where, part)
+        columns = self.read(where, part, found)
+        header = header_of(part.head)
+        made = {
+            **({"header": header} if part.head else {}),
+            "units": {part.labels[at][0]: part.labels[at][1] for at in found.values()},
+            "sign_rules": dict(self.signs),
+            **self._known(header),
+            **columns,
+            **part.about,
+            **self.made(part, columns),
+        }
+        for role in self.columns.keys() - {"depth", "force", "time"}:
+            if made.get(role) is columns.get(role):
+                made.pop(role, None)
+        depth, force, time = (made.pop(role, None) for role in ("depth", "force", "time"))
+        segment = made.pop("segment", None)
+        return [make_curve(source, depth, force, time, segment, **made)]
+
+    def _found(self, where: str, part: Part) -> dict[str, int]:
+        """Index of the column of each role that is there."""
+        found = dict(part.found)
+        for role, channel in self.columns.items():
+            if role in found:
+                continue
+            named = [
+                at
+                for name in channel.names
+                for at, label in enumerate(part.labels)
+                if label[0].lower() == name
+            ]
+            # "Depth (V)" beside "Depth (nm)" is the raw signal.
+            fitting = [at for at in named if kind_named(part.labels[at][1]) == channel.kind]
+            if named:
+                found[role] = (fitting or named)[0]
+            elif channel.needed:
+                there = names_there(name for name, _ in part.labels)
+                raise FileFormatError(f"{where} has no column {channel.names[0]!r}; it has {there}")
+        return found
+
+    def read(self, where: str, part: Part, found: Mapping[str, int]) -> dict[str, FloatArray]:
+        """Columns (n,) in SI by role."""
+        if not len(part.rows):
+            raise FileFormatError(f"{where} has no rows of numbers")
+        table = numbers(part.rows, list(found.values()), where, comma=self.comma)
+        columns = {}
+        for j, (role, at) in enumerate(found.items()):
+            channel, (label, unit) = self.columns[role], part.labels[at]
+            factor = column_factor(channel.unit or unit, channel.kind, label, where) if channel.kind else 1.0
+            columns[role] = table[:, j] * factor
+        return columns
+
+    def _known(self, header: Mapping[str, str]) -> dict[str, float]:
+        """Numbers of the head that mean something to a fit; what is not there or no such number is left out."""
+        known = {}
+        for key, (name, kind, unit) in self.known.items():
+            value = header.get(key, "")
+            if unit and is_number(value):
+                known[name] = float(value.replace(",", ".")) * unit_factor(unit, kind)
+            elif not unit:
+                try:
+                    known[name] = parse_quantity(value, kind)
+                except UnitError:  # written without a unit in some versions: then it is not used
+                    continue
+        return known
