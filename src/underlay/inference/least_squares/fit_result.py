@@ -1,9 +1,4 @@
-"""What a fit hands back: numbers, how sure they are, how they were found, and what to beware of.
-
-What a fit states to people: intervals, a verdict with its reasons, and what the numbers stand on.
-
-Parts of a fit's result: reservations, other optima, and how it was reached.
-"""
+"""What a fit hands back: the fitted numbers, how sure they are, how they were found, and what to beware of."""
 
 from __future__ import annotations
 

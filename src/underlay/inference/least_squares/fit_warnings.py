@@ -1,4 +1,4 @@
-"""What to beware of in a fit, in words."""
+"""Warnings of a fit: what to beware of, in words."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ from underlay.units import format_quantity
 
 __all__ = ["against_priors", "over_correlated", "too_deep", "warnings_of"]
 
-# A standard error of a factor e either way, or of the whole range of the curve, says nothing.
+# Standard error in a scaled coordinate from which it says nothing: a factor e either way, or the whole range of the
+# curve.
 _UNINFORMATIVE = 1.0
-# Beyond a factor of a million its size tells no more.
+# Standard error in a scaled coordinate whose size tells no more: a factor of a million.
 _BEYOND_SENSE = 14.0
+# Correlation of two parameters from which they may be known only together.
 _STRONG_CORRELATION = 0.99
 # Standard deviations of a prior beyond which it is not believed: 99.9 % of what it foresaw lies within.
 _CONTRADICTED = 3.4
