@@ -170,7 +170,7 @@ class Program:
     Parameters
     ----------
     command : str
-        Its command line. ``{curve}`` stands for the CSV (SI, names in the first row that is no comment),
+        The command line. ``{curve}`` stands for the CSV (SI, names in the first row that is no comment),
         ``{scene}`` for the scene file, ``{answer}`` for the file that it writes the modulus (Pa) to, and any
         number of the scene by its path, e.g. ``{indenter.radius}``, for its value in SI. Without ``{answer}`` the
         modulus is the last word that it prints.
@@ -408,7 +408,7 @@ def benchmark(
         Takes a `Case` (with the paths ``curve`` and ``scene``) and gives a modulus (Pa), or an `Estimate` with an
         interval. An error that it raises is the score of that curve.
     kinds : collection of str
-        Which kinds of sample; all by default.
+        Kinds of sample; all by default.
     progress : callable, optional
         Called with each case before it is estimated.
 

@@ -98,7 +98,7 @@ def require_sizes(problem: Problem) -> None:
 
 
 def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
-    """Say in a line that the force is far from that of the modulus a scene begins with: a unit off by a thousand.
+    """Note that the force is far from that of the modulus a scene begins with, as by a unit off by a thousand.
 
     Parameters
     ----------

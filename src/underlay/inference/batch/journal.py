@@ -164,7 +164,7 @@ class Journal:
                 yield line.decode()
 
     def _is_begun(self, identity: Mapping[str, Any]) -> bool:
-        """Look at the file without writing; whether it holds this run, and not only its first moment.
+        """Whether the file holds this run, and not only its first moment; read without writing.
 
         Raises
         ------

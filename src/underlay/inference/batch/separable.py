@@ -202,7 +202,7 @@ class SeparableFit:
     law_method : str
         Method of the contact law.
     law_error : float
-        Its estimated relative error.
+        Estimated relative error of that law.
     steps : int
         How many models were computed.
     """

@@ -114,7 +114,7 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
 
 
 def _reach(blocked: Objective) -> FloatArray:
-    """How far each entry may go from its start, (k,); the noise's rest."""
+    """Distance that each scaled entry may go from its start, (k,); numbers of the noise stay."""
     coordinates = blocked.problem.coordinates
     reach = np.array([_MODULUS_REACH if c.path in (MODULUS, BASE_MODULUS) else _REACH for c in coordinates])
     reach[list(blocked.problem.noise_entries)] = 0.0
@@ -142,7 +142,7 @@ def _at_edge(blocked: Objective, at: FloatArray, low: FloatArray, high: FloatArr
 
 
 def _distinct(found: list[Candidate], degrees: int) -> list[Candidate]:
-    """Those, best first, that may be the optimum and are not on the way to a better one."""
+    """Candidates, best first, that may be the optimum and are not on the way to a better one."""
     kept: list[Candidate] = []
     for entry in found:
         best = found[0]

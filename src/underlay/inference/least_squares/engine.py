@@ -49,9 +49,9 @@ def damped_steps(
     Returns
     -------
     steps : FloatArray
-        Of the scaled vectors, (s, k).
+        Changes of the scaled vectors, (s, k).
     gain : FloatArray
-        By how much each should lower the sum of squares, (s,).
+        Fall of the sum of squares that each step promises, (s,).
     length : FloatArray
         Largest change of an entry, (s,).
     """
@@ -165,7 +165,7 @@ GiveUp: TypeAlias = Callable[[Ahead], bool]
 
 @dataclass(frozen=True)
 class Search:
-    """How long and how exactly to search.
+    """Limits of a search: how many steps it makes, and when it ends.
 
     Parameters
     ----------

@@ -41,10 +41,24 @@ def warnings_of(
     statistics: FitStatistics,
     alternatives: Sequence[Alternative],
 ) -> tuple[FitWarning, ...]:
-    """Everything a reader of the numbers should know first.
+    """Warnings of a fit, those a reader of its numbers should know first.
 
-    `laws` are those behind the curves, one each; `reasons` and `bounds_hit` are those of `Fit`; `covariance`
-    is the scaled one, (k, k); `correlated` describes the residuals of the curves where they hang together.
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    laws : sequence of ContactLaw
+        Laws behind the curves, one each.
+    reasons, bounds_hit : mapping of str to str
+        `Fit.no_error_bars` and `Fit.bounds_hit`.
+    covariance : FloatArray
+        Covariance in scaled coordinates, (k, k).
+    correlated : sequence of ResidualDiagnostics or None
+        Of every curve what its residuals look like where they hang together.
+    statistics : FitStatistics
+        Statistics of the fit.
+    alternatives : sequence of Alternative
+        Other optima.
     """
     warnings = []
     if not statistics.success:

@@ -45,9 +45,9 @@ def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
     Parameters
     ----------
     found : Fit
-        To all readings of `problem`, or to some of them.
+        A fit to all readings of `problem`, or to some of them.
     problem : Problem
-        With all readings.
+        The problem with all readings.
 
     Returns
     -------

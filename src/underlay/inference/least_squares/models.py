@@ -44,14 +44,14 @@ def freeze(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -
 
 
 class Loss(NamedTuple):
-    """One loss, each a function of z (n,).
+    """One loss; its three parts are functions of z (n,), the squares of whitened residuals r.
 
     Parameters
     ----------
     rho : callable
-        What is summed.
+        rho(z), of which the sum is lowered.
     weight : callable
-        rho'(z).
+        rho'(z), the weight of a residual.
     slope : callable
         d(r rho'(r^2))/dr.
     """

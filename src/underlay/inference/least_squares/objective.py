@@ -60,7 +60,7 @@ class BaseSteps:
     bases : ndarray of int (m,)
         Their entries in a scaled vector.
     layers : ndarray of int (m,)
-        Those of the layers' moduli; any where they are known.
+        Entries of the layers' moduli; any where they are known.
     free : FloatArray
         One where that modulus is free, zero where it is known, (m,).
     at_start : FloatArray
@@ -408,17 +408,17 @@ class Objective:
 
     @cached_property
     def bases(self) -> BaseSteps | None:
-        """How searches step in the moduli of bases."""
+        """Steps of the moduli of bases; None where none is free."""
         return BaseSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def poissons(self) -> PoissonSteps | None:
-        """How searches step in the Poisson's ratios of layers."""
+        """Steps of the Poisson's ratios of layers; None where none is free."""
         return PoissonSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def courses(self) -> tuple[BaseSteps | PoissonSteps, ...]:
-        """How searches step in entries in which the force is far from straight."""
+        """Steps of the entries in which the force is far from straight."""
         return tuple(steps for steps in (self.bases, self.poissons) if steps is not None)
 
     @cached_property

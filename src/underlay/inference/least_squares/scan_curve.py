@@ -298,7 +298,7 @@ class GridFit:
     lowest : FloatArray
         Contact depth (m) where the parabola through the misfits of the best and its neighbours is lowest.
     residuals : FloatArray
-        Of the blocks (N), (r, m).
+        Residuals of the blocks (N), (r, m).
     """
 
     misfit: FloatArray

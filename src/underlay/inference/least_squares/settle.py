@@ -232,7 +232,7 @@ def restricted_log_likelihood(
 
 @dataclass(frozen=True)
 class Optimum:
-    """Where a fit ended.
+    """The optimum at which a fit ended, settled on all readings.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ class Optimum:
     minimiser : Minimiser, optional
         lmfit's, where it had the last word.
     lmfit : MinimizerResult, optional
-        Its result.
+        lmfit's result.
     """
 
     objective: Objective

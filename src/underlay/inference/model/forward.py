@@ -244,7 +244,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Forward:
-    """One scene, the depth readings of one curve, and what may vary.
+    """The forward model of one scene at the depth readings of one curve.
 
     Parameters
     ----------

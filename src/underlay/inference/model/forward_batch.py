@@ -44,7 +44,7 @@ _SETTLED, _MOST_STEPS = 1e-9, 50
 
 
 def sticking(forward: Forward, values: Values, sets: int) -> Readings:
-    """All sets off the tables of their adhesion; those that these do not reach, or that have none, one by one."""
+    """Readings of all sets off the tables of their adhesion; of sets out of reach, or without, one by one."""
     # A table solves for the tip's depth itself: the chain is asked for travel and offsets alone.
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     table, work, ratio = _adhesion_table(asked)
@@ -85,7 +85,7 @@ def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[Floa
 
 
 def bending(forward: Forward, values: Values, empty: Readings) -> Readings:
-    """All sets of a lever that bends beyond what was taken off; what goes set by set otherwise does so here."""
+    """Readings of all sets of a lever that bends beyond what was taken off; together where they go so without."""
     sets = len(empty.possible)
     if forward.left_out is not None or is_shaped_by_lengths(forward):
         return set_by_set(forward, values, range(sets), empty)
@@ -139,7 +139,7 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     values : mapping of path to float or FloatArray
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
-        How many.
+        How many sets.
     stiffness : bool, default True
         Without it the stiffness is left zero, for a likelihood that does not ask.
 

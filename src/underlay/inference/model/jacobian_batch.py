@@ -68,7 +68,7 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
     values : mapping of path to float or FloatArray
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
-        How many.
+        How many sets.
     paths : sequence of str
         Free parameters.
 

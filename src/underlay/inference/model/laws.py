@@ -202,7 +202,7 @@ class LawSource:
     table : OneRatio or None
         The one ratio that can change the law, where the solver reads such laws off a table.
     tips : OneRatio or None
-        The same for a tip that is no power law: its size over the thickness may vary too.
+        The one ratio of a tip that is no power law: its size over the thickness may vary too.
     beside : tuple of str
         Paths of the ratios in which laws that are solved for say their own derivatives (`Contact.beside`); beside
         tables in the order of the tables' own.

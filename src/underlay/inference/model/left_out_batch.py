@@ -29,11 +29,11 @@ def left_out_readings(
     Parameters
     ----------
     forward : Forward
-        With what its law leaves out.
+        Forward model with what its law leaves out.
     values : mapping of path to float or FloatArray
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
-        How many.
+        How many sets.
     batched : callable
         Readings of a law that leaves nothing out; without stiffness.
     """

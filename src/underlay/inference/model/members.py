@@ -271,11 +271,11 @@ class CommonErrors:
     Parameters
     ----------
     rows : tuple of FloatArray
-        Of every curve, (n, m): what each error of size one adds to its whitened readings.
+        Rows of A of every curve, (n, m): what each error of size one adds to its whitened readings.
     directions : tuple of FloatArray
-        Of every curve its rows of U, (n, m).
+        Rows of U of every curve, (n, m).
     sizes : FloatArray
-        S, (m,).
+        Singular values S, (m,).
     """
 
     rows: tuple[FloatArray, ...]

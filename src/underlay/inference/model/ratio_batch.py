@@ -59,7 +59,7 @@ def goes_together(asked: ParameterSets) -> bool:
 
 
 def by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
-    """All sets through one law, another only where the range it needs belongs to another span."""
+    """Readings of all sets through one law; through another where the range that a set needs is another span."""
     readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     b, c = asked.factors
     depth = b * asked.deepest

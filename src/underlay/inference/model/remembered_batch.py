@@ -31,7 +31,7 @@ class _Read(Protocol):
 
     @property
     def possible(self) -> NDArray[np.bool_]:
-        """Which sets exist."""
+        """Whether each set has a law, (sets,)."""
 
 
 def remembered_readings(

@@ -121,7 +121,7 @@ class CurveLikelihood:
 
     @property
     def middle(self) -> float:
-        """Where the likelihood is largest, ln of the parameter."""
+        """Ln of the parameter at which the likelihood is largest."""
         return self.places[_MIDDLE]
 
     @cached_property

@@ -265,7 +265,7 @@ class Grid:
             yield found
 
     def places(self, spread: float) -> IntArray:
-        """Which places tell all of what a normal of this standard deviation has blurred."""
+        """Indices of the places that tell all of what a normal of this standard deviation has blurred."""
         stride = max(int(_APART * spread / self.step), 1)
         outer, last = len(self.outside), len(self.outside) + self.count - 1
         parts = np.arange(outer), np.arange(outer, last, stride), np.arange(last, len(self.x))
@@ -344,7 +344,7 @@ def carried(units: Messages, spreads: FloatArray, parents: IntArray, count: int,
     Parameters
     ----------
     units : Messages
-        Of the units of one level.
+        Messages of the units of one level.
     spreads : FloatArray
         Spreads of that level; a new leading axis of the result.
     parents : ndarray of int (units,)

@@ -75,9 +75,9 @@ class PlainMean:
     value : float
         The logarithm.
     scatter : Variance or None
-        Its variance by how the units scatter; none where one unit is all there is.
+        Variance of the logarithm by how the units scatter; none where one unit is all there is.
     within : Variance
-        Its variance if units did not differ: by the errors of the curves and their scatter within units.
+        Variance if units did not differ: by the errors of the curves and their scatter within units.
     """
 
     value: float
@@ -177,7 +177,7 @@ class Spread:
     Parameters
     ----------
     level : str
-        Whose spread: "animal" says how animals differ, "curve" how curves of one innermost unit do.
+        Level whose units differ so: "animal" for animals, "curve" for curves of one innermost unit.
     median, low, high : float
         As shares: 0.2 is 20 %. `low` is zero where there may be none, and `high` a one-sided limit then.
     """
@@ -224,7 +224,7 @@ class Group(_TwoWays):
         Geometric mean (SI), low and high end of its 95 % interval by the model of all levels, with its priors on
         the spreads; an end that is not there is zero or infinite.
     plain : tuple of float
-        The same by the t interval of the animals' means, or what the errors of their curves leave where that is
+        That mean by the t interval of the animals' means, or what the errors of their curves leave where that is
         longer; without a prior; not-a-number for fewer than two.
     leads_plain : bool
         Whether the second is the one to go by: two to five animals, whose spread the prior would decide.
@@ -274,14 +274,14 @@ class Comparison(_TwoWays):
     modelled : tuple of float
         Ratio of the geometric means, low and high end of its 95 % interval by the model, with its priors.
     plain : tuple of float
-        The same by Welch's interval of the animals' means, or what the errors of their curves leave where that is
+        That ratio by Welch's interval of the animals' means, or what the errors of their curves leave where that is
         longer; without a prior.
     leads_plain : bool
         Whether the second is the one to go by: a group of the two has few animals.
     reference : str
         The earlier group.
     probability_above : float
-        That the ratio exceeds one, by the one to go by.
+        Probability that the ratio exceeds one, by the interval to go by.
     """
 
     reference: str

@@ -228,7 +228,7 @@ class LikelihoodProfile:
 
     @property
     def best(self) -> int:
-        """Where the rise is smallest."""
+        """Index of the value at which the rise is smallest."""
         return int(np.argmin(self.delta_chi_square))
 
     def threshold(self, level: float, *, upper: bool | None = None) -> float:

@@ -177,7 +177,7 @@ class Walk:
         return replace(self, reason="none")
 
     def _left(self, direction: float, travelled: float) -> float:
-        """How far it still is to where a walk ends on a plateau: nothing is asked further out."""
+        """Distance (scaled) left to where a walk ends on a plateau: nothing is asked further out."""
         left = _FARTHEST - min(travelled, direction * float(self.vectors[-1][self.index]))
         return left if left > _ROUNDED else np.inf
 

@@ -91,7 +91,7 @@ def delta_chi_square_at(fit: Fit, name: str, value: float) -> float:
 
 
 def missed(fit: Fit, vector: FloatArray) -> float:
-    """How far (t, zero or below) a fit begun at a scaled vector (k,) gets below the one handed in.
+    """Rise t, zero or below, of a fit begun at a scaled vector (k,) over the fit handed in.
 
     Of two optima a fit may have found the higher one only.
     """

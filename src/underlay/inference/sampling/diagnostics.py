@@ -100,7 +100,7 @@ class Importance:
     refused : str
         Why the weights are not believed; empty where they are.
     disagreement : str
-        Where a chain and the weights differ by more than their errors; empty where they do not.
+        In words, where a chain and the weights differ by more than their errors; empty where they do not.
     """
 
     draws: int

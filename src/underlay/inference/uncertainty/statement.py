@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
 __all__ = ["NOISE", "Statement"]
 
-#: The source of the statistical part.
+#: Name of the source of the statistical part.
 NOISE = "noise and misfit"
-_LEVEL = 0.95
-# In scaled coordinates: an end a factor of 400 away, or six spans of the curve, is none.
+_LEVEL = 0.95  # confidence of answers by default, and of the moves of a source
+# Distance in scaled coordinates from which an end is none: a factor of 400, or six spans of the curve.
 _FARTHEST = 6.0
-# Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
+# Step of central differences in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
 
 
@@ -49,11 +49,11 @@ class _Scale:
     name, unit : str
         The quantity, and its SI unit.
     value : float
-        Where the fit has it, on the scale.
+        The fit's value of the quantity, on the scale.
     low, high : float
         Ends of the statistical interval, on the scale.
     of : callable
-        The scale at scaled vectors (m, k): (m,).
+        The quantity on the scale, (m,), at scaled vectors (m, k).
     physical : callable
         The quantity (SI) of a number on the scale.
     """
@@ -98,7 +98,7 @@ class Statement:
     @cached_property
     @one_thread()
     def reading(self) -> Reading:
-        """What is read from it: intervals and draws."""
+        """Intervals and draws that are read from the likelihood."""
         return self.likelihood.read(0)
 
     @cached_property
@@ -276,7 +276,7 @@ class Statement:
         return Contribution(source, size, origin, value - low, high - value, share)
 
     def _notes(self, scale: _Scale) -> tuple[str, ...]:
-        """Rules that moved the value."""
+        """Rules that moved the value, in words."""
         notes = []
         plain = float(scale.of(self.fit.vector[None])[0])
         if plain != scale.value:
