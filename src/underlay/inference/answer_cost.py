@@ -1,16 +1,13 @@
-"""What accuracy costs, for the answer and for the posterior.
+"""What accuracy costs, for the answer and for the posterior: errors of fitted numbers against processor time.
 
-The fit that everybody writes first: Hertz's formula through lmfit, the unit in which fits are timed.
+For the answer (`answer_cost`) it is how far off modulus and thickness are, against the time of the whole fit. The
+curve is the scene's own: made by the exact law to 1e-10, without noise, so that what a fit is off by is the model's
+doing and no chance. Its noise is stated all the same, 0.5 % of the largest force, as a measured curve's would be.
+Modulus and contact are fitted with the thickness known; then modulus, thickness and contact together. For the
+posterior (`posterior_cost`) it is the error of its quantiles against the time of the sampling, for one curve.
 
-What accuracy costs, for the answer: how far off modulus and thickness are, against the time of the whole fit.
-
-The curve is the scene's own: made by the exact law to 1e-10, without noise, so that what a fit is off by is the
-model's doing and no chance. Its noise is stated all the same, 0.5 % of the largest force, as a measured curve's
-would be. Modulus and contact are fitted with the thickness known; then modulus, thickness and contact together.
 Times are processor times, from the problem to the result; of several the shortest counts. Their unit is lmfit's
-fit of Hertz's formula to the same points.
-
-What a posterior costs: the error of its quantiles against the time of the sampling, for one curve.
+fit of Hertz's formula to the same points (`plain_hertz_fit`), the fit that everybody writes first.
 """
 
 from __future__ import annotations
@@ -55,113 +52,27 @@ __all__ = [
     "timed",
 ]
 
+#: Paths of the parameters that are fitted.
 MODULUS, THICKNESS, CONTACT = "layer.E", "layer.thickness", "instrument.contact_depth"
+# The law that makes a scene's own curve, and the readings of that.
 _TRUTH = Exact(1e-10)
 _POINTS = 400
 # Readings begin this share of the depth before contact; the noise is this share of the largest force.
 _BEFORE, _NOISE = 0.15, 0.005
+# Times that a fit is timed, and the time (s) beyond which it is timed once.
 _ROUNDS = 3
-_LONG = 0.3  # s: what takes longer is timed once
-# Lengths of the chains, and the quantiles that are compared.
+_LONG = 0.3
+# Steps of the chains that are compared, and the quantiles that are.
 _STEPS = (50, 100, 200, 400)
 _LEVELS = (0.05, 0.5, 0.95)
-_FROM_MEDIAN = 1.6449  # standard deviations to the outer ones, where a posterior is normal
-_RTOL = 1e-4  # a fiftieth of the noise
-# Runs whose means all are compared with.
+_FROM_MEDIAN = 1.6449  # standard deviations to the outer quantiles, where a posterior is normal
+_RTOL = 1e-4  # relative tolerance of the law of a posterior: a fiftieth of the noise
+# Runs with whose means all others are compared.
 _REFERENCES = 4
-# Priors reach this factor to either side of the scene's values.
+# Factor by which priors reach to either side of the scene's values.
 _WIDE = 30.0
-#: Ways to draw a posterior beside walkers by their steps: names that `sample` may know as its `method`.
+#: Names that `sample` may know as its `method`, beside walkers by their steps.
 _FURTHER_WAYS = ("importance", "ridge")
-
-
-def plain_hertz_fit(
-    depth: FloatArray, force: FloatArray, radius: float, nu: float, *, E: float, contact_depth: float = 0.0
-) -> dict[str, float]:
-    """Fit modulus, contact depth and baseline with lmfit's defaults: leastsq, its own numeric derivatives.
-
-    P = 4 E sqrt(R) w^(3/2) / (3 (1 - nu^2)) for a paraboloid on a half-space (Hertz 1882,
-    doi:10.1515/crll.1882.92.156).
-
-    Parameters
-    ----------
-    depth, force : FloatArray
-        Readings (m, N), (n,).
-    radius : float
-        Of the tip (m).
-    nu : float
-        Poisson's ratio.
-    E, contact_depth : float
-        Where it starts (Pa, m); the baseline starts at zero.
-
-    Returns
-    -------
-    dict
-        ``E`` (Pa), ``contact_depth`` (m), ``baseline`` (N).
-    """
-    scale = 4.0 / 3.0 * radius**0.5 / (1.0 - nu * nu)
-
-    def residual(current: Any) -> FloatArray:
-        w = np.maximum(depth - current["contact_depth"].value, 0.0)
-        model: FloatArray = scale * current["E"].value * w**1.5 + current["baseline"].value
-        return model - force
-
-    start = lmfit.Parameters()
-    start.add("E", value=E, min=0.0)
-    start.add("contact_depth", value=contact_depth)
-    start.add("baseline", value=0.0)
-    result = lmfit.minimize(residual, start)
-    return {name: float(entry.value) for name, entry in result.params.items()}
-
-
-@dataclass(frozen=True)
-class OwnCurve:
-    """What a scene would measure, and what one plain fit of it takes.
-
-    Parameters
-    ----------
-    scene : Scene
-        Without baseline and memory.
-    curve : Curve
-        Its curve.
-    noise : Noise
-        What is stated of it.
-    unit : float
-        Time (s) of lmfit's fit of Hertz's formula.
-    """
-
-    scene: Scene
-    curve: Curve
-    noise: Noise
-    unit: float
-
-    @classmethod
-    def of(cls, scene: Scene, max_depth: float, seed: int | None = None) -> OwnCurve:
-        """Make the curve of `scene` up to `max_depth` (m) since contact, with noise where there is a seed."""
-        deepest = positive(max_depth, "max_depth", "m")
-        bare = replace(scene.elastic.instrument, baseline=0.0, baseline_slope=0.0)
-        scene = replace(scene.elastic, instrument=bare)
-        depth = np.linspace(-_BEFORE, 1.0, _POINTS) * deepest + bare.contact_depth
-        force = scene.force(depth, solver=_TRUTH)
-        noise = Noise(force=_NOISE * float(np.abs(force).max()))
-        if seed is not None:
-            force = force + np.random.default_rng(seed).normal(0.0, _NOISE * float(force.max()), force.size)
-        radius = float(scene.indenter.halfspace_radius(np.array(deepest))) ** 2 / deepest
-        E = 3.0 * scene.parameters[MODULUS]
-        unit = timed(lambda: plain_hertz_fit(depth, force, radius, 0.5, E=E), 5)[1]
-        return cls(scene, Curve(depth, force), noise, unit)
-
-
-def timed(call: Callable[[], Any], rounds: int = 1) -> tuple[Any, float]:
-    """What a call answers, and the shortest processor time (s) of so many; one that is long is made once."""
-    best = np.inf
-    for _ in range(rounds):
-        start = time.process_time()
-        answer = call()
-        best = min(best, time.process_time() - start)
-        if best > _LONG:
-            break
-    return answer, best
 
 
 def answer_cost(
@@ -258,7 +169,7 @@ def effects_on_answers(scene: Scene, max_depth: float, solver: AnySolver = "auto
 
 
 def _left_out(effect: Effect, deepest: float, solver: Solver) -> dict[str, float]:
-    """The numbers of one row."""
+    """Numbers of one row of `effects_on_answers`, by column."""
     with_it, without = effect.with_it, effect.without
     nothing = dict.fromkeys(("E_percent", "h_percent", "fit_cost_percent"), np.nan)
     if not (isinstance(with_it, Scene) and isinstance(without, Scene)) or effect.duration is not None:
@@ -286,7 +197,7 @@ def _left_out(effect: Effect, deepest: float, solver: Solver) -> dict[str, float
 
 @dataclass(frozen=True)
 class _Answer:
-    """What one fit says over the truth, less one, and its time (s); NaN where there is none."""
+    """Modulus and thickness of one fit over the truth, less one, and its time (s); NaN where there is none."""
 
     modulus: float = np.nan
     thickness: float = np.nan
@@ -327,7 +238,7 @@ def posterior_cost(
     steps : iterable of int
         Lengths of the chains of walkers that are compared.
     seed : int, default 0
-        Of the curve's noise and of the walkers.
+        Seed of the curve's noise and of the walkers.
 
     Returns
     -------
@@ -403,16 +314,105 @@ def _drawn(problem: Problem, **asked: Any) -> FloatArray:
 
 
 def _ways_of_sampling() -> list[str]:
-    """Those of the further ways that this version of `sample` knows."""
+    """The methods beside walkers that this version of `sample` knows."""
     known = inspect.signature(sample).parameters.get("method")
     told = "" if known is None else str(sample.__doc__)
     return [way for way in _FURTHER_WAYS if f'"{way}"' in told]
 
 
 def _quantiles(chain: FloatArray) -> FloatArray:
-    """(levels, parameters)."""
+    """Quantiles of a chain at the levels that are compared, (levels, parameters)."""
     return np.quantile(chain.reshape(-1, chain.shape[-1]), _LEVELS, axis=0)
 
 
 def _off(quantiles: FloatArray, truth: FloatArray, spread: FloatArray) -> float:
     return float((np.abs(quantiles - truth) / spread).max())
+
+
+@dataclass(frozen=True)
+class OwnCurve:
+    """What a scene would measure, and what one plain fit of it takes.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without baseline and memory.
+    curve : Curve
+        Its curve.
+    noise : Noise
+        The noise that is stated of it.
+    unit : float
+        Time (s) of lmfit's fit of Hertz's formula.
+    """
+
+    scene: Scene
+    curve: Curve
+    noise: Noise
+    unit: float
+
+    @classmethod
+    def of(cls, scene: Scene, max_depth: float, seed: int | None = None) -> OwnCurve:
+        """Make the curve of `scene` up to `max_depth` (m) since contact, with noise where there is a seed."""
+        deepest = positive(max_depth, "max_depth", "m")
+        bare = replace(scene.elastic.instrument, baseline=0.0, baseline_slope=0.0)
+        scene = replace(scene.elastic, instrument=bare)
+        depth = np.linspace(-_BEFORE, 1.0, _POINTS) * deepest + bare.contact_depth
+        force = scene.force(depth, solver=_TRUTH)
+        noise = Noise(force=_NOISE * float(np.abs(force).max()))
+        if seed is not None:
+            force = force + np.random.default_rng(seed).normal(0.0, _NOISE * float(force.max()), force.size)
+        radius = float(scene.indenter.halfspace_radius(np.array(deepest))) ** 2 / deepest
+        E = 3.0 * scene.parameters[MODULUS]
+        unit = timed(lambda: plain_hertz_fit(depth, force, radius, 0.5, E=E), 5)[1]
+        return cls(scene, Curve(depth, force), noise, unit)
+
+
+def timed(call: Callable[[], Any], rounds: int = 1) -> tuple[Any, float]:
+    """What a call returns, and the shortest processor time (s) of some rounds; a long call is made once."""
+    best = np.inf
+    for _ in range(rounds):
+        start = time.process_time()
+        answer = call()
+        best = min(best, time.process_time() - start)
+        if best > _LONG:
+            break
+    return answer, best
+
+
+def plain_hertz_fit(
+    depth: FloatArray, force: FloatArray, radius: float, nu: float, *, E: float, contact_depth: float = 0.0
+) -> dict[str, float]:
+    """Fit modulus, contact depth and baseline with lmfit's defaults: leastsq, its own numeric derivatives.
+
+    P = 4 E sqrt(R) w^(3/2) / (3 (1 - nu^2)) for a paraboloid on a half-space (Hertz 1882,
+    doi:10.1515/crll.1882.92.156).
+
+    Parameters
+    ----------
+    depth, force : FloatArray
+        Readings (m, N), (n,).
+    radius : float
+        Radius of the tip (m).
+    nu : float
+        Poisson's ratio.
+    E, contact_depth : float
+        Where the fit starts (Pa, m); the baseline starts at zero.
+
+    Returns
+    -------
+    dict
+        ``E`` (Pa), ``contact_depth`` (m), ``baseline`` (N).
+    """
+    scale = 4.0 / 3.0 * radius**0.5 / (1.0 - nu * nu)
+
+    def residual(current: Any) -> FloatArray:
+        w = np.maximum(depth - current["contact_depth"].value, 0.0)
+        model: FloatArray = scale * current["E"].value * w**1.5 + current["baseline"].value
+        return model - force
+
+    start = lmfit.Parameters()
+    start.add("E", value=E, min=0.0)
+    start.add("contact_depth", value=contact_depth)
+    start.add("baseline", value=0.0)
+    result = lmfit.minimize(residual, start)
+    return {name: float(entry.value) for name, entry in result.params.items()}

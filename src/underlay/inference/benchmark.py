@@ -1,12 +1,9 @@
 """The open benchmark of layered indentation: curves with their truth, and what an estimate of them is worth.
 
-The cases of the benchmark: a curve, the scene that a user is told, and the truth that he is not.
-
-Ways from a curve of the benchmark to a modulus: the whole model, one contact law, another program.
-
-A contact law against the exact contact problem in twenty digits, and against finite elements.
-
-What an estimate of the modulus scores on the curves of the benchmark.
+A case is a curve, the scene that a user is told, and the truth that he is not (`benchmark_cases`). What is
+scored on the cases (`benchmark`) takes one to a modulus: the whole model, one contact law (`one_law`), another
+program (`Program`). A contact law is also compared with the exact contact problem in twenty digits
+(`against_references`) and with finite elements (`against_finite_elements`).
 """
 
 from __future__ import annotations
@@ -62,8 +59,9 @@ _MODULUS = "layer.E"
 _FREE = (_MODULUS, "instrument.contact_depth", "instrument.baseline")
 _ANSWER = FileKind("the answer of a program", 100_000, "let it write one number, the modulus in Pa")
 _SHOWN = 200  # characters of what a failed program said
+# Numbers of an isotropic material in a cell of the references.
 _KINDS = {"E", "nu"}
-#: Depth over thickness at which finite elements are compared.
+# Depth over thickness at which finite elements are compared.
 _DEPTHS = (0.1, 0.2, 0.3)
 
 
@@ -76,7 +74,7 @@ class Case:
     kind : str
         What a simple formula leaves out: ``"elastic"`` (nothing), ``"stuck"``, ``"finite_strain"``, ...
     noise : str
-        The world it was made in: ``"white"``, ``"proportional"``, ``"correlated"``, ``"depth"``, ``"drifting"``.
+        The noise it was made with: ``"white"``, ``"proportional"``, ``"correlated"``, ``"depth"``, ``"drifting"``.
     curve, scene : Path
         Readings in SI, and what is known of the test.
     modulus : float
@@ -144,9 +142,9 @@ def whole_model(case: Case) -> Estimate:
 
 
 def one_law(solver: Solver) -> Estimator:
-    """Return what a user of one elastic contact law does: friction, time and adhesion are not in his model.
+    """Return an estimator that fits one elastic contact law: friction, time and adhesion are not in its model.
 
-    Of a test with a hold he fits the way in.
+    Of a test with a hold the way in is fitted, as a user of such a law does.
     """
 
     def estimate(case: Case) -> Estimate:
@@ -172,7 +170,7 @@ class Program:
     Parameters
     ----------
     command : str
-        Its command line. ``{curve}`` stands for the CSV (SI, names in the first row that is no comment),
+        The command line. ``{curve}`` stands for the CSV (SI, names in the first row that is no comment),
         ``{scene}`` for the scene file, ``{answer}`` for the file that it writes the modulus (Pa) to, and any
         number of the scene by its path, e.g. ``{indenter.radius}``, for its value in SI. Without ``{answer}`` the
         modulus is the last word that it prints.
@@ -184,7 +182,7 @@ class Program:
     timeout: float = 600.0
 
     def __call__(self, case: Case) -> Estimate:
-        """Run it, without a shell, in an empty folder.
+        """Run the program on a case, without a shell, in an empty folder.
 
         Raises
         ------
@@ -340,12 +338,12 @@ class Score:
 
 @dataclass(frozen=True)
 class Scores:
-    """What one way to a modulus scores.
+    """Scores of one estimator on the cases of a benchmark.
 
     Parameters
     ----------
     label : str
-        What was scored.
+        Name of what was scored.
     scores : tuple of Score
         One for each curve.
     """
@@ -410,7 +408,7 @@ def benchmark(
         Takes a `Case` (with the paths ``curve`` and ``scene``) and gives a modulus (Pa), or an `Estimate` with an
         interval. An error that it raises is the score of that curve.
     kinds : collection of str
-        Which kinds of sample; all by default.
+        Kinds of sample; all by default.
     progress : callable, optional
         Called with each case before it is estimated.
 

@@ -19,7 +19,7 @@ from underlay.scene.scene import Scene
 
 __all__ = ["Work", "bibtex", "of_fit", "of_sampling", "used_by", "work", "works"]
 
-#: Contact laws by the name that results carry.
+# Works behind the contact laws, by the name of the law that results carry: key in ``works.bib``, and what for.
 _PAPER = "argatov_sabina"
 _EXACT = {_PAPER: "equations of the contact problem"}
 _LAWS: Mapping[str, Mapping[str, str]] = {
@@ -30,12 +30,12 @@ _LAWS: Mapping[str, Mapping[str, str]] = {
     "stuck": _EXACT | {"spence1968": "a tip that sticks", "malits2011": "a tip that sticks"},
 }
 _ADHESION = {"jkr": "johnson1971", "dmt": "derjaguin1975", "maugis": "maugis1992"}
-#: Programs that read a file, by the format's name.
+# Programs that read a file, by the format's name.
 _READERS = {"afm": "afmformats", "asylum": "igor2"}
-#: An entry of ``works.bib``, and a field of one: a line each.
+# An entry of ``works.bib``, and a field of one: a line each.
 _ENTRY = re.compile(r"@(?P<kind>\w+)\{(?P<key>\w+),\n(?P<fields>(?:  \w+ = \{.*\},\n)+)\}")
 _FIELD = re.compile(r"  (\w+) = \{(.*)\},")
-#: "Dimitriadis, Horkay & Chadwick 2002, Biophysical Journal 82, 2798-2810", of a published correction.
+# "Dimitriadis, Horkay & Chadwick 2002, Biophysical Journal 82, 2798-2810", of a published correction.
 _SOURCE = re.compile(
     r"(?P<author>.+?) (?P<year>\d{4}), (?P<journal>\D+?)(?: (?P<volume>\d+)(?:, (?P<pages>[\d-]+))?)?"
 )
@@ -44,7 +44,7 @@ _SOURCE = re.compile(
 def used_by(
     laws: Iterable[str], scenes: Collection[Scene] = (), formats: Iterable[str] = ()
 ) -> dict[str, str]:
-    """Return what stands behind the laws, samples and files of an analysis: key of the work, and what for.
+    """Return the works behind the laws, samples and files of an analysis: key of the work, and what for.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def used_by(
 
 
 def of_fit(*, robust: bool, averaged: bool) -> dict[str, str]:
-    """What a least-squares fit adds; `averaged` where its intervals weigh kinds of noise and drift."""
+    """Works that a least-squares fit adds; `averaged` where its intervals weigh kinds of noise and drift."""
     used = dict.fromkeys(("marquardt1963", "golub1973"), "least squares")
     used["harville1977"] = "size of the noise"
     if robust:
@@ -83,7 +83,7 @@ def of_fit(*, robust: bool, averaged: bool) -> dict[str, str]:
 
 
 def of_sampling(*, chain: bool = True, mixture: bool = False) -> dict[str, str]:
-    """What a posterior adds: its Markov chain, and the mixture along its ridges where there is one."""
+    """Works that a posterior adds: of its Markov chain, and of the mixture along its ridges where there is one."""
     used = {}
     if chain:
         used = {
@@ -105,11 +105,11 @@ class Work:
     Parameters
     ----------
     key : str
-        What bibliographies know it by.
+        Key by which bibliographies know it.
     kind : str
         ``"article"`` or ``"software"``.
     fields : mapping of str to str
-        author, title, year, journal, volume, pages, note, doi; what no source here says is not there.
+        author, title, year, journal, volume, pages, note, doi; without those that no source here gives.
     """
 
     key: str
@@ -123,12 +123,12 @@ class Work:
 
     @property
     def year(self) -> int | None:
-        """Of publication; None where no source here says it."""
+        """Year of publication; None where no source here gives it."""
         return int(self.fields["year"]) if "year" in self.fields else None
 
     @property
     def doi(self) -> str:
-        """Empty where no source confirms it."""
+        """Digital object identifier; empty where no source confirms it."""
         return self.fields.get("doi", "")
 
     def __str__(self) -> str:
@@ -149,7 +149,7 @@ class Work:
 
     @property
     def entry(self) -> str:
-        """As BibTeX."""
+        """The work as an entry of BibTeX."""
         lines = [f"  {name} = {{{text}}},\n" for name, text in self.fields.items()]
         return f"@{self.kind}{{{self.key},\n{''.join(lines)}}}\n"
 

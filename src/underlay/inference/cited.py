@@ -1,4 +1,4 @@
-"""What the file of a result used: a fit, a posterior, the table of a map."""
+"""The works that the file of a result used: a fit, a posterior, the table of a map."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def cited(path: PathLike) -> list[tuple[Work, str]]:
     Parameters
     ----------
     path : path
-        ``*.fit.json``, ``*.posterior.npz`` or ``map.csv`` / ``map.parquet``.
+        File of a result: ``*.fit.json``, ``*.posterior.npz`` or ``map.csv`` / ``map.parquet``.
 
     Raises
     ------

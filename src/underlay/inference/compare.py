@@ -1,10 +1,7 @@
-"""One curve under several contact laws, bonded and slipping, and with its contact held.
+"""One curve under several models: contact laws, a lower face bonded or slipping, and a contact point held.
 
-One curve under several contact laws: what each would have reported, and how well it explains the data.
-
-One curve with a layer's lower face bonded, and free to slip: what each would have reported.
-
-What two laws make of a curve while its contact point is held: the quick look before a fit.
+`compare` says what each contact law would have reported, and how well it explains the data; `compare_bonds` does so
+for a layer's lower face bonded and free to slip; `laws_at_contact` is the quick look before a fit.
 """
 
 from __future__ import annotations
@@ -32,12 +29,14 @@ from underlay.scene.scene_file import SceneFile
 
 __all__ = ["BondComparison", "Comparison", "HeldLaws", "compare", "compare_bonds", "laws_at_contact"]
 
+# Laws that are compared, beside published corrections, where none is named.
 _DEFAULT = (HalfSpace(), *(Asymptotic(order) for order in range(1, 5)), Exact())
-# What a law that does not see the base does not know.
+# Beginnings of the paths of parameters that a law of a half-space does not know.
 _UNSEEN = ("layer.thickness", "substrate.")
-#: What each bond is called, and the value that a layer's `bond` takes.
+# Names of the bonds, and the value that a layer's `bond` takes.
 _BONDS = {"bonded": "bonded", "slipping": "slip"}
 _CONTACT, _MODULUS = "instrument.contact_depth", "layer.E"
+# Depths at which a line is drawn.
 _POINTS = 300
 
 
@@ -50,7 +49,7 @@ class Comparison:
     names : tuple of str
         Free parameters of the problem.
     fits : mapping of label to Fit
-        In the order asked, by what the solver is called.
+        Fits by the name of the solver, in the order asked.
     refused : mapping of label to str
         Why a law could not be fitted.
     dropped : mapping of label to tuple of str
@@ -167,7 +166,7 @@ def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Com
 
 
 def _labelled(solvers: Sequence[Solver]) -> dict[str, Solver]:
-    """Solvers by what they are called, in full where two are called the same."""
+    """Solvers by their names, in full where two have the same name."""
     labels = [solver.label for solver in solvers]
     full = [
         repr(solver) if labels.count(label) > 1 else label
@@ -177,7 +176,7 @@ def _labelled(solvers: Sequence[Solver]) -> dict[str, Solver]:
 
 
 def _posed(problem: Problem, solver: Solver) -> tuple[Problem, tuple[str, ...]]:
-    """The problem under one law, and what that law does not know."""
+    """The problem under one law, and the free parameters that the law does not know."""
     unseen = () if solver.sees_base else tuple(path for path in problem.free if path.startswith(_UNSEEN))
     free = {path: given for path, given in problem.free.items() if path not in unseen}
     if not free:
@@ -314,7 +313,7 @@ def laws_at_contact(
     file : SceneFile
         The test.
     curve : Curve
-        As it was read, with every segment.
+        The curve as it was read, with every segment.
     contact : float
         Depth reading of the contact (m).
     low, high : float

@@ -1,12 +1,8 @@
-"""What the file of a curve says of the test, beside what the scene says.
-
-What the file of a curve says of the test, beside what the scene says: taken, compared, never passed over.
+"""What the file of a curve says of the test, beside what the scene says: taken, compared, never passed over.
 
 A scene may leave out what a file knows; then the file's number is taken and a note says so. Where both speak
 and differ it is an error that names both, unless the scene file says in ``[curve]`` that it overrules the file:
 ``overrule = ["indenter.radius"]``. A free parameter is not compared: the scene gives no more than its start.
-
-How well a curve's calibration is known, as priors of a fit.
 """
 
 from __future__ import annotations
@@ -22,7 +18,7 @@ from underlay.units import format_quantity
 
 __all__ = ["EVERYTHING", "Settled", "settle"]
 
-# Numbers of a scene that files say too: path, entry of the metadata and kind.
+# Numbers of a scene that files give too, by path: entry of the metadata, and physical kind.
 _OF_SCENE = {
     "indenter.radius": ("indenter_radius", "length"),
     "lever.spring_constant": ("spring_constant", "stiffness"),
@@ -32,22 +28,23 @@ _CALIBRATIONS = {"spring_constant": "stiffness", "sensitivity": "sensitivity"}
 _COMPLIANCE = "instrument.compliance"
 #: For `settle`: the scene is right wherever the two differ, and the notes say where they do.
 EVERYTHING = (*_OF_SCENE, *(f"calibration.{name}" for name in _CALIBRATIONS), _COMPLIANCE)
-# Two writings of one number: files and people write three digits or more. It moves E by half of this.
+# Relative difference of two writings of one number: files and people write three digits or more. It moves E by half
+# of this.
 _SAME = 1e-3
-# A compliance within a factor of two of that of the cantilever is the cantilever's.
+# Ratios to the compliance of the cantilever between which a compliance is the cantilever's: a factor of two.
 _CANTILEVER = (0.5, 2.0)
 
 
 @dataclass(frozen=True)
 class Settled:
-    """What is to be used of a file.
+    """What a curve's file adds to a scene.
 
     Parameters
     ----------
     values : mapping of path to float
         Numbers of the scene (SI) that the file says and the scene leaves out.
     notes : tuple of str
-        What was taken from the file, and what the scene overrules.
+        In words, what was taken from the file and what the scene overrules.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -115,7 +112,7 @@ def _number(curve: Curve, key: str) -> float | None:
 def _compared(
     curve: Curve, path: str, stated: float, told: float, kind: str, overrule: Collection[str]
 ) -> list[str]:
-    """What to say of two numbers that differ; nothing of two that agree."""
+    """Note of two numbers that differ where the scene overrules, else InputError; none of two that agree."""
     if abs(stated - told) <= _SAME * abs(told):
         return []
     file, scene = _apart(told, stated, kind)

@@ -1,14 +1,15 @@
 """The modulus of a film from its contact stiffness S(h), where the loading itself is plastic.
 
-What is elastic in an indentation that leaves an imprint is how it springs back. At every depth the stiffness of a
+What is elastic in an indentation that leaves an imprint is how it springs back. At every depth h the stiffness of a
 continuous-stiffness test is that of a flat punch of the contact's size on the layered body (9.1, 9.6), in series
 with that of the tip itself:
 
     beta 2 a / S = 1/M(a) + 1/M_tip,    M(a) = S_punch(a) / (2 a)
 
-with a from the contact depth h_c = h - 0.75 P/S (Oliver and Pharr 1992) by the tip's area function.
-
-The modulus of a film from files: the test, and one on a sample of known modulus with the same tip.
+with M the modulus that a punch of radius a sees, M_tip = E / (1 - nu^2) of the tip, beta the factor of a punch that
+is not round, and a from the contact depth h_c = h - 0.75 P/S (P the force; Oliver and Pharr 1992) by the tip's area
+function. `fit_stiffness` takes a curve; `fit_film` files, of the test and of one on a sample of known modulus with
+the same tip.
 """
 
 from __future__ import annotations
@@ -42,14 +43,17 @@ __all__ = ["DIAMOND", "StiffnessFit", "fit_film", "fit_stiffness"]
 DIAMOND = 1070e9 / (1.0 - 0.07**2)
 # Radii at which a body's M(a) is computed; in between a cubic in ln a is within 1e-4 of it.
 _NODES = 9
+# Relative tolerance of the flat punch's law.
 _RTOL = 1e-4
-# For derivatives of ln M in ln(parameter): far above the law's error, far below its curvature.
+# Step in ln(parameter) for derivatives of ln M: far above the law's error, far below its curvature.
 _STEP = 0.02
+# Depths that a fit needs at least.
 _FEWEST = 4
 # Harmonic stiffness that a machine cannot have (N/m): what instruments write for "no value" is beyond.
 _LARGEST = 1e12
-_WIDTH = 1.959964  # of 95 %
-#: Of a paraboloid's unloading curve (Oliver and Pharr 1992).
+# Half width of a normal 95 % interval in standard errors.
+_WIDTH = 1.959964
+# epsilon of a paraboloid's unloading curve (Oliver and Pharr 1992).
 _EPSILON = 0.75
 
 
@@ -72,7 +76,7 @@ class StiffnessFit:
         ``noise`` (of the stiffness), ``half-space modulus`` (by Oliver and Pharr, tip taken out) and
         ``layer modulus`` (base taken out as well) with ``layer modulus noise``, what the stiffness's makes of it.
     scene : Scene
-        With the fitted values.
+        The scene with the fitted values.
     """
 
     values: Mapping[str, float]
@@ -100,14 +104,14 @@ def fit_stiffness(
     Parameters
     ----------
     curve : Curve
-        With the column ``contact_stiffness`` (N/m), and ``contact_stiffness_scatter``, ``depth_scatter``,
+        The test, with the column ``contact_stiffness`` (N/m), and ``contact_stiffness_scatter``, ``depth_scatter``,
         ``force_scatter`` as far as they were measured: they are the noise.
     scene : Scene
         Film and base; its indenter is the cone that the pyramid is equivalent to.
     free : sequence of str, default ("layer.E",)
         Positive numbers of the scene to fit, such as ``"substrate.E"``.
     area : AreaFunction, optional
-        Of the tip; by default that of the scene's perfect cone.
+        Area function of the tip; by default that of the scene's perfect cone.
     tip_modulus : float, default that of diamond
         E / (1 - nu^2) of the tip (Pa).
     punch_factor : float, default 1.05

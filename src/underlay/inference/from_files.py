@@ -1,4 +1,4 @@
-"""A curve file and a scene file -> a Problem."""
+"""From a curve file and a scene file to a `Problem`: the part of the curve that is used, and what is free."""
 
 from __future__ import annotations
 
@@ -40,10 +40,11 @@ __all__ = [
     "within_range",
 ]
 
-# An elastic sample gives back the work of the way in; over a tenth less is no rounding of the segments' ends.
+# Share of the work of the way in that is not given back from which a sample is not elastic: over a tenth is no
+# rounding of the segments' ends.
 _LOST = 0.1
 _CONTACT = "instrument.contact_depth"
-# Times the span of a curve that a baseline may be away from zero, where nothing is said of it.
+# Spans of a curve's force by which a baseline may be away from zero, where no bounds are given.
 _WEAK = 10.0
 
 
@@ -125,7 +126,7 @@ def whole_curve(part: Curve) -> Curve | None:
     Parameters
     ----------
     part : Curve
-        Its metadata say from which file, and by which scene file, if it was read from one.
+        A part of a curve. Its metadata say from which file, and by which scene file, if it was read from one.
 
     Returns
     -------
@@ -245,7 +246,7 @@ def within_range(file: SceneFile, scene: Scene, curve: Curve) -> Curve:
 
 
 def _inelastic(curve: Curve) -> list[str]:
-    """What speaks against fitting the way back with an elastic law: the work that it does not give back."""
+    """Warnings against an elastic law on the way back: the work that it does not give back."""
     spent, back = (abs(_work(part)) for part in (curve.loading(), curve.unloading()))
     lost = 1.0 - back / spent if spent > 0.0 else 0.0
     if lost < _LOST:

@@ -25,19 +25,23 @@ if TYPE_CHECKING:
 
 __all__ = ["in_doubt", "require_plausible", "require_sizes", "require_travel", "size_notes"]
 
-# A ball has been pressed 1.4 radii deep by real laboratories; by ten, none has a law.
+# Depth over the radius of a ball from which a curve is refused: real laboratories have pressed 1.4 radii deep; at
+# ten there is no law.
 _RADII = 10.0
+# Lengths of a scene that the depth is compared with, how many of each are refused, and words for it.
 _SIZES = (("layer.thickness", 1.0, "thick"), ("indenter.radius", _RADII, "in radius"))
-# Beyond the force of every modulus within its bounds by this factor; the depth pressed is known to a factor of
-# two, which is one of three in a force ~ depth^1.5.
+# Factor beyond the force of every modulus within its bounds from which a force is refused; the depth pressed is
+# known to a factor of two, which is one of three in a force ~ depth^1.5.
 _BEYOND = 10.0
-_COARSE = Auto(1e-2)  # far finer than that
-# A modulus this many times the one that somebody who knows the sample began with is a slip of a unit.
+_COARSE = Auto(1e-2)  # the law that is asked: far finer than that factor
+# Factor between a modulus and the one that somebody who knows the sample began with that is a slip of a unit.
 _FAR = 100.0
-# Residual of a straight line through all points, as a share of the force: a contact leaves 3 % and more.
+# Residual of a straight line through all points, as a share of the force, below which it is a spring's: a contact
+# leaves 3 % and more.
 _STRAIGHT = 1e-3
+# Share of the force within which that line begins at nothing.
 _FROM_NOTHING = 0.05
-# What the force depends on monotonically, so that its extremes are at corners of their bounds.
+# Parameters that the force depends on monotonically, so that its extremes are at corners of their bounds.
 _MONOTONE = ("layer.E", "layer.thickness", "substrate.E", "indenter.radius")
 
 
@@ -93,12 +97,12 @@ def require_sizes(problem: Problem) -> None:
 
 
 def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
-    """Say in a line that the force is far from that of the modulus a scene begins with: a unit off by a thousand.
+    """Note that the force is far from that of the modulus a scene begins with, as by a unit off by a thousand.
 
     Parameters
     ----------
     scene : Scene
-        With its starting numbers.
+        The test with its starting numbers.
     curve : Curve
         The points that are fitted.
     """

@@ -1,8 +1,6 @@
-"""What is known of a parameter before the test: densities, bounds, and how they are written.
+"""What is known of a parameter before the test: densities, bounds, and how a scene file writes them.
 
-What is known of a parameter before the test.
-
-A prior is a density in the physical parameter (SI). Three readers use it:
+A prior is a density in the physical parameter x (SI). Three readers use it:
 
 - a sampler works in a scaled coordinate q and needs the density there, `log_density` plus the logarithm of
   |dx/dq|; `Problem.log_prior` adds that Jacobian;
@@ -13,10 +11,6 @@ A prior is a density in the physical parameter (SI). Three readers use it:
 
 `Flat` is what a parameter without a prior gets: no preference, not normalisable, fine for a fit; a sampler
 refuses it (`proper` is False).
-
-The densities that a prior may have, and the absence of one.
-
-Priors from the words and numbers of a scene file.
 """
 
 from __future__ import annotations
@@ -89,12 +83,12 @@ class Prior(ABC):
         return self if low <= below and above <= high else Truncated(self, low, high)
 
 
-#: What may be said of a free parameter: a prior, bounds, or nothing.
+#: What a caller may give for a free parameter: a prior, bounds (SI), or None.
 Given: TypeAlias = Prior | tuple[float, float] | None
 
 
 def inside(value: FloatArray, support: tuple[float, float], log_density: FloatArray) -> FloatArray:
-    """Density (as its logarithm) inside a support, -inf outside; same shape as `value`."""
+    """Log-density inside a support, -inf outside; same shape as `value`."""
     low, high = support
     return np.where((value >= low) & (value <= high), log_density, -np.inf)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, Self
 
@@ -27,7 +26,7 @@ from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise import NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["Given", "Likelihood", "LikelihoodPart", "Problem", "by_path"]
+__all__ = ["Given", "Likelihood", "Problem", "by_path"]
 
 
 class Likelihood(Protocol):
@@ -35,38 +34,6 @@ class Likelihood(Protocol):
 
     def __call__(self, physical: FloatArray) -> FloatArray:
         """Log-density (sets,) at physical vectors (sets, k), SI; -inf where no law exists."""
-
-    @property
-    def data(self) -> Sequence[FloatArray]:
-        """The numbers whose density it is: evidences of the same ones compare."""
-
-    @property
-    def left_out(self) -> float:
-        """What printed intervals leave out, over what they are asked to."""
-
-    @property
-    def parts(self) -> Sequence[LikelihoodPart]:
-        """What it is a sum of, the heaviest first, but for what is like a heavier one; none where it is one.
-
-        A sampler looks for the ridges of each: of a narrow and a wide one the sum is neither.
-        """
-
-
-@dataclass(frozen=True, eq=False)
-class LikelihoodPart:
-    """One of the densities that a likelihood is a sum of.
-
-    Parameters
-    ----------
-    middle, covariance : FloatArray
-        Normal distribution of the scaled vector that looks like it about its top, (k,) and (k, k).
-    likelihood : Likelihood
-        The density itself, in the unit of the sum.
-    """
-
-    middle: FloatArray
-    covariance: FloatArray
-    likelihood: Likelihood
 
 
 class Problem:
@@ -185,7 +152,10 @@ class Problem:
         scenes: Sequence[Scene] | None = None,
         curves: Sequence[Curve] | None = None,
     ) -> Problem:
-        """Return the same problem with some things changed; what is None stays."""
+        """Return the problem with some of its parts changed; what is None stays.
+
+        Parameters are those of `Problem`; `scenes` and `curves` are one for each curve.
+        """
         wanted = self.free if free is None else free
         return Problem.joint(
             list(zip(scenes or self.base_scenes, curves or self.curves, strict=True)),
@@ -196,7 +166,7 @@ class Problem:
         )
 
     def with_likelihood(self, likelihood: Likelihood) -> Self:
-        """Return the same problem with another log-density of its data; `revised` forgets it."""
+        """Return the problem with another log-density of its data; `revised` forgets it."""
         changed = copy(self)
         changed.likelihood = likelihood
         return changed
@@ -241,7 +211,7 @@ class Problem:
 
     @property
     def noise_is_open(self) -> bool:
-        """Whether nothing was said of the noise, and none of it is free: what is stated averages over it."""
+        """Whether nothing was said of the noise, and none of it is free: answers then average over it."""
         return not (self.noise_is_stated or self.noise_entries)
 
     @property

@@ -1,26 +1,18 @@
-"""Profile likelihood: how far a parameter can go before the data object.
-
-Profile of a number of the noise: its restricted likelihood, all other parameters following it.
-
-t is twice the fall of the restricted log-likelihood (`noise_estimate.py`) below its maximum, with the other
-numbers of the noise at their most likely values and the model fitted again under each. Its threshold is
-chi-square's: for white noise that makes the interval of sigma the one of (n - k) s^2 / sigma^2, which is
-chi-square with n - k degrees of freedom, to order 1 / (n - k).
-
-Profile likelihood: how far a parameter can go before the data object, all others following it.
+"""Profile likelihood: how far a parameter can go before the data object, all others following it.
 
 For each value of the parameter the others are fitted again; with frozen noise the rise of the weighted sum
-of squares is t = S(q) - S_min, and an interval is where t stays below the quantile of chi-square with one
-degree of freedom, or of F(1, n - k) where the size of the noise was estimated. Unlike a standard error this
-can end at one side and never at the other, and it says so.
+of squares S is t = S(q) - S_min, q the scaled parameter, and an interval is where t stays below the quantile of
+chi-square with one degree of freedom, or of F(1, n - k) where the size of the noise was estimated (n readings, k
+parameters). Unlike a standard error this can end at one side and never at the other, and it says so.
 
 Where the curve has two optima (thin and soft, thick and stiff) chi-square is too small: the 95 % intervals of
 such curves cover 88 to 91 % (`tests/studies/coverage.py`). `calibrate` takes the threshold from curves drawn
-at the ends instead; see `profiling/calibration.py`.
+at the ends instead; see `profiling/calibrated_profile.py`.
 
 Where the noise was not stated there is no one likelihood to follow: the profile is then made of the ends of the
 statistical intervals that `Fit.answer` states, at every level (a confidence curve: Birnbaum 1961,
-doi:10.1080/01621459.1961.10482107, with z^2, level = 2 Phi(z) - 1, for the level).
+doi:10.1080/01621459.1961.10482107, with z^2, level = 2 Phi(z) - 1, for the level). A number of the noise has a
+profile of its own (`noise_profile`).
 
 The profile is walked from the optimum in steps of about half a standard deviation of z = sqrt(t), in which
 it is nearly straight, and read between the steps by monotone interpolation. lmfit's `conf_interval` looks
@@ -70,12 +62,15 @@ __all__ = [
     "profile",
 ]
 
-_STEP = 0.5  # of z = sqrt(t), as in `walk.py`
-_STEEPEST = 2.0 * _STEP  # a rise of z in one step beyond which the step is taken again, shorter
+# The walk of a profile of the noise, as in `walk.py`: step in z = sqrt(t); rise of z in one step beyond which the
+# step is taken again, shorter; largest growth of a step; farthest scaled coordinate (a factor 1.6e5); most steps.
+_STEP = 0.5
+_STEEPEST = 2.0 * _STEP
 _GROWTH = 2.0
-_FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5
+_FARTHEST = 12.0
 _MOST_STEPS = 60
-# Rounds of model and noise in turn: they are orthogonal for a Gaussian, and the second changes little.
+# Rounds of model and noise in turn at most (they are orthogonal for a Gaussian, and the second changes little), and
+# the change of a scaled coordinate below which they end.
 _MOST_ROUNDS = 5
 _SETTLED = 1e-4
 # z that a profile is walked to where its threshold is not known beforehand.
@@ -84,13 +79,111 @@ _HIGHEST_CALIBRATED = 6.0
 _HEIGHTS = np.array([0.25, 0.5, 0.75, special.ndtri(0.84), 1.4, 1.7, special.ndtri(0.975), 2.4, 2.9, 3.29])
 
 
+@one_thread()
+def profile(
+    problem: Problem | Fit, name: str, *, calibrate: int = 0, level: float = 0.95, seed: int = 0
+) -> LikelihoodProfile:
+    """Profile likelihood of one parameter.
+
+    Parameters
+    ----------
+    problem : Problem or Fit
+        A problem is fitted first.
+    name : str
+        The parameter, as in `Problem.names`. One of the noise's, ``"noise.correlation_time"``, is walked
+        along its restricted likelihood; the others freeze the noise at the fit.
+    calibrate : int, default 0
+        How many curves are drawn and fitted at each of two or three places per end, so that the interval
+        covers where chi-square does not: 99 are usual, 19 the fewest for 95 %. None by default.
+    level : float, default 0.95
+        Confidence whose ends are calibrated.
+    seed : int, default 0
+        Where the chance of the drawn curves comes from: the same seed gives the same interval.
+
+    Returns
+    -------
+    LikelihoodProfile
+        Its `basis` says which threshold was used and why.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, there are too few curves for the level, or a parameter of the noise is
+        to be calibrated.
+    FitError
+        If too many of the drawn curves cannot be fitted.
+    """
+    require_given(problem, "problem", Problem, Fit)
+    fit = least_squares_fit(problem) if isinstance(problem, Problem) else problem
+    if name in fit.names and name.startswith("noise.") and not calibrate:
+        return noise_profile(fit, name)
+    index_of(fit, name)
+    if calibrate:
+        require_draws(calibrate, level, seed)
+    elif fit.problem.noise_is_open and fit.statistics.robust == "none":
+        return _of_answers(fit, name)
+    found = _walked(fit, name, _HIGHEST_CALIBRATED if calibrate else HIGHEST)
+    return calibrated(found, level, calibrate, seed) if calibrate else found
+
+
+def _of_answers(fit: Fit, name: str) -> LikelihoodProfile:
+    """Profile made of the ends of the statistical intervals at every level."""
+    index = fit.names.index(name)
+    coordinate = fit.problem.coordinates[index]
+    parts = [fit.interval(name, float(2.0 * special.ndtr(z) - 1.0), part="statistical") for z in _HEIGHTS]
+    middle = coordinate.scaled(parts[0].value)
+    below, above = (
+        [coordinate.scaled(end) for end in ends if math.isfinite(end)]
+        for ends in ([part.low for part in parts], [part.high for part in parts])
+    )
+    q = np.array([*below[::-1], middle, *above])
+    heights = np.concatenate((_HEIGHTS[: len(below)][::-1], [0.0], _HEIGHTS[: len(above)]))
+    vectors = np.tile(fit.vector, (len(q), 1))
+    vectors[:, index] = q
+    return LikelihoodProfile(
+        name=name,
+        fit=fit,
+        values=read_only(np.asarray(coordinate.physical(q))),
+        delta_chi_square=read_only(np.square(heights)),
+        vectors=read_only(vectors),
+        ends=(_reason(below), _reason(above)),
+        averaged=True,
+    )
+
+
+def _reason(ends: list[float]) -> str:
+    """Reason why a side ends, from its ends at every level: ``"data"`` where every level has one."""
+    return "data" if len(ends) == len(_HEIGHTS) else "none"
+
+
+def _walked(fit: Fit, name: str, highest: float) -> LikelihoodProfile:
+    found, better = walked(fit, name, highest)
+    if better is not None:
+        # The walk met a lower minimum: begin again from there.
+        again = _refit(fit, better)
+        if again.statistics.chi_square < fit.statistics.chi_square:
+            return _walked(again, name, highest)
+    return found
+
+
+def _refit(fit: Fit, vector: FloatArray) -> Fit:
+    problem = fit.problem
+    moved = problem.revised(scenes=problem.scenes(vector))
+    return least_squares_fit(moved, start="given")
+
+
 def noise_profile(fit: Fit, name: str) -> LikelihoodProfile:
-    """Walk the restricted likelihood from the fit to both sides.
+    """Profile of a number of the noise: its restricted likelihood, all other parameters following it.
+
+    t is twice the fall of the restricted log-likelihood (`least_squares/settle.py`) below its maximum, with the
+    other numbers of the noise at their most likely values and the model fitted again under each. Its threshold
+    is chi-square's: for white noise that makes the interval of sigma the one of (n - k) s^2 / sigma^2, which is
+    chi-square with n - k degrees of freedom, to order 1 / (n - k).
 
     Parameters
     ----------
     fit : Fit
-        With the number free.
+        A fit with the number free.
     name : str
         ``"noise.force"``, ``"noise.correlation_time"``, ... as in `Fit.names`.
     """
@@ -177,96 +270,3 @@ def _linear(problem: Problem, vector: FloatArray) -> list[tuple[Reading, FloatAr
     """Model of every curve and its derivatives (n, k) in SI."""
     physical = problem.physical(vector)
     return [member.jacobian(physical) for member in problem.members]
-
-
-@one_thread()
-def profile(
-    problem: Problem | Fit, name: str, *, calibrate: int = 0, level: float = 0.95, seed: int = 0
-) -> LikelihoodProfile:
-    """Profile likelihood of one parameter.
-
-    Parameters
-    ----------
-    problem : Problem or Fit
-        What is asked; a problem is fitted first.
-    name : str
-        The parameter, as in `Problem.names`. One of the noise's, ``"noise.correlation_time"``, is walked
-        along its restricted likelihood; the others freeze the noise at the fit.
-    calibrate : int, default 0
-        How many curves are drawn and fitted at each of two or three places per end, so that the interval
-        covers where chi-square does not: 99 are usual, 19 the fewest for 95 %. None by default.
-    level : float, default 0.95
-        Confidence whose ends are calibrated.
-    seed : int, default 0
-        Where the chance of the drawn curves comes from: the same seed gives the same interval.
-
-    Returns
-    -------
-    LikelihoodProfile
-        Its `basis` says which threshold was used and why.
-
-    Raises
-    ------
-    InputError
-        If the parameter is not free, there are too few curves for the level, or a parameter of the noise is
-        to be calibrated.
-    FitError
-        If too many of the drawn curves cannot be fitted.
-    """
-    require_given(problem, "problem", Problem, Fit)
-    fit = least_squares_fit(problem) if isinstance(problem, Problem) else problem
-    if name in fit.names and name.startswith("noise.") and not calibrate:
-        return noise_profile(fit, name)
-    index_of(fit, name)
-    if calibrate:
-        require_draws(calibrate, level, seed)
-    elif fit.problem.noise_is_open and fit.statistics.robust == "none":
-        return _of_answers(fit, name)
-    found = _walked(fit, name, _HIGHEST_CALIBRATED if calibrate else HIGHEST)
-    return calibrated(found, level, calibrate, seed) if calibrate else found
-
-
-def _of_answers(fit: Fit, name: str) -> LikelihoodProfile:
-    """Profile made of the ends of the statistical intervals at every level."""
-    index = fit.names.index(name)
-    coordinate = fit.problem.coordinates[index]
-    parts = [fit.interval(name, float(2.0 * special.ndtr(z) - 1.0), part="statistical") for z in _HEIGHTS]
-    middle = coordinate.scaled(parts[0].value)
-    below, above = (
-        [coordinate.scaled(end) for end in ends if math.isfinite(end)]
-        for ends in ([part.low for part in parts], [part.high for part in parts])
-    )
-    q = np.array([*below[::-1], middle, *above])
-    heights = np.concatenate((_HEIGHTS[: len(below)][::-1], [0.0], _HEIGHTS[: len(above)]))
-    vectors = np.tile(fit.vector, (len(q), 1))
-    vectors[:, index] = q
-    return LikelihoodProfile(
-        name=name,
-        fit=fit,
-        values=read_only(np.asarray(coordinate.physical(q))),
-        delta_chi_square=read_only(np.square(heights)),
-        vectors=read_only(vectors),
-        ends=(_reason(below), _reason(above)),
-        averaged=True,
-    )
-
-
-def _reason(ends: list[float]) -> str:
-    """Why a side ends: the data end it where every level has an end."""
-    return "data" if len(ends) == len(_HEIGHTS) else "none"
-
-
-def _walked(fit: Fit, name: str, highest: float) -> LikelihoodProfile:
-    found, better = walked(fit, name, highest)
-    if better is not None:
-        # The walk met a lower minimum: begin again from there.
-        again = _refit(fit, better)
-        if again.statistics.chi_square < fit.statistics.chi_square:
-            return _walked(again, name, highest)
-    return found
-
-
-def _refit(fit: Fit, vector: FloatArray) -> Fit:
-    problem = fit.problem
-    moved = problem.revised(scenes=problem.scenes(vector))
-    return least_squares_fit(moved, start="given")

@@ -41,8 +41,10 @@ __all__ = [
 ]
 
 _CONTACT = "instrument.contact_depth"
+# Readings that a recipe needs at least.
 _FEWEST = 8
-# The contact point is searched this share of the depth to both sides of the software's, at so many places first.
+# Share of the depth to both sides of the software's contact over which a contact point is searched, and places
+# first tried there.
 _REACH, _TRIED = 0.5, 81
 
 

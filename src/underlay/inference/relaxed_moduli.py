@@ -1,9 +1,4 @@
-"""What a relaxing layer's modulus is at once and in the end.
-
-What is put behind the name of a derived quantity where several curves have one: a number, or nothing.
-
-What a relaxing layer's modulus is at once and in the end, of a fit or of draws.
-"""
+"""The moduli of a relaxing layer at once and in the end, of a fit or of draws, and their names."""
 
 from __future__ import annotations
 
@@ -21,10 +16,11 @@ __all__ = ["of_memory", "relaxed_moduli", "suffixes"]
 
 
 def suffixes(problem: Problem, paths: Sequence[Sequence[str]]) -> list[str]:
-    """Of every curve what is put behind the name of a quantity that follows from these numbers of its scene.
+    """Endings of the names of a quantity that follows from some numbers of a scene, one for every curve.
 
-    Curves whose numbers are the same parameters and the same known values have one quantity, without a number;
-    others have their own, ``"[1]"`` that of the second. A curve without such a quantity has no paths.
+    `paths` are those numbers, for every curve. Curves whose numbers are the same parameters and the same known
+    values have one quantity, without a number; others have their own, ``"[1]"`` that of the second. A curve
+    without such a quantity has no paths.
     """
     if len(problem.members) == 1:
         return [""]

@@ -21,12 +21,13 @@ __all__ = ["RelaxationModuli", "relaxation_moduli"]
 
 # Share of each hold, its last, that stands for equilibrium.
 _LATE = 0.05
+# Poisson's ratio before any water has moved.
 _INCOMPRESSIBLE = 0.5
 
 
 @dataclass(frozen=True)
 class RelaxationModuli:
-    """What a laboratory reports of a relaxation test.
+    """The two moduli that a laboratory reports of a relaxation test.
 
     Parameters
     ----------

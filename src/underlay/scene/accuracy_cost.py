@@ -34,9 +34,12 @@ if TYPE_CHECKING:
 
 __all__ = ["accuracy_cost", "compared_solvers", "explicit_formula"]
 
+# The law that errors are measured from.
 _REFERENCE = Exact(1e-12)
+# Tolerances at which the exact law, and `Auto`, are compared.
 _EXACT_RTOLS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 _AUTO_RTOLS = (1e-2, 1e-4, 1e-6)
+# Rounds of timing, and depths of a curve for which a largest depth alone is given.
 _ROUNDS = 15
 _POINTS = 1000
 
@@ -150,7 +153,7 @@ def _depths(depth: ArrayLike) -> FloatArray:
 
 
 def compared_solvers() -> list[Solver]:
-    """Every solver that a scene is computed by where none are named."""
+    """Solvers that are compared where none are named."""
     return [
         HalfSpace(),
         *(

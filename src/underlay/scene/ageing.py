@@ -1,4 +1,4 @@
-"""What a scene answers whose layer relaxes on an elastic base; see `mechanics.viscoelastic.elastic_base`."""
+"""The response of a scene whose layer relaxes on an elastic base; see `mechanics.viscoelastic.elastic_base`."""
 
 from __future__ import annotations
 
@@ -18,23 +18,25 @@ from underlay.mechanics.viscoelastic.history import Viscoelastic
 
 __all__ = ["Ageing", "ageing_response", "is_punched", "refusal"]
 
+# Largest tolerance of the laws of a punch, whose relaxation is exact: a rational function is put through them to
+# 1e-8.
 _FINE = 1e-9
 # Share of the quasi-elastic error that the elastic laws may add.
 _SHARE = 0.1
 
 
 class Ageing(Protocol):
-    """What is asked of the scene."""
+    """The scene, as far as its response needs it."""
 
     @property
     def indenter(self) -> Indenter:
-        """What is pressed in."""
+        """The tip that is pressed in."""
 
     def softened(self, share: float) -> Ageing:
         """The elastic scene with every modulus of the layer multiplied by `share`."""
 
     def contact_law(self, max_depth: float, *, solver: Solver) -> ContactLaw:
-        """Its law up to a depth (m)."""
+        """Elastic law of its contact up to a depth (m)."""
 
 
 def is_punched(indenter: Indenter) -> bool:
@@ -50,7 +52,20 @@ def ageing_response(
     depth: FloatArray,
     time: FloatArray,
 ) -> Response:
-    """Response for depths since contact (m) at times (s), each (n,): exact for a punch, else quasi-elastic.
+    """Response of a layer that relaxes on an elastic base: exact for a punch, else quasi-elastic.
+
+    Parameters
+    ----------
+    scene : Ageing
+        The scene; its elastic form is asked for.
+    relaxation : Relaxation
+        How the layer's moduli decay.
+    law : ContactLaw
+        Elastic law of the unrelaxed contact.
+    solver : Solver
+        What builds the laws of softened layers.
+    depth, time : FloatArray
+        Depths since contact (m) and times (s), each (n,).
 
     Raises
     ------
@@ -59,7 +74,6 @@ def ageing_response(
     """
     reach = law.max_depth if np.isfinite(law.max_depth) else max(float(depth.max()), 1e-9)
     if is_punched(scene.indenter):
-        # Laws that a rational function is put through to 1e-8 must not be rougher.
         solver = solver.with_tolerance(min(solver.tolerance, _FINE))
         modes = relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
         whole = modes.constant + float(modes.weights.sum())

@@ -1,4 +1,4 @@
-"""What the law of a scene leaves out, as numbers: a share of full friction, a size of finite strain, and of both.
+"""What the law of a scene leaves out, as numbers: a share of full friction, sizes of finite strain and of both.
 
 The force is P (1 + s (P_stuck/P - 1) + A e + B g), with P the law without friction in small strains, P_stuck that
 of a tip that sticks, e the measured excess of finite strain, g that of friction in large strains alone
@@ -26,7 +26,7 @@ from underlay.quantities import Part, field_quantities, quantity
 
 __all__ = ["BOTH_PATH", "FINITE_STRAIN_PATH", "FRICTION_PATH", "Discrepancy"]
 
-#: Paths of the three numbers.
+#: Paths of the three numbers s, A and B.
 FRICTION_PATH, FINITE_STRAIN_PATH = "discrepancy.friction", "discrepancy.finite_strain"
 BOTH_PATH = "discrepancy.friction_in_large_strains"
 

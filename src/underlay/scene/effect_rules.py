@@ -1,11 +1,8 @@
-"""Which effects a scene calls for, each as the scene with it and without it.
-
-One effect of a scene: what it is with it and without it; and what the ledger asks of a scene.
-
-Effects that a law leaves out unless the scene says otherwise: friction under the tip, and finite strain.
+"""The effects that a scene calls for, each as the scene with it and without it.
 
 An effect is measured by leaving it out. What a scene does not declare, and a layer that differs from its base by
-less than the accuracy asked, runs none of its code.
+less than the accuracy asked, runs none of its code. Friction under the tip and finite strain are effects that a law
+leaves out unless the scene says otherwise (`left_out_effects`).
 """
 
 from __future__ import annotations
@@ -31,9 +28,10 @@ from underlay.scene.instrument import Instrument
 
 __all__ = ["Effect", "EffectRule", "Simulated", "effects_of", "left_out_effects", "range_asked"]
 
-#: How an effect is found: from a scene and the law of its contact.
+#: A function that finds one effect, from a scene and the law of its contact.
 EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
-# Of a^2/c: a ramp after which most of the water is still there.
+# Duration of a ramp over a^2/c (a the contact radius, c the consolidation coefficient) after which most of the
+# water is still there.
 _QUICK = 0.1
 _FRICTION, _FINITE_STRAIN = "friction", "finite strain"
 
@@ -47,17 +45,17 @@ class Drains(Protocol):
 
 
 class Simulated(Protocol):
-    """What the ledger asks of a scene: its parts, its law and its force. `Scene` is one."""
+    """A scene as far as the ledger of effects needs it: its parts, its law and its force. `Scene` is one."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def indenter(self) -> Indenter:
-        """What is pressed in."""
+        """The tip that is pressed in."""
 
     @property
     def layer(self) -> Layer:
-        """What it is pressed into."""
+        """The layer on top, which it is pressed into."""
 
     @property
     def substrate(self) -> Body | None:
@@ -119,13 +117,13 @@ class Effect:
     Parameters
     ----------
     name : str
-        What it is called.
+        Its name.
     with_it, without : Scene or None
         The two scenes; None where the scene says too little to build one.
     simulated : bool
         Whether the scene as it stands runs the effect's code.
     note : str
-        What the size is measured against, or why there is none.
+        In words, what the size is measured against, or why there is none.
     duration : float, optional
         Time (s) of the even motion to the deepest point, for an effect that acts in time.
     excess : callable, optional

@@ -20,13 +20,15 @@ from underlay.scene.effect_rules import Effect, EffectRule, Simulated, effects_o
 
 __all__ = ["effect_sizes", "effects_in", "effects_table"]
 
+# Columns of the ledger.
 _COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
-# The cost of an effect is timed on curves of this many depths, from cold, with and without it in turns.
+# Depths of the curves on which the cost of an effect is timed, from cold, with and without it in turns.
 _COST_POINTS = 200
-# The shortest of many rounds counts, in processor time.
+# Rounds of timing; the shortest counts, in processor time.
 _COST_ROUNDS = 25
-# One that takes longer than this (s) is timed once.
+# Time (s) beyond which a curve is timed once.
 _LONG = 0.2
+# Relative size of an effect that is rounding.
 _ROUNDING = 1e3 * np.finfo(float).eps
 
 

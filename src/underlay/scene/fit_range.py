@@ -1,4 +1,4 @@
-"""Over which part of a curve a law is fitted, said as people say it: ``"10 % of force"``, ``"0.5 radius"``."""
+"""The part of a curve over which a law is fitted, said as people say it: ``"10 % of force"``, ``"0.5 radius"``."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class FitRange:
-    """From where to where a curve is fitted; an end that is None is that of the curve.
+    """The range over which a curve is fitted; an end that is None is that of the curve.
 
     Parameters
     ----------

@@ -1,33 +1,18 @@
-"""What stands between the contact and the numbers in the file: instrument, lever, and the links in order.
+"""The instrument between the contact and the numbers in the file: its numbers, a lever, and the links in order.
 
-The links between what an instrument reads and what the sample feels, in order.
+The links stand between what an instrument reads and what the sample feels::
 
     depth reading d -> [contact point: d - d0] -> [frame: w + C P(w) = d - d0] -> depth w
     force P(w)      -> [baseline: + F0] -> [its slope: + s d] -> force reading F
 
-Each link says its step and its derivative once, for one set of numbers or for many: a number is a float, or an
-array (sets, 1) beside readings (n,). A link that a scene does not call for is absent and runs no code. With the
-stiffness S = dP/dw, whatever changes w at fixed d - d0 is divided by 1 + C S, and
+with d0 the contact depth, C the compliance, F0 the baseline and s its slope. Each link says its step and its
+derivative once, for one set of numbers or for many: a number is a float, or an array (sets, 1) beside readings
+(n,). A link that a scene does not call for is absent and runs no code. With the stiffness S = dP/dw, whatever
+changes w at fixed d - d0 is divided by 1 + C S, and
 
     dF/dd0 = -S / (1 + C S),   dF/dC = -P S / (1 + C S),   dF/dF0 = 1,   dF/ds = d.
 
-What stands between the contact and the numbers in the file: the numbers of an instrument.
-
-What each of them does to a reading is said by its link (`chain.py`).
-
-A cantilever whose bending was taken off the depth, with a calibration that may be off.
-
-A detector's volts V are the bending d = s V by the sensitivity s, and the force F = k s V by the spring constant k;
-the depth reading is the scanner's travel less the bending. With the true values k' = kappa k and s' = sigma s,
-
-    force reading = P(w) / (kappa sigma),        w = depth reading - d0 - (sigma - 1) F / k,
-
-F being the force reading itself: the model's, of which noise is no part. The spring constant alone scales the
-force and leaves the depth; the sensitivity acts on both, in the same direction: for a sphere d ln E / d ln s is
-about 1 + 3/2 of bending over depth.
-
-The thermal method finds k from the same sensitivity, k ~ s^-2 (Hutter & Bechhoefer 1993, doi:10.1063/1.1143970):
-kappa is then sigma**-2 times what else is not known of it, and taking the two for independent is cautious.
+`Instrument` declares these numbers, `Lever` the calibration of a cantilever.
 """
 
 from __future__ import annotations
@@ -63,15 +48,16 @@ __all__ = [
 
 #: One number, or one for each set, (sets, 1).
 PerSet: TypeAlias = float | FloatArray
-# Newton from the stiff side on a convex function converges monotonically; 50 is far beyond need.
+# Steps of Newton's method at most: from the stiff side on a convex function it converges monotonically, far sooner.
 _MAX_STEPS = 50
 #: Paths of the two numbers that a calibration may be off by.
 SPRING_CONSTANT_RATIO = "lever.spring_constant_ratio"
 SENSITIVITY_RATIO = "lever.sensitivity_ratio"
-#: Path of the one that made the curve.
+#: Path of the spring constant that made the curve.
 SPRING_CONSTANT = "lever.spring_constant"
-#: A lever that bends less than was taken off lets the tip deeper: laws reach so much further than the readings.
+#: Reach of laws over the readings under a lever: one that bends less than was taken off lets the tip deeper.
 FURTHER = 2.0
+# Bounds of a ratio.
 _POSITIVE = (0.0, np.inf)
 
 
@@ -200,7 +186,7 @@ class BaselineSlope(ForceLink):
 
 @dataclass(frozen=True)
 class Chain:
-    """The links a scene calls for.
+    """The links between contact and reading that a scene calls for.
 
     Parameters
     ----------
@@ -303,6 +289,20 @@ class Instrument(Part):
 class Lever(Part):
     """A cantilever and how far its true calibration is from the one that made the curve.
 
+    Its bending was taken off the depth. A detector's volts V are the bending delta = s V by the sensitivity s,
+    and the force F = k s V by the spring constant k; the depth reading is the scanner's travel less the
+    bending. With the true values k' = kappa k and s' = sigma s,
+
+        force reading = P(w) / (kappa sigma),        w = depth reading - d0 - (sigma - 1) F / k,
+
+    F being the force reading itself: the model's, of which noise is no part. The spring constant alone scales the
+    force and leaves the depth; the sensitivity acts on both, in the same direction: for a sphere d ln E / d ln s is
+    about 1 + 3/2 of bending over depth.
+
+    The thermal method finds k from the same sensitivity, k ~ s^-2 (Hutter & Bechhoefer 1993,
+    doi:10.1063/1.1143970): kappa is then sigma**-2 times what else is not known of it, and taking the two for
+    independent is cautious.
+
     Parameters
     ----------
     spring_constant : float
@@ -355,12 +355,12 @@ class Lever(Part):
 
     @property
     def gain(self) -> float:
-        """Force reading over true force, 1 / (kappa sigma)."""
+        """Force reading over contact force, 1 / (kappa sigma)."""
         return 1.0 / (self.spring_constant_ratio * self.sensitivity_ratio)
 
     @property
     def compliance(self) -> float:
-        """What bends more than was taken off, over the force reading: (sigma - 1) / k (m/N), of either sign."""
+        """Bending beyond what was taken off, over the force reading: (sigma - 1) / k (m/N), of either sign."""
         return (self.sensitivity_ratio - 1.0) / self.spring_constant
 
     def bending(self, force: FloatArray) -> FloatArray:

@@ -1,46 +1,23 @@
-"""What disturbs a force reading: the seam for noise models, and those of the house.
+"""Noise of a force reading: one model, shared by the generator of curves and by the likelihood.
 
-Noise of a force reading: one model, shared by the generator of curves and by the likelihood.
-
-The reading at point k is F_k + sigma_k z_k, the z_k of unit variance with correlations of their own: the
+The reading at point k is F_k + sigma_k z_k, the z_k of unit variance with correlations R of their own: the
 covariance is V = D R D, D the standard deviations. A `NoiseModel` says sigma, how z is whitened, half the
 logarithm of det V, and how it is drawn; the log-likelihood of residuals r is
 
     ``log_normalisation - sum(whiten(r / sigma)^2) / 2``.
 
-To add a noise model: a frozen dataclass that derives from `NoiseModel`, its numbers declared in its fields. Only
-`sigma` must be written where the points are independent. The numbers may be floats, or arrays (sets, 1) beside
-points (sets, n): formulas in numpy's broadcasting serve both.
+`Noise` is the usual model: white, in proportion to the force, of the depth, correlated in time. `LowRankNoise`
+adds errors that all readings of a curve share. To add a noise model: a frozen dataclass that derives from
+`NoiseModel`, its numbers declared in its fields. Only `sigma` must be written where the points are independent.
+The numbers may be floats, or arrays (sets, 1) beside points (sets, n): formulas in numpy's broadcasting serve
+both.
 
-Noise that hangs together over a time: a stationary Gaussian process with correlation exp(-|t - t'| / tau).
-
+Noise that is correlated over a time tau is a stationary Gaussian process with correlation exp(-|t - t'| / tau).
 Sampled, it is AR(1) with rho_k = exp(-(t_k - t_{k-1}) / tau), on regular and irregular times alike. Its whitening
 
     e_0 = z_0,   e_k = (z_k - rho_k z_{k-1}) / sqrt(1 - rho_k^2)
 
-is O(n).
-
-The noise model of the house: white, in proportion to the force, of the depth, correlated in time.
-
-Each part is off unless named. The standard deviations of white noise, of noise in proportion to the force and of an
-uncertain depth add in squares,
-
-    sigma^2 = force^2 + (relative * P)^2 + (depth * dP/dw)^2,
-
-with P the contact force; the last term is the effective variance of an uncertain depth, first order in the depth
-error (Orear 1982, doi:10.1119/1.12972). The readings are independent, or correlated over a time constant
-(`correlated_noise`).
-
-Noise with errors that all readings of a curve share: known shapes, unknown sizes.
-
-The reading at point k is F_k + sigma_k (z_k + sum_j C_kj u_j), z as `Noise` has it and u_j ~ N(0, 1): the variance
-is D (R + C C') D. An error that is smooth along a curve does not average away with the number of points.
-Whitened is z's own whitening, then each point less what those before it say of u,
-
-    e_k = (y_k - a_k' M_k^-1 b_k) / s_k,   M_k = 1 + sum_{i<k} a_i a_i',   b_k = sum_{i<k} a_i y_i,
-    s_k^2 = 1 + a_k' M_k^-1 a_k,
-
-y and the rows a of the whitened readings and columns: recursive least squares, O(n m^2).
+is O(n) (`ar1_whiten`).
 """
 
 from __future__ import annotations
@@ -268,6 +245,15 @@ def ar1_coefficients(time: FloatArray | None, correlation_time: PerSet) -> tuple
 class Noise(NoiseModel):
     """What disturbs a force reading; every part is off unless named.
 
+    The standard deviations of white noise, of noise in proportion to the force and of an uncertain depth add in
+    squares,
+
+        sigma^2 = force^2 + (relative * P)^2 + (depth * dP/dw)^2,
+
+    with P the contact force; the last term is the effective variance of an uncertain depth, first order in the
+    depth error (Orear 1982, doi:10.1119/1.12972). The readings are independent, or correlated over a time
+    constant (`ar1_whiten`).
+
     Parameters
     ----------
     force : float, optional
@@ -456,18 +442,27 @@ def _is_off(part: PerSet) -> bool:
 
 @dataclass(frozen=True)
 class LowRankNoise(Noise):
-    """`Noise` and errors that the readings of one curve share.
+    """`Noise` and errors that the readings of one curve share: known shapes, unknown sizes.
+
+    The reading at point k is F_k + sigma_k (z_k + sum_j C_kj u_j), z as `Noise` has it and u_j ~ N(0, 1): the
+    variance is D (R + C C') D. An error that is smooth along a curve does not average away with the number of
+    points. Whitened is z's own whitening, then each point less what those before it say of u,
+
+        e_k = (y_k - a_k' M_k^-1 b_k) / s_k,   M_k = 1 + sum_{i<k} a_i a_i',   b_k = sum_{i<k} a_i y_i,
+        s_k^2 = 1 + a_k' M_k^-1 a_k,
+
+    y and the rows a of the whitened readings and columns: recursive least squares, O(n m^2).
 
     Parameters
     ----------
     force, relative, correlation_time, depth
         As in `Noise`; numbers that are given, not fitted.
     columns : FloatArray
-        What each error of size one adds to the readings, over the standard deviation of their noise, (n, m); the
+        C: what each error of size one adds to the readings, over the standard deviation of their noise, (n, m); the
         sizes are normal with standard deviation one.
     common : FloatArray
-        The same, (n, q), of errors that have one size in all curves of a problem. `whiten` and `log_deviations` are
-        those of the curve where these sizes are known: what the curves have in common is theirs together.
+        Such columns, (n, q), of errors that have one size in all curves of a problem. `whiten` and `log_deviations`
+        are those of the curve where these sizes are known; the curves' common part is in `CommonErrors`.
 
     Raises
     ------
@@ -506,7 +501,7 @@ class LowRankNoise(Noise):
                 object.__setattr__(self, name, read_only(np.zeros((points, 0))))
 
     def whiten(self, standardised: FloatArray, time: FloatArray | None = None) -> FloatArray:
-        """Independent unit-variance residuals (..., n) from `standardised` ones; see the module."""
+        """Independent unit-variance residuals (..., n) from `standardised` ones; see the class."""
         self._require(standardised.shape[-1])
         rows, gain, spread = self._steps(time)
         own = super().whiten(standardised, time)

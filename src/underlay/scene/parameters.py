@@ -1,8 +1,4 @@
-"""Parameter paths, one name for every number of a scene, and what people call them.
-
-What people call the quantities of a scene, and which key a mistaken name was meant to be.
-
-Parameter paths: one name for every number of a scene.
+"""Parameter paths, one name for every number of a scene, and the key that a mistaken name was meant to be.
 
 ``layer.E``, ``substrate.nu``, ``indenter.radius``, ``layer.relaxation.times[0]``: the first word is a part of the
 scene, the rest leads to a field of it. Fits, scene files, manifests and tables all use these; what is behind each
@@ -28,7 +24,7 @@ from underlay.scene.noise import Noise
 
 __all__ = ["DECLARING", "declared", "fields_meant", "hint", "kind_of", "unknown_parameter"]
 
-#: Names from papers and instruments, in lower case without spaces or underscores, and the fields they are.
+# Names from papers and instruments, in lower case without spaces or underscores, and the fields they are.
 _SYNONYMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "modulus": ("E",),
@@ -74,7 +70,7 @@ _SYNONYMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "law": ("method",),
     }
 )
-#: How the number changes with the name.
+# How the number changes with the name, in words.
 _CHANGES = {
     "diameter": "half of it",
     "openingangle": "half of it, from the axis",

@@ -1,9 +1,4 @@
-"""How a test moves the tip, and how deep it is taken to go that does not say it.
-
-How deep a test is taken to go that does not say it.
-
-How a test moves the tip: ramps at a rate, holds, triangles and steps, sampled evenly in time.
-"""
+"""The motion of a test's tip: ramps at a rate, holds, triangles and steps, and the depth where none is given."""
 
 from __future__ import annotations
 
@@ -20,13 +15,14 @@ from underlay.scene.scene import Scene
 
 __all__ = ["Program", "SimulatedDepths", "default_depth"]
 
-# A contact as wide as the layer is thick, where the substrate is felt and strains are small; a tenth of that
-# depth, on a half-space, of a tip's radius; a cone has no length of its own.
+# Of `default_depth`: contact radius over the thickness (a contact as wide as the layer is thick, where the
+# substrate is felt and strains are small); depth over the thickness, or a tip's radius on a half-space, at most;
+# depth (m) of a tip without a length, such as a cone.
 _WIDE, _SHALLOW, _CONE_DEPTH = 0.5, 0.1, 1e-6
 
 
 def default_depth(scene: Scene) -> float:
-    """Return a depth since contact (m) at which a scene shows what it is about.
+    """Return a depth since contact (m) at which the substrate of a scene is felt and strains are small.
 
     The contact is then as wide as the layer is thick, or the tip at half its width, by the half-space's relation of
     depth and contact radius (Sneddon 1965), but no deeper than a tenth of the thickness; on a half-space it is a

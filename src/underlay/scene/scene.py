@@ -1,6 +1,7 @@
-"""A scene: an indenter pressed into a layer bonded to a substrate, read by an instrument.
+"""A scene: one indentation test, declared; and the lower faces of its layers.
 
-The lower faces of a scene's layers: which there are, and how each holds to what is under it.
+An indenter is pressed into a layer, which stands on a substrate, and is read by an instrument. The faces are
+where a layer stands on something, each bonded or not (`faces`, `bond_of`, `with_bond`).
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ from underlay.scene.uncertainties import checked
 
 __all__ = ["Scene", "bond_of", "faces", "has_face", "unknown_faces", "with_bond"]
 
-# Depths (m) of the law that is tried first for a given force, and of the last; and how far one try may leap.
+# Depths (m) of the law that is tried first for a given force, and of the last; and the factor from one try to the
+# next at most.
 _FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
 
 
@@ -170,7 +172,7 @@ class Scene:
 
     @property
     def contact(self) -> Contact:
-        """What a solver is given."""
+        """Indenter, body and what acts between them: what a solver is given."""
         layer = replace(self.layer, material=self.layer.material.drained)
         contact = Contact.of(self.indenter, layer, self.substrate)
         if self.friction == "stuck":
@@ -252,7 +254,7 @@ class Scene:
         return np.asarray(w + instrument.compliance * load + instrument.contact_depth)
 
     def response(self, law: ContactLaw) -> Response:
-        """What the sample answers in time, given its elastic law: the law itself where it remembers nothing."""
+        """Response of the sample in time, given its elastic law: the law itself where it remembers nothing."""
         return law if self.memory is None else Remembered(law, self.memory)
 
     @property
@@ -275,7 +277,7 @@ class Scene:
         return elastic.with_values(moduli)
 
     def _aged(self, law: ContactLaw, solver: Solver, depth: FloatArray, time: ArrayLike | None) -> Response:
-        """What a layer that relaxes on an elastic base answers to depths since contact (m)."""
+        """Response of a layer that relaxes on an elastic base to depths since contact (m) at times (s)."""
         relaxation = self.layer.relaxation
         if relaxation is None:
             return law
@@ -295,7 +297,7 @@ class Scene:
 
     @cached_property
     def _numbers(self) -> dict[str, Number]:
-        """Gathered once: a problem asks several times, and finding the numbers takes longer than a law."""
+        """Numbers of the scene by path, gathered once: a problem asks often, and that takes longer than a law."""
         return numbers_of(self)
 
     def with_values(self, values: Mapping[str, float]) -> Scene:

@@ -1,8 +1,6 @@
-"""scene.toml <-> Scene: quantities as strings with units, and what is fitted in the same file.
+"""Scene files: scene.toml to `Scene` and back, quantities as strings with units, and what is fitted.
 
-The [fit] section of a scene file: what is fitted, and what is known of it before.
-
-::
+A scene file, whose ``[fit]`` section says what is fitted and what is known of it before::
 
     [indenter]
     shape = "sphere"
@@ -83,13 +81,13 @@ __all__ = [
     "scene_from_text",
 ]
 
-# In place of a length that only the file of a curve says; never computed with.
+# Stands in place of a length that only the file of a curve says; never computed with.
 _STAND_IN = "1 m"
 #: What stands in a starter scene where a number is still to be written.
 PLACE = "TODO"
-#: A scene is a page of text.
+#: Kind of file, and the bytes that it may have: a scene is a page of text.
 SCENE_FILE = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
-_LONGEST_MESSAGE = 1000
+_LONGEST_MESSAGE = 1000  # characters of a parser's message that are shown
 _SECTIONS = (
     "title",
     "friction",
@@ -110,8 +108,6 @@ _SECTIONS = (
     "curve",
     "simulate",
 )
-# Words of the whole scene stand before its sections.
-_FIRST = _SECTIONS.index("indenter")
 
 
 @dataclass(frozen=True)
@@ -163,7 +159,7 @@ def free_parameters(table: Mapping[str, Any], scene: Scene, noise: NoiseModel) -
 def entries(
     table: Mapping[str, Any], parts: Container[str] = (), above: str = ""
 ) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """What is said of each fitted number, by its whole path, however the file nests them.
+    """Tables of the ``[fit]`` section by the whole path of each fitted number, however the file nests them.
 
     ``layer.E = {...}``, which TOML nests, and ``"layer.E" = {...}`` are the same. `parts` are the paths that lead
     to further ones.

@@ -1,8 +1,8 @@
-"""Every key that a scene file may hold: what it takes, what it means, how it is checked, and the list of them all.
+"""Every key that a scene file may hold: what it takes, what it means, how it is checked, and a list of them all.
 
 Most keys are fields of the dataclasses that a section describes (`keys_of`): what such a key means is the sentence
-of the docstring that declares it. One declaration serves the reader of scene files,
-the list of `underlay keys` and the form of the page.
+of the docstring that declares it. One declaration serves the reader of scene files, the list of `underlay keys` and
+the form of the page.
 
 Pydantic is not asked: its models of four sections took 0.3 of the 1.55 s of processor of `underlay fit` (medians of
 four runs in turns: 1.55 with them, 1.26 without), for what `Key.read` says in ten lines.
@@ -150,7 +150,7 @@ class Key:
 
     @property
     def told(self) -> str:
-        """What it takes, for people."""
+        """What the key takes, in words for people."""
         match self.takes:
             case Quantity(kind="dimensionless"):
                 return f"a number, {KINDS['dimensionless'].example}"
@@ -166,7 +166,7 @@ class Key:
 
     @property
     def _asked(self) -> str:
-        """What a wrong value is told."""
+        """What the key takes, as the message about a wrong value says it."""
         match self.takes:
             case range():
                 return f"{self.told} from {self.takes[0]:,} to {self.takes[-1]:,}"

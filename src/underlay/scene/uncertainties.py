@@ -37,9 +37,9 @@ __all__ = [
 
 #: Inputs that are no numbers of a scene; their uncertainties are shares.
 RELATIVE = ("force", "depth", "spring_constant")
-#: Parts whose numbers are inputs; those of the instrument but its compliance are seen in the curve.
+# Parts whose numbers are inputs; those of the instrument but its compliance are seen in the curve.
 _INPUTS = ("indenter.", "layer.", "substrate.", "instrument.compliance", "adhesion.", "history.")
-#: Sections of a scene file in which an uncertainty may stand beside its number.
+# Sections of a scene file in which an uncertainty may stand beside its number.
 _SECTIONS = ("indenter", "layer", "substrate", "instrument", "adhesion", "history", "lever", "discrepancy")
 _SIGNS = ("±", "+/-", "+-")
 _EXACT = "exact"
@@ -68,7 +68,7 @@ class StatedUncertainties(Mapping[str, float]):
 
 
 class Stated(NamedTuple):
-    """What a file says of one uncertainty: the text, and where it stands."""
+    """One uncertainty as a file states it: its text, and where that stands."""
 
     text: Any
     place: str
@@ -180,11 +180,11 @@ def rows_of(
     Parameters
     ----------
     given : object
-        What stands under ``uncertainties``.
+        Value of ``uncertainties`` in the file: a table, or a word.
     beside : mapping of path to Stated
-        What stands beside the numbers.
+        Uncertainties that stand beside their numbers.
     numbers : mapping of path to Number
-        The scene's.
+        Numbers of the scene.
     left_out : tuple of str
         Paths of numbers that the file of a curve will say.
     """

@@ -21,8 +21,8 @@ __all__ = ["GREEN", "GREY", "FilmPart", "FitStep"]
 
 _WORDS = (
     "This curve holds the contact stiffness S(h). Where an imprint stays the curve is not elastic, but its "
-    "stiffness can be fitted: with a cone as the tip (such as berkovich, step 2), and layer and substrate as fitted "
-    "there."
+    "stiffness can be fitted: with a cone as the tip (such as berkovich, step 2), and layer and substrate as fitted"
+    " there."
 )
 
 

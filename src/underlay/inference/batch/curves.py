@@ -36,7 +36,9 @@ _NOT_CURVES = frozenset(
         *(".journal", ".journal-wal", ".journal-shm", ".journal-journal"),
     }
 )
+# Names that a message lists.
 _LISTED = 3
+# Curves of a map whose files are read for what a scene file leaves to them.
 _LOOKED_AT = 5
 
 
@@ -63,7 +65,7 @@ class CurvePlace:
     sha256 : str
         Hash of a curve in memory, or of its file, where it is known already.
     labels : mapping
-        Whose it is, by column: animal, group and the like.
+        Labels that say whose it is, by column: animal, group and the like.
     """
 
     index: int

@@ -1,12 +1,8 @@
-"""The table of a map read again, and what a person decided of single curves.
+"""The table of a map read again, and what a person decided of single curves: accepted or refused, and why.
 
-What a person decided of single curves: accepted or refused, and why; a small CSV, and columns of a map's table.
-
-A curve refused by hand keeps its numbers in the table, but its ``status`` is no longer that of a fitted curve, so
-that it counts nowhere; ``reason`` says that it was refused and why. One that is accepted counts although it is
-doubtful.
-
-The table of a map, read again from its file.
+Decisions are a small CSV, and columns of the map's table. A curve refused by hand keeps its numbers in the table,
+but its ``status`` is no longer that of a fitted curve, so that it counts nowhere; ``reason`` says that it was
+refused and why. One that is accepted counts although it is doubtful.
 """
 
 from __future__ import annotations
@@ -49,14 +45,16 @@ ACCEPT, REFUSE = "accept", "refuse"
 #: ``status`` of a curve that a person refused.
 REFUSED_BY_HAND = "refused by hand"
 _KIND = FileKind("a table of decisions (CSV)", 64_000_000, "it needs the columns curve, decision and reason")
+# Columns, and characters of a reason, that are read of it.
 _MOST_COLUMNS, _LONGEST = 100, 1000
 _CURVE, _DECISION, _REASON = "curve", "decision", "reason"
 _TEXTS = ("name", "status", "verdict", "reason")
 _NUMBERS = ("x", "y", "reduced_chi_square", "rms", "seconds")
-# A million curves with thirty numbers each.
+# Bytes, columns and cells that a map's table may have: a million curves with thirty numbers each.
 _MAP_TABLE_KIND = FileKind("the table of a map", 1_000_000_000, "make it again with underlay map --resume")
 _MAP_TABLE_MOST_COLUMNS, _MOST_CELLS = 1000, 50_000_000
 _HEADER = "name,path,x,y,status,verdict,reason"
+# Half width of a normal 95 % interval in standard errors.
 _NORMAL_95 = 1.96
 
 

@@ -1,4 +1,4 @@
-"""Many curves: a whole map, on one machine or many, without losing the night to one bad curve.
+"""Fit many curves, a whole map: on one machine or many, without losing the night to one bad curve.
 
 Rows are appended to a journal as they come and gathered into one table (`journal`, `results_table`). The
 same worker code (`work`) runs in processes of this machine (`processes`) or under a Dask scheduler (`dask`).
@@ -42,18 +42,19 @@ from underlay.scene.scene_file import SceneFile
 
 __all__ = ["fit_many"]
 
+# Name of the table in an output that is a folder.
 _TABLE = "map.csv"
-# Curves sent at once: a few thousand points each make a megabyte, and a worker is done in under a second.
+# Curves sent at once: a few thousand readings each make a megabyte, and a worker is done in under a second.
 _LARGEST_CHUNK = 64
 # Chunks per worker at least, so that all end at about the same time.
 _CHUNKS_PER_WORKER = 8
 # Curves that are worth a further worker process, which takes about a second to start.
 _WORTH_A_WORKER = 100
-# The table is made anew from the journal this often (s), and never for more than a fiftieth of the time.
+# The table is made anew from the journal this often (s), and never for more than one part in `_SHARE` of the time.
 _EVERY = 10.0
+_SHARE = 50.0
 # Rows made in this process are handed to the journal this often (s).
 _HANDED_ON = 0.2
-_SHARE = 50.0
 
 
 def fit_many(
@@ -231,7 +232,7 @@ def _through(
     scheduler: str | None,
     options: MapOptions,
 ) -> Generator[Rows, None, None]:
-    """Fit curves somewhere; yield rows as they come."""
+    """Fit curves under a scheduler, in processes or in this one; yield rows as they come."""
     if scheduler is not None:
         size = 1 if model.sampling is not None else _LARGEST_CHUNK
         return through_dask(model, layout, todo, size, scheduler, options.timeout)

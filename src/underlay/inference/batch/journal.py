@@ -30,9 +30,9 @@ _TABLES = (
     "CREATE TABLE run (identity TEXT NOT NULL)",
     "CREATE TABLE row (curve INTEGER PRIMARY KEY, line TEXT NOT NULL, crc INTEGER NOT NULL)",
 )
-# Bytes of the longest value: the hashes and columns of a run take some thousand, a row some hundred.
+# Bytes of the longest value that is read: the hashes and columns of a run take some thousand, a row some hundred.
 _LONGEST = 1_000_000
-# What SQLite writes beside a database.
+# Endings of the database and of the files that SQLite writes beside it.
 _BESIDE = ("", "-wal", "-shm", "-journal")
 
 
@@ -64,7 +64,7 @@ class PassingRows:
         return self.done - before
 
     def sync(self) -> None:
-        """Nothing is to be written."""
+        """Do nothing: there is no file."""
 
     def lines(self) -> Iterator[str]:
         """Rows as CSV text, in the order of their curves."""
@@ -164,7 +164,7 @@ class Journal:
                 yield line.decode()
 
     def _is_begun(self, identity: Mapping[str, Any]) -> bool:
-        """Look at the file without writing; whether it holds this run, and not only its first moment.
+        """Whether the file holds this run, and not only its first moment; read without writing.
 
         Raises
         ------
@@ -255,7 +255,7 @@ class Journal:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Say in our words what SQLite says in its own."""
+        """Raise the library's errors in place of those of SQLite."""
         try:
             yield
         except sqlite3.Error as error:

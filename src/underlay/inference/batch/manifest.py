@@ -1,4 +1,4 @@
-"""What a manifest says of every curve: its file, a name, where it was taken, and numbers of its scene.
+"""The manifest of a map: every curve's file, name, position, labels and own numbers of the scene.
 
 A manifest is a table with one row per curve. ``file`` says which; ``name``, ``x`` and ``y`` are optional;
 ``animal``, ``group`` and other labels say whose it is (any name with ``(label)`` after it is one); any other
@@ -45,12 +45,15 @@ _LABELS = frozenset(
     }
 )
 _LABEL, _REMARK = "label", "remark"
-# Likeness of a slip of the pen to the word that was meant ("thicknes": 0.94).
+# Likeness (difflib) from which a word is a slip of the pen for one that is known ("thicknes": 0.94).
 _SLIP = 0.8
+# A name of a column, with a unit or a mark in brackets.
 _HEADER = re.compile(r"\s*(?P<name>[^()\[\]]+?)\s*(?:[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]])?\s*")
-# A million curves with ten numbers each.
+# Bytes that a manifest may have: a million curves with ten numbers each.
 _KIND = FileKind("a manifest (CSV)", 256_000_000, "it needs a row of names with 'file', and a row per curve")
+# Columns, and characters of a cell, that are read of it.
 _MOST_COLUMNS, _LONGEST_CELL = 1000, 1000
+# Names that a message lists.
 _LISTED = 5
 
 

@@ -1,11 +1,4 @@
-"""What all curves of a map have in common, and what a map may be told.
-
-A line that says how far a map is; silent when nobody looks.
-
-What a map may be told beside its curves and its scene: each has a default that suits most maps.
-
-What all curves of a map have in common: said once, checked before any work, sent once to every worker.
-"""
+"""What all curves of a map have in common: the checked model that is sent once to every worker, and its options."""
 
 from __future__ import annotations
 
@@ -37,23 +30,23 @@ from underlay.scene.scene_file import SceneFile, read_scene_file
 
 __all__ = ["BatchModel", "MapOptions", "MapProgress", "Sampling", "Told", "batch_model", "scene_file_of"]
 
-#: Told how many curves are done, and how many there are.
+#: A caller's own progress line: called with how many curves are done, and how many there are.
 Told: TypeAlias = Callable[[int, int], None]
-# A fit takes milliseconds, and seconds where it is hard: one of ten minutes does not end (s).
+# Longest time of a fit (s): it takes milliseconds, and seconds where it is hard; one of ten minutes does not end.
 _LONGEST_FIT = 600.0
 
 
 class _Speed(ProgressColumn):
-    """Curves per second."""
+    """Column of the progress line: curves per second."""
 
     def render(self, task: Task) -> Text:
-        """Text of the column."""
+        """Write the speed of a task; called by rich."""
         speed = task.finished_speed or task.speed
         return Text("" if speed is None else f"{speed:.3g} curves/s")
 
 
 class MapProgress:
-    """Curves done, curves per second and time left, on the terminal.
+    """A line on the terminal with curves done, curves per second and time left; silent when nobody looks.
 
     Parameters
     ----------
@@ -93,7 +86,7 @@ class MapProgress:
             self._bar.stop()
 
     def advance(self, count: int) -> None:
-        """Tell that `count` more curves are done."""
+        """Count `count` more curves as done."""
         self._bar.advance(self._task, count)
         self._done += count
         if self._told is not None:
@@ -119,7 +112,7 @@ class Sampling:
 
 @dataclass(frozen=True)
 class MapOptions:
-    """What `fit_many` may be told beside its curves and its scene.
+    """Options of `fit_many` beside its curves and its scene; each has a default that suits most maps.
 
     Parameters
     ----------
@@ -199,7 +192,7 @@ class MapOptions:
 
 @dataclass(frozen=True)
 class BatchModel:
-    """The common part of a map.
+    """The common part of a map, checked before any work.
 
     Parameters
     ----------
@@ -291,7 +284,16 @@ def batch_model(
     free: Mapping[str, Given] | Iterable[str] | None,
     options: MapOptions,
 ) -> BatchModel:
-    """Join what a scene file says and what the caller says, who has the last word, and check it.
+    """Join a scene file with what the caller gives, which goes first, and check the model.
+
+    Parameters
+    ----------
+    scene : Scene, SceneFile or path of a scene file
+        What the curves have in common.
+    free : mapping of path to prior, or paths, optional
+        Free parameters; None takes those of the scene file.
+    options : MapOptions
+        Options of the map.
 
     Raises
     ------

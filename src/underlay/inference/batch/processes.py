@@ -1,8 +1,4 @@
-"""Curves through processes of this machine.
-
-What a new process takes over of this one: no script, one thread for linear algebra, no import from here.
-
-Curves through processes of this machine, each with one thread for linear algebra and a pipe of its own.
+"""Curves of a map through processes of this machine, each with one thread and a pipe of its own.
 
 A worker is a fresh Python on every platform: a fork would copy the locks of threads that it does not copy.
 It does not run the caller's script again, so scripts need no ``if __name__ == "__main__"`` guard.
@@ -38,8 +34,9 @@ from underlay.inference.batch.work import DIED, CurveFitter, Rows, given_up
 
 __all__ = ["start_of_a_process", "through_processes"]
 
-#: One thread each: the matrices here are small, and threads of several processes would fight for the cores.
-#: It also makes the last bit of every sum the same, whatever the machine and its load.
+# Variables by which libraries of linear algebra are held to one thread: the matrices here are small, and threads of
+# several processes would fight for the cores. It also makes the last bit of every sum the same, whatever the
+# machine and its load.
 _ONE_THREAD = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -48,21 +45,25 @@ _ONE_THREAD = (
     "VECLIB_MAXIMUM_THREADS",
     "NUMEXPR_NUM_THREADS",
 )
-# A new Python would look for every module in the folder it is started in first, where the data may be.
+# Environment of a worker. Without PYTHONSAFEPATH a new Python would look for every module in the folder it is
+# started in first, where the data may be.
 _ENVIRONMENT = dict.fromkeys((*_ONE_THREAD, "PYTHONSAFEPATH"), "1")
-# A process that dies on the same curve this often, alone with it, dies because of it.
+# Deaths of a process on the same curve, alone with it, after which the curve is given up: it dies because of it.
 _MOST_DEATHS = 2
-# Processes in a row that were ended from outside while they started; beyond this something ends them all.
+# Processes in a row that may be ended from outside while they start; beyond this something ends them all.
 _MOST_LOST_STARTS = 5
 # Longest time that a process may take to start (s): a busy machine, and a disk far away.
 _LONGEST_START = 300.0
-# Rows are sent at least this often (s), so that little is lost with a process.
+# Longest time between two messages with rows (s), so that little is lost with a process.
 _EVERY = 0.2
 
 
 @contextmanager
 def start_of_a_process() -> Iterator[None]:
-    """Start a process inside: it does not run the caller's script again, and Ctrl-C does not reach it."""
+    """Context in which a process is started: it does not run the caller's script again, nor does Ctrl-C reach it.
+
+    The process gets one thread for linear algebra, and takes no import from the folder it is started in.
+    """
     script = sys.modules["__main__"]
     before = {name: os.environ.get(name) for name in _ENVIRONMENT}
     here = threading.current_thread() is threading.main_thread()
@@ -98,6 +99,14 @@ def through_processes(
 
     Parameters
     ----------
+    model : BatchModel
+        What the curves have in common.
+    layout : Layout
+        Columns of the rows.
+    chunks : sequence of sequences of CurvePlace
+        The curves, as they are given out.
+    workers : int
+        How many processes.
     time_limit : float, optional
         Longest time for one curve (s).
 

@@ -69,7 +69,9 @@ _DECIDED = ("decision", "decision_reason")
 #: Columns that a label cannot have the name of.
 RESERVED = frozenset((*(name for name, _ in (*_BEFORE, *_AFTER, *_SAMPLED)), *_DECIDED))
 _SUFFIXES = (".csv", ".parquet")
+# Rows that are held while a table is written.
 _ROWS_AT_A_TIME = 20_000
+# Half width of a normal 95 % interval in standard errors.
 _NORMAL_95 = 1.96
 _STORED = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
 
@@ -112,9 +114,20 @@ class Layout:
         sampled: bool,
         answers: bool = True,
     ) -> Layout:
-        """Columns for fitted `parameters`, of the manifest `given` ones and `labels`, and what is `derived`.
+        """Lay out the columns of a map. One with labels is of a population: it keeps the modulus' likelihood too.
 
-        A map with labels is one of a population: it keeps the likelihood of the modulus too.
+        Parameters
+        ----------
+        parameters : sequence of str
+            The fitted ones.
+        given : sequence of str
+            Paths that the manifest or the files give.
+        labels : sequence of str
+            Columns of the manifest that say whose a curve is.
+        derived : sequence of str
+            Quantities that follow from the fitted ones.
+        sampled, answers : bool
+            Whether posteriors are sampled; whether fits give their answers.
         """
         ends = _ANSWERED if sampled or answers else ("", ".stderr")
         fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]

@@ -1,25 +1,21 @@
 """The fit a map repeats ten thousand times: a modulus, a contact point and a baseline.
 
-One place of the search of `separable`: the model there, linear in all but the contact, and the step from it.
+The force reading F at the depth reading d is
 
-The search of `separable` for one curve: over the contact, where all else is linear or moves along with it.
+    F(d) = P(d - c; E) + baseline + slope d,
 
-The reading is
+with P the contact force, c the contact depth and E the layer's modulus. Where that is the only modulus, P is E
+times a force that stays put: all is linear but c. For a given c the rest is a linear least-squares problem, so the
+search runs over c alone (variable projection: Golub and Pereyra 1973, doi:10.1137/0710036; the step is Kaufman's
+1975, doi:10.1007/BF01932995). On an elastic base of modulus E2 the law changes with E / E2: it is taken as linear
+in ln E about the last one, with dP/d ln E from `LawSlopes`, and E moves along with c, nearly as a power of the
+force. The search ends where `least_squares.fit` ends, on the same sum of squares.
 
-    F(d) = P(d - c; E) + baseline + slope d.
-
-Where the layer's modulus is the only one, P is E times a force that stays put: all is linear but c. For a contact
-depth c the rest is a linear least-squares problem, so the search runs over c alone (variable projection: Golub and
-Pereyra 1973, doi:10.1137/0710036; the step is Kaufman's 1975, doi:10.1007/BF01932995). On an elastic base the law
-changes with E / E2: it is taken as linear in ln E about the last one, dP/d ln E is what `LawSlopes` says, and E
-moves along with c, nearly as a power of the force. The search ends where `least_squares.fit` ends, on the same sum
-of squares. Measured on 1000 points on a rigid base, modulus and contact free: by the engine a whole row of a map
-takes 3 times as long, its scan and the making of its problem included (processor time, median of 9 pairs of maps
-of 24 curves); on a base ten times stiffer 3.5 times, under a sphere there 3 times. Whatever is unusual (a
-parameter near a bound, a step that does not descend, an ill-conditioned set, a depth the law does not reach) is
-left to `least_squares.fitting.quick_fit`: the answer is then None.
-
-What to beware of in a separable fit: the words of `least_squares.fit`, where there is cause for any.
+Measured on 1000 points on a rigid base, modulus and contact free: by the engine a whole row of a map takes 3 times
+as long, its scan and the making of its problem included (processor time, median of 9 pairs of maps of 24 curves);
+on a base ten times stiffer 3.5 times, under a sphere there 3 times. Whatever is unusual (a parameter near a bound,
+a step that does not descend, an ill-conditioned set, a depth the law does not reach) is left to
+`least_squares.fitting.quick_fit`: the answer is then None.
 """
 
 from __future__ import annotations
@@ -59,27 +55,31 @@ __all__ = [
     "solved",
 ]
 
-_FARTHEST = log(1e6)  # a step of E beyond is none: the force hardly depends on it
+# Largest step of ln E: beyond, the force hardly depends on it and there is no step.
+_FARTHEST = log(1e6)
+#: Paths of the parameters that such a fit may have.
 MODULUS = "layer.E"
 CONTACT = "instrument.contact_depth"
 BASELINE = "instrument.baseline"
 SLOPE = "instrument.baseline_slope"
-# Contacts tried first, in ranges of depth from the first reading: half a step is within reach of the search.
+# Contacts tried first, in ranges of depth from the first reading (half a step is within reach of the search), or as
+# shares of the way between narrower bounds.
 _CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
 _BETWEEN_BOUNDS = np.linspace(0.0, 1.0, 25)[1:-1]
-_BLOCKS = 32  # means of neighbouring points for that trial
-# The search ends before a step of the contact below this share of the depth range: it would move E by some
-# 2e-8 of itself.
+_BLOCKS = 32  # means of neighbouring readings for that trial
+# Step of the contact, as a share of the depth range, before which the search ends: it would move E by some 2e-8 of
+# itself.
 _SETTLED = 1e-8
-# Over a step below this share the stiffness, and so the standard errors, change by as little.
+# Step, as the same share, over which the stiffness, and so the standard errors, change by as little.
 _LINEAR = 2e-6
-# A change of ln E below this leaves an error of its square at most: 1e-10.
+# Change of ln E over which a law may stay: it leaves an error of its square at most, 1e-10.
 _SAME_LAW = 1e-5
-# Where E is known no better than this, a base may hide it, and there may be other optima: `quick_fit` looks.
+# Standard error of ln E from which a base may hide E, and there may be other optima: `quick_fit` looks.
 _LOOSE = 0.1
+# Steps of the search, and halvings of one step that does not descend, before it is left to `quick_fit`.
 _MOST_STEPS = 25
 _MOST_HALVINGS = 6
-# Sums of squares that differ by less than their rounding are the same.
+# Ratio of two sums of squares that are the same but for their rounding.
 _NO_ASCENT = 1.0 + 1e-9
 # Nearer to a bound than this (log of a modulus, ranges of depth or force), the bounded search decides.
 _NEAR_BOUND = 1e-3
@@ -87,131 +87,124 @@ _NEAR_BOUND = 1e-3
 _CONDITION = 1e-8
 _EXPONENT = "indenter.exponent"
 _SEPARABLE = frozenset({MODULUS, CONTACT, BASELINE, SLOPE})
-# The screens below pass every fit that `fit_warnings` could warn of, and a few more; published
-# corrections warn of their range. Runs fewer than expected
-# by this many standard deviations have a probability of 6e-3; a warning needs 1e-3.
+# The screens below pass every fit that `fit_warnings` could warn of, and a few more; published corrections warn of
+# their range. Runs fewer than expected, in standard deviations: this many have a probability of 6e-3; a warning
+# needs 1e-3.
 _FEW_RUNS = -2.5
-# A warning needs 0.99, and a standard error of one unit of a scaled coordinate.
+# Correlation, and standard error in a scaled coordinate: a warning needs 0.99 and one.
 _CORRELATED, _WIDE = 0.98, 0.5
 
 
 @dataclass(frozen=True)
-class LinearModel:
-    """Model at one contact, the linear parameters solved for.
+class SeparableModel:
+    """What all curves of a map have in common, compiled: the way in.
 
     Parameters
     ----------
-    modulus : float
-        Of the layer (Pa), of the law.
-    power : float
-        d ln P / d ln E; one where the force is proportional to the modulus.
-    columns : FloatArray
-        d model / d linear parameter, brought to unit length, (p, n); the first is dP/d ln E.
-    products : FloatArray
-        Their inner products, (p, p).
-    lengths : FloatArray
-        What they were divided by, (p,).
-    weights : FloatArray
-        Solution in the unit columns, (p,).
-    stiffness : FloatArray
-        dP/dw (N/m), (n,).
-    residuals : FloatArray
-        Data minus model (N), (n,).
-    sum_of_squares : float
-        Of them.
-    law_method, law_error
-        Of the contact law.
+    forward : Forward
+        Forward model of the common scene; its store holds the laws that curves share.
+    coordinates : tuple of Coordinate
+        The free parameters.
+    noise : float or None
+        White noise (N), or None where it is estimated.
     """
 
-    modulus: float
-    power: float
-    columns: FloatArray
-    products: FloatArray
-    lengths: FloatArray
-    weights: FloatArray
-    stiffness: FloatArray
-    residuals: FloatArray
-    sum_of_squares: float
-    law_method: str
-    law_error: float
+    forward: Forward
+    coordinates: tuple[Coordinate, ...]
+    noise: float | None
 
-    @property
-    def linear(self) -> FloatArray:
-        """One more than the change of ln E to first order, then baseline and slope (SI) as far as free, (p,)."""
-        return self.weights / self.lengths
-
-    @property
-    def gain(self) -> float:
-        """Force over that of the law, taken for a power of the modulus."""
-        return 1.0 + self.power * (float(self.linear[0]) - 1.0)
-
-    def turn(self, step: ContactStep) -> float:
-        """Change of ln E that goes with a step of the contact; NaN where no modulus within decades will do."""
-        after = self.after(step).gain
-        turn = log(after) / self.power if after > 0.0 < self.power else nan
-        return turn if abs(turn) < _FARTHEST else nan
-
-    def step(self) -> ContactStep:
-        """Kaufman's step of the contact depth; of NaN metres where the contact does not act."""
-        along = solved(self.products, self.columns @ self.stiffness)
-        across = self.stiffness - along @ self.columns
-        power, gain = float(across @ across), self.gain
-        if not (power > 0.0 and gain > 0.0):
-            return ContactStep(nan, along, across)
-        return ContactStep(-float(across @ self.residuals) / (gain * power), along, across)
-
-    def after(self, step: ContactStep) -> LinearModel:
-        """The model after a step so short that it is linear there."""
-        change = self.gain * step.length
-        residuals = self.residuals + change * step.across
-        return replace(
-            self,
-            weights=self.weights + change * step.along,
-            residuals=residuals,
-            sum_of_squares=float(residuals @ residuals),
+    @classmethod
+    def of(cls, problem: Problem) -> Self | None:
+        """Compile the model of a problem of one curve, or return None where it is not separable."""
+        if len(problem.members) != 1:
+            return None
+        member = problem.members[0]
+        noise = member.noise
+        separable = (
+            MODULUS in member.entries
+            and member.forward.history is None
+            and member.forward.left_out is None
+            and member.scene.lever is None
+            and set(problem.names) <= _SEPARABLE
+            and MODULUS in member.forward.similarity.force_scales
+            and not member.forward.similarity.energies
+            and (member.forward.similarity.force_scales == (MODULUS,) or member.forward.laws.know_slopes)
+            and not any(coordinate.prior.informative for coordinate in problem.coordinates)
+            and isinstance(noise, Noise)
+            and not (noise.follows_force or noise.correlation)
         )
+        known = noise.force if isinstance(noise, Noise) else None
+        return cls(member.forward, problem.coordinates, known) if separable else None
 
+    def fit(self, curve: Curve, values: Mapping[str, float]) -> SeparableFit | None:
+        """Fit one fittable curve; None hands it to `least_squares.fit`.
 
-@dataclass(frozen=True)
-class ContactStep:
-    """Length (m) of a step of the contact; the stiffness along (p,) and across (n,) the linear columns."""
+        Parameters
+        ----------
+        curve : Curve
+            The readings, (n,).
+        values : mapping
+            Every number of its scene (SI).
 
-    length: float
-    along: FloatArray
-    across: FloatArray
+        Returns
+        -------
+        SeparableFit or None
+            None where anything is unusual; see the head of this module.
+        """
+        if values["instrument.compliance"]:
+            return None
+        try:
+            forward = self._forward_of(curve, values)
+            return SeparableSearch(self.coordinates, self.noise, forward, curve, values).solve()
+        except InputError:
+            # No law reaches a contact that was tried; the bounded search steps back from such places.
+            return None
 
-
-def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a small symmetric system; a single equation needs no library."""
-    return np.asarray(right / matrix[0, 0] if len(right) == 1 else np.linalg.solve(matrix, right))
+    def _forward_of(self, curve: Curve, values: Mapping[str, float]) -> Forward:
+        """The forward model of a curve; with tables of its own where its scene differs in what those here hold."""
+        similarity, laws = self.forward.similarity, self.forward.laws
+        served = {MODULUS, similarity.length, *similarity.shape} - {_EXPONENT}
+        if laws.table is not None:
+            # A table of a stack holds the thicknesses over that of its top layer.
+            served = (served - ({similarity.length} if similarity.lengths else set())) | {laws.table.path}
+        served |= set() if laws.tips is None else {laws.tips.path, *similarity.lengths}
+        own = {
+            path: values[path]
+            for path, held in similarity.values.items()
+            if path not in served and not path.startswith("instrument.") and values[path] != held
+        }
+        if not own:
+            return replace(self.forward, depth=curve.depth)
+        scene, free = similarity.scene.with_values(own), [entry.path for entry in self.coordinates]
+        return Forward.compile(scene, curve.depth, free, laws.solver, laws.store)
 
 
 @dataclass(frozen=True)
 class SeparableFit:
-    """An optimum.
+    """Optimum of one curve of a map.
 
     Parameters
     ----------
     values : FloatArray
         Parameters (SI) in the order of the problem, (k,).
     covariance : FloatArray
-        Of them (SI), (k, k).
+        Covariance of the parameters (SI), (k, k).
     sum_of_squares : float
-        Of the residuals (N^2).
+        Sum of the squared residuals (N^2).
     noise : float
         White noise (N) that the covariance stands on: the given one, or the scatter about the fit.
     residuals : FloatArray
         Data minus model (N), (n,).
     modulus : int
-        Which parameter is the layer's modulus.
+        Index of the layer's modulus among the parameters.
     scaled_errors : tuple of float
         Standard errors in shares of the natural size of each parameter, (k,).
     law_method : str
-        Contact law.
+        Method of the contact law.
     law_error : float
-        Its estimated relative error.
+        Estimated relative error of that law.
     steps : int
-        Models computed.
+        How many models were computed.
     """
 
     values: FloatArray
@@ -227,7 +220,7 @@ class SeparableFit:
 
 
 class SeparableSearch:
-    """One curve on its way to the optimum."""
+    """Search for the optimum of one curve: over the contact, where all else is linear or moves along with it."""
 
     def __init__(
         self,
@@ -485,6 +478,97 @@ class _Place:
     steps: int
 
 
+@dataclass(frozen=True)
+class LinearModel:
+    """Model at one contact depth, linear in all else, the linear parameters solved for.
+
+    Parameters
+    ----------
+    modulus : float
+        Young's modulus of the layer (Pa) at which the law is.
+    power : float
+        d ln P / d ln E; one where the force is proportional to the modulus.
+    columns : FloatArray
+        d model / d linear parameter, brought to unit length, (p, n); the first is dP/d ln E.
+    products : FloatArray
+        Inner products of the columns, (p, p).
+    lengths : FloatArray
+        Lengths of the columns before they were brought to one, (p,).
+    weights : FloatArray
+        Solution in the unit columns, (p,).
+    stiffness : FloatArray
+        dP/dw (N/m), (n,).
+    residuals : FloatArray
+        Data minus model (N), (n,).
+    sum_of_squares : float
+        Sum of the squared residuals (N^2).
+    law_method, law_error
+        Method of the contact law, and its estimated relative error.
+    """
+
+    modulus: float
+    power: float
+    columns: FloatArray
+    products: FloatArray
+    lengths: FloatArray
+    weights: FloatArray
+    stiffness: FloatArray
+    residuals: FloatArray
+    sum_of_squares: float
+    law_method: str
+    law_error: float
+
+    @property
+    def linear(self) -> FloatArray:
+        """One more than the change of ln E to first order, then baseline and slope (SI) as far as free, (p,)."""
+        return self.weights / self.lengths
+
+    @property
+    def gain(self) -> float:
+        """Force over that of the law, taken for a power of the modulus."""
+        return 1.0 + self.power * (float(self.linear[0]) - 1.0)
+
+    def turn(self, step: ContactStep) -> float:
+        """Change of ln E that goes with a step of the contact; NaN where no modulus within decades will do."""
+        after = self.after(step).gain
+        turn = log(after) / self.power if after > 0.0 < self.power else nan
+        return turn if abs(turn) < _FARTHEST else nan
+
+    def step(self) -> ContactStep:
+        """Kaufman's step of the contact depth; of NaN metres where the contact does not act."""
+        along = solved(self.products, self.columns @ self.stiffness)
+        across = self.stiffness - along @ self.columns
+        power, gain = float(across @ across), self.gain
+        if not (power > 0.0 and gain > 0.0):
+            return ContactStep(nan, along, across)
+        return ContactStep(-float(across @ self.residuals) / (gain * power), along, across)
+
+    def after(self, step: ContactStep) -> LinearModel:
+        """The model after a step so short that it is linear there."""
+        change = self.gain * step.length
+        residuals = self.residuals + change * step.across
+        return replace(
+            self,
+            weights=self.weights + change * step.along,
+            residuals=residuals,
+            sum_of_squares=float(residuals @ residuals),
+        )
+
+
+@dataclass(frozen=True)
+class ContactStep:
+    """Length (m) of a step of the contact; the stiffness along (p,) and across (n,) the linear columns."""
+
+    length: float
+    along: FloatArray
+    across: FloatArray
+
+
+def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve a small symmetric system; a single equation needs no library."""
+    return np.asarray(right / matrix[0, 0] if len(right) == 1 else np.linalg.solve(matrix, right))
+
+
 def _parabola_top(grid: FloatArray, values: FloatArray, best: int) -> float:
     """Top of the parabola through the largest of `values` and its neighbours on an even grid."""
     if not 0 < best < len(grid) - 1:
@@ -495,94 +579,15 @@ def _parabola_top(grid: FloatArray, values: FloatArray, best: int) -> float:
     return float(grid[best] + shift * (grid[1] - grid[0]))
 
 
-@dataclass(frozen=True)
-class SeparableModel:
-    """What all curves of a map have in common, compiled.
-
-    Parameters
-    ----------
-    forward : Forward
-        Of the common scene; its store holds the laws that curves share.
-    coordinates : tuple of Coordinate
-        The free parameters.
-    noise : float or None
-        White noise (N), or None where it is estimated.
-    """
-
-    forward: Forward
-    coordinates: tuple[Coordinate, ...]
-    noise: float | None
-
-    @classmethod
-    def of(cls, problem: Problem) -> Self | None:
-        """Compile the model of a problem of one curve, or return None where it is not separable."""
-        if len(problem.members) != 1:
-            return None
-        member = problem.members[0]
-        noise = member.noise
-        separable = (
-            MODULUS in member.entries
-            and member.forward.history is None
-            and member.forward.left_out is None
-            and member.scene.lever is None
-            and set(problem.names) <= _SEPARABLE
-            and MODULUS in member.forward.similarity.force_scales
-            and not member.forward.similarity.energies
-            and (member.forward.similarity.force_scales == (MODULUS,) or member.forward.laws.know_slopes)
-            and not any(coordinate.prior.informative for coordinate in problem.coordinates)
-            and isinstance(noise, Noise)
-            and not (noise.follows_force or noise.correlation)
-        )
-        known = noise.force if isinstance(noise, Noise) else None
-        return cls(member.forward, problem.coordinates, known) if separable else None
-
-    def fit(self, curve: Curve, values: Mapping[str, float]) -> SeparableFit | None:
-        """Fit one fittable curve; None hands it to `least_squares.fit`.
-
-        Parameters
-        ----------
-        curve : Curve
-            The points, (n,).
-        values : mapping
-            Every number of its scene (SI).
-        """
-        if values["instrument.compliance"]:
-            return None
-        try:
-            forward = self._forward_of(curve, values)
-            return SeparableSearch(self.coordinates, self.noise, forward, curve, values).solve()
-        except InputError:
-            # No law reaches a contact that was tried; the bounded search steps back from such places.
-            return None
-
-    def _forward_of(self, curve: Curve, values: Mapping[str, float]) -> Forward:
-        """The forward model of a curve; with tables of its own where its scene differs in what those here hold."""
-        similarity, laws = self.forward.similarity, self.forward.laws
-        served = {MODULUS, similarity.length, *similarity.shape} - {_EXPONENT}
-        if laws.table is not None:
-            # A table of a stack holds the thicknesses over that of its top layer.
-            served = (served - ({similarity.length} if similarity.lengths else set())) | {laws.table.path}
-        served |= set() if laws.tips is None else {laws.tips.path, *similarity.lengths}
-        own = {
-            path: values[path]
-            for path, held in similarity.values.items()
-            if path not in served and not path.startswith("instrument.") and values[path] != held
-        }
-        if not own:
-            return replace(self.forward, depth=curve.depth)
-        scene, free = similarity.scene.with_values(own), [entry.path for entry in self.coordinates]
-        return Forward.compile(scene, curve.depth, free, laws.solver, laws.store)
-
-
 def separable_warnings(found: SeparableFit, problem: Callable[[], Problem]) -> tuple[str, ...]:
-    """Return the warnings of `warnings_of`; `problem` is asked for only where one is possible.
+    """Return what to beware of in a separable fit: the messages of `warnings_of`.
 
     Parameters
     ----------
     found : SeparableFit
         The optimum.
     problem : callable
-        Builds the problem that was solved.
+        Builds the problem that was solved; called only where a warning is possible.
     """
     deviation = np.sqrt(np.diag(found.covariance))
     correlation = np.abs(found.covariance / (deviation[:, None] * deviation))

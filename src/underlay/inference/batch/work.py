@@ -1,8 +1,4 @@
-"""What a worker does with one curve of a map.
-
-What a single fit states, for a row of a map that asks for it.
-
-What a worker does with one curve of a map: read it, judge it, fit it, and say it in one row.
+"""What a worker does with one curve of a map: read it, judge it, fit it, and say it in one row.
 
 A row is a function of the model and the curve alone. Which worker made it, and what it made before, leaves
 no trace in it but the seconds it took.
@@ -64,8 +60,8 @@ __all__ = [
 _MODULUS = "layer.E"
 #: Why a curve is given up on which worker processes died.
 DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"
-# A contact that explains the force no better than this many squared standard deviations beyond a flat line
-# is none: three free numbers reach 30 by chance in one curve of a million.
+# Squared standard deviations by which a contact must explain the force better than a straight line: three free
+# numbers reach 30 by chance in one curve of a million.
 _NO_CONTACT = 30.0
 _MODULUS_LIKELIHOOD = f"{_MODULUS}.{LIKELIHOOD}"
 # Arms of an interval of ln E beyond which it is no normal density's: one this much longer, or this long.
@@ -87,7 +83,7 @@ Rows = list[tuple[int, str]]
 
 
 def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> Rows:
-    """Rows of some curves: what a cluster's worker runs."""
+    """Fit some curves and return their rows: what a worker of a Dask cluster runs."""
     return list(CurveFitter(model, layout).rows(places))
 
 
@@ -106,7 +102,7 @@ def given_up(place: CurvePlace, layout: Layout, reason: str) -> tuple[int, str]:
 
 @dataclass(frozen=True)
 class _Found:
-    """What a fit gives to a row."""
+    """What a fit gives to a row: values and standard errors (SI) by path, its law and statistics, its notes."""
 
     values: Mapping[str, float]
     stderr: Mapping[str, float]
@@ -118,7 +114,7 @@ class _Found:
 
 
 class CurveFitter:
-    """The common model, compiled once for all curves that pass through one worker.
+    """Fits curves of a map into rows, with the common model compiled once for all that one worker gets.
 
     Parameters
     ----------
@@ -170,7 +166,10 @@ class CurveFitter:
         return row
 
     def _settled(self, place: CurvePlace, curve: Curve) -> tuple[CurvePlace, Curve, tuple[str, ...]]:
-        """The place with what its own file says of the scene, the curve noted so, and what is to be said of it."""
+        """Take what the curve's own file says of the scene.
+
+        Returns the place with these numbers, the curve with a note of them, and notes for the row.
+        """
         file = self._model.file
         settled = settle(
             self._model.scene.with_values(place.values),
@@ -287,7 +286,7 @@ class CurveFitter:
         return self._answered(outcome, found, found.verdict)
 
     def _answered(self, outcome: _Found, found: Fit | Posterior, verdict: Advice) -> _Found:
-        """The same with the answers of a fit or a posterior in place of least squares' numbers."""
+        """The outcome with the answers of a fit or a posterior in place of least squares' numbers."""
         answers = {name: found.answer(name) for name in self._names}
         more: dict[str, Any] = answer_cells(answers)
         more |= {"verdict": verdict.word, "reason": "; ".join(verdict.reasons), "cause": verdict.cause}
@@ -300,7 +299,7 @@ class CurveFitter:
         return replace(outcome, values=values, notes=(), more=more)
 
     def _sampled(self, problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Found) -> _Found:
-        """The same with the answers of a posterior."""
+        """The outcome with the answers of a posterior, which is sampled here."""
         from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `quick_fit`
 
         seed = _seed(sampling.seed, place.name)

@@ -1,12 +1,8 @@
-"""What a test can and cannot tell, before or after it is done.
+"""What a test can and cannot tell, before or after it is done: Fisher information, in numbers and in words.
 
-Fisher information of a test in scaled coordinates: what the points say, before or after they are measured.
-
-For Gaussian noise F = J' V^-1 J, with J the derivatives of the force. The information that the noise's own
-size carries when it follows the force is of second order in that size and is left out, so the bounds are
-a little too wide rather than too narrow.
-
-What a test can and cannot tell, before or after it is done, in numbers and in words.
+For Gaussian noise the information is F = J' V^-1 J in scaled coordinates, with J the derivatives of the force
+and V the covariance of the noise. The information that the noise's own size carries when it follows the force
+is of second order in that size and is left out, so the bounds are a little too wide rather than too narrow.
 
 Moduli, lengths and other positive quantities enter by their logarithm, so an eigenvector of their
 information is a product of powers: a direction with a large eigenvalue is a combination such as
@@ -54,9 +50,9 @@ __all__ = [
     "prior_information",
 ]
 
-#: What the parameters of a specimen begin with; the others are those of one test.
+#: Beginnings of the paths of a specimen's parameters; the others are those of one test.
 SPECIMEN = ("layer.", "substrate.")
-#: Relative to the largest: eigenvalues of an information matrix below this are rounding and the error of the finite
+#: Eigenvalue of an information matrix, over the largest, below which it is rounding and the error of the finite
 #: differences in it.
 LOST = 1e-13
 #: Relative standard deviations up to which a quantity is fixed, and beyond which it is not.
@@ -125,7 +121,15 @@ def prior_information(problem: Problem, vector: FloatArray) -> FloatArray:
 
 
 def marginal(matrix: FloatArray, kept: Sequence[int], others: Sequence[int]) -> FloatArray:
-    """Information (m, m) about `kept` when `others` are unknown too: the Schur complement."""
+    """Information (m, m) about the entries `kept` when `others` are unknown too: the Schur complement.
+
+    Parameters
+    ----------
+    matrix : FloatArray
+        Information about all entries, (k, k).
+    kept, others : sequence of int
+        Entries.
+    """
     kept, others = list(kept), list(others)
     own = matrix[np.ix_(kept, kept)]
     if not others:
@@ -206,7 +210,7 @@ class Identifiability:
     names : tuple of str
         Free parameters (those of the noise left out).
     values : mapping
-        Where it was asked (SI).
+        Values (SI) at which the information is.
     fisher : FloatArray
         Information of the data alone in scaled coordinates, (k, k).
     covariance : FloatArray

@@ -1,8 +1,4 @@
-"""Which test would tell: the expected standard error over tip radius and depth.
-
-What every test of a grid of tips and depths would tell of a specimen.
-
-Which test would tell: the expected standard error of one parameter over tip radius and depth.
+"""Which test would tell: the expected standard error of one parameter over tip radius and depth.
 
 Every cell of the grid is a test that was not done: its Fisher information about the specimen (layer and
 substrate), the instrument's own unknowns of that test removed. Information adds, so what a second radius
@@ -38,31 +34,32 @@ __all__ = ["Grid", "Plan", "plan", "readings"]
 
 # Share of the readings before contact: a test that starts in contact cannot tell its contact point.
 _APPROACH = 0.25
+# Readings of a test.
 _POINTS = 200
-# An error within this factor of the best is as good: the mildest such test is recommended.
+# Factor on the least error within which a test is as good: the mildest such test is recommended.
 _AS_GOOD = 1.1
-# Above this relative standard error the forecast, which is linear, is none.
+# Relative standard error above which the forecast, which is linear, is none.
 _NO_FORECAST = 0.1
-# A first test this far beyond the grid is another test than any of it.
+# Factor beyond the ends of the grid up to which a first test is taken for the nearest one of the grid.
 _BEYOND = 2.0
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Information of every test of a grid, in scaled coordinates.
+    """Information of every test of a grid, in scaled coordinates: what each would tell of a specimen.
 
     Parameters
     ----------
     information : FloatArray
-        About the specimen, priors not counted, (r, d, s, s).
+        Information about the specimen, priors not counted, (r, d, s, s).
     prior : FloatArray
-        Of the priors, (s, s).
+        Information of the priors, (s, s).
     slopes : FloatArray
         d parameter / d scaled coordinate (SI), (s,).
     peak_force : FloatArray
         Force at the deepest point (N), (r, d); NaN where the test cannot be done.
     refusals : mapping of (int, int) to str
-        Why it cannot.
+        Why a test of the grid cannot be done.
     """
 
     information: FloatArray
@@ -83,7 +80,16 @@ class Grid:
         points: int,
         solver: AnySolver,
     ) -> Grid:
-        """Tell what tests with tips (m), (r,), to depths (m), (d,), would say.
+        """Compute the information of tests with tips of some radii, pressed to some depths.
+
+        Parameters
+        ----------
+        scene, free, noise, points, solver
+            As in `plan`.
+        radii, depths : FloatArray
+            Tip radii and largest depths (m), (r,) and (d,).
+        specimen : sequence of str
+            Free parameters of layer and substrate.
 
         Raises
         ------
@@ -275,7 +281,7 @@ def plan(
     free : mapping of path to prior
         What will be unknown, as in `Problem`.
     noise : Noise
-        Of the force reading; its size must be given.
+        Noise of the force reading; its size must be given.
     radii, depths : array_like
         Tip radii and largest depths to consider (m), increasing.
     parameter : str
@@ -345,7 +351,7 @@ def _errors(matrices: FloatArray, index: int, possible: NDArray[np.bool_]) -> Fl
 
 
 def _nearest(grid: FloatArray, length: float, name: str) -> int:
-    """Which of increasing lengths (m) is the nearest in ratio to that of a first test."""
+    """Index of the one of increasing lengths (m) that is nearest in ratio to that of a first test."""
     asked = positive(length, f"the {name} of the first test", "m")
     if not grid[0] / _BEYOND <= asked <= grid[-1] * _BEYOND:
         ends = " to ".join(format_quantity(float(end), "length") for end in (grid[0], grid[-1]))

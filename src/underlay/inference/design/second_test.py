@@ -1,4 +1,4 @@
-"""Which second tip would fix what one test leaves open."""
+"""Which second tip, pressed as deep and fitted jointly, would fix what one test leaves open."""
 
 from __future__ import annotations
 
@@ -26,14 +26,15 @@ if TYPE_CHECKING:
 
 __all__ = ["Remedy", "remedy"]
 
-# Tips are sold in steps like these.
+# Steps of the radii tried in a decade: tips are sold in steps like these.
 _STEPS = (1.0, 2.0, 5.0)
-# Radii tried: up to so many times larger and smaller than the one at hand.
+# Factor by which radii tried may be larger or smaller than the one at hand.
 _SPAN = 10.0
-# Values that are supposed over an interval, and how far one is followed whose end the data leave open.
+# Values that are supposed over an interval, and the factor by which it is followed where the data leave an end
+# open.
 _PLACES, _OPEN = 5, 8.0
-_LEVEL = 0.95
-# Errors that differ by less are told as one number.
+_LEVEL = 0.95  # confidence of that interval
+# Ratio of errors up to which they are told as one number.
 _ALIKE = 1.3
 
 
@@ -53,14 +54,14 @@ class Remedy:
     target : float
         Relative standard error that counts as fixed.
     shape : str
-        Of the tip.
+        Shape of the tip, in words.
     radii : ndarray (r,)
         Tips tried (m), the one nearest to that at hand first.
     stderr, peak_force : ndarray (m, r)
         Standard error of both tests together (SI; infinite where they do not fix the parameter, NaN where the
         test cannot be done), and the force at the deepest point (N).
     depth : float
-        Of the second test (m).
+        Depth of the second test (m).
     """
 
     parameter: str
@@ -137,7 +138,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     Parameters
     ----------
     fit : Fit
-        Of one curve.
+        A fit of one curve.
     parameter : str
         A fitted parameter of layer or substrate.
     value : float, optional

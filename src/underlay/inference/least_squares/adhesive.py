@@ -1,12 +1,9 @@
-"""Starts and warnings of a fit with adhesion.
+"""Where a fit with adhesion starts, and what its curves cannot tell.
 
-Starts of a fit with adhesion, from three marks of the curve: its deepest dip, where it carries no load, its top.
-
-For each modulus of a coarse grid the work of adhesion is the one whose contact pulls as hard as the dip is deep,
-and the contact point the one that puts the unloaded contact where the curve crosses its baseline. The layer's
-modulus does not scale the force here, so `start.py`'s elimination of it does not apply.
-
-What a fit with adhesion cannot know from the curve it has.
+A start follows from three marks of the curve: its deepest dip, where it carries no load, and its top. For each
+modulus of a coarse grid the work of adhesion is the one whose contact pulls as hard as the dip is deep, and the
+contact point the one that puts the unloaded contact where the curve crosses its baseline. The layer's modulus does
+not scale the force here, so that it is not solved for as `scan` does.
 """
 
 from __future__ import annotations
@@ -29,21 +26,27 @@ from underlay.units import format_quantity
 
 __all__ = ["about_adhesion", "adhesive_starts"]
 
+# Relative tolerance of the laws of a start.
 _RTOL = 1e-2
 _MODULUS, _WORK = "layer.E", "adhesion.work"
-# About the modulus of a contact without adhesion.
+# Moduli tried, over the modulus of a contact without adhesion.
 _MODULI = np.geomspace(0.05, 20.0, 13)
-# Tried where the curve shows no dip.
+# Works of adhesion tried where the curve shows no dip, over the scene's own.
 _WORKS = (0.01, 0.1, 1.0, 10.0)
-# Pull-off goes with the work to a power near one: two corrections leave a few per cent.
+# Corrections of the work to the dip: pull-off goes with the work to a power near one, and two leave a few per cent.
 _CORRECTIONS = 3
+# Depths at which a law's force is asked for its lowest and its zero.
 _POINTS = 200
-# Share of the points that lie before contact, at the least.
+# Share of the readings that are taken to lie before contact.
 _BASELINE_SHARE = 0.05
 
 
 class _Marks(NamedTuple):
-    """Baseline (N), pull of the dip (N, positive), reading (m) at no load, top force (N), depth range (m)."""
+    """Marks of a curve.
+
+    Its baseline (N), the pull of its dip (N, positive), the depth reading (m) at which it carries no load, its top
+    force over the baseline (N), and its range of depth (m).
+    """
 
     baseline: float
     pull: float
@@ -53,7 +56,7 @@ class _Marks(NamedTuple):
 
 
 def adhesive_starts(problem: Problem, count: int) -> list[FloatArray]:
-    """Scaled vectors (k,), best first, at most `count`; empty if none has a law."""
+    """Starts of a fit with adhesion: scaled vectors (k,), best first, at most `count`; empty if none has a law."""
     marks = [_marks(member) for member in problem.members]
     first = problem.members[0]
     moduli = [first.base[_MODULUS]]

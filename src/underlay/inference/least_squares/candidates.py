@@ -15,20 +15,21 @@ from underlay.inference.least_squares.scan_curve import BASE_MODULUS, MODULUS
 
 __all__ = ["EXPLAINED", "Candidate", "candidates"]
 
-# A step that lowers the sum of squares by less than this share came from within a third of a standard error of
-# the blocks; what is left is far less.
+# The search on blocks. A step that lowers the sum of squares by less than `settled` of it came from within a third
+# of a standard error of the blocks; what is left is far less.
 _SEARCH = Search(steps=24, settled=3e-3, damping=1e-6)
-# Nothing explains the data better than down to their scatter. Once one start does, another that after so many steps
-# neither is nor promises to be among those that may be the optimum is given up.
+# Steps after which a start is given up that neither is nor promises to be among those that may be the optimum, once
+# another start explains the data: nothing explains them better than down to their scatter.
 _PATIENCE = 1
 #: Chi-square per block below which a model explains the data.
 EXPLAINED = 1.4
-# A search stays between the neighbours of its grid point: 0.55 apart in ln h, 2.3 in the logarithm of a ratio; the
-# modulus goes with h^3 along the valley of a thin layer. Beyond is another start's.
+# How far a search may go from its start in a scaled coordinate, and in that of a modulus: to the neighbours of its
+# grid point, 0.55 apart in ln h and 2.3 in the logarithm of a ratio; the modulus goes with h^3 along the valley of
+# a thin layer. What lies beyond is found from another start.
 _REACH, _MODULUS_REACH = 0.6, 2.5
-# Two minima closer than this in every scaled coordinate are one, and a start whose next step leads within two
-# standard errors of a minimum that explains the data is on its way there; chi-square higher by 30 in the
-# blocks is not undone by looking at every point.
+# Two minima closer than the first in every scaled coordinate are one; a start whose next step leads within the
+# second, in standard errors, of a minimum that explains the data is on its way there; a chi-square higher by the
+# third in the blocks is not undone by looking at every reading.
 _ONE_PLACE, _ON_THE_WAY, _MAY_BE = 0.05, 2.0, 30.0
 
 
@@ -113,7 +114,7 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
 
 
 def _reach(blocked: Objective) -> FloatArray:
-    """How far each entry may go from its start, (k,); the noise's rest."""
+    """Distance that each scaled entry may go from its start, (k,); numbers of the noise stay."""
     coordinates = blocked.problem.coordinates
     reach = np.array([_MODULUS_REACH if c.path in (MODULUS, BASE_MODULUS) else _REACH for c in coordinates])
     reach[list(blocked.problem.noise_entries)] = 0.0
@@ -141,7 +142,7 @@ def _at_edge(blocked: Objective, at: FloatArray, low: FloatArray, high: FloatArr
 
 
 def _distinct(found: list[Candidate], degrees: int) -> list[Candidate]:
-    """Those, best first, that may be the optimum and are not on the way to a better one."""
+    """Candidates, best first, that may be the optimum and are not on the way to a better one."""
     kept: list[Candidate] = []
     for entry in found:
         best = found[0]

@@ -1,8 +1,8 @@
-"""Whether the residuals look like the noise that was assumed.
+"""Whether the residuals of a fit look like the noise that was assumed.
 
-Whitened residuals of a right model with the right noise are independent. Where they are not, each point
-tells less than it seems, and errors computed as if points were independent are too small by the square root
-of n / n_eff. With autocorrelations rho_k,
+Whitened residuals of a right model with the right noise are independent. Where they are not, each of the n
+readings tells less than it seems, and errors computed as if readings were independent are too small by the square
+root of n / n_eff. With autocorrelations rho_k,
 
     n_eff = n / (1 + 2 sum_k rho_k),
 
@@ -21,9 +21,9 @@ from underlay._arrays import FloatArray
 
 __all__ = ["ResidualDiagnostics", "correlated", "diagnose", "over_whitened"]
 
-# A thousand honest curves in a row would raise one false alarm.
+# Probability of a false alarm: one in a thousand honest curves.
 _SIGNIFICANT = 1e-3
-# Below this loss of points the errors are too small by less than 10 %.
+# n_eff / n above which errors are too small by a tenth or less, which does not matter.
 _HARMLESS = 0.8
 # Lag-one correlation of residuals that alternate enough to matter.
 _ALTERNATING = -0.2

@@ -1,8 +1,4 @@
-"""The engine: a projected Levenberg-Marquardt search that serves every least-squares fit.
-
-Damped steps of Levenberg and Marquardt, of several searches at once, that keep between their ends.
-
-The engine: a projected Levenberg-Marquardt search that serves every least-squares fit of the program.
+"""A projected Levenberg-Marquardt search, of several starts at once: it serves every least-squares fit.
 
 The steps are those of Levenberg and Marquardt (Marquardt 1963, doi:10.1137/0111030) in the parameters that are
 not at a bound and not solved for; an `Objective` solves for the linear ones. One step up the side of a valley is
@@ -26,6 +22,8 @@ __all__ = ["FINE", "LONGEST", "Ahead", "GiveUp", "Minimum", "Search", "damped_st
 
 #: A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
 LONGEST = 3.0
+# Damping (over columns of unit length) beyond which no step leads down; factors on it after a step that did, and
+# after one that did not.
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
 _LEAST_DAMPING = 1e-13
@@ -46,9 +44,16 @@ _STILL = 1e-9
 def damped_steps(
     places: Places, damping: FloatArray, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Steps (s, k) no further than `low` and `high` (s, k), what each should gain (s,), and its length (s,).
+    """Damped steps (s, k) from `places` that end no further than `low` and `high` (s, k).
 
-    That is the largest change of an entry.
+    Returns
+    -------
+    steps : FloatArray
+        Changes of the scaled vectors, (s, k).
+    gain : FloatArray
+        Fall of the sum of squares that each step promises, (s,).
+    length : FloatArray
+        Largest change of an entry, (s,).
     """
     gradient, normal = places.gradient, places.normal
     norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
@@ -135,13 +140,13 @@ class Ahead(NamedTuple):
     Parameters
     ----------
     row : int
-        Whose, of several searches.
+        Number of the search, where several go together.
     steps : int
-        Made so far.
+        Steps made so far.
     square : float
         Least sum of squares so far.
     promised : float
-        What the linear model says of the next.
+        Sum of squares after the step, by the linear model.
     here, there : FloatArray
         Scaled vectors (k,) of the lowest place so far, and where the step leads.
     """
@@ -160,7 +165,7 @@ GiveUp: TypeAlias = Callable[[Ahead], bool]
 
 @dataclass(frozen=True)
 class Search:
-    """How long and how exactly to search.
+    """Limits of a search: how many steps it makes, and when it ends.
 
     Parameters
     ----------
@@ -170,9 +175,9 @@ class Search:
         A step that should lower the sum of squares by less than this share of it is taken as what its linear
         model says, and is the last.
     least : float
-        So is one that should lower it by less than this.
+        So is a step that should lower the sum of squares by less than this.
     damping : float
-        Of the first step, on columns of unit length.
+        Damping of the first step, on columns of unit length.
     endless : float
         A valley in which a step of the longest kind gains less than this share of the sum of squares has no end to
         look for.
@@ -202,8 +207,9 @@ class Search:
         return np.asarray(gain <= np.maximum(self.settled * square, self.least))
 
 
-#: Of all points: the last step is within some hundredths of a standard error, what it leaves within a thousandth.
-#: Damped less, fits take some 5 % less time, and those of a law that sticks end in one of its lesser minima.
+#: The search on all readings: its last step is within some hundredths of a standard error, what it leaves within a
+#: thousandth. Damped less, fits take some 5 % less time, and those of a law that sticks end in one of its lesser
+#: minima.
 FINE = Search(walled=1e-5, straight=5e-4)
 
 
@@ -214,13 +220,13 @@ class Minimum:
     Parameters
     ----------
     point : Point
-        The lowest one that was asked for.
+        The lowest place whose model was computed.
     vector : FloatArray
-        Scaled, (k,): that, and the last step.
+        Scaled vector (k,): that of the point, and the last step, whose model is not computed.
     success : bool
-        Whether it met its tolerance.
+        Whether the search met its tolerance.
     message : str
-        What it says.
+        Why it ended.
     """
 
     point: Point
@@ -273,7 +279,7 @@ def descend(
 
 @dataclass(frozen=True)
 class _Outcome:
-    """What came of every search, and who wants to know."""
+    """Minima of the searches, with the caller's questions before a step and after an end; see `descend`."""
 
     found: list[Minimum | None]
     give_up: GiveUp | None
@@ -301,7 +307,7 @@ class _Outcome:
         return np.array([not words for words in why])
 
     def stopped(self, here: _Running, words: str) -> None:
-        """None of these met its tolerance."""
+        """End these searches, none of which met its tolerance, with `words` for the reason."""
         for i in range(len(here.rows)):
             self._end(here, i, words, success=False)
 
@@ -336,13 +342,13 @@ class _Running(NamedTuple):
 
     @classmethod
     def of(cls, begin: Places, low: FloatArray, high: FloatArray, damping: float) -> Self:
-        """All at their beginning."""
+        """All searches at their beginning."""
         count = len(begin.square)
         still = np.zeros(count, dtype=bool)
         return cls(np.arange(count), begin, begin, still, still, still, np.full(count, damping), low, high)
 
     def part(self, which: NDArray[np.bool_]) -> Self:
-        """Some of them."""
+        """The searches `which`, (s,) bool or indices."""
         now = self.now.part(which)
         best = now if self.best is self.now else self.best.part(which)
         return type(self)(

@@ -1,9 +1,4 @@
-"""What a fit hands back: numbers, how sure they are, how they were found, and what to beware of.
-
-What a fit states to people: intervals, a verdict with its reasons, and what the numbers stand on.
-
-Parts of a fit's result: reservations, other optima, and how it was reached.
-"""
+"""What a fit hands back: the fitted numbers, how sure they are, how they were found, and what to beware of."""
 
 from __future__ import annotations
 
@@ -81,7 +76,7 @@ class Alternative:
 
 @dataclass(frozen=True)
 class FitStatistics:
-    """How well and how a fit was reached.
+    """Statistics of a fit: how well it describes the data, and how it was reached.
 
     Parameters
     ----------
@@ -105,7 +100,7 @@ class FitStatistics:
     law_method, law_reason : str
         Contact law at the optimum and why it was taken.
     law_error : float
-        Its estimated relative error of the force.
+        Estimated relative error of the law's force.
     noise_estimated : bool
         Whether the size of the noise came from the scatter about the fit.
     """
@@ -147,17 +142,17 @@ class Fit:
     scaled_covariance : FloatArray
         Covariance in scaled coordinates, (k, k); rows of parameters without error bars are zero.
     covariance : FloatArray
-        The same in SI.
+        Covariance in SI, (k, k), with the same rows zero.
     no_error_bars : mapping of name to str
         Why a parameter has no error bar.
     bounds_hit : mapping of name to str
-        Which bound a parameter lies on.
+        Bound on which a parameter lies, in words.
     noises : tuple of Noise
         Noise of every curve at the optimum.
     residuals : tuple of FloatArray
         Data minus model (N), one array (n,) per curve.
     whitened : tuple of FloatArray
-        The same in standard deviations, model minus data, and independent where the noise is as assumed.
+        Residuals in standard deviations, model minus data, (n,) each: independent where the noise is as assumed.
     statistics : FitStatistics
         How it was reached.
     warnings : tuple of FitWarning
@@ -478,7 +473,7 @@ class Fit:
 
 
 def _finite(value: Any) -> Any:
-    """The same document with null in place of what JSON cannot hold."""
+    """The document with null in place of numbers that JSON cannot hold."""
     if isinstance(value, Mapping):
         return {key: _finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""What to beware of in a fit, in words."""
+"""Warnings of a fit: what to beware of, in words."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from underlay.units import format_quantity
 
 __all__ = ["against_priors", "ignored_sides", "over_correlated", "too_deep", "warnings_of"]
 
-# A standard error of a factor e either way, or of the whole range of the curve, says nothing.
+# Standard error in a scaled coordinate from which it says nothing: a factor e either way, or the whole range of the
+# curve.
 _UNINFORMATIVE = 1.0
-# Beyond a factor of a million its size tells no more.
+# Standard error in a scaled coordinate whose size tells no more: a factor of a million.
 _BEYOND_SENSE = 14.0
+# Correlation of two parameters from which they may be known only together.
 _STRONG_CORRELATION = 0.99
 # Standard deviations of a prior beyond which it is not believed: 99.9 % of what it foresaw lies within.
 _CONTRADICTED = 3.4
@@ -40,10 +42,24 @@ def warnings_of(
     statistics: FitStatistics,
     alternatives: Sequence[Alternative],
 ) -> tuple[FitWarning, ...]:
-    """Everything a reader of the numbers should know first.
+    """Warnings of a fit, those a reader of its numbers should know first.
 
-    `laws` are those behind the curves, one each; `reasons` and `bounds_hit` are those of `Fit`; `covariance`
-    is the scaled one, (k, k); `correlated` describes the residuals of the curves where they hang together.
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    laws : sequence of ContactLaw
+        Laws behind the curves, one each.
+    reasons, bounds_hit : mapping of str to str
+        `Fit.no_error_bars` and `Fit.bounds_hit`.
+    covariance : FloatArray
+        Covariance in scaled coordinates, (k, k).
+    correlated : sequence of ResidualDiagnostics or None
+        Of every curve what its residuals look like where they hang together.
+    statistics : FitStatistics
+        Statistics of the fit.
+    alternatives : sequence of Alternative
+        Other optima.
     """
     warnings = []
     if not statistics.success:

@@ -1,18 +1,12 @@
-"""The way through a least-squares fit: compile, scan, descend, settle, judge.
+"""Least-squares fit of a problem: start, descend, settle, judge.
 
-The ways of searches that follow one another: one that comes onto the way of an earlier one need not go on.
+A problem is compiled into weighted residuals, of all its readings and of blocks of neighbouring ones. `scan`
+finds starts from the data alone; `candidates` descends from each on the blocks and keeps the minima that may be
+the optimum; `settle` goes on from those on all readings, renewing the noise where that is learnt from the fit;
+and `judge` makes the result of the best: standard errors, second optima, and what to beware of.
 
-Starts that end at the edge of what a start may explore often lie in one long valley. Below each of them the search
-would go the same way down it, model for model.
-
-How far a contact law's own error could move the parameters fitted with it.
-
-A problem is compiled into weighted residuals, of its points and of blocks of them. A scan of what is not linear
-finds starts from the data alone; the engine descends from each on the blocks and keeps the minima that may be
-the optimum; it settles each on all points, renewing the noise where that is learnt from the fit; and the best
-of them is judged: standard errors, second optima, and what to beware of.
-
-Standard errors are those of the delta method: the inverse of J'J in scaled coordinates, times (dx/dq)^2.
+Standard errors are those of the delta method: the inverse of J'J in scaled coordinates, times (dx/dq)^2, with J
+the derivatives of the whitened residuals, q a scaled coordinate and x its value in SI.
 """
 
 from __future__ import annotations
@@ -43,89 +37,29 @@ from underlay.inference.uncertainty.answer import States
 from underlay.mechanics.solvers import Exact
 from underlay.scene.noise import NoiseModel
 
-__all__ = ["Ways", "determined", "fit", "law_bias", "quick_fit", "shift_of_the_law"]
+__all__ = ["Ways", "fit", "law_bias", "quick_fit", "shift_of_the_law"]
 
-# A place this near to a way, in every scaled coordinate, is on it: nearer, two minima are one.
+# A place this near to the path of an earlier search, in every scaled coordinate, lies on it: two minima closer than
+# this are one (`candidates`).
 _ON_IT = 0.05
-# Steps shorter than this are those at a minimum, which lead every way; one along a way makes an angle with it whose
-# cosine is at least this.
+# Steps shorter than the first (scaled coordinates) are those at a minimum, which lead in any direction; a step
+# along a path makes an angle with it whose cosine is at least the second.
 _LONG, _ALONG = 0.3, 0.9
+# Refits with a tighter law that `refine` makes at most.
 _MAX_REFINEMENTS = 4
-_LAW_SHARE = 1.0 / 3.0  # of a standard error that the law's own error may move a parameter by
+# Share of a standard error by which the law's own error may move a parameter.
+_LAW_SHARE = 1.0 / 3.0
+# Relative tolerances of the law that `refine` may ask for.
 _TIGHTEST, _LOOSEST = 1e-12, 1e-2
-# With one start there is nothing to choose from, and a step costs 1.2 times one on blocks with 1000 points, twice
-# with 3000.
+# Readings up to which one start is searched from without blocks: there is nothing to choose from, and a step costs
+# 1.2 times one on blocks with 1000 readings, twice with 3000.
 _FEW_POINTS = 2000
-# Along a valley without an end blocks are less work.
+# Steps of a first search on all readings from the best start: along a valley without an end blocks are less work.
 _QUICKLY = 5
 # A start from which a search goes further than this in a scaled coordinate was no good one.
 _FAR = 6.0
-# Of the choice of readings beside a jump; the second mostly confirms the first.
+# Times that the readings beside a jump are chosen at most; the second mostly confirms the first.
 _MAX_PASSES = 4
-
-
-class Ways:
-    """Scaled vectors (k,) at which searches stood, one list for each; to be asked by the next before each step."""
-
-    def __init__(self) -> None:
-        self._earlier: list[tuple[FloatArray, float]] = []
-        self._own: list[FloatArray] = []
-        self._lowest = np.inf
-
-    def begin(self) -> None:
-        """Another search begins."""
-        if len(self._own) > 1:
-            self._earlier.append((np.array(self._own), self._lowest))
-        self._own, self._lowest = [], np.inf
-
-    def __call__(self, ahead: Ahead) -> bool:
-        """Whether a search stands on the way of an earlier one that went lower, about to go along it."""
-        step = ahead.there - ahead.here
-        self._own.append(ahead.here)
-        self._lowest = ahead.square
-        return any(
-            lowest <= ahead.square and _leads_along(way, ahead.here, step) for way, lowest in self._earlier
-        )
-
-
-def _leads_along(way: FloatArray, here: FloatArray, step: FloatArray) -> bool:
-    """Whether a step (k,) from a place (k,) on a way (n, k) goes the way's own direction."""
-    first, along = way[:-1], np.diff(way, axis=0)
-    lengths = np.sqrt(np.square(along).sum(axis=1))
-    long = lengths > _LONG
-    if not long.any():
-        return False
-    first, along, lengths = first[long], along[long] / lengths[long, None], lengths[long]
-    gone = ((here - first) * along).sum(axis=1)
-    beside = here - first - np.clip(gone, 0.0, lengths)[:, None] * along
-    on_it = (np.abs(beside) <= _ON_IT).all(axis=1)
-    return bool((on_it & (along @ step >= _ALONG * np.sqrt(step @ step))).any())
-
-
-def law_bias(fit: Fit) -> float:
-    """Largest shift over standard error, over the parameters, if the force is off by the law's error."""
-    shifts = shift_of_the_law(fit.problem, fit.vector, fit.scaled_covariance, fit.sigmas)
-    deviation = np.sqrt(np.diag(fit.scaled_covariance))
-    fixed = deviation > 0.0
-    relative = np.abs(shifts[fixed]) * fit.statistics.law_error / deviation[fixed]
-    return float(relative.max(initial=0.0))
-
-
-def shift_of_the_law(
-    problem: Problem, vector: FloatArray, covariance: FloatArray, sigmas: tuple[FloatArray, ...]
-) -> FloatArray:
-    """Shift (k,) of the scaled parameters per unit of relative error of the force at every depth.
-
-    First order: C J' V^-1 P, with P the contact force. A modulus that scales the force takes all of it.
-    Correlation of the noise is left out: a shift of the mean hardly depends on it.
-    """
-    physical = problem.physical(vector)
-    slopes = problem.space.slopes(physical)
-    total = np.zeros(len(vector))
-    for member, sigma in zip(problem.members, sigmas, strict=True):
-        reading, columns = member.jacobian(physical)
-        total += (columns * slopes / sigma[:, None]).T @ (reading.contact / sigma)
-    return np.asarray(covariance @ total)
 
 
 @one_thread()
@@ -196,16 +130,8 @@ def quick_fit(problem: Problem, *, start: str = "scan") -> Fit:
     return _fit_once(problem, None, start)
 
 
-def determined(problem: Problem) -> Problem:
-    """Return the problem without the readings beside a jump that a fit leaves out; itself where nothing sticks.
-
-    Raises as `quick_fit` does.
-    """
-    return quick_fit(problem).problem if problem.adheres else problem
-
-
 def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
-    """Scan, descend, settle, judge; `Problem` has compiled."""
+    """Fit once, with the law as it is: the four steps of this module."""
     began = time.perf_counter()
     places: Sequence[FloatArray] = [problem.start]
     if start == "scan":
@@ -261,7 +187,7 @@ def _of_readings(problem: Problem, kept: Sequence[NDArray[np.bool_]]) -> list[No
 
 
 def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatArray], began: float) -> Fit:
-    """Settle at places (k,) and judge the best."""
+    """Settle from scaled vectors (k,) on all readings, and judge the best."""
     robust = lmfit if lmfit is not None and lmfit.loss else None
     ways = Ways() if len(places) > 1 else None
     settled = []
@@ -297,7 +223,7 @@ def _is_far(change: FloatArray) -> bool:
 
 
 def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -> Fit:
-    """Judge the best of some optima."""
+    """Make the result of the best of some optima, `began` being the clock (s) at the start of the fit."""
     robust = lmfit is not None and lmfit.loss is not None
     best = min(settled, key=lambda optimum: optimum.loss) if len(settled) > 1 else settled[0]
     others = [other.vector for other in settled if other is not best]
@@ -347,7 +273,7 @@ def _has_blocks(problem: Problem) -> bool:
 
 
 def _no_law(problem: Problem) -> FitError:
-    """Why nothing could be computed: what the law says at the scene's own values."""
+    """Build the error of a fit without a start: what the contact law says at the scene's own values."""
     try:
         problem.residuals(problem.start)
     except InputError as error:
@@ -371,3 +297,72 @@ def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
     # Open bounds are any distance apart, closed ones a hundredth of it at most.
     room = 0.01 * np.minimum(high - low, 1.0)
     return np.asarray(np.minimum(np.maximum(vector, low + room), high - room))
+
+
+def law_bias(fit: Fit) -> float:
+    """Largest shift of a parameter over its standard error if the force is off by the law's own error."""
+    shifts = shift_of_the_law(fit.problem, fit.vector, fit.scaled_covariance, fit.sigmas)
+    deviation = np.sqrt(np.diag(fit.scaled_covariance))
+    fixed = deviation > 0.0
+    relative = np.abs(shifts[fixed]) * fit.statistics.law_error / deviation[fixed]
+    return float(relative.max(initial=0.0))
+
+
+def shift_of_the_law(
+    problem: Problem, vector: FloatArray, covariance: FloatArray, sigmas: tuple[FloatArray, ...]
+) -> FloatArray:
+    """Shift (k,) of the scaled parameters per unit of relative error of the force at every depth.
+
+    First order: C J' V^-1 P, with P the contact force. A modulus that scales the force takes all of it.
+    Correlation of the noise is left out: a shift of the mean hardly depends on it.
+    """
+    physical = problem.physical(vector)
+    slopes = problem.space.slopes(physical)
+    total = np.zeros(len(vector))
+    for member, sigma in zip(problem.members, sigmas, strict=True):
+        reading, columns = member.jacobian(physical)
+        total += (columns * slopes / sigma[:, None]).T @ (reading.contact / sigma)
+    return np.asarray(covariance @ total)
+
+
+class Ways:
+    """Paths of searches that follow one another: one that comes onto the path of an earlier one need not go on.
+
+    Starts that end at the edge of what a start may explore often lie in one long valley. Below each of them the
+    search would go the same way down it, model for model. Kept are the scaled vectors (k,) at which each search
+    stood; the next search asks before each of its steps.
+    """
+
+    def __init__(self) -> None:
+        self._earlier: list[tuple[FloatArray, float]] = []
+        self._own: list[FloatArray] = []
+        self._lowest = np.inf
+
+    def begin(self) -> None:
+        """Close the path of the last search: the next begins."""
+        if len(self._own) > 1:
+            self._earlier.append((np.array(self._own), self._lowest))
+        self._own, self._lowest = [], np.inf
+
+    def __call__(self, ahead: Ahead) -> bool:
+        """Whether a search stands on the way of an earlier one that went lower, about to go along it."""
+        step = ahead.there - ahead.here
+        self._own.append(ahead.here)
+        self._lowest = ahead.square
+        return any(
+            lowest <= ahead.square and _leads_along(way, ahead.here, step) for way, lowest in self._earlier
+        )
+
+
+def _leads_along(way: FloatArray, here: FloatArray, step: FloatArray) -> bool:
+    """Whether a step (k,) from a place (k,) on a way (n, k) goes the way's own direction."""
+    first, along = way[:-1], np.diff(way, axis=0)
+    lengths = np.sqrt(np.square(along).sum(axis=1))
+    long = lengths > _LONG
+    if not long.any():
+        return False
+    first, along, lengths = first[long], along[long] / lengths[long, None], lengths[long]
+    gone = ((here - first) * along).sum(axis=1)
+    beside = here - first - np.clip(gone, 0.0, lengths)[:, None] * along
+    on_it = (np.abs(beside) <= _ON_IT).all(axis=1)
+    return bool((on_it & (along @ step >= _ALONG * np.sqrt(step @ step))).any())

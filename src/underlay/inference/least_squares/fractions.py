@@ -1,8 +1,9 @@
 """Relaxing fractions, in which the force is nearly linear: solved for together with the moduli, never negative.
 
-While the contact grows, P = E_inf A + sum_k E f_k z_k with A the elastic force and z_k its integrals: linear in the
-moduli E_inf = E (1 - sum f) and E f_k, all of which are positive or zero. On the way out the point of equal radius
-moves with them, so the force at the solution is computed again.
+While the contact grows, P = E_inf A + sum_k E f_k z_k, with E the instantaneous modulus, f_k the relaxing
+fractions, A the elastic force per modulus and z_k its integrals over the record: linear in the moduli
+E_inf = E (1 - sum f) and E f_k, all of which are positive or zero. On the way out the point of equal radius moves
+with them, so the force at the solution is computed again.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ __all__ = ["Fractions"]
 # A solution that promises to lower the sum of squares by less than this share of it waits for the next step of
 # the search, which moves the fractions too: a model costs as much as a step.
 _WORTH = 0.02
+# A share this far below zero is zero but for the rounding of the solution.
 _ROUNDING = 1e-9
-# The moduli stay where they are rather than make a force that is not there, as in `projection`.
+# Least factor on the moduli: below it they stay where they are, as in `projection`.
 _LEAST_FACTOR = 0.1
 
 
@@ -43,9 +45,9 @@ class Fractions:
     Parameters
     ----------
     problem : Problem
-        Whose they are.
+        The problem of which they are parameters.
     layers : list
-        What may not be negative, layer by layer.
+        The fractions of each relaxing layer.
     directions : LinearDirections
         Baselines, fractions, and the moduli together where they scale the force, in this order.
     """

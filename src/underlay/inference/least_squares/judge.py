@@ -1,9 +1,4 @@
-"""Judge an optimum: covariance, what has no error bar and why, second optima, statistics.
-
-What a fit of a relaxing layer cannot know from the record it has.
-
-Judge an optimum: covariance, what has no error bar and why, second optima, statistics, warnings.
-"""
+"""The result of a fit from the optimum it found: errors, missing error bars, second optima, statistics."""
 
 from __future__ import annotations
 
@@ -51,6 +46,7 @@ _SINGULAR = 1e-9
 _SAME, _REJECTED = 0.3, 11.6
 # Two places with no higher hill of chi-square than this between them lie on one plateau or in one valley.
 _HILL = 0.01
+# Name of the minimiser where lmfit had no part.
 _ENGINE = "projected Levenberg-Marquardt"
 
 
@@ -94,9 +90,18 @@ def judge(
     seconds: float,
     state: Callable[[Fit], States],
 ) -> Fit:
-    """Make the result of a fit from where it ended.
+    """Make the result of a fit from its best optimum.
 
-    `others` are optima of other starts; `state` makes what the fit will state of itself.
+    Parameters
+    ----------
+    optimum : Optimum
+        The best one, settled on all readings.
+    others : sequence of FloatArray
+        Scaled vectors (k,) of the optima of other starts.
+    seconds : float
+        Time that the fit took.
+    state : callable
+        Makes what the fit states of itself (answers, verdict), called when first asked for.
     """
     objective, vector = optimum.objective, optimum.vector
     problem = objective.problem
@@ -163,9 +168,17 @@ def scaled_covariance(
 ) -> tuple[FloatArray, dict[str, str]]:
     """Covariance (k, k) in scaled coordinates, and the parameters without error bars with the reason.
 
-    Of derivatives whose QR has the `triangle` R (k, k).
     A parameter on a bound is taken as known there; a direction the data do not fix takes the error bars of
     the parameters it is made of, and of no others.
+
+    Parameters
+    ----------
+    objective : Objective
+        At the optimum.
+    triangle : FloatArray
+        R of the QR decomposition of the residuals' derivatives, (k, k).
+    bounds_hit : dict of str to str
+        Parameters on a bound, with which.
     """
     names = objective.problem.names
     reasons = {name: f"on its {bound}: no error bar there" for name, bound in bounds_hit.items()}

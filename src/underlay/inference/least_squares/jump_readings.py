@@ -1,4 +1,4 @@
-"""Readings beside a jump of the force whose side of it the others do not tell: a fit leaves them out.
+"""Readings beside a jump of the force that a fit leaves out: the others do not tell on which side they lie.
 
 Where a tip that sticks comes off, or jumps in, the force jumps. A reading there is on one side or on the other,
 and the sum of squares jumps as soon as the model has it on the wrong one: no search along slopes gets over that
@@ -7,9 +7,9 @@ which come from slopes, are too small.
 
 The rule: the reading next to the jump on either side is left out where it lies within four standard errors of the
 place of the jump, as all other readings tell that place. The fit is then made again, until it leaves out what it
-left out before. They stay where the two tell the place of the jump better than all others do: it lies between them,
-anywhere, which is a standard deviation of their distance over the root of 12. So it is with a contact whose modulus
-and thickness are known together only.
+left out before. Both readings stay where the two tell the place of the jump better than all others do: it lies
+between them, anywhere, which is a standard deviation of their distance over the root of 12. So it is with a contact
+whose modulus and thickness are known only together.
 """
 
 from __future__ import annotations
@@ -31,15 +31,29 @@ from underlay.units import format_quantity
 
 __all__ = ["about_left_out", "determined", "for_all_readings"]
 
+# Standard errors of the place of a jump within which a reading is left out.
 _ERRORS = 4.0
 # Length over standard deviation of an even distribution.
 _EVEN = 12.0**0.5
-# Of a scaled coordinate, for the slope of a jump's place: laws are good to 1e-6.
+# Step of a scaled coordinate for the slope of a jump's place: laws are good to 1e-6.
 _STEP = 1e-3
 
 
 def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
-    """Say which readings of each curve of `problem` to keep, (n,) each, by a fit to these or to some of them."""
+    """Which readings of each curve to keep, by the place of its jumps as a fit tells it.
+
+    Parameters
+    ----------
+    found : Fit
+        A fit to all readings of `problem`, or to some of them.
+    problem : Problem
+        The problem with all readings.
+
+    Returns
+    -------
+    list of ndarray of bool (n,)
+        One for each curve: False beside a jump whose side the other readings do not tell.
+    """
     objective = Objective(found.problem, freeze(found.problem, found.vector, found.noises))
     rows = objective.jacobian(found.vector)[:, objective.active]
     begin = np.cumsum([0, *(len(member.force) for member in found.problem.members)])
@@ -60,7 +74,7 @@ def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
 
 
 def about_left_out(problem: Problem, kept: list[NDArray[np.bool_]]) -> list[FitWarning]:
-    """Say what was left out of a problem's curves; empty where nothing was."""
+    """Warnings of the readings left out of a problem's curves, by masks (n,) of those kept; none where none was."""
     warnings = []
     for number, (member, keep) in enumerate(zip(problem.members, kept, strict=True), start=1):
         gone = member.forward.depth[~keep]
@@ -111,7 +125,7 @@ def _jumps(found: Fit, member: Member, active: list[int]) -> list[tuple[float, F
 
 
 def _moved(problem: Problem, member: Member, vector: FloatArray, index: int) -> FloatArray:
-    """Places (m) one step away, so written that it may be forward or, at the end of what is possible, backward."""
+    """Places (m) of the jumps one step ahead in a scaled coordinate; by the step back where no law is ahead."""
     step = np.zeros_like(vector)
     step[index] = _STEP
     try:
@@ -121,6 +135,7 @@ def _moved(problem: Problem, member: Member, vector: FloatArray, index: int) -> 
 
 
 def _places(problem: Problem, member: Member, vector: FloatArray) -> FloatArray:
+    """Depth readings (m) at which the force of a curve jumps, at a scaled vector (k,)."""
     values = member.values_at(problem.physical(vector))
     chain = Chain.of(values)
     deepest = float(chain.travel(member.forward.depth_at(values)).max())

@@ -1,7 +1,4 @@
-"""lmfit's part in a fit: it confirms the engine's optimum in its users' language.
-
-lmfit's part in a fit: it confirms the engine's optimum in its users' language, and carries robust losses.
-"""
+"""lmfit's part in a fit: it confirms the engine's optimum in its users' language, and carries robust losses."""
 
 from __future__ import annotations
 
@@ -19,35 +16,39 @@ from underlay.inference.least_squares.projection import acting
 
 __all__ = ["METHODS", "LastWord", "Minimiser"]
 
+#: lmfit's minimisers that a fit may name: Levenberg-Marquardt (MINPACK), trust region.
 METHODS = ("leastsq", "least_squares")
-# lmfit's own tolerances (1.5e-8) let a fit stop where two unit systems differ in the sixth digit.
+# Relative tolerance of a step and of the sum of squares: lmfit's own (1.5e-8) lets a fit stop where two unit
+# systems differ in the sixth digit.
 _TOLERANCE = 1e-8
-# From an optimum three evaluations are usual, from a robust start ten; a valley without an end takes hundreds.
+# Evaluations at most: from an optimum three are usual, from a robust start ten; a valley without an end takes
+# hundreds.
 _MOST_EVALUATIONS = 300
+# What lmfit allows in no name.
 _UNNAMEABLE = re.compile(r"\W+")
 
 
 @dataclass(frozen=True)
 class LastWord:
-    """What lmfit says: scaled vector (k,), and its own result, with scaled coordinates for values."""
+    """What lmfit found: scaled vector (k,), and its `MinimizerResult`, with scaled coordinates for values."""
 
     vector: FloatArray
     result: Any
 
     @property
     def success(self) -> bool:
-        """Whether it met its tolerance."""
+        """Whether lmfit met its tolerance."""
         return bool(self.result.success)
 
     @property
     def message(self) -> str:
-        """Why it stopped."""
+        """Why lmfit stopped."""
         return str(self.result.message)
 
 
 @dataclass(frozen=True)
 class Minimiser:
-    """One of lmfit's minimisers, and its loss.
+    """One of lmfit's minimisers, with the loss that it lowers.
 
     Parameters
     ----------

@@ -1,12 +1,8 @@
-"""Models of curves and their derivatives as searches ask for them, and what weighs the residuals.
+"""Models of curves and their derivatives as searches ask for them, the noise that weighs them, robust losses.
 
-The noise of a problem at one model: what weighs the residuals while a search runs.
-
-Robust losses: what a minimiser lowers in place of the sum of squares, and what that does to standard errors.
-
-They are those of `scipy.optimize.least_squares`, of the square z = r^2 of a whitened residual.
-
-Models of curves and their derivatives, as searches ask for them: at one vector, kept; at several, together.
+A model is asked at one vector, and kept, or at several vectors together. The noise is frozen while a search runs
+(`FrozenNoise`). Robust losses are those of `scipy.optimize.least_squares`, functions of the square z = r^2 of a
+whitened residual r: what a minimiser lowers in place of the sum of squares, and what that does to standard errors.
 """
 
 from __future__ import annotations
@@ -48,14 +44,14 @@ def freeze(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -
 
 
 class Loss(NamedTuple):
-    """One loss, each a function of z (n,).
+    """One loss; its three parts are functions of z (n,), the squares of whitened residuals r.
 
     Parameters
     ----------
     rho : callable
-        What is summed.
+        rho(z), of which the sum is lowered.
     weight : callable
-        rho'(z).
+        rho'(z), the weight of a residual.
     slope : callable
         d(r rho'(r^2))/dr.
     """
@@ -65,11 +61,11 @@ class Loss(NamedTuple):
     slope: Callable[[FloatArray], FloatArray]
 
 
-#: Least squares.
+#: The loss of least squares.
 SQUARES = Loss(lambda z: z, np.ones_like, np.ones_like)
 
 
-#: The others, by name.
+#: Robust losses by the name that `scipy.optimize.least_squares` gives them.
 LOSSES = {
     "soft_l1": Loss(
         lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0), lambda z: (1.0 + z) ** -0.5, lambda z: (1.0 + z) ** -1.5
@@ -220,7 +216,7 @@ class Models:
         return columns, models
 
     def _room(self, sets: int) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Zeros for the derivatives and the forces of every curve."""
+        """Zeros for the derivatives (sets, own, n) and the forces (sets, n) of every curve."""
         points = [len(member.force) for member in self.members]
         columns = [
             np.zeros((sets, len(member.entries), n)) for member, n in zip(self.members, points, strict=True)
@@ -230,7 +226,7 @@ class Models:
     def _one(
         self, physical: FloatArray, possible: NDArray[np.bool_]
     ) -> tuple[list[FloatArray], list[FloatArray]]:
-        """What `several` says of one row, (1, k)."""
+        """Derivatives and forces at one vector (1, k), as `several` returns them."""
         if possible[0]:
             try:
                 own = self.columns(physical[0], rough=True)
@@ -242,7 +238,7 @@ class Models:
     def _together(
         self, physical: FloatArray
     ) -> tuple[list[FloatArray], list[FloatArray], NDArray[np.bool_]] | None:
-        """All rows at once, and which of them (s,) have their answers; None where none has."""
+        """Derivatives and forces of all rows at once, and which rows (s,) have a law; None where a curve cannot."""
         found = [
             batched_jacobians(
                 member.forward, member.values_of(physical), len(physical), tuple(member.entries)

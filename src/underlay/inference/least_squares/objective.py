@@ -1,22 +1,11 @@
-"""Weighted residuals of a problem with their analytic Jacobian.
-
-Steps of a base's modulus in a number that the force is nearly straight in.
-
-Of the ratio k of base to layer, the force goes nearly with a power of k where the base is soft, and with its
-compliance 1/k where it is stiff: with u = -ln(1 + 1/k) at both ends. A step that is straight in ln k leads far too
-far down from a stiff base, and up towards a rigid one it never arrives.
-
-Steps of a layer's Poisson's ratio up towards one half, in a number that the force is nearly straight in.
-
-A bonded layer that is thin beside the contact answers with its modulus of compression without side strain, which
-grows with 1/(1 - 2 nu) until the layer gives way sideways instead. Where a curve tells Poisson's ratio at all it
-does so by that; a step that is straight in nu leads too far up.
-
-Weighted residuals of a problem with their analytic Jacobian: what the engine and lmfit ask.
+"""Weighted residuals of a problem with their analytic Jacobian: what the engine and lmfit minimise.
 
 The noise is frozen: it is that of a current model, and a fit renews it from outside until nothing changes.
 (Weights that follow the parameters without the normalisation of the likelihood would pull the model towards
 large noise.)
+
+Two parameters are stepped in a number of their own, in which the force is nearly straight: a base's modulus
+(`BaseSteps`) and a layer's Poisson's ratio (`PoissonSteps`).
 """
 
 from __future__ import annotations
@@ -43,8 +32,9 @@ __all__ = ["HAIR", "BaseSteps", "Bent", "Objective", "PoissonSteps", "Risen", "b
 
 _BASE, _LAYER = "substrate.E", "layer.E"
 _NU = "layer.nu"
-# What is left of 1 - 2 nu where a layer gives way sideways. Between nu = 0.4 and 0.5 the logarithm of the exact
-# force is straight in ln(room) with 0.2 of contacts a third as wide as the layer is thick, 0.17 at 0.8, 0.1 at 1.5.
+# What is left of 1 - 2 nu where a layer gives way sideways, as `PoissonSteps` takes it. Between nu = 0.4 and 0.5
+# the logarithm of the exact force is straight in ln(room) with 0.2 of contacts a third as wide as the layer is
+# thick, 0.17 at 0.8, 0.1 at 1.5.
 _SIDEWAYS = 0.13
 # Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
 _FAR = 40.0
@@ -57,7 +47,11 @@ _UNTOLD = 1e-3
 
 @dataclass(frozen=True)
 class BaseSteps:
-    """The free moduli of bases, m of them, and those of the layers on them.
+    """Steps of free moduli of bases, m of them, in a number that the force is nearly straight in.
+
+    Of the ratio k of base to layer, the force goes nearly with a power of k where the base is soft, and with its
+    compliance 1/k where it is stiff: with u = -ln(1 + 1/k) at both ends. A step that is straight in ln k leads far
+    too far down from a stiff base, and up towards a rigid one it never arrives.
 
     A step is measured so that it begins as one of the scaled entry, ln E2, does.
 
@@ -66,7 +60,7 @@ class BaseSteps:
     bases : ndarray of int (m,)
         Their entries in a scaled vector.
     layers : ndarray of int (m,)
-        Those of the layers' moduli; any where they are known.
+        Entries of the layers' moduli; any where they are known.
     free : FloatArray
         One where that modulus is free, zero where it is known, (m,).
     at_start : FloatArray
@@ -80,7 +74,7 @@ class BaseSteps:
 
     @classmethod
     def of(cls, members: Sequence[Member], coordinates: Sequence[Coordinate]) -> Self | None:
-        """Of the curves of a problem; None where no base's modulus is free."""
+        """Find the free moduli of bases of a problem's curves; None where there are none."""
         found: dict[int, tuple[int, float, float]] = {}
         for member in members:
             base, layer = (member.entries.get(path) for path in (_BASE, _LAYER))
@@ -95,7 +89,7 @@ class BaseSteps:
         return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(start))
 
     def at(self, vectors: FloatArray) -> Bent:
-        """How steps from scaled vectors (s, k) go."""
+        """How steps of the bases' moduli from scaled vectors (s, k) go."""
         log_ratio = vectors[:, self.bases] - self.free * vectors[:, self.layers] + self.at_start
         inverse = np.exp(-log_ratio)
         return Bent(self.bases, log_ratio, -np.log1p(inverse), inverse / (1.0 + inverse))
@@ -140,16 +134,20 @@ def bent(log_ratio: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class PoissonSteps:
-    """The free Poisson's ratios of isotropic layers, m of them.
+    """Steps of free Poisson's ratios of isotropic layers, m of them, up towards one half.
+
+    A bonded layer that is thin beside the contact answers with its modulus of compression without side strain,
+    which grows with 1/(1 - 2 nu) until the layer gives way sideways instead. Where a curve tells Poisson's ratio at
+    all it does so by that; a step that is straight in nu leads too far up.
 
     A step is measured so that it begins as one of the scaled entry does.
 
     Parameters
     ----------
     entries : ndarray of int (m,)
-        Where they are in a scaled vector.
+        Their entries in a scaled vector.
     reference, scale : FloatArray
-        Of their coordinates, (m,).
+        Reference and scale of their coordinates, (m,).
     """
 
     entries: NDArray[np.intp]
@@ -158,7 +156,7 @@ class PoissonSteps:
 
     @classmethod
     def of(cls, members: Sequence[Member], coordinates: Sequence[Coordinate]) -> Self | None:
-        """Of the curves of a problem; None where there is none.
+        """Find the free Poisson's ratios of isotropic layers of a problem's curves; None where there are none.
 
         The in-plane ratio of a transversely isotropic layer goes up to one, and tells something else.
         """
@@ -172,7 +170,7 @@ class PoissonSteps:
         return cls(np.array(list(found)), reference, scale)
 
     def at(self, vectors: FloatArray) -> Risen:
-        """How steps from scaled vectors (s, k) go."""
+        """How steps of the Poisson's ratios from scaled vectors (s, k) go."""
         room = 1.0 - 2.0 * (self.reference + self.scale * vectors[:, self.entries]) + _SIDEWAYS
         return Risen(self.entries, room / (2.0 * self.scale))
 
@@ -212,13 +210,13 @@ class Objective:
     problem : Problem
         What is fitted.
     noise : FrozenNoise
-        Of every curve.
+        Frozen noise of every curve.
     held : frozenset of int
         Entries of a vector that a search leaves alone.
     members : tuple of Member, optional
         Curves that stand for the problem's, such as their blocks.
     failures : int
-        Models that did not exist.
+        How many models were asked where no contact law exists.
 
     Attributes
     ----------
@@ -249,7 +247,7 @@ class Objective:
 
     @property
     def evaluations(self) -> int:
-        """Models asked."""
+        """How many models were computed."""
         return self.asked.count
 
     @cached_property
@@ -380,12 +378,12 @@ class Objective:
         return Places.of(points, vectors)
 
     def _point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
-        """One place with the fractions where they are."""
+        """`point` with the relaxing fractions held."""
         place = self._places(vector[None], low[None], high[None])
         return place.point(0) if np.isfinite(place.square[0]) else None
 
     def _places(self, vectors: FloatArray, low: FloatArray, high: FloatArray) -> Places:
-        """Places with the fractions where they are."""
+        """`places` with the relaxing fractions held."""
         possible = np.abs(vectors).max(axis=1, initial=0.0) <= _FAR
         if not possible.all():
             vectors = np.where(possible[:, None], vectors, 0.0)
@@ -410,17 +408,17 @@ class Objective:
 
     @cached_property
     def bases(self) -> BaseSteps | None:
-        """How searches step in the moduli of bases."""
+        """Steps of the moduli of bases; None where none is free."""
         return BaseSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def poissons(self) -> PoissonSteps | None:
-        """How searches step in the Poisson's ratios of layers."""
+        """Steps of the Poisson's ratios of layers; None where none is free."""
         return PoissonSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def courses(self) -> tuple[BaseSteps | PoissonSteps, ...]:
-        """How searches step in entries in which the force is far from straight."""
+        """Steps of the entries in which the force is far from straight."""
         return tuple(steps for steps in (self.bases, self.poissons) if steps is not None)
 
     @cached_property
@@ -453,7 +451,7 @@ class Objective:
 
     @cached_property
     def _some_entries(self) -> list[NDArray[np.intp] | None]:
-        """As `Rows` has them."""
+        """Entries (own,) that each curve reads, as `Rows.entries`: None where they are all, in order."""
         everything = np.arange(len(self.problem.coordinates))
         return [None if np.array_equal(entries, everything) else entries for entries in self._entries]
 

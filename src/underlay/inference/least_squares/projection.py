@@ -1,11 +1,8 @@
-"""Variable projection: parameters in which the model is linear, solved for at every place of a search.
+"""Variable projection: parameters in which the model is linear are solved for at every place of a search.
 
 A step along the valley of modulus and thickness leaves the modulus behind; solving for what is linear (Golub and
-Pereyra 1973, doi:10.1137/0710036) puts it right without another model.
-
-Several places of a search at once: their sums of squares with derivatives, what is linear solved for at each.
-
-Steps of a search from one start cost calls, not arithmetic: as many calls serve all starts.
+Pereyra 1973, doi:10.1137/0710036) puts it right without another model. Several places of a search go at once: steps
+of a search from one start cost calls, not arithmetic, and as many calls serve all starts.
 """
 
 from __future__ import annotations
@@ -25,7 +22,8 @@ from underlay.scene.instrument import SENSITIVITY_RATIO
 __all__ = ["LinearDirections", "LinearSteps", "Places", "Point", "Rows", "acting", "projected"]
 
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
-# The linear parameters stay where they are rather than make a force that is not there.
+# Least factor on the moduli that is taken: below it the linear parameters stay where they are, rather than make a
+# force that is not there.
 _LEAST_FACTOR = 0.1
 # An entry whose column is this small beside the largest, or that moves all readings together by less than this
 # many standard deviations per unit, does not act any more (a base so stiff that it might be rigid). Levenberg
@@ -79,7 +77,7 @@ class LinearSteps:
     Parameters
     ----------
     change : FloatArray
-        Of the scaled vectors, (s, k).
+        Changes of the scaled vectors, (s, k).
     along : FloatArray
         The residuals change by J times this, exactly, (s, k).
     grown : FloatArray
@@ -112,7 +110,7 @@ class LinearDirections:
 
     @classmethod
     def of(cls, problem: Problem, free: set[int]) -> Self:
-        """Directions among the entries `free` to be solved for: neither held nor measured otherwise."""
+        """Find the linear directions among the entries `free`, those neither held nor measured otherwise."""
         unit = np.eye(len(problem.coordinates))
         baseline = np.array([coordinate.path in _LINEAR for coordinate in problem.coordinates])
         # What a lever bends goes with the whole reading.
@@ -127,9 +125,10 @@ class LinearDirections:
         return cls(np.reshape(rows, (len(rows), len(unit))), scales, ~baseline)
 
     def steps(self, places: Sums, low: FloatArray, high: FloatArray) -> LinearSteps | None:
-        """Steps to their best from places (s, k), within the ends (s, k); None where no place takes one.
+        """Steps of the linear parameters to their best from places (s, k), within the ends (s, k).
 
-        None is taken where there are none, they do not act, or the force would vanish.
+        A place takes no step where a linear parameter does not act, the force would vanish, or an end would be
+        passed; None where no place takes one.
         """
         if not len(self.rows):
             return None
@@ -195,9 +194,9 @@ class Rows(NamedTuple):
     residuals : FloatArray
         Whitened, (s, n).
     derivatives : FloatArray
-        Of the residuals in the scaled entries that the curve reads, (s, own, n).
+        Derivatives of the residuals in the scaled entries that the curve reads, (s, own, n).
     entries : ndarray of int (own,) or None
-        Which those are; None where they are all, in order.
+        The entries that it reads; None where they are all, in order.
     """
 
     residuals: FloatArray
@@ -207,7 +206,7 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True)
 class Places:
-    """What `Point` says of one place, of several: the first axis is theirs.
+    """Several places of a search, each as `Point` describes one; the first axis counts them.
 
     Parameters
     ----------
@@ -238,15 +237,15 @@ class Places:
         return places
 
     def point(self, row: int) -> Point:
-        """One of them."""
+        """The place at a row."""
         return Point(self.vector[row], float(self.square[row]), self.gradient[row], self.normal[row])
 
     def part(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Self:
-        """Some of them."""
+        """The places at some rows."""
         return type(self)(self.vector[rows], self.square[rows], self.gradient[rows], self.normal[rows])
 
     def replaced(self, which: NDArray[np.bool_], other: Self) -> Self:
-        """These, with those of `other` at the rows `which` (s,)."""
+        """These places, with those of `other` at the rows `which` (s,)."""
         if not which.any():
             return self
         if which.all():
@@ -267,11 +266,13 @@ def projected(
     Parameters
     ----------
     curves : sequence of Rows
-        What every curve says at the places' vectors.
+        Residuals and derivatives of every curve at the places' vectors.
     prior : Places
-        What the priors say there: infinite squares where there is no law.
+        What the priors add to the sums there; its squares are infinite where there is no law.
     linear : LinearDirections
         What is solved for.
+    low, high : FloatArray
+        Ends of the scaled vectors, (s, k).
     """
     gradient, normal, square = prior.gradient, prior.normal.copy(), prior.square
     for curve in curves:

@@ -1,9 +1,4 @@
-"""Where a result came from, and the modulus that the instrument's own software found.
-
-Where a result came from: versions, and hashes of what went in.
-
-The modulus that the instrument's own software found, on the footing of ours.
-"""
+"""Where a result came from: versions, hashes of what went in, and the modulus of the instrument's own software."""
 
 from __future__ import annotations
 
@@ -31,6 +26,7 @@ __all__ = [
 
 #: Entry of a curve's metadata by which its file says a reduced modulus (Pa).
 STATED = "instrument_reduced_modulus"
+# Parameter that the instrument's modulus is compared with.
 _PATH = "layer.E"
 
 

@@ -1,14 +1,12 @@
-"""A start from the data alone: scan what is not linear, solve for what is.
+"""Starts of a fit from the data alone: scan what is not linear, solve for what is.
 
-What a scan tries: contacts, thicknesses and moduli of the base, within the bounds of a problem.
-
-Thickness, modulus ratio and contact depth are laid on a coarse grid of scale-free values; for each, the
-layer's modulus (which scales the force when the ratio is held), the baseline and its slope follow by linear
-least squares. Where the base's modulus is known, each thickness takes the ratio at which the layer's modulus
-and that ratio give it. The scene's own values are only one more grid point, so a start wrong by orders of
-magnitude, or the last curve's result, does not decide where a fit ends. Between the points of the grid residuals
-change so evenly that they are read off parabolas. Every local minimum is a start, and so are places thinner and
-thicker than the best: thin and stiffly backed can look like thick and stiff.
+Thickness, modulus ratio and contact depth are laid on a coarse grid of scale-free values, within the bounds of the
+problem; for each, the layer's modulus (which scales the force when the ratio is held), the baseline and its slope
+follow by linear least squares. Where the base's modulus is known, each thickness takes the ratio at which the
+layer's modulus and that ratio give it. The scene's own values are only one more grid point, so a start wrong by
+orders of magnitude, or the last curve's result, does not decide where a fit ends. Between the points of the grid
+residuals change so evenly that they are read off parabolas. Every local minimum is a start, and so are places
+thinner and thicker than the best: thin and stiffly backed can look like thick and stiff.
 """
 
 from __future__ import annotations
@@ -47,25 +45,29 @@ __all__ = ["LIKELY", "Landscape", "Start", "scan", "tried_base_moduli", "tried_c
 
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
 _RADIUS_RATIOS = (0.06, 4.6)
+# Thicknesses tried, as shares of the way from the thinnest to the thickest in the logarithm.
 _SHARES = np.linspace(0.0, 1.0, 9)
+# The scene's own thickness is not one more if it is this close to one tried, in the same shares.
 _NEAR = 0.25 * _SHARES[1]
-# Base over layer.
+# Moduli of the base tried, over the layer's.
 _MODULUS_RATIOS = np.array([0.02, 0.2, 1.5, 10.0, 100.0])
+# Contact depths tried, from the first depth on, over the range of depth.
 _CONTACT_STEPS = np.linspace(-0.2, 0.9, 8)
+# Relative tolerance of the laws of a grid.
 _SCAN_RTOL = 1e-2
 # What a grid tries, and what scales out of its laws with that.
 _TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
 _BETWEEN = 8  # steps from a thickness tried to the next
 # Of the three points that a parabola goes through: each, and the two others.
 _OWN, _NEXT, _LAST = np.arange(3), np.array([1, 2, 0]), np.array([2, 0, 1])
-_BLOCKS = 16  # enough to tell a contact to a grid step
-# What is this close to the deepest reading, over the range of depths, rests there.
+_BLOCKS = 16  # blocks of a curve: enough to tell a contact to a grid step
+# A tip this close to its deepest reading, over the range of depths, rests there.
 _RESTS = 0.01
-# A place whose misfit is so many times the best's is no start. A start's misfit is 1.2 to 5 times that of the
-# optimum below it (medians), so that next to none would end lower; where noise decides all are alike, and stay.
+# Misfit over the best's from which a place is no start. A start's misfit is 1.2 to 5 times that of the optimum
+# below it (medians), so that next to none would end lower; where noise decides all are alike, and stay.
 _HOPELESS = 25.0
-#: Nothing explains the data better than down to their scatter: beside a start that leads there one whose misfit is
-#: so many times as high is not searched from.
+#: Misfit over the best's from which a start is not searched from where the best one explains the data: nothing
+#: explains them better than down to their scatter.
 LIKELY = 2.0
 # ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
 _RIVAL, _APART = np.log(2.7), np.log(1.6)
@@ -121,15 +123,16 @@ def tried_base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float])
 
 
 def _with(values: FloatArray, *own: float) -> FloatArray:
-    """Each of the values (n,) and of one's own once, ascending: numpy.unique takes ten times as long on so few."""
+    """Each of the values (n,) and of `own` once, ascending: numpy.unique takes ten times as long on so few."""
     return np.array(sorted({*values.tolist(), *own}))
 
 
 @dataclass(frozen=True)
 class _Grid:
-    """What one curve says to the grid: misfit (N^2) and values (SI) by path, each (thicknesses, moduli).
+    """How well one curve goes with the places of the grid.
 
-    `residuals` (N) are those of its blocks, (thicknesses, moduli, m).
+    Its misfit (N^2) and its best values (SI) by path are each (thicknesses, moduli); `residuals` (N) are those of
+    its blocks, (thicknesses, moduli, m).
     """
 
     misfit: FloatArray
@@ -137,7 +140,7 @@ class _Grid:
     residuals: FloatArray
 
     def best_along(self, axis: int) -> _Grid:
-        """The best of one axis, which then has one entry."""
+        """The best place along one axis (0 thicknesses, 1 moduli), which then has one entry."""
         which = np.argmin(self.misfit, axis=axis)
         others = np.arange(len(which))
         best = (which[None], others[None]) if axis == 0 else (others[:, None], which[:, None])
@@ -145,7 +148,7 @@ class _Grid:
         return replace(self, misfit=self.misfit[best], values=values, residuals=self.residuals[best])
 
     def between(self, weights: FloatArray) -> _Grid:
-        """At other thicknesses, by weights (others, thicknesses)."""
+        """The grid at other thicknesses, interpolated by weights (others, thicknesses)."""
         count = len(self.residuals)
         residuals = (weights @ self.residuals.reshape(count, -1)).reshape(-1, *self.residuals.shape[1:])
         values = {
@@ -157,10 +160,22 @@ class _Grid:
 
 
 def scan(problem: Problem, count: int = 3) -> list[Start]:
-    """Local minima of the grid, best first, at most `count`.
+    """Starts of a fit: local minima of the grid, best first.
 
     Thickness and moduli that curves share are scanned together; what is a curve's own is chosen by it alone.
-    Empty if no grid point has a law. Where something sticks, the pull-off tells more: see `adhesive_start.py`.
+    Where something sticks, the pull-off tells more: see `adhesive_starts`.
+
+    Parameters
+    ----------
+    problem : Problem
+        What will be fitted.
+    count : int
+        Local minima at most; rivals thinner and thicker than the best come on top.
+
+    Returns
+    -------
+    list of Start
+        Empty if no grid point has a law.
     """
     if any(member.scene.adhesion for member in problem.members):
         return [Start(vector, 1.0) for vector in adhesive_starts(problem, count)]
@@ -177,7 +192,11 @@ def scan(problem: Problem, count: int = 3) -> list[Start]:
 
 @dataclass(frozen=True)
 class Landscape:
-    """The grid of a problem, what each of its curves says to it, and rows from a thickness tried to the next."""
+    """Misfit of a problem's curves over the grid.
+
+    `curves` and `grids` are one for each curve; `steps` is how many rows there are from a thickness tried to the
+    next, with the interpolated ones between.
+    """
 
     problem: Problem
     curves: tuple[ScanCurve, ...]
@@ -351,7 +370,7 @@ def _parabolas(x: FloatArray) -> FloatArray:
 
 
 def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray) -> GridFit:
-    """What the curve says to every thickness on the first base, then on the second, and so on."""
+    """Fit of the curve at every thickness on the first base, then on the second, and so on."""
     rows: dict[str, float | FloatArray] = dict(member.base)
     count = max(thicknesses.size, 1)
     if thicknesses.size:
@@ -364,7 +383,7 @@ def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: Floa
 
 
 def _consistent(grid: _Grid, log_ratios: FloatArray, beyond: FloatArray) -> _Grid:
-    """What each thickness says where the base has the modulus that is known, between the ratios tried.
+    """Fit at each thickness where the base has the modulus that is known, between the ratios tried.
 
     `beyond` (thicknesses, moduli) is the logarithm of the base's modulus that goes with the layer's, over the
     known one, where the ratio's is `log_ratios` (moduli,).

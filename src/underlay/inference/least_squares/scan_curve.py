@@ -1,13 +1,8 @@
-"""One curve in blocks, and at the points of a grid: every contact at once, linear parameters solved for.
+"""One curve in blocks of neighbouring readings, and its misfit at the points of the grid that `scan` lays.
 
-Curves with neighbouring points taken together: what a start is found with, and searched from.
-
-A step on blocks costs a fraction of what it costs on all points, and their averages lose little of what the
-points tell.
-
-The contact laws of the rows of a grid, asked all at once.
-
-One curve at the points of a grid: every contact at once, linear parameters solved for.
+A start is found with blocks, and searched from with them: a step on blocks costs a fraction of what it costs on all
+readings, and their averages lose little of what the readings tell. On a grid every contact depth is tried at once,
+linear parameters solved for, and the contact laws of all rows are asked together.
 """
 
 from __future__ import annotations
@@ -50,24 +45,29 @@ __all__ = [
     "power_law_objective",
 ]
 
+# Relative tolerance of the laws at blocks, and number of blocks of a curve that starts are searched from with.
 _RTOL = 1e-3
 _BLOCKS = 32
-# Blocks from the middle of a parabola to its ends.
+# Blocks from the middle of the parabola of `Blocks.straightened` to its ends.
 _AWAY = 3
 #: Every number of a scene by path: one for all rows of a grid, or one each, (r,).
 Rows: TypeAlias = Mapping[str, float | FloatArray]
+#: Paths of the parameters that a grid tries.
 MODULUS, BASE_MODULUS, THICKNESS = "layer.E", "substrate.E", "layer.thickness"
 CONTACT = "instrument.contact_depth"
-# Of the steps between contacts: about the lowest point of a parabola through these, how far off it may be.
+# Contacts tried again about the lowest point of a parabola, in `_NEAR` of a step between contacts: three beside
+# each other.
 _NEAR, _BESIDE = 0.3, np.array([-1.0, 0.0, 1.0])
+# Paths of the parameters in which a reading is linear.
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """A curve with neighbouring points taken together: depth (m), force (N), each (m,).
+    """A curve with neighbouring readings taken together.
 
-    And of averages how the depths of a block scatter, their variance (m^2), (m,).
+    Depth (m) and force (N) of the blocks, each (m,); of averages also the variance (m^2) of the depths within each
+    block, (m,).
     """
 
     depth: FloatArray
@@ -76,7 +76,7 @@ class Blocks:
 
     @property
     def span(self) -> float:
-        """From the first depth to the last (m): they are in order."""
+        """Range of depth (m), the blocks being in order."""
         return float(self.depth[-1] - self.depth[0])
 
     @classmethod
@@ -99,7 +99,7 @@ class Blocks:
         return cls(mean, in_blocks(force, _means), in_blocks(depth * depth, _means) - mean * mean)
 
     def straightened(self) -> Blocks:
-        """The same without what curvature adds to an average: f(mean w) = mean f - f'' var(w)/2.
+        """The blocks without what curvature adds to an average: f(mean w) = mean f - f'' var(w)/2.
 
         f'' is that of the parabola through a block and two some blocks away: through its neighbours it would
         bring a tenth of a block's scatter along.
@@ -134,7 +134,7 @@ def blocked_objective(
 
 
 def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
-    """The same by the laws of paraboloids; None where a curve has no use for them, or a tip's size is free."""
+    """`blocked_objective` by laws of paraboloids; None where no curve gains by them, or a tip's size is free."""
     forwards = [
         forward
         for member in problem.members
@@ -298,7 +298,7 @@ class GridFit:
     lowest : FloatArray
         Contact depth (m) where the parabola through the misfits of the best and its neighbours is lowest.
     residuals : FloatArray
-        Of the blocks (N), (r, m).
+        Residuals of the blocks (N), (r, m).
     """
 
     misfit: FloatArray
@@ -330,13 +330,13 @@ class _Tried(NamedTuple):
     misfit: FloatArray
 
     def residuals(self, which: tuple[NDArray[np.intp], NDArray[np.intp]] | EllipsisType = ...) -> FloatArray:
-        """Of all (r, c, m), or of some."""
+        """Residuals (N) of the blocks, of all contacts tried (r, c, m) or of some."""
         return np.asarray(self.target - self.amplitude[which][..., None] * self.shapes[which])
 
 
 @dataclass(frozen=True)
 class ScanCurve:
-    """A curve and what is free of its scene.
+    """A curve in blocks, to be tried at the rows of a grid.
 
     Parameters
     ----------
@@ -377,7 +377,7 @@ class ScanCurve:
         return GridFit(misfit, contact, amplitude, lowest, tried.residuals(chosen))
 
     def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
-        """The same where the misfit is lowest about the lowest point of each parabola, where that is better.
+        """The best contact of each row found again about the lowest point of its parabola, where that is better.
 
         Between contacts so close together residuals are parabolas too.
         """
@@ -401,11 +401,11 @@ class ScanCurve:
 
     @property
     def _step(self) -> float:
-        """From contact to contact (m)."""
+        """Distance (m) from a contact tried to the next."""
         return float(self.contacts[1] - self.contacts[0])
 
     def _tried(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> _Tried:
-        """All contacts (m), (r, c) or (1, c), of every row."""
+        """Every row at contact depths (m), (r, c) or (1, c)."""
         forces = laws.force(self._travel(rows) - contacts[:, :, None])
         basis = self._linear_basis
         target = _project_out(self.blocks.force - self._fixed_offset(rows), basis)
@@ -419,7 +419,7 @@ class ScanCurve:
         return _Tried(target, shapes, amplitude, misfit)
 
     def linear(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Baseline and slope, those that are free, that go best with the other numbers."""
+        """Baseline (N) and slope (N/m) that go best with the other numbers, by path; those that are free."""
         columns = self._linear_columns
         if columns is None:
             return {}

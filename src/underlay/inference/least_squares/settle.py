@@ -1,12 +1,10 @@
-"""Settle on all points, and the noise that a fit leaves behind.
+"""Settle a fit on all readings, renewing the noise that is learnt from it until the weights stay.
 
-The noise that a fit leaves behind: estimated where it was not given, renewed where it follows the model.
-
-Numbers of the noise are found by restricted maximum likelihood at the current optimum (Harville 1977,
-doi:10.1080/01621459.1977.10480998): minus log-likelihood plus half the logarithm of det(J'V^-1 J), which pays
-for the parameters already fitted. For white noise of unknown size that is the familiar S / (n - k).
-
-Settle on all points: search below a place, again while what is learnt of the noise changes the weights.
+The noise is estimated where it was not given, and computed again where it follows the model. Its numbers are found
+by restricted maximum likelihood at the current optimum (Harville 1977, doi:10.1080/01621459.1977.10480998): minus
+log-likelihood plus half the logarithm of det(J'V^-1 J), with J the derivatives of the model and V the covariance of
+the noise, which pays for the parameters already fitted. For white noise of unknown size that is the familiar
+S / (n - k), of the sum of squares S of n readings with k parameters.
 """
 
 from __future__ import annotations
@@ -42,27 +40,30 @@ __all__ = [
     "settle",
 ]
 
-# A change of the weights by less than this moves a fit by less than its numerical tolerance times sigma.
+# Relative change of the weights that counts as none: it moves a fit by less than its numerical tolerance times
+# sigma.
 _SETTLED = 1e-4
+# Relative size, times their number, below which a singular value is rounding.
 _RANK = float(np.finfo(float).eps)
 # 1 / 0.6745: standard deviation of a normal variable over its median absolute value.
 _MEDIAN_TO_SD = 1.4826022185056018
-# In ln sigma, where the restricted likelihood is a parabola over a step of this size to 1e-3.
+# Step in ln sigma, over which the restricted likelihood is a parabola to 1e-3.
 _CURVATURE_STEP = 0.03
+# Times that a fit renews its noise at most.
 _MAX_ROUNDS = 12
-# Of a thin and stiff layer on a known soft base E h^3 alone acts, and far along that valley a law costs up to a
-# second. With 1000 points z changes by less than one on a factor of twenty where a fit leaves it.
+# The search where the base's modulus is known. Of a thin and stiff layer on a known soft base E h^3 alone acts, and
+# far along that valley a law costs up to a second. With 1000 readings z changes by less than one on a factor of
+# twenty where a fit leaves it.
 _KNOWN_BASE = replace(FINE, endless=5e-4, walled=5e-4)
-# There a step that gains less than this of the sum of squares, over the variance, is the last of a search that
-# swings. Of 700 fits (samples that relax or stiffen, fringes, drags; modulus and thickness free) one ends higher
-# for it by more than 0.005 of the variance, by 0.08, and two end lower by 1. They take 5 to 18 % fewer models, the
-# longest 20 to 40 %.
+# `Search.swinging` on a known base, as a part of the variance. Of 700 fits (samples that relax or stiffen, fringes,
+# drags; modulus and thickness free) one ends higher for it by more than 0.005 of the variance, by 0.08, and two end
+# lower by 1. They take 5 to 18 % fewer models, the longest 20 to 40 %.
 _SWINGING = 0.05
 
 
 @dataclass(frozen=True)
 class Renewal:
-    """Noise at an optimum.
+    """Noise at an optimum, estimated or computed again.
 
     Parameters
     ----------
@@ -231,14 +232,14 @@ def restricted_log_likelihood(
 
 @dataclass(frozen=True)
 class Optimum:
-    """Where a fit ended.
+    """The optimum at which a fit ended, settled on all readings.
 
     Parameters
     ----------
     objective : Objective
-        With the noise that is known there.
+        Weighted by the noise at the optimum.
     vector : FloatArray
-        Scaled, (k,).
+        Scaled vector of the optimum, (k,).
     success : bool
         Whether the search met its tolerance.
     message : str
@@ -246,7 +247,7 @@ class Optimum:
     minimiser : Minimiser, optional
         lmfit's, where it had the last word.
     lmfit : MinimizerResult, optional
-        What that says.
+        lmfit's result.
     """
 
     objective: Objective
@@ -263,12 +264,12 @@ class Optimum:
 
     @cached_property
     def jacobian(self) -> FloatArray:
-        """Derivatives of the residuals there, (n + priors, k)."""
+        """Derivatives of the residuals at the optimum, (n + priors, k)."""
         return self.objective.jacobian(self.vector)
 
     @cached_property
     def triangle(self) -> FloatArray:
-        """R of the QR of these, (k, k): of the same singular values and directions, with a row for each column."""
+        """R of the QR decomposition of `jacobian`, (k, k): of the same singular values and directions."""
         jacobian = self.jacobian
         count = jacobian.shape[1]
         # As numpy.linalg.qr has it, without the calls.
@@ -276,7 +277,7 @@ class Optimum:
 
     @cached_property
     def loss(self) -> float:
-        """Minus twice the log-likelihood."""
+        """Minus twice the log-likelihood at the optimum; see `Objective.loss`."""
         return self.objective.loss(self.vector)
 
 
@@ -288,10 +289,25 @@ def settle(
     steps: int | None = None,
     give_up: GiveUp | None = None,
 ) -> Optimum | None:
-    """Fit all points from a scaled start (k,), by the engine or by lmfit with a robust loss.
+    """Fit all readings from one start, by the engine or by lmfit with a robust loss.
 
-    None if there is no contact law at the start, or `give_up` said so. The engine makes at most so many `steps`, if
-    that is said.
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    vector : FloatArray
+        Scaled start, (k,).
+    robust : Minimiser, optional
+        lmfit's, with a robust loss; by default the engine lowers squares.
+    steps : int, optional
+        Steps that the engine makes at most.
+    give_up : callable, optional
+        Asked before each step whether to leave the search.
+
+    Returns
+    -------
+    Optimum or None
+        None if there is no contact law at the start, or `give_up` said so.
     """
     try:
         objective = Objective(problem, freeze(problem, vector, first_noises(problem, vector)))
@@ -344,7 +360,7 @@ def _searched(
 
 
 def confirmed(optimum: Optimum, lmfit: Minimiser) -> Optimum:
-    """The same optimum in the words of lmfit, begun there; lmfit's own where that is better."""
+    """The optimum with lmfit's result, begun there; lmfit's own optimum where that is better."""
     if not optimum.objective.active:
         return replace(optimum, minimiser=lmfit)
     return _by_lmfit(optimum.objective, lmfit, lmfit(optimum.objective, optimum.vector))

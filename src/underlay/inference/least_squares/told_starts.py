@@ -1,4 +1,4 @@
-"""Starts that the memory of a sample tells from its own record, where it is more than one law seen through time."""
+"""Starts that the memory of a sample reads off the curve, where it is more than one law seen through time."""
 
 from __future__ import annotations
 
@@ -17,14 +17,17 @@ __all__ = ["Start", "told_starts"]
 
 
 class Start(NamedTuple):
-    """A place to search from: scaled vector (k,), and how many times the best's misfit its own is."""
+    """A place to search from: scaled vector (k,), and its misfit over that of the best start."""
 
     vector: FloatArray
     misfit: float
 
 
 def told_starts(problem: Problem, count: int) -> list[Start]:
-    """At most `count` starts, best first: what each curve tells, the others at what they tell best themselves."""
+    """At most `count` starts, best first: one curve's numbers as its memory reads them off it, the others' best.
+
+    `history.starts` of a curve gives such numbers; a curve whose memory gives none keeps those of the scene.
+    """
     told = [_told(member, problem) for member in problem.members]
     own = problem.start
     for member, values in zip(problem.members, told, strict=True):
@@ -43,7 +46,7 @@ def told_starts(problem: Problem, count: int) -> list[Start]:
 
 
 def _told(member: Member, problem: Problem) -> list[Mapping[str, float]]:
-    """Values (SI) by path that one curve tells, best first."""
+    """Values (SI) by path that the memory of one curve reads off it, best first."""
     history = member.forward.history
     if not isinstance(history, WholeHistory):
         return []

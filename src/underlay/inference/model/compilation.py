@@ -1,14 +1,7 @@
 """Check an inverse problem and compile it: every mistake is found here, before anything is computed.
 
-Which numbers of a scene can change a curve: a parameter that cannot act cannot be fitted.
-
-A lever softer than the sample: its noise is in depth and force alike, and the travel is the coordinate.
-
-Depth is the scanner's travel less the deflection, w = z - F/k. The detector's noise is then in both with opposite
-signs: their second differences correlate at -1, and the ratio of their sizes is k. Against the travel z = w + F/k,
-with the lever a compliance 1/k in series, the same noise is in the force alone and white again. Fitted against the
-depth it is an error in the variable, which no weight of the force's residuals makes good (Fuller 1987,
-doi:10.1002/9780470316665).
+Two things are found on the way: a free parameter that cannot act on the curve (`require_acting`), and a lever
+softer than the sample, whose noise is in depth and force alike (`lever_seen`, `against_travel`).
 """
 
 from __future__ import annotations
@@ -40,16 +33,16 @@ from underlay.units import format_quantity
 __all__ = ["IN_SERIES", "against_travel", "compile_members", "lever_seen", "require_acting"]
 
 # Correlations of second differences below which depth and force share their noise, and where the file states its
-# constant
-# too: independent noises of 100 readings reach neither in 10^9 curves.
+# constant too: independent noises of 100 readings reach neither in 10^9 curves.
 _SHARED_NOISE, _CONFIRMED = -0.97, -0.9
 _NOTHING = 1e-12  # share of a column's span that is no change
-_FEWEST_READINGS = 30  # readings that tell
+_FEWEST_READINGS = 30  # readings from which a record can tell its lever
 _ROUNDED = 0.1  # share of second differences that are exactly zero, from which digits decide and not noise
-_ALIKE = 1.6  # how far the constants of the record's halves may differ
+_ALIKE = 1.6  # ratio by which the constants of the record's halves may differ
 #: Entry of a curve's metadata: its depth is the travel, and its lever a compliance in series.
 IN_SERIES = "lever_in_series"
-# Noise of a hundred readings makes k off by 6 %; files state it to two or three digits.
+# Relative difference within which the constant seen is that of the file: noise of a hundred readings makes it off
+# by 6 %; files state it to two or three digits.
 _LIKE_THE_FILE = 0.12
 # Share of the readings, the shallowest, whose force is that of a free lever.
 _BEFORE = 0.05
@@ -115,14 +108,17 @@ def require_acting(
             )
 
 
-def lever_seen(depth: FloatArray, force: FloatArray, told: float | None = None) -> float | None:
+def lever_seen(depth: FloatArray, force: FloatArray, stated: float | None = None) -> float | None:
     """Spring constant (N/m) of a lever whose noise depth and force share; None where they do not.
+
+    Depth is the scanner's travel z less the deflection, w = z - F/k. The detector's noise is then in both with
+    opposite signs: their second differences correlate at -1, and the ratio of their sizes is k.
 
     Parameters
     ----------
     depth, force : FloatArray
         Readings in order of time (m, N), (n,).
-    told : float, optional
+    stated : float, optional
         The constant that the curve's file states: where the noise confirms it, a weaker correlation will do.
 
     Returns
@@ -138,14 +134,14 @@ def lever_seen(depth: FloatArray, force: FloatArray, told: float | None = None) 
     if (np.abs(rows) <= _NOTHING * spans).mean(axis=1).max() > _ROUNDED:
         return None
     half = rows.shape[1] // 2
-    limit = _SHARED_NOISE if told is None else _CONFIRMED
+    limit = _SHARED_NOISE if stated is None else _CONFIRMED
     found = [
         k for part in (rows, rows[:, :half], rows[:, half:]) if (k := _constant(part, limit)) is not None
     ]
     if len(found) < 3 or max(found) > _ALIKE * min(found):
         return None
-    if told is not None and abs(found[0] / told - 1.0) < _LIKE_THE_FILE:
-        return told
+    if stated is not None and abs(found[0] / stated - 1.0) < _LIKE_THE_FILE:
+        return stated
     return found[0] if _constant(rows, _SHARED_NOISE) is not None else None
 
 
@@ -163,13 +159,17 @@ def _constant(rows: FloatArray, limit: float) -> float | None:
 def against_travel(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Scene, Curve]:
     """A test with its lever as a compliance in series and its curve against the travel, where its noise asks it.
 
+    Against the travel z = w + F/k, with the lever a compliance 1/k in series, the noise of the detector is in the
+    force alone and white again. Fitted against the depth w it is an error in the variable, which no weight of the
+    force's residuals makes good (Fuller 1987, doi:10.1002/9780470316665).
+
     Readings keep their depth where the lever is free, so that the contact depth keeps its meaning. What has a lever
     or a frame of its own is left as it is.
     """
     if scene.lever is not None or scene.instrument.compliance != 0.0 or Frame.path in free:
         return scene, curve
-    told = curve.metadata.get("spring_constant")
-    stiffness = lever_seen(curve.depth, curve.force, told if isinstance(told, float) else None)
+    stated = curve.metadata.get("spring_constant")
+    stiffness = lever_seen(curve.depth, curve.force, stated if isinstance(stated, float) else None)
     if stiffness is None:
         return scene, curve
     count = max(int(_BEFORE * len(curve)), 1)
@@ -181,8 +181,8 @@ def against_travel(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[S
     )
     instrument = replace(scene.instrument, compliance=1.0 / stiffness)
     notes = (*curve.metadata.get("notes", ()), note)
-    told_k = {"spring_constant": stiffness, IN_SERIES: True, "notes": notes}
-    return replace(scene, instrument=instrument), replace(curve, depth=travel).with_metadata(**told_k)
+    seen = {"spring_constant": stiffness, IN_SERIES: True, "notes": notes}
+    return replace(scene, instrument=instrument), replace(curve, depth=travel).with_metadata(**seen)
 
 
 def compile_members(
@@ -312,7 +312,7 @@ def _identities(curve: Curve) -> list[tuple[tuple[object, ...], str]]:
 
 @dataclass(frozen=True)
 class _Request:
-    """One free parameter: its name, path, what is said of it, and the curves it acts on."""
+    """One free parameter: its name, path, prior or bounds as given, and the numbers of the curves it acts on."""
 
     name: str
     path: str
@@ -339,7 +339,7 @@ def _requests(free: Mapping[str, Given], shared: tuple[str, ...], count: int) ->
 
 
 def _numbered(free: Mapping[str, Given], shared: tuple[str, ...], count: int) -> dict[str, dict[int, Given]]:
-    """What is said of single curves, ``"layer.E[1]"``, by path and number."""
+    """Priors or bounds given for single curves, ``"layer.E[1]"``, by path and number."""
     single: dict[str, dict[int, Given]] = {}
     for key, given in free.items():
         path, number = path_of(key), curve_of(key)

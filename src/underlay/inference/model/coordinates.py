@@ -80,11 +80,11 @@ class Coordinate:
         return (self.low - self.reference) / self.scale, (self.high - self.reference) / self.scale
 
     def physical(self, q: FloatArray) -> FloatArray:
-        """X (SI) at q, same shape."""
+        """Physical values x (SI) at scaled ones q, same shape."""
         return self.reference * np.exp(q) if self.scale is None else self.reference + self.scale * q
 
     def scaled(self, value: float) -> float:
-        """Q at x (SI)."""
+        """Scaled value q at a physical one x (SI)."""
         if self.scale is None:
             return float(np.log(value / self.reference))
         return (value - self.reference) / self.scale
@@ -113,7 +113,7 @@ class ScaledSpace:
     Parameters
     ----------
     reference, scale, logarithmic : ndarray (k,)
-        Of every coordinate; the scale of a logarithmic one is 1.
+        x0 and s of every coordinate, and whether it is ln(x / x0); the scale of such a one is 1.
     low, high : ndarray (k,)
         Bounds (SI).
     even : float

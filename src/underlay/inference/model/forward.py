@@ -1,22 +1,10 @@
 """The forward model of one curve, compiled once: parameter values in, instrument readings out.
 
-A sphere's force from that of its paraboloid: near enough to search with, for the tables of one power law.
-
-dP/dw depends on the contact radius alone, whatever the tip, and at one radius the depths and the forces of two tips
-have nearly the same ratio on every body. So the power law is asked where it has the tip's radius on a half-space,
-and its force taken times the ratio there. Of a sphere with a/R up to 0.7 the force is off by up to 2 % where a/h is
-0.7, by 4 % where it is 2 (the ratio at one depth: 9 and 12 %).
-
-What a law leaves out, where its sizes are numbers of the scene: at one set of numbers, or at many.
-
-The force is P + s (P_stuck - P) + P (A e + B g). P and P_stuck are laws of the same numbers by two solvers, g the
-measured function of both and the depth; e is that of depth over thickness and contact radius over tip radius. The
-radius is that of the scene's own
-ratios, seen through the sizes: where Poisson's ratio moves, e is off by less than a tenth of itself, and its size
-is known to a half.
-
-Laws belong to the reference of a `Similarity` (`laws.py`), so that a fit in which the ratios stay put needs one
-law.
+The tip's depth follows from the reading by the links of the instrument (`Chain`), the force from the depth by a
+contact law and what the sample remembers, and the force reading from that by the links again. Laws belong to the
+reference of a `Similarity` (`laws.py`), so that a fit in which the ratios stay put needs one law. What a law leaves
+out, where its sizes are numbers of the scene, is put on it here (`LeftOutLaws`); what a layer puts on the law of
+linear elasticity is in `on_law.py`.
 """
 
 from __future__ import annotations
@@ -53,7 +41,7 @@ from underlay.scene.scene import Scene
 
 __all__ = ["BuildsBare", "Forward", "LeftOutLaws", "Reading", "TipOverPowerLaw"]
 
-# The contact radius is looked up as far as so many times the depth of the curve, and constant beyond.
+# Largest depth at which a contact radius is looked up, over that of the curve; beyond it stays constant.
 _FURTHER = 4.0
 # Relative (of a ratio: absolute) step of a difference of laws, each right to 1e-6.
 _STEP = 1e-3
@@ -63,12 +51,18 @@ _READING = frozenset({"instrument", "lever"})
 
 @dataclass(frozen=True)
 class TipOverPowerLaw:
-    """A tip, and the power law that stands for it.
+    """A sphere's force from that of its paraboloid: near enough to search with, for the tables of one power law.
+
+    dP/dw depends on the contact radius alone, whatever the tip, and at one radius the depths and the forces of
+    two tips have nearly the same ratio on every body. So the power law is asked where it has the tip's radius
+    on a half-space, and its force taken times the ratio there. Of a sphere with a/R up to 0.7 (a the contact
+    radius, R that of the tip) the force is off by up to 2 % where a/h is 0.7, by 4 % where it is 2, h the
+    thickness (the ratio at one depth: 9 and 12 %).
 
     Parameters
     ----------
     tip, power_law : Indenter
-        The two.
+        The tip, and the power law that stands for it.
     """
 
     tip: Indenter
@@ -111,22 +105,28 @@ class TipOverPowerLaw:
 
 
 class BuildsBare(Protocol):
-    """What gives laws without what they leave out: a `Forward`."""
+    """A source of laws of linear elasticity, without what they leave out: a `Forward`."""
 
     @property
     def laws(self) -> LawSource:
-        """Where they come from."""
+        """Source of the laws."""
 
     def bare_law(self, values: Mapping[str, float], deepest: float) -> ContactLaw:
         """Law at `values` for depths up to `deepest` (m)."""
 
     def solved_by(self, solver: Solver) -> Self:
-        """Return the same with laws of another solver."""
+        """Return the forward model with laws of another solver."""
 
 
 @dataclass(frozen=True)
 class LeftOutLaws:
-    """What the law of one scene leaves out.
+    """What the law of one scene leaves out, where its sizes are numbers of the scene: at one set, or at many.
+
+    The force is P + s (P_stuck - P) + P (A e + B g). P and P_stuck are laws of the same numbers by two solvers,
+    s the share of full friction, A and B the sizes of finite strain and of both (`scene/discrepancy.py`). g is
+    the measured function of both forces and the depth; e is that of depth over thickness and contact radius
+    over tip radius. The radius is that of the scene's own ratios, seen through the sizes: where Poisson's ratio
+    moves, e is off by less than a tenth of itself, and its size is known to a half.
 
     Parameters
     ----------
@@ -230,9 +230,10 @@ class LeftOutLaws:
 
 @dataclass(frozen=True)
 class Reading:
-    """Contact force P (N), its stiffness dP/dw (N/m) and the instrument's force (N), each (n,).
+    """What a forward model says of one curve at one set of parameters.
 
-    And whether derivatives that came along are rough ones (`Forward.jacobian`).
+    Contact force P (N), its stiffness dP/dw (N/m) and the instrument's force (N), each (n,), and whether
+    derivatives that came along are rough ones (`Forward.jacobian`).
     """
 
     contact: FloatArray
@@ -243,7 +244,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Forward:
-    """One scene, the depth readings of one curve, and what may vary.
+    """The forward model of one scene at the depth readings of one curve.
 
     Parameters
     ----------
@@ -290,7 +291,7 @@ class Forward:
     ) -> Forward:
         """Compile `scene` for readings `depth` (m) at `time` (s) when the parameters at the paths `free` vary.
 
-        A lever is told the `force` readings (N), (n,).
+        A lever needs the `force` readings (N), (n,), too.
         """
         elastic = scene.elastic
         if elastic.discrepancy is not None:
@@ -304,28 +305,28 @@ class Forward:
             free = [path for path in free if path in elastic.parameters]
         similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)
-        told: LeftOutLaws | OnLinear | None = None
+        left_out: LeftOutLaws | OnLinear | None = None
         if scene.discrepancy is not None:
-            told = LeftOutLaws.of(scene, depth, free)
+            left_out = LeftOutLaws.of(scene, depth, free)
         elif scene.layer.linear is not scene.layer:
-            told = OnLinear.of(scene, similarity.gain)
+            left_out = OnLinear.of(scene, similarity.gain)
         timed = time if scene.memory is not None else None
         lever = similarity.scene.lever
         bending = None if lever is None or force is None else lever.bending(force)
-        return cls(similarity, depth, laws, scene.memory, timed, bending, told)
+        return cls(similarity, depth, laws, scene.memory, timed, bending, left_out)
 
     def solved_by(self, solver: Solver) -> Forward:
-        """Return the same with laws of another solver that scale alike, kept beside its own."""
+        """Return the model with laws of another solver that scale alike, kept beside its own."""
         return replace(self, laws=replace(self.laws, solver=solver, table=None, tips=None, beside=()))
 
     def moved(self, depth: FloatArray, force: FloatArray, laws: LawSource | None = None) -> Forward:
-        """Return the same for other depth readings (m), force readings (N), (n,), and `laws`, if given."""
+        """Return the model for other depth readings (m), force readings (N), (n,), and `laws`, if given."""
         lever = self.similarity.scene.lever
         bending = None if lever is None else lever.bending(force)
         return replace(self, depth=depth, bending=bending, laws=laws or self.laws)
 
     def of_set(self, row: int) -> Forward:
-        """Return the same for the depths of one set, where every set has its own, (sets, n)."""
+        """Return the model for the depths of one set, where every set has its own, (sets, n)."""
         return self if self.depth.ndim == 1 else replace(self, depth=self.depth[row])
 
     def depth_at(self, values: Mapping[str, Any]) -> FloatArray:
@@ -352,7 +353,7 @@ class Forward:
         )
 
     def bare_law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
-        """Return the same without what it leaves out; raises as `law` does."""
+        """Return the law of linear elasticity at `values`, without what it leaves out; raises as `law` does."""
         b, c = self.similarity.factors(values)
         law = self.reference_law(self.similarity.reduced(values), b * deepest)
         return ScaledLaw.of(law, b, c, self.similarity.length_ratio(values))
@@ -412,7 +413,7 @@ class Forward:
     ) -> tuple[Reading, FloatArray]:
         """Reading, and the derivative of its force in each parameter (SI) at `paths`, shape (n, k).
 
-        Every link says its own (`chain.py`); what moves the law's force goes through the links behind it. A
+        Every link says its own (`Chain`); what moves the law's force goes through the links behind it. A
         `rough` derivative takes its ratios from one further law instead of two: off by 1e-3 of itself, which
         costs a minimiser nothing.
         """
@@ -457,7 +458,7 @@ class Forward:
     def _whole_jacobian(
         self, history: WholeHistory, chain: Chain, paths: Sequence[str]
     ) -> tuple[Reading, FloatArray]:
-        """See `jacobian`."""
+        """`jacobian` of a sample that answers a motion itself."""
         reading, columns = self._whole(history, chain), chain.offset_slopes(self.depth)
         own = [path for path in paths if path not in columns]
         w = chain.travel(self.depth)

@@ -1,13 +1,9 @@
 """The forward model for many parameter sets at once, as a sampler asks for it.
 
-Many parameter sets of a tip that adheres, off the tables of its adhesion.
-
-Many parameter sets of a lever that bends beyond what was taken off: where its tip is, by Newton's method.
-
-Seven ways, the first that applies:
+The sets are computed in one of seven ways, the first that applies:
 
 1. something adheres, and of the ratios only that of the work of adhesion may vary: the sets are read off the
-   adhesion's own table (`adhesion_batch.py`), a frame's compliance included;
+   adhesion's own table (`sticking`), a frame's compliance included;
 2. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
 3. one ratio alone varies: every set's curve is read off the table of its cell (`curve_family`);
 4. a tip sticks to the surface or is a sphere, and one ratio alone varies: the sets are read off a surface in it and
@@ -18,9 +14,9 @@ Seven ways, the first that applies:
 7. otherwise set by set, through `Forward.reading`: so DMT and a flat punch that sticks, a law and 1 to 2 ms a set,
    and Maugis, two tenths of a second.
 
-Ways 2 to 6 are those of `ratio_batch.py`, and the last is that of `batch_readings.py`. A sample that remembers
-goes one of these ways with its elastic force, and then through its memory (see `remembered_batch.py`); under a
-lever that bends further they find where its tip is (`lever_batch.py`).
+The second to the sixth are in `ratio_batch.py`, the last is `groups.set_by_set`. A sample that remembers goes
+one of these ways with its elastic force, and then through its memory (`remembered_batch.py`). Under a lever
+that bends beyond what was taken off, the depth of the tip is found by Newton's method (`bending`).
 
 A set's answer does not depend on the company it is asked in: a chain can be repeated bit by bit.
 """
@@ -35,19 +31,20 @@ from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.groups import ParameterSets, Readings, Values, is_shaped_by_lengths, set_by_set
 from underlay.inference.model.on_law import OnLinear
-from underlay.inference.model.ratio_batch import by_ratios, goes_together, has_exact_batches
+from underlay.inference.model.ratio_batch import by_ratios, goes_together
 from underlay.mechanics.contact import AdhesionTable
 from underlay.mechanics.response import WholeHistory
 from underlay.scene.instrument import Frame
 
-__all__ = ["batched_pull_offs", "batched_readings", "bending", "has_batches", "sticking"]
+__all__ = ["batched_pull_offs", "batched_readings", "bending", "sticking"]
 
-# A tip is where it is to this share of the depths.
+# Newton's method ends where the tip's depth changes by less than this share of the range of depth, or after so many
+# steps.
 _SETTLED, _MOST_STEPS = 1e-9, 50
 
 
 def sticking(forward: Forward, values: Values, sets: int) -> Readings:
-    """All sets off the tables of their adhesion; those that these do not reach, or that have none, one by one."""
+    """Readings of all sets off the tables of their adhesion; of sets out of reach, or without, one by one."""
     # A table solves for the tip's depth itself: the chain is asked for travel and offsets alone.
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     table, work, ratio = _adhesion_table(asked)
@@ -88,7 +85,7 @@ def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[Floa
 
 
 def bending(forward: Forward, values: Values, empty: Readings) -> Readings:
-    """All sets of a lever that bends beyond what was taken off; what goes set by set otherwise does so here."""
+    """Readings of all sets of a lever that bends beyond what was taken off; together where they go so without."""
     sets = len(empty.possible)
     if forward.left_out is not None or is_shaped_by_lengths(forward):
         return set_by_set(forward, values, range(sets), empty)
@@ -111,9 +108,9 @@ def _given_way(forward: Forward, values: Values, empty: Readings) -> Readings:
     sets = len(empty.possible)
     compliance = np.broadcast_to(values[Frame.path], sets)[:, None]
     stiff = {**values, Frame.path: 0.0}
-    told = np.array(np.broadcast_to(forward.depth, empty.contact.shape))
-    depth, is_open = told.copy(), np.ones(sets, dtype=bool)
-    small = _SETTLED * np.ptp(told, axis=1)
+    reading = np.array(np.broadcast_to(forward.depth, empty.contact.shape))
+    depth, is_open = reading.copy(), np.ones(sets, dtype=bool)
+    small = _SETTLED * np.ptp(reading, axis=1)
     for _ in range(_MOST_STEPS):
         found = by_ratios(
             ParameterSets(replace(forward, depth=depth), stiff, sets),
@@ -123,7 +120,7 @@ def _given_way(forward: Forward, values: Values, empty: Readings) -> Readings:
         share = 1.0 + compliance * found.stiffness
         stands = found.possible & (share > 0.0).all(axis=1)
         step = np.zeros_like(depth)
-        step[stands] = ((depth - told + compliance * found.contact) / share)[stands]
+        step[stands] = ((depth - reading + compliance * found.contact) / share)[stands]
         is_open &= stands & (np.abs(step).max(axis=1) > small)
         if not is_open.any():
             break
@@ -142,7 +139,7 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     values : mapping of path to float or FloatArray
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
-        How many.
+        How many sets.
     stiffness : bool, default True
         Without it the stiffness is left zero, for a likelihood that does not ask.
 
@@ -161,16 +158,6 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     if is_shaped_by_lengths(forward):
         return set_by_set(forward, values, range(sets), empty)
     return _of_this_depth(forward, values, empty, stiffness=stiffness)
-
-
-def has_batches(forward: Forward, values: Values, sets: int) -> bool:
-    """Whether sets of a sample without memory or adhesion go through compiled batches of the exact law."""
-    elsewhere = forward.history is not None or forward.similarity.energies or forward.laws.table is not None
-    gives = forward.bends(values) or bool(np.any(values[Frame.path]))
-    if elsewhere or is_shaped_by_lengths(forward) or gives:
-        return False
-    asked = ParameterSets(forward, values, sets)
-    return asked.shared is None and has_exact_batches(asked)
 
 
 def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:

@@ -1,19 +1,8 @@
-"""Parameter sets of one curve as arrays, gathered by what they have in common.
+"""Parameter sets of one curve as arrays, and gathered into groups that share the nodes of one `ExactBatch`.
 
-Parameter sets of one curve as arrays: what they have in common, where they differ, and their scales.
-
-What a curve's model says at many parameter sets, and the way that always works: set by set.
-
-Parameter sets gathered so that each group shares the nodes of one `ExactBatch`.
-
-The groups' limits are fixed numbers, not taken from the sets at hand: a set's answer does not depend on the
-company it is asked in.
-
-Parameter sets of a stack, gathered so that each group shares the nodes of one `ExactBatch`.
-
-As in `exact_groups`, the groups' limits are fixed numbers: a set's answer does not depend on the company it is
-asked in. Sets share nodes when every ratio of moduli and of thicknesses that varies lies within a factor, and so
-does their range; the nodes are proved by doubling at the group's middle, at a tenth of the tolerance.
+`ParameterSets` says what the sets have in common, where they differ, and how they scale; `set_by_set` is the way
+that always works. The groups' limits are fixed numbers, not taken from the sets at hand: a set's answer does not
+depend on the company it is asked in.
 """
 
 from __future__ import annotations
@@ -52,32 +41,32 @@ __all__ = [
 
 #: Numbers of a scene by path: one for all sets, or one per set, (sets,).
 Values: TypeAlias = Mapping[str, float | FloatArray]
-# Sets share nodes when their stiffness ratios lie within this factor, and their ranges within the second.
+# Factors within which the stiffness ratios, and the ranges, of sets lie that share nodes.
 _RATIO_STEP = 4.0
 _RANGE_STEP = 2.0
-# What is compiled reaches this much further than asked: another Poisson's ratio than the scene's bends the
-# relation of depth and contact radius, and nodes that stop short leave the polynomial to extrapolate.
+# Reach of what is compiled over that asked for: another Poisson's ratio than the scene's bends the relation of
+# depth and contact radius, and nodes that stop short leave the polynomial to extrapolate.
 _MARGIN = 1.1
-# Compiled this much finer than asked, so that the sets at the edges of a group keep the promise: the largest
-# error seen in 300 sets over E2/E1 from 0.01 to 1000 is then a third of the tolerance, and one set in
+# Tolerance of what is compiled over that asked for, so that the sets at the edges of a group keep the promise: the
+# largest error seen in 300 sets over E2/E1 from 0.01 to 1000 is then a third of the tolerance, and one set in
 # fourteen, on the softest bases, goes alone; without it one in eight.
 _SPARE = 0.1
-# No further than this share of the depth at which the contact would reach the end of a sphere.
+# Share of the depth at which the contact would reach the end of a sphere, beyond which nothing is compiled.
 _SHAPE_SHARE = 0.5
-# As for `exact_groups`, with narrower ratios: of 32 sets each of a stiff, a soft and a slipping stack, at 1e-3 and
-# 1e-6, the largest error was 0.11 of the tolerance.
+# The same numbers for the groups of a stack, with narrower ratios: of 32 sets each of a stiff, a soft and a
+# slipping stack, at 1e-3 and 1e-6, the largest error was 0.11 of the tolerance.
 _STACK_GROUPS_RATIO_STEP, _STACK_GROUPS_RANGE_STEP, _STACK_GROUPS_MARGIN, _STACK_GROUPS_SPARE = (
     2.0,
     2.0,
     1.1,
     0.1,
 )
-# With more of them a group holds few sets.
+# Ratios of a stack that may vary: with more of them a group holds few sets.
 _MOST_RATIOS = 4
 
 
 def values_of(values: Values, row: int) -> dict[str, float]:
-    """Every number of one set."""
+    """Every number (SI) of one set, by path."""
     return {path: float(v[row]) if isinstance(v, np.ndarray) else v for path, v in values.items()}
 
 
@@ -91,7 +80,7 @@ class ParameterSets:
     values : mapping of path to float or ndarray
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
-        How many.
+        How many sets.
 
     Attributes
     ----------
@@ -183,7 +172,10 @@ class ParameterSets:
 
 
 class Readings(NamedTuple):
-    """Contact force (N), stiffness (N/m), instrument force (N), (sets, n), and which sets exist."""
+    """Models of many parameter sets.
+
+    Contact force (N), stiffness (N/m) and instrument force (N), each (sets, n), and which sets exist, (sets,).
+    """
 
     contact: FloatArray
     stiffness: FloatArray
@@ -218,11 +210,28 @@ def is_shaped_by_lengths(forward: Forward) -> bool:
 
 
 def exact_groups(
-    sets: ParameterSets, hardness: FloatArray, thickness: FloatArray
+    sets: ParameterSets, stiffness_ratio: FloatArray, thickness: FloatArray
 ) -> Iterator[tuple[NDArray[np.intp], ExactBatch | None]]:
-    """Rows whose stiffness ratio, thickness and range are alike, with what is compiled for them."""
+    """Gather sets whose stiffness ratio, thickness and range are alike.
+
+    Parameters
+    ----------
+    sets : ParameterSets
+        Of an isotropic layer on an isotropic or rigid base.
+    stiffness_ratio : FloatArray
+        Indentation modulus of the base over that of the layer, (sets,); infinite on a rigid base.
+    thickness : FloatArray
+        Thickness of the layer (m), (sets,).
+
+    Yields
+    ------
+    (ndarray of int, ExactBatch or None)
+        Rows of a group, and what is compiled for them; None where no law reaches them.
+    """
     tops = sets.varpi(thickness)
-    soft = np.where(np.isfinite(hardness), np.round(np.log(hardness) / np.log(_RATIO_STEP)), np.inf)
+    soft = np.where(
+        np.isfinite(stiffness_ratio), np.round(np.log(stiffness_ratio) / np.log(_RATIO_STEP)), np.inf
+    )
     ranges = np.ceil(np.log(np.maximum(_MARGIN * tops, 1e-3)) / np.log(_RANGE_STEP))
     # A sphere is no power law: its thickness counts on its own.
     power = isinstance(sets.forward.similarity.scene.indenter, PowerLawShape)
@@ -288,7 +297,16 @@ def _varying(asked: ParameterSets) -> dict[str, FloatArray]:
 
 
 def stack_groups(asked: ParameterSets) -> Iterator[tuple[NDArray[np.intp], ExactBatch | None]]:
-    """Rows whose ratios and range are alike, with what is compiled for them; None where no law reaches them."""
+    """Gather sets of a stack whose ratios and range are alike.
+
+    Sets share nodes when every ratio of moduli and of thicknesses that varies lies within a factor, and so does
+    their range; the nodes are proved by doubling at the group's middle, at a tenth of the tolerance.
+
+    Yields
+    ------
+    (ndarray of int, ExactBatch or None)
+        Rows of a group, and what is compiled for them; None where no law reaches them.
+    """
     ratios = _varying(asked)
     thickness = asked.column("layer.thickness")[:, 0]
     ranges = np.ceil(

@@ -1,9 +1,9 @@
 """The forward model with its derivatives at several parameter sets at once: what a search from many starts asks.
 
-A step of one search costs calls, not arithmetic; here as many calls serve every start. Three ways, the first that
-applies: no ratio varies, and one law serves all; one ratio varies, and the sets are read off its tables, which
-know their derivative in it; tables of the flat punch give the laws of a tip that is no power law. What depends
-on more than the depth, or on the frame, goes one by one (`Forward.jacobian`).
+A step of one search costs calls, not arithmetic; here as many calls serve every start. Of three ways the first
+that applies is taken: no ratio varies, and one law serves all; one ratio varies, and the sets are read off its
+tables, which know their derivative in it; tables of the flat punch give the laws of a tip that is no power law.
+What depends on more than the depth, or on the frame, goes one by one (`Forward.jacobian`).
 """
 
 from __future__ import annotations
@@ -68,14 +68,14 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
     values : mapping of path to float or FloatArray
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
-        How many.
+        How many sets.
     paths : sequence of str
         Free parameters.
 
     Returns
     -------
-    Jacobians
-        What is not possible here may be so alone. None where no set is computed in company.
+    Jacobians or None
+        A set that is not possible here may be so alone. None where the sets cannot be computed together.
     """
     if not goes_together(forward, values, paths):
         return None

@@ -1,9 +1,7 @@
 """Derivatives of a contact law's force in the numbers of a scene, at fixed depth of the tip.
 
-Difference quotients of laws, taken where they exist.
-
 A number moves the two factors of a `Similarity`, and through its ratios the law of the reference. Where no law
-tells its derivative in a ratio itself, that is a difference of two laws.
+tells its derivative in a ratio itself, that is a difference of two laws, taken where both exist.
 """
 
 from __future__ import annotations
@@ -34,14 +32,15 @@ __all__ = [
 
 #: (steps, weights) of a difference quotient.
 Stencil: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
+#: Forward and backward differences of first order: one further law.
 ROUGH_STENCILS: tuple[Stencil, ...] = (((0.0, 1.0), (-1.0, 1.0)), ((0.0, -1.0), (1.0, -1.0)))
-# Central, backward and forward differences of second order.
+#: Central, backward and forward differences of second order: two further laws.
 STENCILS: tuple[Stencil, ...] = (
     ((-1.0, 1.0), (-0.5, 0.5)),
     ((0.0, -1.0, -2.0), (1.5, -2.0, 0.5)),
     ((0.0, 1.0, 2.0), (-1.5, 2.0, -0.5)),
 )
-# Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
+# Step of differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.
 _RATIO_STEP = 1e-3
 
@@ -63,7 +62,7 @@ def first_possible(force: Callable[[float], FloatArray], stencils: Sequence[Sten
 
 
 def force_scale(similarity: Similarity, path: str, values: Mapping[str, float]) -> float | None:
-    """d ln P / dp where the parameter is a factor on the force and no more; None where it is."""
+    """d ln P / dp of a parameter p that is a factor on the force and no more; None where it is more than that."""
     log_b, log_c = similarity.factor_slopes(path, values)
     if log_b or similarity.ratio_slopes(path, values):
         return None
@@ -104,7 +103,7 @@ class LawSlopes:
     values : mapping of str to float
         The numbers, by path.
     law : ContactLaw
-        Theirs.
+        The law at these numbers.
     deepest : float
         Depth (m) up to which laws are asked for.
     w, P, S : FloatArray
@@ -130,7 +129,7 @@ class LawSlopes:
 
     @property
     def are_rough(self) -> bool:
-        """Whether one of those asked for so far is off by what one further law alone makes of it."""
+        """Whether one of the derivatives asked for so far comes from one further law alone."""
         return self.rough and bool(self._differenced)
 
     def of(self, path: str) -> FloatArray:

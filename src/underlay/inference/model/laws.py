@@ -1,12 +1,8 @@
 """Where the laws of a forward model come from: built, read off tables, and kept.
 
-What of a body varies, where that is one ratio alone: laws are then read off tables (`curve_family`).
-
-Where the laws of a forward model come from: how they are built, read off tables, and kept.
-
 The range of a law that is solved for is its needed depth rounded up to a power of two: it is then a function of
-the parameters alone, not of what was asked before. Where one ratio alone varies, laws are read off the tables of
-`curve_family`.
+the parameters alone, not of what was asked before. Where one ratio alone varies (`one_ratio`), laws are read off
+the tables of `curve_family`.
 """
 
 from __future__ import annotations
@@ -35,12 +31,13 @@ from underlay.scene.scene import Scene
 __all__ = ["LawSource", "LawStore", "OneRatio", "one_ratio", "quiet_law", "tip_ratio"]
 
 Number = TypeVar("Number", float, FloatArray)
+# Laws that a store keeps; the oldest goes.
 _LAWS_KEPT = 128
-# Laws that are subtracted over a step of 1e-3 must not be rougher than this.
+# Relative tolerance of laws that are subtracted over a step of 1e-3.
 _STENCIL_RTOL = 1e-6
-# Kernels are known to 1e-14: their difference over this step is the derivative to 1e-7.
+# Step in a ratio for differences of kernels, which are known to 1e-14: it gives the derivative to 1e-7.
 _KERNEL_STEP = 1e-6
-# The largest depth that a message quotes may be rounded up.
+# Factor on the largest depth that a message quotes, which may be rounded up.
 _A_HAIR_LESS = 1.0 - 1e-6
 # Stands for the logarithm of the layer's thickness, which is no ratio.
 _THICKNESS = "ln layer.thickness"
@@ -49,14 +46,14 @@ _NOT_TABULATED = RangeError("no table has this law")
 
 @dataclass(frozen=True)
 class OneRatio:
-    """One ratio, and the bodies that differ in it.
+    """The one ratio in which the bodies of a problem differ: their laws are then read off tables (`curve_family`).
 
     Parameters
     ----------
     family : Family or None
         The bodies; None where there is one alone.
     path, over : str
-        The number and that which it is divided by.
+        Paths of the number and of that which it is divided by.
     """
 
     family: Family | None
@@ -79,11 +76,11 @@ class _OneUnknown:
     Parameters
     ----------
     scene : Scene
-        With a ratio of one.
+        The scene at a ratio of one.
     path : str
-        The number.
+        Path of the number that is not known.
     unit : float
-        Its value at a ratio of one (SI).
+        Value of that number at a ratio of one (SI).
     """
 
     scene: Scene
@@ -201,11 +198,11 @@ class LawSource:
     number : int
         Name of the reference in the store.
     contact : Contact
-        Of the reference.
+        The contact of the reference.
     table : OneRatio or None
         The one ratio that can change the law, where the solver reads such laws off a table.
     tips : OneRatio or None
-        The same for a tip that is no power law: its size over the thickness may vary too.
+        The one ratio of a tip that is no power law: its size over the thickness may vary too.
     beside : tuple of str
         Paths of the ratios in which laws that are solved for say their own derivatives (`Contact.beside`); beside
         tables in the order of the tables' own.
@@ -242,7 +239,7 @@ class LawSource:
         return source.varying(free)
 
     def varying(self, free: Sequence[str]) -> LawSource:
-        """Return the same where only the paths `free` vary: tables serve more the fewer these are."""
+        """Return the source where only the paths `free` vary: tables serve more the fewer these are."""
         similarity, solver = self.similarity, self.solver
         body = self.contact.isotropic
         table = one_ratio(similarity, body, free) if solver.has_table(self.contact) else None
@@ -275,7 +272,7 @@ class LawSource:
 
     @property
     def for_differences(self) -> LawSource:
-        """The same with laws that may be subtracted: of one kind, and not rougher than the step allows."""
+        """The source with laws that may be subtracted: of one kind, and not rougher than the step allows."""
         return replace(self, solver=self.solver.for_differences(_STENCIL_RTOL))
 
     def law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:

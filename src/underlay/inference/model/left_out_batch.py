@@ -1,4 +1,4 @@
-"""A law with what it leaves out at many parameter sets: both laws in batches, then the sizes of each set."""
+"""Laws with what they leave out at many parameter sets: both laws in batches, then the sizes of each set."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ def left_out_readings(
     Parameters
     ----------
     forward : Forward
-        With what its law leaves out.
+        Forward model with what its law leaves out.
     values : mapping of path to float or FloatArray
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
-        How many.
+        How many sets.
     batched : callable
         Readings of a law that leaves nothing out; without stiffness.
     """
-    told = forward.left_out
-    if not isinstance(told, LeftOutLaws) or np.any(values[Frame.path]):
+    left_out = forward.left_out
+    if not isinstance(left_out, LeftOutLaws) or np.any(values[Frame.path]):
         # A frame gives way under the whole force: its depths are those of one law at a time.
         return None
     bare = replace(forward, left_out=None)
@@ -46,7 +46,7 @@ def left_out_readings(
     sticks, _, _, also = batched(bare.solved_by(bare.laws.solver.without_slip), values, sets)
     asked = ParameterSets(bare, values, sets)
     upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-    strained = upright[FINITE_STRAIN_PATH] * told.excess(forward, upright, asked.tip)
-    strained = strained + upright[BOTH_PATH] * told.further(upright, sticks, free, asked.tip)
+    strained = upright[FINITE_STRAIN_PATH] * left_out.excess(forward, upright, asked.tip)
+    strained = strained + upright[BOTH_PATH] * left_out.further(upright, sticks, free, asked.tip)
     contact = free + upright[FRICTION_PATH] * (sticks - free) + free * strained
     return contact, np.zeros_like(contact), asked.instrument_force(contact), exists & also

@@ -1,18 +1,4 @@
-"""One curve of a problem, compiled: which entries of a vector it reads, its law and its noise.
-
-A first guess of each number of a noise model, from the curve itself.
-
-Errors of one size in several curves: what one law gets wrong, it gets wrong in all of them.
-
-The readings of all curves over their noise, each whitened by its own, are e = z + A u, z and u independent and of
-unit variance, the rows of A those of the curves one after the other. With A = U S V' their covariance is I + A A',
-whose inverse root is
-
-    P = I - U (1 - (1 + S^2)^(-1/2)) U',
-
-and half the logarithm of whose determinant is sum ln(1 + s^2) / 2. A depends on no parameter: sizes are over the
-noise, and that is stated.
-"""
+"""One curve of a problem, compiled: which entries of a vector it reads, its law, its noise, and shared errors."""
 
 from __future__ import annotations
 
@@ -39,8 +25,9 @@ from underlay.scene.scene import Scene
 
 __all__ = ["CommonErrors", "Member", "means_alone", "noise_start", "scatter"]
 
-# A smooth curve has small second differences; those of white noise have variance 6 sigma^2. The median
-# absolute value of a normal variable is 0.6745 sigma.
+# Median absolute second difference of white noise over its standard deviation sigma: second differences have
+# variance 6 sigma^2, and the median absolute value of a normal variable is 0.6745 of its deviation. Those of a
+# smooth curve are small.
 _SECOND_DIFFERENCE = 6.0**0.5 * 0.6744897501960817
 # Points without a second difference.
 _MEANS_ALONE = 2
@@ -71,7 +58,21 @@ def noise_start(
     prior: Prior | None,
     bounds: tuple[float, float] | None,
 ) -> float:
-    """Start (SI) of a free number of the noise: the model's own, else a guess inside prior and bounds."""
+    """Start (SI) of a free number of the noise: the model's own, else a guess from the curves.
+
+    Parameters
+    ----------
+    field : str
+        Name of the number in the noise model.
+    noise : NoiseModel
+        The model.
+    curves : sequence of Curve
+        Curves that the number acts on.
+    prior : Prior or None
+        Its prior; the guess lies inside.
+    bounds : (float, float) or None
+        Its bounds (SI); the guess lies inside.
+    """
     given = getattr(noise, field)
     if given:
         return float(given)
@@ -103,7 +104,7 @@ class Member:
     Parameters
     ----------
     scene, curve
-        As given.
+        The test and its curve, as given.
     forward : Forward
         The compiled scene.
     noise : NoiseModel
@@ -111,9 +112,9 @@ class Member:
     base : mapping
         Every number of the scene (SI).
     entries : mapping of path to int
-        Which entry of a vector holds which number of the scene.
+        Entry of a vector that holds a number of the scene.
     noise_entries : mapping of field name to int
-        The same for the numbers of the noise.
+        Entry of a vector that holds a number of the noise.
     """
 
     scene: Scene
@@ -221,7 +222,10 @@ class Member:
     def log_likelihood_along(
         self, physical: FloatArray, directions: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The same, and the whitened residuals along directions (n, m): (B, m), zero where no law exists."""
+        """Log-likelihood (B,), and the whitened residuals along directions (n, m): (B, m).
+
+        -inf and zero where no law exists.
+        """
         noise, time = self.noise_of(physical), self.curve.time
         readings = self.readings(physical, stiffness=noise.needs_stiffness)
         possible = readings.possible
@@ -260,16 +264,25 @@ class Member:
 
 @dataclass(frozen=True)
 class CommonErrors:
-    """Errors that the curves of a problem have in common.
+    """Errors of one size in several curves: what one law gets wrong, it gets wrong in all of them.
+
+    The readings of all curves over their noise, each whitened by its own, are e = z + A u, z and u independent
+    and of unit variance, the rows of A those of the curves one after the other. With A = U S V' their
+    covariance is I + A A', whose inverse root is
+
+        P = I - U (1 - (1 + S^2)^(-1/2)) U',
+
+    and half the logarithm of whose determinant is sum ln(1 + s^2) / 2. A depends on no parameter: sizes are
+    over the noise, and that is stated.
 
     Parameters
     ----------
     rows : tuple of FloatArray
-        Of every curve, (n, m): what each error of size one adds to its whitened readings.
+        Rows of A of every curve, (n, m): what each error of size one adds to its whitened readings.
     directions : tuple of FloatArray
-        Of every curve its rows of U, (n, m).
+        Rows of U of every curve, (n, m).
     sizes : FloatArray
-        S, (m,).
+        Singular values S, (m,).
     """
 
     rows: tuple[FloatArray, ...]
@@ -278,7 +291,7 @@ class CommonErrors:
 
     @classmethod
     def of(cls, members: Sequence[Member]) -> CommonErrors | None:
-        """Those of the noise of these curves; None where there are none.
+        """Find the common errors in the noise of these curves; None where there are none.
 
         Raises
         ------
@@ -308,13 +321,13 @@ class CommonErrors:
         return 0.5 * float(np.log1p(self.sizes**2).sum())
 
     def whitened(self, parts: Sequence[FloatArray]) -> list[FloatArray]:
-        """What each curve's noise has whitened, (..., n) each, whitened of what they have in common too."""
+        """Residuals that each curve's noise has whitened, (..., n) each, whitened of the common errors too."""
         together = sum(own @ along for own, along in zip(parts, self.directions, strict=True))
         less = together * (1.0 - 1.0 / np.sqrt(1.0 + self.sizes**2))
         return [own - less @ along.T for own, along in zip(parts, self.directions, strict=True)]
 
     def log_density(self, along: FloatArray) -> FloatArray:
-        """What they add to the log-likelihood, (...), at whitened readings along the directions, (..., m)."""
+        """What common errors add to the log-likelihood, (...), at residuals along the directions, (..., m)."""
         share = self.sizes**2 / (1.0 + self.sizes**2)
         return np.asarray(0.5 * np.square(along) @ share - self.log_determinant)
 

@@ -1,6 +1,6 @@
 """What a layer puts on the law of linear elasticity, stiffening and sides, at the numbers of a problem.
 
-The linear laws come from where they come from without it, tables and all. Derivatives in E and in the layer's own
+The linear laws come from `Forward.bare_law`, tables and all, as without it. Derivatives in E and in the layer's own
 numbers are exact; in numbers that move the linear law otherwise than by a scale (thickness, radius, Poisson's
 ratio) they are differences of whole laws.
 """
@@ -30,7 +30,7 @@ _STEP = 1e-3
 
 
 class Linear(Protocol):
-    """What gives the linear laws: a `Forward`."""
+    """A source of linear laws: a `Forward`."""
 
     def bare_law(self, values: Mapping[str, float], deepest: float) -> ContactLaw:
         """Law at `values` for depths up to `deepest` (m)."""
@@ -43,9 +43,9 @@ class OnLinear:
     Parameters
     ----------
     layer : Layer
-        As declared.
+        The layer as declared.
     layered : bool
-        Whether it stands on something.
+        Whether it stands on a rigid base.
     gain : callable
         Force reading over force, of numbers by path: of a lever whose calibration is off.
     """
@@ -60,7 +60,10 @@ class OnLinear:
         return cls(scene.layer, isinstance(scene.substrate, Rigid), gain)
 
     def laws(self, values: Mapping[str, Any]) -> tuple[StiffLayer | None, Sides | None]:
-        """Both at numbers by path; (sets, 1) where they vary."""
+        """The layer's stiffening and its sides, each None if it has none, at numbers (SI) by path.
+
+        Numbers that vary are (sets, 1).
+        """
         stiff = None
         if self.layer.stiffening is not None:
             sliding = self.layered and self.layer.bond == "slip"

@@ -28,13 +28,14 @@ from underlay.scene.instrument import Frame
 __all__ = ["on_law_readings", "stiffening_factors"]
 
 _TINY = float(np.sqrt(np.finfo(float).tiny))
-# A depth of which everything is known, over the largest.
+# Depth at which sets are asked that go deeper than stiffening is known, over the largest known one: a stand-in
+# whose answer is not used.
 _SAFE = 0.01
 
 
 @dataclass(frozen=True)
 class _Similar:
-    """The linear laws of all sets through their factors; depths are (..., sets, n)."""
+    """The linear laws of all sets, c P(b w) of one law P; depths w are (..., sets, n)."""
 
     law: ContactLaw
     b: FloatArray
@@ -56,7 +57,7 @@ class _Similar:
 
 
 def on_law_readings(
-    forward: Forward, values: Values, sets: int, told: OnLinear, *, stiffness: bool
+    forward: Forward, values: Values, sets: int, on_linear: OnLinear, *, stiffness: bool
 ) -> Readings:
     """Readings of all sets: together where one linear law serves them, else one by one; slopes where asked."""
     readings = Readings.empty(sets, forward.depth.shape[-1])
@@ -65,7 +66,7 @@ def on_law_readings(
     if asked.shared is None or np.any(values[Frame.path]):
         return set_by_set(forward, values, range(sets), readings)
     upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-    stiff, sides = told.laws(upright)
+    stiff, sides = on_linear.laws(upright)
     w, inside = asked.tip, asked.tip > (0.0 if stiff is None else FIRST_TOUCH * stiff.spread)
     # Depths before contact are not asked for: they stand where the deepest is, which is.
     top = np.maximum(asked.deepest[:, None], _TINY)
@@ -94,19 +95,19 @@ def on_law_readings(
     )
 
 
-def stiffening_factors(forward: Forward, values: Values, sets: int, told: OnLinear) -> FloatArray:
+def stiffening_factors(forward: Forward, values: Values, sets: int, on_linear: OnLinear) -> FloatArray:
     """G at the deepest point of the curve, (sets,); infinite where stiffening is not known so far."""
     asked = ParameterSets(replace(forward, left_out=None), values, sets)
     if asked.shared is None:
         rows = [values_of(values, row) for row in range(sets)]
-        return np.array([_factors(forward, row, 1, told)[0] for row in rows])
-    return _factors(forward, values, sets, told)
+        return np.array([_factors(forward, row, 1, on_linear)[0] for row in rows])
+    return _factors(forward, values, sets, on_linear)
 
 
-def _factors(forward: Forward, values: Values, sets: int, told: OnLinear) -> FloatArray:
+def _factors(forward: Forward, values: Values, sets: int, on_linear: OnLinear) -> FloatArray:
     asked = ParameterSets(replace(forward, left_out=None), values, sets)
     upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-    stiff, _ = told.laws(upright)
+    stiff, _ = on_linear.laws(upright)
     if stiff is None:
         return np.ones(sets)
     stiff, top, possible = _shallow(stiff, np.maximum(asked.deepest[:, None], _TINY))
@@ -134,7 +135,10 @@ def _linear(
 
 
 def _shallow(stiff: StiffLayer, top: FloatArray) -> tuple[StiffLayer, FloatArray, NDArray[np.bool_]]:
-    """Which sets are known as deep as they go, (sets, 1); the others are asked where they are."""
+    """The layer and largest depths (m), (sets, 1), with sets that go deeper than is known asked at a shallow depth.
+
+    Third is which sets are known as deep as they go, (sets, 1).
+    """
     reach = largest_by_depth(stiff.radius, stiff.thickness)
     known = stiff.asked(top).depth <= reach
     if known.all():

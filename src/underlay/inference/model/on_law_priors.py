@@ -1,4 +1,4 @@
-"""What is known of a layer's stiffening where nobody says it, and what a curve alone cannot tell."""
+"""Priors of a layer's stiffening where nobody states any, and what a curve alone cannot tell of it."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from underlay.scene.scene import Scene
 __all__ = ["LEFT_OPEN", "begun", "require_told_thickness", "usual_prior"]
 
 _SECTION = "layer.stiffening."
-# Soft tissue: 95 % from 0.02 to 12, locking stretches from 1.18 upward (the study of stiffening layers, section 3).
+# Median and logarithmic standard deviation of the inverse limit of soft tissue: 95 % from 0.02 to 12, locking
+# stretches from 1.18 upward (the study of stiffening layers, section 3).
 _LIMIT, _LIMIT_SPREAD = 0.5, 1.6
-# Standard deviation of heights over the tip's radius, from the same.
+# The same of the standard deviation of heights over the tip's radius (same study).
 _HEIGHTS, _HEIGHTS_SPREAD = 0.02, 1.5
 #: What a layer that stiffens leaves open where its scene has zero: what it is called, and its size to 95 %.
 LEFT_OPEN = {
@@ -27,7 +28,7 @@ LEFT_OPEN = {
 
 
 def usual_prior(path: str, given: Given, scene: Scene) -> Given:
-    """What is said of a parameter, or what is usual of a number of a stiffening layer of which nothing is said."""
+    """Prior or bounds of a parameter as given, or the usual prior of a stiffening layer's number without any."""
     if given is not None or not path.startswith(_SECTION):
         return given
     name = path.removeprefix(_SECTION)
@@ -37,7 +38,7 @@ def usual_prior(path: str, given: Given, scene: Scene) -> Given:
 
 
 def begun(path: str, start: float, given: Given) -> float:
-    """Where a search begins: at zero such a number has no logarithm, and then in the middle of what is said."""
+    """Start (SI) of a search: a number of zero has no logarithm, and begins in the middle of its prior."""
     if start != 0.0 or not path.startswith(_SECTION) or path.endswith(".form") or given is None:
         return start
     if isinstance(given, Prior):

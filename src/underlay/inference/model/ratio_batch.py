@@ -24,7 +24,17 @@ __all__ = ["by_one_law", "by_ratios", "goes_together", "has_exact_batches"]
 
 
 def by_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Readings:
-    """All sets by what of their ratios varies."""
+    """Readings of all sets, by the second to the sixth of the ways of `forward_batch`, else set by set.
+
+    Parameters
+    ----------
+    asked : ParameterSets
+        The sets.
+    empty : Readings
+        Room for them.
+    stiffness : bool
+        Whether the stiffness is asked for; laws read off a surface know none.
+    """
     table = asked.forward.laws.table
     entry = None if stiffness else _entry_of_surfaces(asked)
     if asked.shared is not None:
@@ -49,7 +59,7 @@ def goes_together(asked: ParameterSets) -> bool:
 
 
 def by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
-    """All sets through one law, another only where the range it needs belongs to another span."""
+    """Readings of all sets through one law; through another where the range that a set needs is another span."""
     readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     b, c = asked.factors
     depth = b * asked.deepest
@@ -113,14 +123,14 @@ def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
     readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     inner = isotropic_constants(asked.column("layer.E"), asked.column("layer.nu"))
     theta = np.asarray(inner.theta)[:, 0]
-    outer, hardness = None, np.full(asked.sets, np.inf)
+    outer, stiffness_ratio = None, np.full(asked.sets, np.inf)
     if "substrate.E" in asked.values:
         outer = isotropic_constants(asked.column("substrate.E"), asked.column("substrate.nu"))
-        hardness = np.asarray(outer.theta)[:, 0] / theta
+        stiffness_ratio = np.asarray(outer.theta)[:, 0] / theta
     thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
     abel = asked.abel_coefficients()
     alone: list[int] = []
-    for rows, compiled in exact_groups(asked, hardness, thickness):
+    for rows, compiled in exact_groups(asked, stiffness_ratio, thickness):
         if compiled is None:
             alone += rows.tolist()
             continue
@@ -178,7 +188,7 @@ def _entry_of_surfaces(asked: ParameterSets) -> int | None:
 
 
 def _on_surfaces(asked: ParameterSets, entry: int) -> Readings:
-    """All sets off surfaces; those without one by one."""
+    """All sets off surfaces; those without a surface one by one."""
     # Not loaded for laws that have tables.
     from underlay.inference.model.ratio_surface import surfaces  # noqa: PLC0415  see above
 

@@ -3,11 +3,11 @@
 For a tip that sticks, whose laws are dear, and for a sphere, whose size over the thickness no scaling removes.
 Where of all ratios of a scene one alone varies between parameter sets (Poisson's ratio, a modulus of the base,
 a radius over a thickness), the law of the reference is built at a few values of it, and ln(P/w^(1+1/p)) is a
-polynomial in that number and in w^(1/p), to which the contact radius is proportional at first. Cells of the
-number and ranges of the depth are fixed, so that a set's answer does not depend on the company it is asked in.
-Where the number is a length of the tip, depths are counted in it: a sphere ends on its own scale, and a curve's
-depth is known on it. What a surface is off by is measured at values and depths between its own, and one
-that is off by more than the tolerance is not used.
+polynomial in that number and in w^(1/p), to which the contact radius is proportional at first; P is the force at
+the depth w, p the exponent of the tip's shape. Cells of the number and ranges of the depth are fixed, so that a
+set's answer does not depend on the company it is asked in. Where the number is a length of the tip, depths are
+counted in it: a sphere ends on its own scale, and a curve's depth is known on it. The error of a surface is
+measured at values and depths between its own, and one that is off by more than the tolerance is not used.
 """
 
 from __future__ import annotations
@@ -32,10 +32,11 @@ __all__ = ["RatioSurface", "surfaces"]
 # Widths and edges of cells, of logarithms and of Poisson's ratios; 0.5 is an edge, beyond which nothing is solved.
 _LOG_CELL, _LOG_EDGE = np.log(2.0), np.log(1.37)
 _CELL, _EDGE = 0.1, 0.5
-# Numbers of values and of terms in depth that are tried, and where between them a surface is judged.
+# Numbers of values and of terms in depth that are tried one after the other.
 _VALUES, _TERMS = (6, 10, 16), (16, 32, 64)
+# Places in the cell, in [-1, 1], and depths over the largest at which a surface is judged.
 _JUDGED, _JUDGED_DEPTHS = np.array([-0.86, 0.31]), np.linspace(0.02, 0.99, 29) ** 2
-# Of the tolerance: what the laws behind a surface may be off by, and what it may be seen to be off by there.
+# Shares of the tolerance: error of the laws behind a surface, and error that it may show where it is judged.
 _SPARE, _SEEN = 0.2, 0.5
 
 
@@ -127,13 +128,13 @@ def surfaces(
     Parameters
     ----------
     source : LawSource
-        Of the laws.
+        Where the laws come from.
     entry : int
-        Of `ratios`, the one that varies.
+        Index of the ratio that varies.
     ratios : tuple of float
-        As `Similarity.reduced`; that entry is not read.
+        As `Similarity.reduced`; the entry that varies is not read.
     value : FloatArray
-        What it is in each set, (sets,).
+        Value of that ratio in each set, (sets,).
     depth : FloatArray
         Largest depth (m) of each set at the reference, (sets,), positive.
     """

@@ -1,7 +1,7 @@
 """A sample that remembers at many parameter sets at once: the elastic forces of all, then the memory of all.
 
-It serves a relaxing layer in and out, whatever the contact point of a set. What no closed construction holds for,
-such as a second cycle, and a frame that yields go one by one.
+It serves a relaxing layer in and out, whatever the contact point of a set. Motions that no closed construction
+holds for, such as a second cycle, and a frame that yields go one by one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["remembered_readings"]
 
 
 class _Read(Protocol):
-    """What is read of the elastic sets."""
+    """Readings of the elastic sets, as far as memory needs them."""
 
     @property
     def contact(self) -> FloatArray:
@@ -31,7 +31,7 @@ class _Read(Protocol):
 
     @property
     def possible(self) -> NDArray[np.bool_]:
-        """Which sets exist."""
+        """Whether each set has a law, (sets,)."""
 
 
 def remembered_readings(

@@ -1,16 +1,17 @@
 """Similar contacts: one law serves every modulus, every thickness and every tip radius of the same ratios.
 
-For a power-law shape Phi = A r^lambda on a layer of thickness h the force is
+For a power-law shape Phi = A r^lambda, r the distance from the axis, on a layer of thickness h the force P at the
+depth w is
 
     P(w) = theta A h^(lambda+1) F(w / (A h^lambda); ratios),
 
-with F a function of the shape exponent, the Poisson's ratios and the ratios of the moduli alone: (5.2) and
-(5.3) divided by theta A h^(lambda+1) and A h^lambda. For any other shape all lengths scale together,
-P(w) = theta h^2 F(w / h; ratios, R / h). A work of adhesion counts as dgamma / (theta A^2 h^(2 lambda - 1)), or
-as dgamma / (theta h).
+theta being half the indentation modulus of the layer and F a function of the shape exponent, the Poisson's ratios
+and the ratios of the moduli alone: (5.2) and (5.3) divided by theta A h^(lambda+1) and A h^lambda. For any other
+shape, of size R, all lengths scale together, P(w) = theta h^2 F(w / h; ratios, R / h). A work of adhesion dgamma
+counts as dgamma / (theta A^2 h^(2 lambda - 1)), or as dgamma / (theta h).
 
 So a law built once at reference values serves others through two factors, P(w) = c P_ref(b w), and its
-logarithmic derivatives follow without a new law:
+logarithmic derivatives in a number p follow without a new law:
 
     dP/d ln p = P d(ln c)/d(ln p) + w P'(w) d(ln b)/d(ln p) + sum_k dP/dk dk/d(ln p),
 

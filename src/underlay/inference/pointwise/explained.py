@@ -1,8 +1,8 @@
 """The layer modulus at which a body shows a given force, or a given stiffness, at a depth: a law read backwards.
 
-Every modulus of the layer is multiplied by one share, its ratios kept. Where the layer's are the only moduli of the
-body, P(w) and dP/dw (9.1) are proportional to the share. On an elastic base they are not, and the share is found
-among those of a ladder of laws.
+Every modulus of the layer is multiplied by one share, its ratios kept. Where the layer's are the only moduli of
+the body, the force P(w) and dP/dw (9.1) are proportional to the share. On an elastic base they are not, and the
+share is found among those of a ladder of laws.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from underlay.scene.scene import Scene
 
 __all__ = ["Body", "Explained", "halfspace_of", "require_without_adhesion"]
 
-# Shares of the ladder reach this factor to both sides. ln P is a smooth function of ln share; a cubic through rungs
-# ln 30 / 8 apart is within 2e-5 of it, one of ln dP/dw within 5e-5 (test_pointwise.py holds both).
+# Factor to which the shares of the ladder reach to both sides, and how many there are. ln P is a smooth function of
+# ln share; a cubic through rungs ln 30 / 8 apart is within 2e-5 of it, one of ln dP/dw within 5e-5
+# (test_pointwise.py holds both).
 _REACH, _RUNGS = 30.0, 17
 
 
@@ -45,7 +46,7 @@ class Explained(NamedTuple):
 
 @dataclass(frozen=True)
 class Body:
-    """A scene without memory, of which numbers may vary.
+    """A scene without memory whose law is read backwards; some of its numbers may vary.
 
     Parameters
     ----------

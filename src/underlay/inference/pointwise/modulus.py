@@ -1,13 +1,4 @@
-"""The modulus depth by depth: the layer modulus that explains what a curve shows at each depth.
-
-What a curve says of its force at some depths: means over bins, anchored on the fitted model.
-
-In every bin a straight line is laid through the residuals of the fit, and what it says at the middle of the bin is
-added to the model there. Where the model is right the line is zero, however bent the model is in the bin.
-
-What one curve of a fit says of the modulus in each of its bins, with intervals.
-
-The modulus depth by depth, E(w): the layer modulus that explains what a curve shows at each depth by itself.
+"""The modulus depth by depth, E(w): the layer modulus that explains what a curve shows at each depth by itself.
 
 Two readings of a curve, each with the half-space and with the layer and what it stands on:
 
@@ -16,6 +7,10 @@ Two readings of a curve, each with the half-space and with the layer and what it
 
 Where the model is right the modulus with the layer is the same at every depth, and the half-space's is a curve that
 can be said beforehand. Contact point, baseline and all other numbers are those of the fit, with their uncertainty.
+
+What the curve shows at a depth are means over a bin, anchored on the fitted model: in every bin a straight line is
+laid through the residuals of the fit, and what it says at the middle of the bin is added to the model there. Where
+the model is right the line is zero, however bent the model is in the bin.
 """
 
 from __future__ import annotations
@@ -47,9 +42,9 @@ __all__ = [
     "residuals_in",
 ]
 
-# Points below which a bin says nothing of its own scatter.
+# Readings of a bin at least: fewer say nothing of their own scatter.
 _FEWEST = 8
-# Half of an interval over the expected modulus: what is known to less than that is not shown.
+# Half of an interval over the expected modulus beyond which a modulus is not shown.
 _KNOWN = 1.0
 
 
@@ -62,7 +57,7 @@ class Bins:
     centre : FloatArray
         Depth readings in the middle of each bin (m), (n,).
     points : tuple of arrays of int
-        Which points of the curve lie in each.
+        Indices of the curve's readings that lie in each.
     """
 
     centre: FloatArray
@@ -187,11 +182,11 @@ class BinnedCurve:
     bins : Bins
         Its points by depth.
     residuals : Residuals
-        Those of the fit in each bin.
+        Residuals of the fit in each bin.
     layer, bare : Body
         The scene, and the layer as a half-space.
     bare_numbers : mapping of str to float
-        Every number of the latter.
+        Every number (SI) of the half-space.
     measured : tuple of FloatArray
         Force (N) and slope (N/m) that each bin shows, (n,).
     """

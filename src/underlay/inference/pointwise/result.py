@@ -24,7 +24,7 @@ class ModulusCurve:
         The modulus and its interval (Pa), (n,); NaN where no modulus explains the curve there: the noise of a slope
         may turn it downwards.
     expected : FloatArray
-        What it would be if the fitted model were right (Pa), (n,).
+        The modulus if the fitted model were right (Pa), (n,).
     """
 
     modulus: FloatArray
@@ -40,7 +40,7 @@ class PointwiseModulus:
     Parameters
     ----------
     name : str
-        Of the curve.
+        Name of the curve.
     depth : FloatArray
         Tip depth since contact (m), (n,).
     force : FloatArray
@@ -50,7 +50,7 @@ class PointwiseModulus:
     apparent, incremental : ModulusCurve
         With the layer's thickness and what is under it, from the force and from its local slope.
     apparent_halfspace, incremental_halfspace : ModulusCurve
-        The same by the formula of a half-space.
+        The two moduli by the formula of a half-space.
     layered : bool
         Whether there is anything under the layer; otherwise both pairs are the same.
     relaxing : bool

@@ -1,8 +1,4 @@
-"""The model of one group: a mean, a step per animal, per site, per curve.
-
-How the curves of a group nest: sites of animals, curves of sites.
-
-The model of one group: ln of the parameter is a mean, plus a step per animal, per site, per curve.
+"""The model of one group: ln of the parameter is a mean, plus a step per animal, per site, per curve.
 
 Every step is normal with the spread of its level; the mean is free. Spreads are summed over a grid, the steps
 and the mean analytically or cell by cell (`messages`), so there is no chain and no chance in it.
@@ -40,16 +36,18 @@ from underlay.inference.population.result import Density
 __all__ = ["GroupModel", "Units"]
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
-# A tenth of the curves may come from a step five times as wide, where outliers are allowed for.
+# Share of the curves that may come from a wider step, and how many times as wide, where outliers are allowed for.
 _OUTLIERS, _WIDER = 0.1, 5.0
-# Cells are at most this wide in ln, at least this, and else half of the narrowest message: that adds two per cent
-# to its variance.
+# Widest and narrowest cell in ln of the parameter; between these it is half of the narrowest message, which adds
+# two per cent to its variance.
 _WIDEST, _NARROWEST = 0.05, 0.01
-# While it is looked for where the spreads are, this much wider, and as if curves scattered at least so.
+# While it is looked for where the spreads are: factor on the width of cells, and least scatter of curves (in ln).
 _LARGER, _LEAST = 2.5, 0.05
-# The fine part of a grid goes this far beyond the middles of the curves, the coarse one far beyond that.
+# How far (in ln) the fine part of a grid goes beyond the middles of the curves, the coarse one beyond that, and the
+# ratio of neighbouring coarse cells.
 _FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.25
-# Places of a mean, how many of its standard deviations they reach, and what is left out below the largest.
+# Places of a mean, how many of its standard deviations they reach, and log units below the largest weight from
+# which a combination of spreads is left out.
 _PLACES, _FAR, _NEGLIGIBLE = 801, 9.0, 30.0
 
 
@@ -84,7 +82,10 @@ class Units:
         return cls(tuple(names[::-1]), tuple(parents[::-1])), order
 
     def freedoms(self, curves: int) -> list[int]:
-        """Of each level below the outermost, curves last: how many members are beyond the first of their unit."""
+        """Degrees of freedom of the scatter within each level below the outermost, curves last.
+
+        That is how many members there are beyond the first of their unit.
+        """
         counts = [*(len(names) for names in self.names), curves]
         return [below - above for above, below in pairwise(counts)]
 
@@ -97,7 +98,7 @@ class GroupModel:
     curves : sequence of CurveLikelihood
         Likelihood of every curve.
     labels : sequence of tuple of str
-        Of every curve its labels, outermost first (animal, site); empty tuples where curves are independent.
+        Labels of every curve, outermost first (animal, site); empty tuples where curves are independent.
     outliers : bool
         Whether a tenth of the curves may come from steps five times as wide.
     between : SpreadPrior
@@ -187,7 +188,7 @@ class GroupModel:
     def _once(
         self, what: str, nodes: tuple[FloatArray, ...], make: Callable[[tuple[FloatArray, ...]], Messages]
     ) -> Messages:
-        """What is made at some nodes: evidence, mean and units' values ask for the same, one after the other."""
+        """Messages at some nodes, kept: evidence, mean and units' values ask for the same one after the other."""
         asked = tuple(each.tobytes() for each in nodes)
         if what not in self._known or self._known[what][0] != asked:
             self._known[what] = asked, make(nodes)
@@ -306,7 +307,7 @@ def _flat(top: Messages, kept: NDArray[np.bool_]) -> Messages:
 
 
 def _whole(top: Messages, x: FloatArray) -> FloatArray:
-    """Logarithm of a group's message, (..., x)."""
+    """Logarithm of a group's message, its normal part and its tables together, (..., x)."""
     result: FloatArray = top.constant - 0.5 * top.precision * (x - top.centre) ** 2 + top.tables[..., 0, :]
     return result
 

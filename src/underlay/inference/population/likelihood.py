@@ -28,10 +28,11 @@ __all__ = ["ROOTS", "CurveLikelihood"]
 ROOTS = np.arange(-3.0, 4.0)
 _ROOTS = tuple(ROOTS.tolist())
 _MIDDLE = 3
-# Places that stand this close (in standard errors) to those of a normal density are a normal density's.
+# Distance (in standard errors) from the places of a normal density within which they are a normal density's.
 _NORMAL = 0.05
-# What lies further out than three is continued; nothing is told apart beyond thirty.
+# Largest root that is told apart: beyond three the likelihood is continued.
 _FURTHEST = 30.0
+# Places at which the density of draws is computed.
 _DRAWS_ON_A_GRID = 512
 _NEAREST = 0.02  # confidence of an interval that is as good as its median
 
@@ -75,7 +76,7 @@ class CurveLikelihood:
 
     @classmethod
     def of_answers(cls, answer: Callable[[str, float], Answer], name: str) -> CurveLikelihood:
-        """From the ends of the statistical intervals of one number, at one, two and three deviates.
+        """Likelihood from the ends of the statistical intervals of one number, at one, two and three deviates.
 
         The middle is that of the narrowest interval, the median: least squares may lie at a bound, beyond them.
         """
@@ -89,7 +90,7 @@ class CurveLikelihood:
 
     @classmethod
     def of_posterior(cls, posterior: Posterior, name: str) -> CurveLikelihood:
-        """From draws, their prior divided out: flat in the logarithm is what is left."""
+        """Likelihood from draws, their prior divided out: flat in the logarithm is what is left."""
         if posterior.problem is None or name not in posterior.names:
             raise InputError(
                 f"the likelihood of {name} needs a posterior in which it is free and whose prior is known; this "
@@ -120,7 +121,7 @@ class CurveLikelihood:
 
     @property
     def middle(self) -> float:
-        """Where the likelihood is largest, ln of the parameter."""
+        """Ln of the parameter at which the likelihood is largest."""
         return self.places[_MIDDLE]
 
     @cached_property
@@ -168,7 +169,7 @@ class CurveLikelihood:
 
 
 def _level(ends: Sequence[float]) -> float:
-    """Root at which a side levels off: that of its last end; inf where it has all three."""
+    """Root at which a side levels off, by how many of its three ends there are; inf where it has all three."""
     known = sum(map(math.isfinite, ends))
     return math.inf if known == len(ends) else float(known)
 

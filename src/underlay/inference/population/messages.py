@@ -1,14 +1,7 @@
-"""How the likelihoods of curves are carried up the levels, and the priors of spreads.
+"""How the likelihoods of curves are carried up the levels, and the grid of spreads over which they are summed.
 
-Priors of spreads, and the grid over which they are summed out.
-
-A spread is the standard deviation of ln of the parameter among the units of a level: 0.2 is 20 %. Priors:
-half-Cauchy of scale 0.3 between animals (Gelman 2006, doi 10.1214/06-BA117A) and half-t with four degrees of
-freedom and scale 0.5 among curves of one animal, chosen by coverage for three to ten animals.
-
-How the likelihoods of curves are carried up the levels: curve, site, animal, group.
-
-At every level the likelihood of a unit, over the logarithm of the parameter, is kept as
+Up the levels go curve, site, animal, group. At every level the likelihood of a unit, over the logarithm x of the
+parameter, is kept as
 
     exp(constant - precision (x - centre)^2 / 2) * exp(table(x)),
 
@@ -16,6 +9,10 @@ the normal part of the units below that are normal, and a table on a common grid
 curves, heavy tails). A unit of the level above sees it blurred by the spread of its level: normal parts in
 closed form, tables cell by cell with the normal distribution function, the outermost cells reaching to
 infinity, so that what is open stays open and no spread is too small for the grid. Units of one parent multiply.
+
+A spread is the standard deviation of ln of the parameter among the units of a level: 0.2 is 20 %. Priors:
+half-Cauchy of scale 0.3 between animals (Gelman 2006, doi 10.1214/06-BA117A) and half-t with four degrees of
+freedom and scale 0.5 among curves of one animal, chosen by coverage for three to ten animals.
 """
 
 from __future__ import annotations
@@ -50,17 +47,19 @@ __all__ = [
 LogLikelihood: TypeAlias = Callable[[tuple[FloatArray, ...]], FloatArray]
 #: Per level, outermost first: ln of the smallest and the largest spread that count.
 Windows: TypeAlias = tuple[tuple[float, float], ...]
+# Smallest and largest spread on a grid.
 _SMALLEST, _LARGEST = 1e-3, 5.0
-# Nodes per axis: while it is looked for where the posterior is, and for the sums.
+# Nodes per axis: while it is looked for where the posterior is, for the sums by number of levels, and with more.
 _FIRST = 9
 _NODES = {1: (32,), 2: (24, 16), 3: (14, 12, 12)}
 _MOST = 10
-# What lies this far below the largest is left out: a share of 1e-5.
+# Log units below the largest from which a node is left out: a share of 1e-5.
 _NEGLIGIBLE = 12.0
+# Times that the windows of the spreads are narrowed.
 _PASSES = 6
 IntArray: TypeAlias = NDArray[np.intp]
-# Logarithm, below its table's largest, of what counts for nothing, and how many standard deviations off a normal
-# is as low.
+# Log units below its table's largest from which a place counts for nothing, and how many standard deviations off a
+# normal is as low.
 _MESSAGES_NEGLIGIBLE = 300.0
 _NOTHING, _FURTHEST = math.exp(-_MESSAGES_NEGLIGIBLE), math.sqrt(2.0 * _MESSAGES_NEGLIGIBLE)
 # Distance between places that are computed, in standard deviations of the normal.
@@ -81,6 +80,7 @@ class SpreadPrior:
         return result
 
 
+#: Priors of the spread between units, and among the curves of one: see the head of this module.
 BETWEEN, WITHIN = SpreadPrior(0.3, 1.0), SpreadPrior(0.5, 4.0)
 
 
@@ -95,7 +95,7 @@ class SpreadGrid:
     weights : FloatArray
         Posterior probability of every combination, one axis per level; sums to one.
     log_evidence : float
-        Logarithm of what was summed, but for the priors' constants.
+        Logarithm of the sum over the grid, but for the priors' constants.
     """
 
     nodes: tuple[FloatArray, ...]
@@ -138,9 +138,14 @@ def spread_windows(log_likelihood: LogLikelihood, priors: Sequence[SpreadPrior])
     Parameters
     ----------
     log_likelihood : callable
-        Of a tuple of nodes per level: the logarithm of the likelihood at all combinations, to a log unit or so.
+        Logarithm of the likelihood at all combinations of a tuple of nodes per level, to a log unit or so.
     priors : sequence of SpreadPrior
         One per level, outermost first.
+
+    Returns
+    -------
+    tuple of (float, float)
+        Per level, outermost first: ln of the smallest and the largest spread that count.
     """
     windows: Windows = ((math.log(_SMALLEST), math.log(_LARGEST)),) * len(priors)
     for _ in range(_PASSES):
@@ -260,7 +265,7 @@ class Grid:
             yield found
 
     def places(self, spread: float) -> IntArray:
-        """Which places tell all of what a normal of this standard deviation has blurred."""
+        """Indices of the places that tell all of what a normal of this standard deviation has blurred."""
         stride = max(int(_APART * spread / self.step), 1)
         outer, last = len(self.outside), len(self.outside) + self.count - 1
         parts = np.arange(outer), np.arange(outer, last, stride), np.arange(last, len(self.x))
@@ -319,11 +324,11 @@ class Messages:
     Parameters
     ----------
     precision, centre, constant : FloatArray
-        Of the normal parts, (..., units); leading axes are spreads of the levels below.
+        Numbers of the normal parts, (..., units); leading axes are spreads of the levels below.
     tables : FloatArray
-        (..., tabulated units, x): logarithms on the grid.
+        Logarithms on the grid, (..., tabulated units, x).
     tabulated : ndarray of int
-        Which units have a table.
+        Units that have a table.
     """
 
     precision: FloatArray
@@ -334,9 +339,20 @@ class Messages:
 
 
 def carried(units: Messages, spreads: FloatArray, parents: IntArray, count: int, grid: Grid) -> Messages:
-    """Return what the level above sees: messages blurred by each of the spreads, those of each parent multiplied.
+    """Carry messages one level up: blurred by each of the spreads, those of each parent multiplied.
 
-    `parents` (units,) says whose each is, 0 to `count` - 1, in order; the spreads are a new leading axis.
+    Parameters
+    ----------
+    units : Messages
+        Messages of the units of one level.
+    spreads : FloatArray
+        Spreads of that level; a new leading axis of the result.
+    parents : ndarray of int (units,)
+        Parent of each unit, 0 to `count` - 1, in order.
+    count : int
+        How many parents there are.
+    grid : Grid
+        Places of the tables.
     """
     of = units.tabulated
     # All of a unit that has a table goes into its table.
@@ -365,9 +381,10 @@ def carried(units: Messages, spreads: FloatArray, parents: IntArray, count: int,
 def multiplied_tables(
     each: Iterable[FloatArray], spreads: FloatArray, parents: IntArray, grid: Grid
 ) -> FloatArray:
-    """Tables (spreads, ..., parents, x) of parents, of those (..., units, places of the spread) of `each` spread.
+    """Tables (spreads, ..., parents, x) of parents, from those of their units.
 
-    They are added before they are known everywhere: a spline of a sum is the sum of splines.
+    `each` gives one table (..., units, places of the spread) for each spread, as `Grid.blurred` does. They are
+    added before they are known everywhere: a spline of a sum is the sum of splines.
     """
     starts = np.searchsorted(parents, np.unique(parents))
     return np.stack(

@@ -44,12 +44,14 @@ if TYPE_CHECKING:
 
 __all__ = ["population"]
 
+# Quantiles of a 95 % interval and its middle.
 _ENDS = np.array([0.025, 0.5, 0.975])
-# A spread is told by an upper limit where it may be none: less than this has more than that probability.
+# A spread is stated as an upper limit where it may be none: where one below the first is more probable than the
+# second.
 _NO_SPREAD, _MAY_BE_NONE = 0.05, 0.05
 _TAILS = ("normal", "outliers")
 _MODULUS = "layer.E"
-# Fewer units than these hardly tell how much they differ: the prior would, and no scale of it covers so evenly.
+# Units from which they tell how much they differ: of fewer the prior would, and no scale of it covers so evenly.
 _ENOUGH = 6
 
 
@@ -103,7 +105,7 @@ def population(
     so evenly. There the interval without a prior is the one to go by: it covers 93 to 98 % in all cells of the
     stored study, and is up to half as long again. It is not where outliers are allowed for, or an end is open.
     Animals that agree by chance leave what the errors of their curves and the scatter within each leave
-    (`student`).
+    (`PlainMean`).
     """
     names = columns_given(
         by, "by", '["animal"] or ["animal", "joint"], or [] to take all curves for independent'

@@ -1,27 +1,4 @@
-"""What `population` answers: groups, their spreads, their ratios.
-
-The mean of a few units without a prior: Student's interval of their values, and what it may not fall short of.
-
-Values x_j of units (animals) with weights w_j that sum to one have the mean m = sum w_j x_j, and, whatever the
-units differ by, (Hartung and Knapp 2001, doi 10.1002/sim.1009)
-
-    m +- t_(J-1) sqrt( sum w_j (x_j - m)^2 / (J - 1) ).
-
-Of two to five units some agree by chance, and that interval has no width then, though no unit is known so well:
-each x_j has a variance v_j of its own, by the errors of its curves and by what they scatter. Units that do not
-differ at all leave
-
-    m +- t_f sqrt( sum w_j^2 v_j ),
-
-with f degrees of freedom: none are lost to the stated errors (t is normal then), as many as there are curves beyond
-the first of each unit to the scatter within, both after Satterthwaite (1946). Units that differ leave more, so the
-longer of the two holds the mean at least as often as the first, and whatever their agreement where they do not
-differ. An error that all share adds in quadrature, by the normal distribution: it is stated, not found.
-
-The posterior of a mean on places of its logarithm, its quantiles, and that of a difference of two.
-
-What `population` answers: groups, their spreads, their ratios, and what must be said beside them.
-"""
+"""The result of `population`: groups, their spreads, their ratios, and what must be said beside them."""
 
 from __future__ import annotations
 
@@ -42,8 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Comparison", "Density", "Group", "PlainMean", "Population", "Spread", "Triple", "Variance"]
 
-#: What is found, and the low and the high end of its 95 % interval.
+#: A value, and the low and the high end of its 95 % interval.
 Triple = tuple[float, float, float]
+# Probability below the high end of a 95 % interval, and that end of a standard normal distribution.
 _UPPER = 0.975
 _NORMAL = float(special.ndtri(_UPPER))
 # Share of the largest below which a place holds nothing, and places of a difference.
@@ -52,7 +30,7 @@ _NOTHING, _DIFFERENCES = 1e-10, 1600
 
 @dataclass(frozen=True)
 class Variance:
-    """A variance, and the degrees of freedom with which it was found; infinite where it was stated."""
+    """A variance, and the degrees of freedom with which it was found, infinite where it was stated."""
 
     value: float
     freedom: float
@@ -66,23 +44,40 @@ class Variance:
 
     @property
     def half(self) -> float:
-        """Half of the 95 % interval of what has this variance."""
+        """Half of the 95 % interval of a number with this variance."""
         quantile = _NORMAL if math.isinf(self.freedom) else float(special.stdtrit(self.freedom, _UPPER))
         return quantile * math.sqrt(self.value)
 
 
 @dataclass(frozen=True)
 class PlainMean:
-    """Logarithm of a mean, or of a ratio of two, without a prior.
+    """Logarithm of a mean of a few units, or of a ratio of two means, with Student's interval and no prior.
+
+    Values x_j of units (animals) with weights w_j that sum to one have the mean m = sum w_j x_j, and, whatever the
+    units differ by (Hartung and Knapp 2001, doi 10.1002/sim.1009),
+
+        m +- t_(J-1) sqrt( sum w_j (x_j - m)^2 / (J - 1) ).
+
+    Of two to five units some agree by chance, and that interval has no width then, though no unit is known so well:
+    each x_j has a variance v_j of its own, by the errors of its curves and by what they scatter. Units that do not
+    differ at all leave
+
+        m +- t_f sqrt( sum w_j^2 v_j ),
+
+    with f degrees of freedom: none are lost to the stated errors (t is normal then), as many as there are curves
+    beyond the first of each unit to the scatter within, both after Satterthwaite (1946). Units that differ leave
+    more, so the longer of the two holds the mean at least as often as the first, and whatever their agreement where
+    they do not differ. An error that all share adds in quadrature, by the normal distribution: it is stated, not
+    found.
 
     Parameters
     ----------
     value : float
         The logarithm.
     scatter : Variance or None
-        Its variance by how the units scatter; none where one unit is all there is.
+        Variance of the logarithm by how the units scatter; none where one unit is all there is.
     within : Variance
-        Its variance if units did not differ: by the errors of the curves and their scatter within units.
+        Variance if units did not differ: by the errors of the curves and their scatter within units.
     """
 
     value: float
@@ -125,7 +120,7 @@ class PlainMean:
         return math.exp(self.value), math.exp(self.value - half), math.exp(self.value + half)
 
     def probability_above(self) -> float:
-        """Of one minus its p: that the logarithm exceeds zero; not-a-number where there is one unit."""
+        """Probability that the logarithm exceeds zero, one minus its p; not-a-number where there is one unit."""
         if self.variance is None or not self.variance.value:
             return math.nan
         z = self.value / math.sqrt(self.variance.value)
@@ -135,7 +130,7 @@ class PlainMean:
 
 @dataclass(frozen=True)
 class Density:
-    """Posterior density of ln of a mean over places (x,), and its share per cell."""
+    """Posterior density of ln of a mean: places `x` and their shares of the probability, each (x,)."""
 
     x: FloatArray
     shares: FloatArray
@@ -182,7 +177,7 @@ class Spread:
     Parameters
     ----------
     level : str
-        Whose spread: "animal" says how animals differ, "curve" how curves of one innermost unit do.
+        Level whose units differ so: "animal" for animals, "curve" for curves of one innermost unit.
     median, low, high : float
         As shares: 0.2 is 20 %. `low` is zero where there may be none, and `high` a one-sided limit then.
     """
@@ -195,7 +190,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class _TwoWays:
-    """A number found by the model and without a prior, and which of the two is the one to go by."""
+    """A number found by the model and without a prior, and whether the second is the one to go by."""
 
     name: str
     modelled: Triple
@@ -229,7 +224,7 @@ class Group(_TwoWays):
         Geometric mean (SI), low and high end of its 95 % interval by the model of all levels, with its priors on
         the spreads; an end that is not there is zero or infinite.
     plain : tuple of float
-        The same by the t interval of the animals' means, or what the errors of their curves leave where that is
+        That mean by the t interval of the animals' means, or what the errors of their curves leave where that is
         longer; without a prior; not-a-number for fewer than two.
     leads_plain : bool
         Whether the second is the one to go by: two to five animals, whose spread the prior would decide.
@@ -279,14 +274,14 @@ class Comparison(_TwoWays):
     modelled : tuple of float
         Ratio of the geometric means, low and high end of its 95 % interval by the model, with its priors.
     plain : tuple of float
-        The same by Welch's interval of the animals' means, or what the errors of their curves leave where that is
+        That ratio by Welch's interval of the animals' means, or what the errors of their curves leave where that is
         longer; without a prior.
     leads_plain : bool
         Whether the second is the one to go by: a group of the two has few animals.
     reference : str
         The earlier group.
     probability_above : float
-        That the ratio exceeds one, by the one to go by.
+        Probability that the ratio exceeds one, by the interval to go by.
     """
 
     reference: str
@@ -305,7 +300,7 @@ class Population:
     Parameters
     ----------
     parameter : str
-        What it is of.
+        The parameter of which means and spreads are.
     by : tuple of str
         Levels, outermost first.
     groups : mapping of str to Group

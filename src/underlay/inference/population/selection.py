@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Labelled", "LabelledCurve", "LeftOut", "select_results", "select_rows"]
 
+# Half width of a normal 95 % interval in standard errors.
 _NORMAL_95 = 1.96
-#: Labels by column, beside what was found of one curve.
+#: Labels by column, beside the result of one curve.
 Labelled: TypeAlias = tuple[Mapping[str, str], Fit | Posterior | LikelihoodProfile]
-
+# Names that a message lists.
 _LISTED = 4
 _KEEP, _DROP = "keep", "drop"
 

@@ -1,31 +1,20 @@
-"""Thresholds of a profile from curves drawn anew.
-
-The same measurement made again in a world where a fitted vector is the truth.
-
-Every curve gets new noise on the model's force, as the likelihood has it (a depth error through the
-stiffness), and every prior that is a measurement is measured again: drawn about the vector's value with the
-prior's own uncertainty, as the curve is.
-
-Thresholds of a profile from curves drawn anew, where chi-square is not the law of the likelihood ratio.
+"""Thresholds of a profile from curves drawn anew, where chi-square is not the law of the likelihood ratio.
 
 With two optima, a bound nearby or a parameter the curve hardly shows, the rise t at the truth is not
 distributed as chi-square. Its distribution is then found by simulation (parametric bootstrap; Beran 1987,
-doi:10.1093/biomet/74.3.457; Davison and Hinkley 1997, doi:10.1017/CBO9780511802843, equation 4.11): curves
-are drawn from the best fit that has the hypothesised value, fitted as the data were, and t of that value is
-taken in each. With N curves the value is inside where its t in the data is at most the k-th smallest of
-those, k = ceil((N + 1) level).
+doi:10.1093/biomet/74.3.457; Davison and Hinkley 1997, doi:10.1017/CBO9780511802843, equation 4.11): curves are
+drawn from the best fit that has the hypothesised value (`redrawn`), fitted as the data were, and t of that
+value is taken in each. With N curves the value is inside where its t in the data is at most the k-th smallest
+of those, k = ceil((N + 1) level).
 
 The centre is the constrained fit, not the free one: the error of the level is then of higher order in the
 number of points (DiCiccio, Martin and Stern 2001, doi:10.2307/3316051). In 160 curves with two optima both
 centres covered alike within chance (`tests/studies/coverage.py`).
 
-An interval would need this at every value. Its ends are where it matters: see `calibrated_profile.py`.
-
-Calibrate the two ends of a walked profile.
-
-Curves are drawn at the end that chi-square gives, then at the end that follows from them, and so on until
-the end stays; then at the bottom of a basin beyond it that chi-square rejects and its own curves may not.
-Between these centres the root of the threshold is linear in the scaled parameter, beyond them constant.
+An interval would need this at every value. Its ends are where it matters (`calibrated`): curves are drawn at
+the end that chi-square gives, then at the end that follows from them, and so on until the end stays; then at
+the bottom of a basin beyond it that chi-square rejects and its own curves may not. Between these centres the
+root of the threshold is linear in the scaled parameter, beyond them constant.
 """
 
 from __future__ import annotations
@@ -50,18 +39,22 @@ from underlay.scene.noise import NoiseModel
 
 __all__ = ["calibrated", "draw_delta_chi_squares", "p_value_at", "redrawn"]
 
-# Curves that cannot be fitted are left out; more than this share of them, and what is left is a selection.
+# Share of curves that cannot be fitted and are left out; with more of them what is left is a selection.
 _MOST_FAILURES = 0.1
-_MOST_CENTRES = 5  # of one end; one or two are usual
-# Of the half-width of the interval: closer to a centre than this, the threshold there serves. It changes by a
-# few tenths of its size over a half-width, its own chance with a hundred curves is a tenth.
+_MOST_CENTRES = 5  # centres of one end; one or two are usual
+# Distance from a centre, over the half-width of the interval, within which the threshold there serves. It changes
+# by a few tenths of its size over a half-width, its own chance with a hundred curves is a tenth.
 _CLOSE = 0.1
 
 
 def redrawn(
     problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], rng: np.random.Generator
 ) -> Problem:
-    """Return the problem with curves and prior measurements drawn at a scaled vector (k,).
+    """Return the problem measured again in a world where a scaled vector (k,) is the truth.
+
+    Every curve gets new noise on the model's force, as the likelihood has it (a depth error through the
+    stiffness), and every prior that is a measurement is measured again: drawn about the vector's value with the
+    prior's own uncertainty, as the curve is.
 
     Parameters
     ----------
@@ -112,14 +105,16 @@ def _measured_again(prior: Prior, value: float, rng: np.random.Generator) -> Pri
 def draw_delta_chi_squares(
     fit: Fit, name: str, value: float, draws: int, seed: int, *, beyond: tuple[float, int] | None = None
 ) -> Draws:
-    """T of a value (SI) in curves drawn from the best fit that has it.
+    """Rise t of a value (SI) in curves drawn from the best fit that has it.
 
     Parameters
     ----------
     fit : Fit
         The fit of the data.
-    name, value
-        The hypothesis.
+    name : str
+        The parameter.
+    value : float
+        Its hypothesised value (SI).
     draws : int
         How many curves.
     seed : int
@@ -165,7 +160,7 @@ def draw_delta_chi_squares(
 def _delta_chi_square_of_truth(
     problem: Problem, name: str, value: float, truth: FloatArray, least: float
 ) -> float:
-    """T of the value a problem was drawn at; an upper bound of it where that is below `least`."""
+    """Rise t of the value that a problem was drawn at; an upper bound of it where that is below `least`."""
     fit = quick_fit(problem)
     objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
     at_truth, at_fit = objective.square(truth), objective.square(fit.vector)
@@ -190,7 +185,7 @@ def p_value_at(
     name : str
         The parameter.
     value : float
-        The hypothesis.
+        Its hypothesised value (SI).
     draws, seed : int
         How many curves, and where their chance comes from.
     enough : int, optional

@@ -1,10 +1,7 @@
-"""A walked profile likelihood, its thresholds, and where it crosses them.
+"""The profile likelihood of a parameter, its thresholds, and the confidence interval where it crosses them.
 
-Confidence interval of one parameter, with ends that may not be there, and in words.
-
-Thresholds of a profile that come from drawn curves; `drawing.py` draws them.
-
-A walked profile likelihood, and where it crosses the threshold of an interval.
+Ends of an interval may not be there, and in words it says so. Thresholds that come from drawn curves (`Draws`,
+`Calibration`) are made by `calibrated_profile.py`.
 """
 
 from __future__ import annotations
@@ -36,7 +33,7 @@ __all__ = [
 
 #: Largest z inside an interval, by scaled value of the parameter, any shape.
 Limit: TypeAlias = Callable[[FloatArray], FloatArray]
-# t that a walk falls by between two steps: rounding of two refits is a thousand times less.
+# Fall of t between two steps of a walk that is a second basin: rounding of two refits is a thousand times less.
 _FALL = 1e-3
 
 
@@ -142,12 +139,12 @@ class Calibration:
         return self.above if upper else self.below
 
     def with_side(self, centres: tuple[Draws, ...], *, upper: bool) -> Calibration:
-        """Return the same with other centres at one end."""
+        """Return the calibration with other centres at one end."""
         return replace(self, above=centres) if upper else replace(self, below=centres)
 
 
 def _rank(curves: int, level: float) -> int:
-    """Which of the rises, counted from the smallest, is the threshold; raises as `Draws.threshold`."""
+    """Rank of the threshold among the rises, counted from the smallest; raises as `Draws.threshold`."""
     if not 0.0 < level < 1.0:
         raise InputError(f"level must be between 0 and 1; got {level!r}")
     # Rounded first: 20 times 0.95 is 19, not a rounding error above it.
@@ -199,7 +196,7 @@ class LikelihoodProfile:
     ends : tuple of str
         Why the walk ended below and above: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
     branches : tuple of LikelihoodProfile
-        The same about every other optimum of the fit, t still measured from the best.
+        Profiles about every other optimum of the fit, t still measured from the best.
     calibration : Calibration, optional
         Curves drawn at the ends, where the thresholds come from them.
     averaged : bool
@@ -231,11 +228,11 @@ class LikelihoodProfile:
 
     @property
     def best(self) -> int:
-        """Where the rise is smallest."""
+        """Index of the value at which the rise is smallest."""
         return int(np.argmin(self.delta_chi_square))
 
     def threshold(self, level: float, *, upper: bool | None = None) -> float:
-        """T that bounds an interval of this confidence.
+        """Rise t that bounds an interval of this confidence.
 
         Parameters
         ----------
@@ -260,7 +257,7 @@ class LikelihoodProfile:
         return not self.averaged and not self.name.startswith("noise.")
 
     def _plain(self, level: float) -> float:
-        """T without calibration; what is averaged, or of the noise, is no scatter about a fit: chi-square."""
+        """Threshold t without calibration: chi-square's too where the profile is averaged or of the noise."""
         plain = interval_threshold(self.fit, level)
         return plain if self._is_of_one_noise else float(special.chdtri(1, 1.0 - level))
 

@@ -22,38 +22,42 @@ from underlay.scene.noise import Noise
 
 __all__ = ["HIGHEST", "Walk"]
 
-HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
-_STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
+#: Largest z that a walk goes to: that of a 99.9 % interval, and a little more.
+HIGHEST = 3.4
+_STEP = 0.5  # step in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
 # A rise of z in one step beyond which the step is taken again, shorter.
 _STEEPEST = 2.0 * _STEP
-# Where after so many models a step rises by so much more than it may it is taken again: how much too far it went
-# need not be known, and far out on a wall models are dear.
+# Models after which a step is judged, and the rise of z beyond which it is then taken again: how much too far it
+# went need not be known, and far out on a wall models are dear.
 _QUICK, _FAR_TOO_STEEP = 6, 2.0 * _STEEPEST
 _GROWTH = 2.0  # a flattening profile is walked in steps at most this much longer each time
-# In scaled coordinates, from the optimum and from the scene's own value: a factor 1.6e5, or twelve times the
-# range of the curve.
+# Farthest that a walk goes, in scaled coordinates, from the optimum and from the scene's own value: a factor 1.6e5,
+# or twelve times the range of the curve.
 _FARTHEST = 12.0
-_ROUNDED = 1e-9  # so close to it a walk is there: sums of steps are rounded
-_MOST_STEPS = 60
-# Where the laws end is found to this share of the first step (a tenth of a standard deviation) and of the way.
+_ROUNDED = 1e-9  # distance at which a walk is at its end: sums of steps are rounded
+_MOST_STEPS = 60  # steps of a walk to one side
+# Precision of the place where the laws end, as a share of the first step (a tenth of a standard deviation) and of
+# the way.
 _WALL, _WALL_SHARE = 0.2, 0.05
-# So many models without a law in one search: what it looks for lies beyond the end of the laws.
+# Models without a law in one search after which it ends: what it looks for lies beyond the end of the laws.
 _MOST_REFUSED = 8
-# Two values of the parameter this close (scaled coordinates) are one.
+# Distance (scaled coordinates) of two values of the parameter that are one.
 _SAME = 1e-9
-# An entry that moves all readings together by less than this many standard deviations per unit lies on a plateau.
+# Standard deviations by which an entry on a plateau moves all readings together, per unit, at most.
 _FLAT = 3e-2
-# Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
+# Rise t below which a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
-_BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
-# The noise is frozen, so a sum of squares is a rise of t. A step that should gain less than 2e-3 is the last: where
-# t is 3.84 that moves an end by 3e-4 of its distance, and along a plateau many such steps may follow one another.
+_BETTER = 0.01  # gain in t that matters: less changes no interval by a hundredth of its width
+# The search of a step. The noise is frozen, so a sum of squares is a rise of t. A step that should gain less than
+# 2e-3 is the last: where t is 3.84 that moves an end by 3e-4 of its distance, and along a plateau many such steps
+# may follow one another.
 _FINE = Search(steps=60, least=2e-3)
-# Of a start elsewhere: after so many steps it must be within this rise of what it competes with.
+# The search from a start elsewhere, and the rise over what it competes with within which it must then be.
 _ROUGH, _MAY_BE = Search(steps=8, settled=1e-4, damping=1e-2), 30.0
-# A start of the scan this close to where the others are (scaled coordinates) ends where they are.
+# Distance (scaled coordinates) of a start of the scan from where the others are within which it ends where they
+# are.
 _SAME_PLACE = 0.3
-# A search for a way off a plateau that has gone this far back towards it (a factor of 20) ends there.
+# Scaled coordinate (a factor of 20) at which a search for a way off a plateau that has gone back towards it ends.
 _BACK_TO_PLATEAU = 3.0
 
 
@@ -173,12 +177,12 @@ class Walk:
         return replace(self, reason="none")
 
     def _left(self, direction: float, travelled: float) -> float:
-        """How far it still is to where a walk ends on a plateau: nothing is asked further out."""
+        """Distance (scaled) left to where a walk ends on a plateau: nothing is asked further out."""
         left = _FARTHEST - min(travelled, direction * float(self.vectors[-1][self.index]))
         return left if left > _ROUNDED else np.inf
 
     def delta_chi_square(self, found: Point) -> float:
-        """T at a place."""
+        """Rise t at a place."""
         return found.square - self.base
 
     @staticmethod
@@ -269,7 +273,7 @@ class Walk:
     def _search(
         self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
     ) -> Minimum | None:
-        """The same, with whether it settled."""
+        """The minimum of `_searched`, which says whether it settled; None as there."""
         refused = self.objective.failures + _MOST_REFUSED
 
         def leaves(ahead: Ahead) -> bool:
@@ -307,7 +311,7 @@ class Walk:
         return found
 
     def _flat(self, found: Point) -> list[int]:
-        """Entries that do not act there."""
+        """Entries that do not act at a place."""
         norms = np.sqrt(np.diagonal(found.normal))
         return [i for i in self.objective.active if norms[i] < _FLAT]
 

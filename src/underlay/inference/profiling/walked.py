@@ -1,8 +1,6 @@
-"""A profile walked to both sides of every optimum, and the best fit with one parameter held.
+"""A profile walked to both sides of every optimum that a fit knows, and the best fit with one parameter held.
 
-A profile walked to both sides of every optimum that a fit knows.
-
-The best fit with one parameter held, from every optimum that the fit knows and from a scan.
+A held fit starts from every optimum that the fit knows and from a scan.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from underlay.inference.profiling.walk import Walk
 
 __all__ = ["constrained_fit", "delta_chi_square_at", "index_of", "missed", "walked"]
 
-# A fit found to be this much worse (in t) than a point of its own profile was not the optimum.
+# How much better (in t) a point of its own profile must be for a fit not to be the optimum.
 _BETTER = 1e-3
 
 
@@ -77,7 +75,7 @@ def index_of(fit: Fit, name: str) -> int:
 
 
 def delta_chi_square_at(fit: Fit, name: str, value: float) -> float:
-    """T of one value (SI): how much the sum of squares rises when the parameter is held there.
+    """Rise t of one value (SI): how much the sum of squares rises when the parameter is held there.
 
     It rises from that of the fit, or of a better one that is found with the parameter let go again. The
     value is inside the interval of a level where this is at most `LikelihoodProfile.threshold`; two refits
@@ -93,7 +91,7 @@ def delta_chi_square_at(fit: Fit, name: str, value: float) -> float:
 
 
 def missed(fit: Fit, vector: FloatArray) -> float:
-    """How far (t, zero or below) a fit begun at a scaled vector (k,) gets below the one handed in.
+    """Rise t, zero or below, of a fit begun at a scaled vector (k,) over the fit handed in.
 
     Of two optima a fit may have found the higher one only.
     """
@@ -107,10 +105,20 @@ def missed(fit: Fit, vector: FloatArray) -> float:
 def constrained_fit(
     fit: Fit, name: str, value: float, near: FloatArray | None = None
 ) -> tuple[float, FloatArray]:
-    """T above the fit and the scaled vector (k,) of the best one that has a value (SI).
+    """Rise t above the fit, and the scaled vector (k,), of the best fit that has a value (SI).
 
     Raises as `delta_chi_square_at`.
-    `near` is a vector (k,) to begin at instead of the optima: the truth of a drawn curve.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit of the data.
+    name : str
+        The parameter that is held.
+    value : float
+        Its value (SI).
+    near : FloatArray, optional
+        Scaled vector (k,) to begin at instead of the optima: the truth of a drawn curve.
     """
     index = index_of(fit, name)
     coordinate = fit.problem.coordinates[index]

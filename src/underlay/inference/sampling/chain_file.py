@@ -37,11 +37,11 @@ except ImportError:  # an optional extra; opening a file says so
 
 #: numpy's legacy generator state, as emcee keeps it: name, 624 words, position, has_gauss, cached gauss.
 RandomState: TypeAlias = tuple[str, Any, int, int, float]
+# Format that is written, and older ones that are read.
 _FORMAT, _OLDER = "underlay chain 3", ("underlay chain 1", "underlay chain 2")
-
-
-# What a sampler could hold in memory to go on; on the disk a chain is sparse until it is used.
+# Bytes that a file may have: what a sampler could hold in memory; on the disk a chain is sparse until it is used.
 _KIND = FileKind("a chain file", 8_000_000_000, "begin a new one under another name")
+# Words of the Mersenne Twister; after them position, has_gauss, cached gauss and two counters.
 _WORDS = 624
 _STATE_SIZE = _WORDS + 5
 

@@ -1,15 +1,11 @@
-"""Quantities that follow from the parameters, draw by draw, those of a contact that sticks among them.
-
-What follows from a contact that sticks: pull-off force and depth, and the radius at which the tip rests.
-
-Quantities that follow from the parameters, draw by draw, so that their intervals are right.
+"""Quantities that follow from the parameters, draw by draw, so that their intervals are right.
 
 - reduced modulus 2 theta, for an isotropic material E / (1 - nu^2) (Pa): what a shallow indentation sees;
 - oedometric modulus A33 = 1/c, for an isotropic material E (1 - nu) / ((1 + nu)(1 - 2 nu)) (Pa): what a thin
   confined layer sees; infinite, and left out, where the material is incompressible;
 - instantaneous and equilibrium modulus of a layer that relaxes from one to the other (Pa), E and E e(infinity);
 - stiffness dP/dw of the contact at the deepest point of the curve (N/m);
-- pull-off force (N) and depth (m) of a contact that sticks;
+- pull-off force (N) and depth (m) of a contact that sticks, and the radius (m) at which its tip rests unloaded;
 - stiffening factor of a layer that stiffens, at the deepest point of the curve.
 """
 
@@ -47,17 +43,17 @@ __all__ = [
     "kind_of_quantity",
 ]
 
-#: What they are, by the last word of their names.
+#: Quantities that follow from a contact that sticks, by the last word of their names.
 ADHESIVE = {
     "pull_off_force": Quantity("force", "pull-off force"),
     "pull_off_depth": Quantity("length", "pull-off depth"),
     "zero_load_radius": Quantity("length", "contact radius without load"),
 }
-# Central differences of numbers that are smooth in every parameter, relative.
+# Relative step of central differences of the adhesive numbers, which are smooth in every parameter.
 _STEP = 1e-3
-# Share of a change of a parameter below which a number does not follow it.
+# Relative change of a number over that of a parameter below which it does not follow it.
 _ACTS = 0.02
-#: What the derived quantities are, by the last word of their names.
+#: Kind and name of the derived quantities, by the last word of their names.
 DERIVED = {
     "reduced_modulus": Quantity("pressure", "reduced modulus of the {part}"),
     "oedometric_modulus": Quantity("pressure", "oedometric modulus of the {part}"),
@@ -70,7 +66,7 @@ DERIVED = {
 
 
 class AdhesiveNumber(NamedTuple):
-    """A value (SI) and its 95 % interval; its ends are infinite where the data leave them open."""
+    """A number that follows from a contact that sticks: value (SI) and 95 % interval, infinite where it is open."""
 
     name: str
     value: float
@@ -88,7 +84,7 @@ def adhesive_numbers(scene: Scene, solver: Solver) -> dict[str, float]:
 
 
 def adhesive_estimates(result: Fit, curve: int = 0) -> list[AdhesiveNumber]:
-    """The same of one curve of a fit, with intervals; empty without adhesion.
+    """Pull-off force and depth and zero-load radius of one curve of a fit, with intervals; empty without adhesion.
 
     A number that follows one parameter has that one's interval, turned over; others have that of `Fit.band`, and
     none where a parameter that they follow is open.
@@ -166,9 +162,9 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
     Parameters
     ----------
     problem : Problem
-        Whose parameters they are.
+        The problem that the draws are of.
     physical : FloatArray
-        (..., parameters), SI.
+        Values of its parameters (SI), (..., parameters).
 
     Returns
     -------
@@ -211,10 +207,10 @@ def _stiffening(member: Member, flat: FloatArray) -> FloatArray:
     from underlay.inference.model.on_law import OnLinear  # noqa: PLC0415  see above
     from underlay.inference.model.on_law_batch import stiffening_factors  # noqa: PLC0415  see above
 
-    told = member.forward.left_out
-    if not isinstance(told, OnLinear):
+    on_linear = member.forward.left_out
+    if not isinstance(on_linear, OnLinear):
         return np.ones(len(flat))
-    return stiffening_factors(member.forward, member.values_of(flat), len(flat), told)
+    return stiffening_factors(member.forward, member.values_of(flat), len(flat), on_linear)
 
 
 def _constants(member: Member, part: str) -> list[str]:

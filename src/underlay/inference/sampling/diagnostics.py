@@ -63,15 +63,16 @@ PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 INFORMED, WEAKLY_INFORMED = "informed", "weakly informed"
 NOT_INFORMED = "not informed by these data"
 
-# emcee's advice, and the source's of R-hat; a quantile known to 0.06 standard deviations is hardly ever off by
-# 0.15.
+# When a chain has converged: its length in autocorrelation times (emcee's advice), R-hat (advice of its source),
+# and the error of a quantile in standard deviations: one known to 0.06 is hardly ever off by 0.15.
 _TIMES_NEEDED, _RHAT_NEEDED, _LARGEST_ERROR = 50.0, 1.01, 0.06
-# The walkers' memory of their start fades as exp(-t / tau): ten times leave 5e-5 of it.
+# Autocorrelation times that are dropped: the walkers' memory of their start fades as exp(-t / tau), and ten times
+# leave 5e-5 of it.
 _BURN_IN_TIMES = 10.0
-# Largest difference of the distribution functions. A normal posterior that is a third narrower than its
-# normal prior, or a quarter of a standard deviation beside it, is 0.1 away from it; one 0.4 times as wide, or
-# half a standard deviation beside it, 0.2. The third: 95 % point of the Kolmogorov distribution, what the noise of
-# the draws alone makes of identical ones.
+# Largest difference of the distribution functions of prior and posterior up to which the data told nothing, and
+# little. A normal posterior that is a third narrower than its normal prior, or a quarter of a standard deviation
+# beside it, is 0.1 away from it; one 0.4 times as wide, or half a standard deviation beside it, 0.2. The third: 95
+# % point of the Kolmogorov distribution, what the noise of the draws alone makes of identical ones.
 _NOTHING, _LITTLE, _KOLMOGOROV_95 = 0.1, 0.2, 1.358
 # Ratio of the ends of a positive prior above which it is one over orders of magnitude.
 _DECADES = 20.0
@@ -82,12 +83,12 @@ _DECADES = 20.0
 
 @dataclass(frozen=True)
 class Importance:
-    """What weighted draws say of a posterior.
+    """How well weighted draws know a posterior.
 
     Parameters
     ----------
     draws : int
-        How many.
+        How many draws.
     effective : float
         Kish's effective sample size.
     k_hat : float
@@ -99,7 +100,7 @@ class Importance:
     refused : str
         Why the weights are not believed; empty where they are.
     disagreement : str
-        Where a chain and the weights differ by more than their errors; empty where they do not.
+        In words, where a chain and the weights differ by more than their errors; empty where they do not.
     """
 
     draws: int
@@ -113,7 +114,7 @@ class Importance:
 
     @property
     def stands(self) -> bool:
-        """Whether they may be believed and no chain differs."""
+        """Whether the draws may be believed and no chain differs."""
         return not (self.refused or self.disagreement)
 
 
@@ -133,7 +134,7 @@ class SamplingDiagnostics:
         Steps taken, steps dropped at the start, steps per kept draw, walkers; of a chain that judges weighted
         draws its own.
     autocorrelation_time : tuple of float
-        Of each parameter (steps), after burn-in; empty without a chain.
+        Integrated autocorrelation time of each parameter (steps), after burn-in; empty without a chain.
     rhat : tuple of float
         Rank-normalised split R-hat of each parameter over the walkers, after burn-in; empty where it was not asked
         for or ArviZ is not installed.
@@ -150,7 +151,7 @@ class SamplingDiagnostics:
     model_error : float
         Relative error of the force that the contact law itself admits at the best fit.
     versions : mapping of str to str
-        Of underlay and the libraries under it.
+        Versions of underlay and the libraries under it.
     method : str
         ``"emcee"`` where a chain was made, or ``"importance"`` for weighted draws alone.
     effective : tuple of float
@@ -158,7 +159,7 @@ class SamplingDiagnostics:
     quantile_errors : mapping of name to tuple of float
         Monte Carlo errors of the 2.5, 50 and 97.5 % quantiles, in standard deviations of the parameter.
     importance : Importance or None
-        What weighted draws say; None for a chain that was made elsewhere.
+        How well weighted draws know the posterior; None for a chain that was made elsewhere.
     weighted : bool
         Whether the draws are the weighted ones, resampled, several of each.
     """
@@ -286,9 +287,9 @@ def quantile_errors(draws: FloatArray, weights: FloatArray, share_errors: FloatA
     Parameters
     ----------
     draws, weights : FloatArray
-        (n, p) and (n,), which sum to 1.
+        Draws (n, p) and their weights (n,), which sum to 1.
     share_errors : FloatArray
-        (3, p): standard errors of the probability below each quantile.
+        Standard errors (3, p) of the probability below each quantile.
 
     Returns
     -------
@@ -305,7 +306,7 @@ def quantile_errors(draws: FloatArray, weights: FloatArray, share_errors: FloatA
 
 
 def chain_errors(kept: FloatArray) -> FloatArray:
-    """The same (3, p) of a chain (steps, walkers, p).
+    """Monte Carlo errors (3, p), as `quantile_errors`, of a chain (steps, walkers, p).
 
     The probability below a quantile is as uncertain as the walkers' shares scatter: those that go far out and stay
     there for long leave the autocorrelation of the quantity itself short.
@@ -379,10 +380,10 @@ class Predictive:
     depth, force : FloatArray
         The data (m, N), (n,).
     model : FloatArray
-        (5, n): force of the model (N) at `PREDICTIVE_LEVELS`. Where nobody stated the noise the law's parameters
+        Force of the model (N) at `PREDICTIVE_LEVELS`, (5, n). Where nobody stated the noise the law's parameters
         allow for disturbances that the curve may hold, which these forces leave out.
     reading : FloatArray
-        (5, n): the same of a new reading, noise included.
+        Force of a new reading (N), noise included, at the same levels, (5, n).
     """
 
     depth: FloatArray
@@ -398,18 +399,18 @@ class Predictive:
 def predictive_bands(
     problem: Problem, physical: FloatArray, best: FloatArray, rng: np.random.Generator
 ) -> tuple[Predictive, ...]:
-    """One band per curve.
+    """Posterior predictive bands, one per curve.
 
     Parameters
     ----------
     problem : Problem
-        Whose curves they are.
+        The problem whose curves they are of.
     physical : FloatArray
-        (draws, p), SI; draws without a law are left out.
+        Draws of the parameters (SI), (draws, p); draws without a law are left out.
     best : FloatArray
-        (p,), SI: what the size of noise that nobody stated is learnt at.
+        Values (SI), (p,), at which the size of noise that nobody stated is learnt.
     rng : numpy Generator
-        Noise of the readings.
+        Makes the noise of the readings.
     """
     readings = [member.readings(physical) for member in problem.members]
     possible = np.logical_and.reduce([own.possible for own in readings])
@@ -458,7 +459,7 @@ def _sizes(member: Member, physical: FloatArray, count: int, rng: np.random.Gene
 
 
 class Information(NamedTuple):
-    """Prior and posterior of one parameter side by side (SI)."""
+    """Prior and posterior of one parameter side by side (SI), as `compare_with_prior` found them."""
 
     prior_median: float
     prior_low: float
@@ -487,9 +488,9 @@ def compare_with_prior(
     Parameters
     ----------
     draws : FloatArray
-        Any shape.
+        Draws (SI) of any shape.
     prior_quantiles : FloatArray
-        (levels,): quantiles of the prior at `prior_levels`.
+        Quantiles of the prior (SI) at `prior_levels`, (levels,).
     effective : float, optional
         Independent draws that they are worth; by default as many as there are.
 

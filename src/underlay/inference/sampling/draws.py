@@ -1,7 +1,7 @@
-"""Weighted draws of a posterior: along the reading of a fit's likelihood, weighed by its density.
+"""Weighted draws of a posterior: drawn along the reading of a fit's likelihood, weighed by its density.
 
-What they came from, with Student kernels about them, also proposes to a chain: kernels as wide as their neighbours
-lie (Raftery and Bao 2010, doi:10.1111/j.1541-0420.2010.01399.x).
+The distribution that they were drawn from, with Student kernels about them, also proposes to a chain: kernels
+as wide as their neighbours lie (Raftery and Bao 2010, doi:10.1111/j.1541-0420.2010.01399.x).
 """
 
 from __future__ import annotations
@@ -28,22 +28,26 @@ __all__ = ["Proposal", "Source", "Target", "WeightedDraws", "differs", "weigh"]
 
 # Weighted draws: of so many four fifths count, and an end of a 95 % interval is known to 0.05 standard deviations.
 _DRAWS = 4000
-# Weights with a heavier tail, or worth fewer draws, are refused: the reading's own rule (`uncertainty/ridge`).
-# Where the closed form was drawn from, rounds from kernels about the draws follow, up to so many: one did in 43 of
-# 47 cases.
-_LARGEST_PARETO, _FEWEST, _EVEN, _ROUNDS = 0.7, 300.0, 0.99, 4
+# Pareto k from which weights are refused, and effective draws below which they are: the reading's own rule
+# (`uncertainty/ridge`).
+_LARGEST_PARETO, _FEWEST = 0.7, 300.0
+# Share of the draws that must count for weights to be all alike, whose tail has no index.
+_EVEN = 0.99
+# Rounds from kernels about the draws that follow where the closed form was drawn from, at most: one did in 43 of 47
+# cases.
+_ROUNDS = 4
 # Quantiles that differ by so many of their joint standard errors, and by so many standard deviations of the
 # posterior beyond what the two are asked for, are not one.
 _SIGMAS, _SLACK = 4.0, 0.05
 # Sets that are asked for together: of more, what is in between does not stay in the processor's near memory.
 _TOGETHER = 256
-# The same density in another batch repeats to rounding times the condition of the contact problem, far below
-# a thousandth of a log unit; another problem differs by log units.
+# Difference of two log-densities that are one: the same density in another batch repeats to rounding times the
+# condition of the contact problem, far below a thousandth of a log unit; another problem differs by log units.
 _SAME_DENSITY = 1e-3
 
 
 class Target:
-    """Callable (m, p) -> (m,) that gives -inf for a failed evaluation and remembers it.
+    """Log-posterior of a fit's problem, (m, p) -> (m,), -inf for a failed evaluation, which it remembers.
 
     An evaluation fails when the prior allows the parameters and the model has no finite likelihood there, or
     raises one of the project's errors or an arithmetic one.
@@ -56,7 +60,7 @@ class Target:
 
     @classmethod
     def of(cls, found: Fit) -> Self:
-        """That of a fit's likelihood."""
+        """Log-posterior of a fit's likelihood."""
         return cls(found, cast(Any, found.statement).likelihood)
 
     def __call__(self, vectors: FloatArray) -> FloatArray:
@@ -72,7 +76,7 @@ class Target:
         return values
 
     def peek(self, vectors: FloatArray) -> FloatArray:
-        """Return the same without counting."""
+        """Log-posterior (m,) at scaled vectors (m, p), without counting or remembering failures."""
         if len(vectors) > _TOGETHER:
             parts = np.array_split(vectors, -(-len(vectors) // _TOGETHER))
             return np.concatenate([self.peek(part) for part in parts])
@@ -148,13 +152,13 @@ class WeightedDraws:
 
     @property
     def quantile_errors(self) -> FloatArray:
-        """Their Monte Carlo errors (3, p), in standard deviations."""
+        """Monte Carlo errors (3, p) of `quantiles`, in standard deviations."""
         below = self.vectors <= self.quantiles[:, None]
         off = self.weights[None, :, None] * (below - np.array(LEVELS)[:, None, None])
         return quantile_errors(self.vectors, self.weights, np.sqrt(np.square(off).sum(axis=1)))
 
     def record(self, disagreement: str, *, is_open: bool) -> Importance:
-        """What they say, for the record; of noise that nobody stated without an evidence."""
+        """How well the draws know the posterior, for the record; without evidence where the noise `is_open`."""
         error = math.sqrt(max(1.0 / self.effective - 1.0 / len(self.weights), 0.0))
         return Importance(
             draws=len(self.weights),
@@ -176,7 +180,7 @@ class WeightedDraws:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """What a reading draws from; entries that act on no curve (`silent`) are drawn from their priors."""
+    """Distribution that a reading draws from; entries that act on no curve (`silent`) come from their priors."""
 
     reading: Reading
     problem: Problem
@@ -184,7 +188,7 @@ class Source:
 
     @classmethod
     def of(cls, reading: Reading) -> Self:
-        """That of a reading."""
+        """Source of a reading's draws."""
         problem, silent = reading.likelihood.fit.problem, ~reading.likelihood.determined
         silent[sorted(problem.noise_entries)] = False
         return cls(reading, problem, np.flatnonzero(silent))
@@ -221,7 +225,7 @@ class Source:
 
 
 def weigh(density: Target, rng: np.random.Generator) -> WeightedDraws:
-    """Draw along the likelihood's reading, and weigh by the density itself.
+    """Draw along the reading of the fit's likelihood, and weigh by the density itself.
 
     Raises
     ------
@@ -281,7 +285,7 @@ def differs(names: tuple[str, ...], drawn: WeightedDraws, coords: FloatArray) ->
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """Half from what the draws came from, half from Student kernels about them."""
+    """Proposals to a chain: half from the source of the draws, half from Student kernels about them."""
 
     source: Source
     kernels: Kernels

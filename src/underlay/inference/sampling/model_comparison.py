@@ -1,10 +1,10 @@
 """Which model predicts the data better, and what a model's own error adds.
 
-Two answers side by side. The expected log-density of points left out, by Pareto-smoothed importance sampling
-(PSIS-LOO), Vehtari, Gelman and Gabry (2017), doi:10.1007/s11222-016-9696-4, through arviz: it hardly depends on the
-priors. With correlated noise the contribution of a point is that of its innovation given the one before. And the
-evidence, the probability of the data with the parameters integrated over their priors: it says how much more
-probable a model has become, and a prior ten times as wide costs it a factor of ten.
+`compare_models` gives two answers side by side. The expected log-density of points left out, by Pareto-smoothed
+importance sampling (PSIS-LOO; Vehtari, Gelman and Gabry 2017, doi:10.1007/s11222-016-9696-4), through arviz: it
+hardly depends on the priors. With correlated noise the contribution of a point is that of its innovation given the
+one before. And the evidence, the probability of the data with the parameters integrated over their priors: it says
+how much more probable a model has become, and a prior ten times as wide costs it a factor of ten.
 """
 
 from __future__ import annotations
@@ -35,9 +35,10 @@ from underlay.scene.scene import Scene
 
 __all__ = ["compare_models", "difference", "pointwise_log_likelihood", "with_model_error"]
 
-# Numbers that differ by no more are the same one, scaled and back.
+# Relative difference of numbers that are the same one, scaled and back.
 _SAME = 1e-9
-# Enough for a standard error far below that between models; the weights need some hundred per tail.
+# Draws of a posterior that are used: enough for a standard error far below that between models; the weights need
+# some hundred per tail.
 _DRAWS = 2000
 # Largest tail index with which the estimate converges at a useful rate, and 1 - 1/log10(draws) where that is
 # less: Vehtari, Simpson, Gelman, Yao and Gabry (2024), Pareto smoothed importance sampling.
@@ -45,7 +46,7 @@ _GOOD_K = 0.7
 
 
 def difference(problem: Problem, posterior: Posterior) -> str:
-    """What a posterior's own problem differs in; empty where nothing is known to differ.
+    """In what a posterior's own problem differs from another, in words; empty where nothing is known to differ.
 
     Where free parameters start does not count.
     """
@@ -227,13 +228,13 @@ def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArr
     problem : Problem
         The model.
     physical : FloatArray
-        (draws, parameters), SI.
+        Draws of the parameters (SI), (draws, parameters).
 
     Returns
     -------
     FloatArray
-        (draws, points): the points of all curves. Their sum is the log-likelihood, except where the size of
-        the noise was integrated out: there each draw takes the size that its own residuals have.
+        Log-densities (draws, points) of the points of all curves. Their sum is the log-likelihood, except where
+        the size of the noise was integrated out: there each draw takes the size that its own residuals have.
 
     Raises
     ------
@@ -271,7 +272,7 @@ def with_model_error(problem: Problem, model_error: float) -> Problem:
     Returns
     -------
     Problem
-        The same with that error in its noise, shaped by the force of a fit.
+        The problem with that error in its noise, shaped by the force of a fit.
 
     Raises
     ------

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LogEvidence", "Posterior", "SampledReading", "SampledStatement"]
 
+# Note of an answer of a posterior without its problem.
 _ALONE = "the draws alone were kept, without the test they are of"
 _FORMAT = "underlay posterior 1"
 _KIND = FileKind("a saved posterior", LARGEST, "save it again where it was made")
@@ -73,7 +74,7 @@ class SampledReading(Reading):
     sampled : FloatArray
         Scaled vectors (m, k).
     read : Reading
-        What was read without a sampler: it knows which ends the data leave open.
+        The reading without a sampler: it knows which ends the data leave open.
     """
 
     sampled: FloatArray = field(repr=False)
@@ -105,13 +106,13 @@ class SampledReading(Reading):
 
 @dataclass(frozen=True, eq=False)
 class SampledStatement(Statement):
-    """What a fit says of itself, its statistical part by draws (m, k), scaled, of a sampler."""
+    """What a fit says of itself, with the statistical part by a sampler's draws, scaled vectors (m, k)."""
 
     draws: FloatArray = field(repr=False)
 
     @property
     def own(self) -> Statement:
-        """That of the fit, whose sources are these."""
+        """The statement of the fit itself, which has the same systematic sources."""
         return cast(Statement, self.fit.statement)
 
     @cached_property
@@ -121,7 +122,7 @@ class SampledStatement(Statement):
 
     @cached_property
     def reading(self) -> Reading:
-        """What the draws say."""
+        """Intervals of the draws."""
         return SampledReading(self.likelihood, self.draws, self.own.reading)
 
     @cached_property
@@ -139,13 +140,13 @@ class Posterior:
     names : tuple of str
         The free parameters.
     chain : FloatArray
-        (draws, walkers, parameters), burnt in and thinned, SI.
+        Draws (SI), burnt in and thinned, (draws, walkers, parameters).
     log_posterior : FloatArray
-        (draws, walkers): log-density in the scaled coordinates in which it was sampled.
+        Log-density in the scaled coordinates in which it was sampled, (draws, walkers).
     priors : tuple of str
         The prior of each parameter, in words.
     prior_quantiles : FloatArray
-        (levels, parameters): prior quantiles (SI) at the middles of equal shares.
+        Prior quantiles (SI) at the middles of equal shares, (levels, parameters).
     derived : mapping of str to FloatArray
         Derived quantities (SI), each (draws, walkers) over evenly chosen draws.
     predictive : tuple of Predictive
@@ -242,7 +243,7 @@ class Posterior:
         return self._of_draws(name, level) if self.problem is None else self.statement.answer(name, level)
 
     def _of_draws(self, name: str, level: float) -> Answer:
-        """The answer by the draws alone."""
+        """Answer of a quantity by the draws alone, without a fit."""
         require_level(level)
         shares = [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level]
         low, value, high = np.quantile(self.of(name), shares).tolist()

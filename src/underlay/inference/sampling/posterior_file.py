@@ -114,7 +114,7 @@ def _array(data: bytes) -> np.ndarray[Any, Any]:
 
 @dataclass(frozen=True)
 class _Document:
-    """What the document of a file says beside its format and its problem."""
+    """Document of a file, without its format and its problem."""
 
     names: list[str]
     priors: list[str]

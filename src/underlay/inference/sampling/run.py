@@ -1,10 +1,11 @@
-"""The posterior of a problem: weighted draws, and an ensemble of walkers (emcee).
+"""The posterior of a problem: weighted draws of a fit's likelihood, and an ensemble of walkers (emcee).
 
-A fit, its likelihood (`inference/uncertainty`) and weighted draws of that: they are the posterior once a short
-chain that was begun from them agrees. Where they are refused, or a chain is asked for, walkers go on until the
-chain is longer than 50 autocorrelation times, R-hat is below 1.01 and every quantile is known to 0.06 standard
-deviations, or the result says that it is not. Both ask one density, `Likelihood.log_density`, in scaled
-coordinates, so that a modulus moves in ratios; all walkers are evaluated in one call of the batched forward model.
+A fit, its likelihood (`inference/uncertainty`) and weighted draws of that come first: they are the posterior
+once a short chain that was begun from them agrees. Where they are refused, or a chain is asked for, walkers go
+on until the chain is longer than 50 autocorrelation times, R-hat is below 1.01 and every quantile is known to
+0.06 standard deviations, or the result says that it is not. Both ask one density, `Likelihood.log_density`, in
+scaled coordinates, so that a modulus moves in ratios; all walkers are evaluated in one call of the batched
+forward model.
 
 Moves are emcee's own (Foreman-Mackey, Hogg, Lang and Goodman 2013, doi:10.1086/670067): proposals from what the
 draws came from and from Student kernels about them, whatever the place of a walker (Tierney 1994,
@@ -57,7 +58,8 @@ from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["marginalised", "moves", "posterior_from_chain", "sample"]
 
-#: Told the steps that are done, those that will probably be needed, and the effective samples so far.
+#: A caller's own progress line: called with the steps that are done, those that will probably be needed, and the
+#: effective samples so far.
 Told: TypeAlias = Callable[[int, int, float], None]
 
 # Steps of the chain that judges; when a chain is judged first, and how much rarer each time: checks get rarer as
@@ -66,12 +68,14 @@ _FIRST_CHECK, _GROWTH = 100, 1.15
 # Most steps where no number is asked for, and the processor seconds that they may take: where no table reaches laws
 # are solved one by one, and so many steps may take an hour.
 _MOST_STEPS, _MOST_SECONDS = 20_000, 300.0
+# Share of evaluations that may fail without a warning.
 _TOLERATED_FAILURES = 0.01
 # Resampled draws of each weighted one (the tail's light draws count by their own weight: an error of 0.01 standard
 # deviations is left), and the columns they are put in.
 _TIMES, _COLUMNS = 4, 8
-# A quarter of the shortest autocorrelation time between kept draws costs about 1 % of the effective size.
+# Draws that are kept per shortest autocorrelation time: four cost about 1 % of the effective size.
 _KEPT_PER_TIME = 4.0
+# Quantiles of a prior, and draws at which derived quantities and predictive bands are computed.
 _PRIOR_LEVELS, _DERIVED_DRAWS, _PREDICTIVE_DRAWS = 1001, 4096, 500
 
 
@@ -348,7 +352,7 @@ class _Run:
             yield
 
     def _cut(self, why: str) -> Outcome:
-        """What there is of a chain that was cut short."""
+        """Judge a chain that was cut short, as far as it goes; `why` is the reason in words."""
         reason = f"{why} after {self.steps} steps"
         return judge(self.coords, self.steps)._replace(converged=False, reason=reason)
 
@@ -410,7 +414,7 @@ def _chain_file(
 class _Line:
     """Steps done, effective samples so far and time left, on the terminal; silent when nobody looks.
 
-    None shows the line if standard error is a terminal; a function is told instead.
+    None shows the line if standard error is a terminal; a function is called instead.
     """
 
     def __init__(self, total: int, *, shown: bool | Told | None) -> None:
@@ -443,13 +447,13 @@ class _Line:
             self._bar.stop()
 
     def step(self, done: int) -> None:
-        """Tell that `done` steps are done."""
+        """Show that `done` steps are done."""
         self._bar.update(self._task, completed=done)
         if self._told is not None:
             self._told(done, self._total, self._effective)
 
     def judge(self, effective: float, needed: int) -> None:
-        """Tell the effective samples so far and how many steps will probably be needed."""
+        """Show the effective samples so far and how many steps will probably be needed."""
         self._total, self._effective = needed, effective
         self._bar.update(self._task, total=needed, worth=f"{effective:.0f} effective samples")
 
@@ -625,7 +629,7 @@ def _warn(posterior: Posterior) -> None:
 
 
 def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -> Posterior:
-    """Return what a chain of any sampler says, judged, summed up and reported as a chain of `sample` is.
+    """Make a posterior of the chain of any sampler, judged, summed up and reported as a chain of `sample` is.
 
     A sampler of one's own needs the log-density of many scaled vectors at once and a place to begin, such as
     `Fit.vector` with `Fit.scaled_covariance`. Where a noise is stated the density is `Problem.log_posterior`; else
@@ -638,7 +642,7 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
     chain : array_like (steps, walkers, parameters)
         Draws in scaled coordinates, as they were made: from the start, unthinned. Independent chains are walkers.
     seed : int, default 0
-        Of the draws of the predictive bands.
+        Seed of the draws of the predictive bands.
 
     Returns
     -------
@@ -672,8 +676,6 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
 
 class _Averaged:
     """Log-density of the data (sets,) at physical vectors (sets, p), by a fit's likelihood."""
-
-    left_out, data, parts = 1.0, (), ()
 
     def __init__(self, found: Fit) -> None:
         self._problem, self._likelihood = found.problem, cast(Any, found.statement).likelihood

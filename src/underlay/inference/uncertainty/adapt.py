@@ -19,10 +19,10 @@ from underlay.inference.uncertainty.mixture import pareto_shape
 
 __all__ = ["Kernels", "Pool"]
 
-_KERNELS, _NEIGHBOURS = 32, 0.12  # how many; share of the weight that makes a kernel's width
-_FREEDOM, _WIDER = 5.0, 1.1
-_FEWEST = 60.0  # effective draws that kernels are placed by: weights are made even until they are
-_ROOTS = np.geomspace(1.0, 0.05, 24)
+_KERNELS, _NEIGHBOURS = 32, 0.12  # number of kernels; share of the weight that makes a kernel's width
+_FREEDOM, _WIDER = 5.0, 1.1  # degrees of freedom of a kernel; factor on its width
+_FEWEST = 60.0  # effective draws by which kernels are placed: weights are made even until so many count
+_ROOTS = np.geomspace(1.0, 0.05, 24)  # powers of the weights that are tried for that
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Kernels:
     def about(
         cls, draws: FloatArray, log_weights: FloatArray, entries: NDArray[np.intp], rng: np.random.Generator
     ) -> Kernels:
-        """Kernels about weighted draws (n, k)."""
+        """Place kernels about draws (n, k) with weights (n,), across the entries (q,)."""
         weights = _evened(log_weights)
         points = draws[:, entries]
         middle = weights @ points
@@ -141,14 +141,14 @@ class Pool:
 
     @property
     def log_weights(self) -> FloatArray:
-        """(n,), not normalised."""
+        """Logarithms of the weights of the draws, (n,), not normalised."""
         counts = np.array([count for _, count in self.sources], dtype=np.float64)
         shares = np.log(counts / counts.sum())
         return np.asarray(self.levels - logsumexp(np.array(self.proposed) + shares[:, None], axis=0))
 
     @property
     def weights(self) -> FloatArray:
-        """(n,), summing to 1."""
+        """Weights of the draws, (n,), summing to 1."""
         told = self.log_weights
         return np.asarray(np.exp(told - logsumexp(told)))
 

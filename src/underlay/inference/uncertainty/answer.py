@@ -68,7 +68,7 @@ class Contribution:
     low, high : float
         How far it alone moves the quantity down and up (SI, both zero or more); infinite where that side is open.
     share : float
-        Of the variance of the quantity.
+        Share of the variance of the quantity.
     """
 
     source: str
@@ -80,7 +80,7 @@ class Contribution:
 
     @property
     def half_width(self) -> float:
-        """The larger of the two."""
+        """The larger of `low` and `high`."""
         return max(self.low, self.high)
 
 
@@ -140,7 +140,7 @@ class Answer:
         return pd.DataFrame(rows, columns=columns)
 
     def as_dict(self) -> dict[str, object]:
-        """Plain values, for files."""
+        """The answer as plain values, for files."""
         return {
             "value": self.value,
             "low": self.low,
@@ -196,7 +196,7 @@ class Advice:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Every reason, the gravest first; none where all is good."""
+        """Reasons of this advice and of `others`, the gravest first; none where all is good."""
         own = () if self.word == "good" else (self.reason,)
         return (*own, *(other.reason for other in self.others))
 

@@ -46,16 +46,18 @@ __all__ = ["LAW", "Moved", "Refit", "Source", "sensitivities", "sources_of"]
 Moved: TypeAlias = Callable[[Sequence[FloatArray]], FloatArray]
 #: Fits a problem, begun at the values of its scenes.
 Refit: TypeAlias = Callable[[Problem], "Fit"]
-#: The general error of a contact law.
+#: Name of the general error of a contact law.
 LAW = "contact model"
+# Half width of a normal 95 % interval in standard deviations.
 _NORMAL_95 = 1.96
+# Inputs that are no number of a scene.
 _NO_PATHS = {FORCE, SPRING_CONSTANT, SENSITIVITY, DEPTH, HEIGHTS}
 # Sections of a scene whose numbers act on a curve.
 _ACTING = ("indenter.", "layer.", "substrate.", "instrument.compliance", "adhesion.", "history.")
-# Standard, at full depth, of the law's own error: an assumption, marked as such. At 3 % it alone makes 7.4 to 8.4 %
-# of a modulus with the contact free, and drowns clean data.
+# Standard deviation of the law's own relative error at full depth: an assumption, marked as such. At 3 % it alone
+# makes 7.4 to 8.4 % of a modulus with the contact free, and drowns clean data.
 _LAW_SIZE = 0.01
-# In scaled coordinates: what moves a number by less is taken to first order (an error of half its square, 1 %).
+# Move in scaled coordinates up to which a source is taken to first order (an error of half its square, 1 %).
 _STRAIGHT = 0.15
 
 
@@ -68,9 +70,9 @@ class Source:
     name, size, origin : str
         As in `Contribution`.
     moves : FloatArray
-        How far the scaled vector goes, (rows, 2, k): rows are independent, each has two sides.
+        How far the scaled vector goes at 95 %, (rows, 2, k): rows are independent, each has two sides.
     bias : FloatArray
-        Where its middle lies (k,), seen from the fit's vector: an error whose size is not zero on average.
+        Shift of its middle from the fit's vector, (k,): of an error whose size is not zero on average.
     """
 
     name: str
@@ -83,7 +85,7 @@ class Source:
 def sources_of(
     fit: Fit, moved: Callable[[Sequence[FloatArray]], FloatArray], refit: Refit
 ) -> tuple[Source, ...]:
-    """Every source of a fit that moves something.
+    """Sources of the systematic error of a fit, those that move something.
 
     Parameters
     ----------
@@ -92,7 +94,7 @@ def sources_of(
     moved : callable
         Shift (k,) of the scaled vector that forces (N), one array a curve, make; to first order.
     refit : callable
-        For what moves it far, and for another bond.
+        Fits a problem; called for inputs that move the vector far, and for another bond.
     """
     if fit.problem.base_scenes[0].uncertainties == "none":
         return ()
@@ -111,7 +113,7 @@ class _Budget:
     readings: Sequence[Reading]
 
     def sources(self) -> Iterator[Source]:
-        """All of them: inputs, what the model leaves out, the bond."""
+        """Sources of the systematic error: inputs, what the model leaves out, the bond."""
         yield from self._inputs()
         yield self._law()
         yield from self._left_out()
@@ -316,7 +318,7 @@ def _input_slopes(fit: Fit, paths: set[str]) -> dict[str, list[FloatArray]]:
 
 
 def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | None:
-    """The same of these together; None where one of them cannot act, or its neighbours are no scene."""
+    """Slopes of several inputs together; None where one of them cannot act, or its neighbours are no scene."""
     if not paths:
         return {}
     # Only slopes are asked for; but a thickness beside stiffening is refused where nothing is said of it.
@@ -346,7 +348,7 @@ def _values(fit: Fit, i: int) -> dict[str, float]:
 
 
 def _compliance(fit: Fit, i: int) -> float:
-    """What gives way in series with the contact (m/N): frame and lever."""
+    """Compliance in series with the contact (m/N): of frame and lever."""
     values = _values(fit, i)
     return float(values[Frame.path] + fit.problem.members[i].forward.lever_compliances(values))
 

@@ -24,30 +24,31 @@ from underlay.inference.uncertainty.tree import Tangent
 
 __all__ = ["FAMILIES", "LINE", "TURN", "Columns", "smooth_basis"]
 
-_LENGTH, _RANK, _GRID = 0.5, 6, 201
+_LENGTH, _RANK, _GRID = 0.5, 6, 201  # of a misfit: correlation length in v, columns; places of its table
+# Middles and widths of the steps about contact, over the largest depth.
 _PLACES = np.array([-0.15, -0.1, -0.06, -0.03, -0.01, 0.01, 0.04, 0.08])
 _WIDTHS = np.array([0.05, 0.045, 0.035, 0.025, 0.02, 0.025, 0.035, 0.05])
-_SLOWEST, _FREQUENCIES = (
-    1.25,
-    96,
-)  # periods in the record that a line has at least; frequencies that are tried
+_SLOWEST = 1.25  # periods in the record that a line has at least
+_FREQUENCIES = 96  # frequencies that are tried for a line
 _TURNS = 96  # places in the record that are tried for a turn
+#: Families of columns of which a hypothesis has one at most.
 FAMILIES = ("relative", "shift", "line", "turn", "turn, earlier", "turn, later")
 LINE, TURN = FAMILIES.index("line"), FAMILIES.index("turn")
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Everything a curve's rows are weighed with, in units of the rows.
+    """Shapes of everything that a curve's rows are weighed with, in units of the rows.
 
     Parameters
     ----------
     values : FloatArray
-        (n, m): d force / d vector (k of them), then steps, ramp, turn, misfits, line, and the residual last.
+        Columns (n, m): d force / d vector (k of them), then steps, ramp, turn, misfits, line, and the residual
+        last.
     law, step, ramp, turn, residual : slice
-        Where they stand.
+        Which columns these are.
     families : tuple of slice
-        Each misfit's, then the line's, then each turn's.
+        Columns of each misfit, then of the line, then of each turn; see `FAMILIES`.
     v : FloatArray
         sqrt(w / w_max), (n,); zero before contact.
     turn_share : float

@@ -2,8 +2,9 @@
 
     p(theta) = prior(theta) sum_m w_m p_m(theta),    p_m = Student(t(theta); 0, V_m) |H_m|
 
-with the moments t of `moments` as the model itself has them, not linearised. Where white noise with or without a
-step or a ramp is all there is, nothing is lost by the whole sum of squares in their place.
+over the hypotheses m with weights w_m, with the moments t of `moments` as the model itself has them, not
+linearised. Where white noise with or without a step or a ramp is all there is, nothing is lost by the whole sum
+of squares in their place.
 
 A disturbance as large as the force must not make a modulus of zero likely: what is free is asked by the logarithm
 of the size of the contact force. With rho = (P, P_0) / (P_0, P_0), P_0 the force at least squares, the model
@@ -43,7 +44,7 @@ class Place(NamedTuple):
 
 
 class Local(NamedTuple):
-    """Every hypothesis about a vector: ln (w_m p_m) (m,), what it is at most (m,), gradient and curvature.
+    """Every hypothesis' density about a vector: ln (w_m p_m) (m,), its largest value (m,), gradient and curvature.
 
     Gradient (m, k) and curvature (m, k, k) are those of half a sum of squares, without the prior's.
     """
@@ -79,7 +80,7 @@ class DensityCurve:
         return np.asarray(self.force - (force - contact) - self.contact * np.log(size) - contact / size)
 
     def place(self, tangent: Tangent) -> Place | None:
-        """The same for one vector, and its derivatives; None where nothing presses."""
+        """F_0 - F* (n,) and its derivatives at one vector, by its `tangent`; None where nothing presses."""
         square, contact = float(self.contact @ self.contact), tangent.pressing
         rest = tangent.force - contact
         size = float(contact @ self.contact) / square
@@ -99,9 +100,9 @@ class Density:
     Parameters
     ----------
     likelihood : Weighed
-        Whose curves and hypotheses these are.
+        Curves of a fit and their hypotheses.
     curves : tuple of DensityCurve
-        One each.
+        One for each curve.
     kept : ndarray of int
         Entries that act on some curve.
     height : FloatArray
@@ -172,7 +173,7 @@ class Density:
         return np.asarray(found)
 
     def local(self, places: Sequence[Place]) -> Local:
-        """Every hypothesis about a vector where the curves are at these places."""
+        """Densities of the hypotheses about a vector at which the curves have these places."""
         fallen = [place.fallen[None] for place in places]
         t = self._moments(fallen)[0]
         turns = np.zeros_like(self.precision)
@@ -195,7 +196,7 @@ class Density:
 
     @property
     def _whole(self) -> NDArray[np.bool_]:
-        """Which hypotheses are asked whole, (m,): of one curve alone; of several least squares sets the weights."""
+        """Mask (m,) of hypotheses whose whole sum of squares counts: of one curve alone, not of several."""
         whole = self.curves[0].moments.is_whole[self.likelihood.combined.rows[0]]
         return whole & (len(self.curves) == 1)
 

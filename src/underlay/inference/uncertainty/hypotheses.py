@@ -5,9 +5,10 @@ the size s of the white noise under 1/s,
 
     -2 ln L = (n - k) ln S + ln det V + ln det N,
 
-V the noise in units of s^2, N the normal matrix of columns and law, S the whitened sum of squares that they leave.
-Nothing is tested and nothing chosen: what weighs more than 0.4 % is kept and averaged. Priors of none: at .5 clean
-intervals are 1.5 times white's, at .8 1.1 times.
+of n rows and k numbers of the law, V the noise in units of s^2, N the normal matrix of columns and law, S the
+whitened sum of squares that they leave. Nothing is tested and nothing chosen: what weighs more than 0.4 % is
+kept and averaged. The prior of none is 0.8 for each kind: at 0.5 clean intervals are 1.5 times white's, at 0.8
+1.1 times.
 
 Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001), doi:10.1111/1467-9868.00294: a model that is off by a smooth
 function of unknown size.
@@ -32,11 +33,11 @@ IntArray = NDArray[np.intp]
 _NONE = 0.8  # prior of no misfit, of no step, of no ramp, of no turn, each
 _MISFITS = (1.0, 5.0, 25.0, 125.0, 600.0)  # standard deviations of the columns, in those of the white noise
 _SHAPES = (1.0, 2.5, 6.0, 15.0, 40.0)  # the same of line and turn, whose size is seen well
-_STEPS, _RAMPS = (2.0, 10.0, 50.0), (3.0, 30.0)
-_LARGEST = 0.5  # of the peak force: no misfit explains the curve itself
+_STEPS, _RAMPS = (2.0, 10.0, 50.0), (3.0, 30.0)  # the same of step and ramp
+_LARGEST = 0.5  # largest misfit, over the peak force: none explains the curve itself
 _TRIED = 50.0  # frequencies of a line that the data tell apart
-_KEPT, _MOST = 4e-3, 30
-_SINGULAR = 1e-6  # of the largest: a direction that these data do not have
+_KEPT, _MOST = 4e-3, 30  # least weight of a hypothesis that is kept; how many are kept at most
+_SINGULAR = 1e-6  # singular value, over the largest, of a direction that these data do not have
 _HOPELESS = 12.0  # nats that a noise may lie behind with a fifth of the choices, to be tried with all
 
 
@@ -49,11 +50,11 @@ class Hypotheses:
     weight : FloatArray
         Probability, summing to 1.
     variance : FloatArray
-        Of the white noise, in units of the rows^2.
+        Variance of the white noise, in units of the rows^2.
     noise : IntArray
         Row of the `NoiseTable`; 0 is white.
     family : IntArray
-        Of misfit, or line or turn; -1 is none.
+        Index in `FAMILIES` of its misfit, line or turn; -1 is none.
     misfit, step, ramp : FloatArray
         Standard deviations of the columns' amplitudes, in those of the white noise; 0 is none.
     is_short : ndarray of bool
@@ -85,7 +86,7 @@ class Hypotheses:
         return np.asarray((self.family >= 0) & (self.family < LINE))
 
     def probability(self, which: NDArray[np.bool_]) -> float:
-        """Weight of some of them, (m,)."""
+        """Weight of the hypotheses `which`, (m,), together."""
         return float(self.weight[which].sum())
 
     def sizes(self, columns: Columns, one: int) -> FloatArray:
@@ -114,7 +115,7 @@ def weigh(
     Parameters
     ----------
     columns : Columns
-        Of n rows.
+        Columns of n rows.
     table : NoiseTable
         Noises of n rows.
     growth : FloatArray
@@ -122,7 +123,7 @@ def weigh(
     top : float
         Largest contact force, in units of the rows.
     least_variance : float
-        That the white noise has at least.
+        Least variance of the white noise, in units of the rows^2.
     """
     basis = _basis(columns)
     freedom = len(basis) - basis.shape[1]

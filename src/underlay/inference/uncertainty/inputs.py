@@ -23,14 +23,18 @@ __all__ = ["DEPTH", "FORCE", "HEIGHTS", "SENSITIVITY", "SPRING_CONSTANT", "Input
 FORCE, DEPTH, SPRING_CONSTANT, SENSITIVITY = "force", "depth", "spring_constant", "sensitivity"
 HEIGHTS = "indenter.heights"
 _GIVEN, _ASSUMED = "given", "assumed"
+# Half width of a normal 95 % interval in standard deviations.
 _NORMAL_95 = 1.96
-# Assumed, relative, 95 %.
+# Assumed, relative, 95 %: force, spring constant, depth.
 _FORCE, _SPRING, _DEPTH = 0.02, 0.2, 0.01
-# A tip is "large" from 0.1 mm on: ground and measured spheres; below, sizes of beads and etched tips.
+# Assumed, relative, 95 %: the radius of a tip of 0.1 mm or more (ground and measured spheres) and of a smaller one
+# (sizes of beads and etched tips), and the heights of a measured tip.
 _LARGE_TIP, _RADIUS_LARGE, _RADIUS_SMALL, _HEIGHTS = 1e-4, 0.02, 0.04, 0.02
+# Assumed, relative, 95 %: thickness, moduli of the substrate, axial shear modulus.
 _THICKNESS, _SUBSTRATE_MODULUS, _AXIAL_SHEAR = 0.05, 0.10, 0.20
 # Assumed, absolute, 95 %: Poisson's ratios, an angle of one degree.
 _NU, _NU_AXIAL, _HALF_ANGLE = 0.04, 0.05, math.radians(1.0)
+# A Poisson's ratio of one half, and how far below it may be (assumed, 95 %).
 _INCOMPRESSIBLE, _NEARLY = 0.5, 0.02
 
 
@@ -45,7 +49,7 @@ class Input:
     down, up : float
         How far it may be below and above what was entered, 95 %: SI for a path, a share otherwise.
     size : str
-        The same as people write it.
+        That uncertainty as people write it.
     origin : str
         ``"given"`` or ``"assumed"``.
     """
@@ -65,7 +69,7 @@ def inputs_of(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Input,
     scene : Scene
         The test; its `uncertainties` are what was stated.
     curve : Curve
-        What was measured; its metadata may say how well a cantilever is calibrated.
+        The curve; its metadata may say how well a cantilever is calibrated.
     free : collection of str
         Paths that are fitted.
     """
@@ -148,7 +152,7 @@ def _assumed(path: str, value: float) -> tuple[float, float, str] | None:
 
 
 def _kept(path: str, value: float, down: float, up: float) -> tuple[float, float]:
-    """The same, cut where the number would be none: a Poisson's ratio ends at one half."""
+    """The two sizes, cut where the number would be none: a Poisson's ratio ends at one half."""
     if path.endswith(".nu"):
         up = min(up, max(_INCOMPRESSIBLE - value, 0.0))
     return down, up

@@ -1,18 +1,15 @@
 """Errors that a contact law is known to have, of a size that is only roughly known.
 
-An error that the contact law is known to have, of a size that is only roughly known.
-
 A paraboloid stands for a sphere, a frictionless law for a tip that sticks, small strains for finite ones: the
 shape of such an error over the depth can be computed, its size is uncertain, and no residual tells it from another
-thickness. It enters a fit as a column with a prior,
+thickness. It enters a fit's budget as a column with a prior,
 
     reading = F(theta) + sum_i amplitude_i column_i(theta) + ...,   amplitude_i ~ N(mean_i, deviation_i^2),
 
-solved for together with the parameters and averaged over (`competition.py`): the interval of every parameter
-is as wide as the error makes it, and a mean that is not zero moves its middle.
+F being the model at the parameters theta (`budget`): the interval of every parameter is as wide as the error makes
+it, and a mean that is not zero moves its middle.
 
-To add one, write a module with a column and a function that says for which scenes it counts, and name that function
-in `known_errors.py`:
+To add one, write a function that says for which scenes it counts, and name it in `KINDS`::
 
     def _column(test: Pressed) -> FloatArray:
         return 0.05 * test.force * test.law.contact_radius(test.depth) / test.values["indenter.radius"]
@@ -22,35 +19,18 @@ in `known_errors.py`:
             return None
         return KnownError("the tip gives way", _column, mean=1.0, deviation=0.5)
 
-A column is the force (N) that the error adds to the law at amplitude one, smooth in depth and zero up to contact.
-It follows the present law: depths, contact radii and forces are those of the vector at hand, and it is asked again
-wherever the fit goes. Where the error is known only up to a sign take mean 0; where theory gives its size, mean 1
-and the share by which theories differ. Curves of a joint fit share the amplitude of an error, by its words.
+A column is the force (N) that the error adds to the law at amplitude one, smooth in depth and zero up to
+contact. It follows the law at the optimum: depths, contact radii and forces are those there. Where the error is
+known only up to a sign take mean 0; where theory gives its size, mean 1 and the share by which theories differ.
+Curves of a joint fit share the amplitude of an error, by its words.
 
-The error of a paraboloid that stands for a sphere.
-
-A tip whose shape is higher by df(r) presses, at the same depth and to first order, with a force that is lower by
-its mean under the pressure of a flat punch of the contact radius times the stiffness dP/dw (the contact's edge
-carries no pressure, so its motion counts in second order). A sphere is higher than its paraboloid r^2 / (2 R) by
-r^4 / (8 R^3), and under the punch on a half-space, p ~ (a^2 - r^2)^(-1/2), the mean of r^4 is 8 a^4 / 15:
-
-    P_sphere - P_paraboloid = - dP/dw a^4 / (15 R^3).
-
-Under the uniform pressure of a thin compressible layer it is a^4 / (24 R^3), under the parabola of a thin
-incompressible one a^4 / (48 R^3): an amplitude of 0.3 to 1, or 0 where the tip is a paraboloid after all.
-
-The known errors of a scene's law: every kind there is, asked in turn.
-
-Friction and finite strain: errors of a law whose scene does not say that they are absent.
-
-Friction lies between none and full, and real friction between a law without it and one without slip (they bracket
-it to 0.03 %): a share of their difference, any between 0 and 1, here a normal distribution. Finite strain has a
-measured shape (`mechanics/finite_strain`) and a size that depends on a strain energy nobody knows: 1 +- 0.5.
-
-The two are not a sum: what friction adds in large strains alone has a measured shape too, and a size between a part
-taken off (nu = 0.3) and nearly all of it added (nu = 0.49).
-
-What laws leave out as parameters of a problem, with the priors of the interval with model error.
+Friction and finite strain are errors of a law whose scene does not say that they are absent (`left_out`).
+Friction lies between none and full, and real friction between a law without it and one without slip (they
+bracket it to 0.03 %): a share of their difference, any between 0 and 1, here a normal distribution. Finite
+strain has a measured shape (`mechanics/finite_strain`) and a size that depends on a strain energy nobody knows:
+1 +- 0.5. The two are not a sum: what friction adds in large strains alone has a measured shape too, and a size
+between a part taken off (nu = 0.3) and nearly all of it added (nu = 0.49). A posterior may have these three as
+parameters (`free_model_error`), with the priors of the interval with model error.
 """
 
 from __future__ import annotations
@@ -99,13 +79,14 @@ __all__ = [
 # Deviation of heights that a contact made gradually may have, over R: within two of them 0.07, from the prior of
 # section 3 of the study of stiffening layers 80 %; its force goes nearly as the square.
 _HEIGHTS = 0.05
+#: Words of the errors of friction, finite strain, and both.
 FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large strains"
-# Of the share of full friction. A flat prior between none and full has its ends outside every 95 % interval, and a
-# tip that slides and one that sticks are both common: there it covers 75 % where this covers 92 (a modulus at 0.3 %
-# noise; 84 to 87 and 90 to 92 with the thickness free), for intervals up to 1.4 times as long
-# (tests/studies/results/friction_prior.csv).
+# Standard deviation of the share of full friction, about a half. A flat prior between none and full has its ends
+# outside every 95 % interval, and a tip that slides and one that sticks are both common: there it covers 75 % where
+# this covers 92 (a modulus at 0.3 % noise; 84 to 87 and 90 to 92 with the thickness free), for intervals up to 1.4
+# times as long (tests/studies/results/friction_prior.csv).
 _SHARE = 0.35
-# What the columns are computed to: they are known to a tenth at best.
+# Relative tolerance of the laws behind the columns, which are known to a tenth at best.
 _RTOL = 1e-4
 _FIELDS = ("errors", "unknown", "declared")
 _PATHS = {FRICTION: FRICTION_PATH, FINITE_STRAIN: FINITE_STRAIN_PATH, BOTH: BOTH_PATH}
@@ -120,7 +101,7 @@ class Pressed:
     values : mapping of str to float
         Every number of the scene (SI), by its path.
     law : ContactLaw
-        Its law.
+        Contact law at these numbers.
     depth : FloatArray
         Indentation depth w (m), (n,), negative before contact.
     force, stiffness : FloatArray
@@ -141,7 +122,7 @@ class Pressed:
 
     @cached_property
     def scene(self) -> Scene:
-        """With those values; made when it is asked for, since a column is asked at every step of a search."""
+        """The scene with those values, made when it is asked for."""
         return self.made()
 
 
@@ -160,9 +141,9 @@ class KnownError:
     column : callable
         Force (N) at amplitude one, (n,), of a `Pressed`.
     mean, deviation : float
-        Of the normal prior of the amplitude; the deviation positive.
+        Mean and standard deviation of the normal prior of the amplitude; the deviation positive.
     told : tuple of str
-        What people are told that it is part of; by default its words.
+        Words of the errors that it is part of, as people are told; by default its own.
     size : str
         How large it is, as people write it; empty where that is no one number.
 
@@ -189,7 +170,19 @@ class KnownError:
 
 
 def paraboloid_for_sphere(scene: Scene) -> KnownError | None:
-    """Return the error of a paraboloid; none for other tips."""
+    """Return the error of a paraboloid that stands for a sphere; none for other tips.
+
+    A tip whose shape is higher by df(r) presses, at the same depth and to first order, with a force that is
+    lower by its mean under the pressure of a flat punch of the contact radius times the stiffness dP/dw (the
+    contact's edge carries no pressure, so its motion counts in second order). A sphere is higher than its
+    paraboloid r^2 / (2 R) by r^4 / (8 R^3), R the radius, and under the punch of radius a on a half-space, p ~
+    (a^2 - r^2)^(-1/2), the mean of r^4 is 8 a^4 / 15:
+
+        P_sphere - P_paraboloid = - dP/dw a^4 / (15 R^3).
+
+    Under the uniform pressure of a thin compressible layer it is a^4 / (24 R^3), under the parabola of a thin
+    incompressible one a^4 / (48 R^3): an amplitude of 0.3 to 1, or 0 where the tip is a paraboloid after all.
+    """
     tip = scene.indenter
     if tip.curvature_radius is None or tip.power_law is not tip:
         return None
@@ -202,14 +195,14 @@ def _column(test: Pressed) -> FloatArray:
 
 
 def stiffening_formula(scene: Scene) -> KnownError | None:
-    """Return the error of G: 3 % of G - 1."""
+    """Return the error of the formula of the stiffening factor G: 3 % of G - 1; none without stiffening."""
     return _of_law(
         "stiffening formula", "stiffening", "± 6 % of G - 1", has=scene.layer.stiffening is not None
     )
 
 
 def sides(scene: Scene) -> KnownError | None:
-    """Return the error of the spring of the sides."""
+    """Return the error of the spring of the sides; none for a layer without sides."""
     return _of_law("sides", "sides", "± 8 % of their spring", has=scene.layer.has_sides)
 
 
@@ -226,7 +219,7 @@ def _own(test: Pressed) -> StiffeningLaw | NarrowLaw:
     return test.law
 
 
-#: Say of a scene which error its law has, or that it has none of this kind.
+#: Every kind of error: a function that returns the one that a scene's law has, or None.
 KINDS: Sequence[Callable[[Scene], KnownError | None]] = (
     paraboloid_for_sphere,
     stiffening_formula,
@@ -247,16 +240,16 @@ def known_errors(scenes: Sequence[Scene]) -> tuple[KnownError, ...]:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What the law of a scene leaves out.
+    """What the law of a scene leaves out of friction and finite strain.
 
     Parameters
     ----------
     errors : tuple of KnownError
-        What can be computed of it.
+        Errors whose shape can be computed.
     unknown : tuple of str
-        What cannot, and why.
+        In words, errors whose shape cannot, and why.
     declared : tuple of str
-        What the scene says.
+        In words, what the scene declares of them.
     """
 
     errors: tuple[KnownError, ...] = ()
@@ -292,7 +285,7 @@ def _stuck_less_free(test: Pressed) -> FloatArray:
 
 
 def _forces(test: Pressed) -> tuple[FloatArray, FloatArray]:
-    """With a tip that sticks and with one that slides (N), both by solvers of their own."""
+    """Forces (N), (n,), with a tip that sticks and with one that slides, both by solvers of their own."""
     inside = np.maximum(test.depth, 0.0)
     return test.by(Stuck(_RTOL)).force(inside), test.by(Exact(_RTOL)).force(inside)
 
@@ -346,7 +339,7 @@ def free_model_error(problem: Problem) -> Problem:
     Returns
     -------
     Problem
-        The same with ``discrepancy.friction``, the share of full friction, ``discrepancy.finite_strain``, over
+        The problem with ``discrepancy.friction``, the share of full friction, ``discrepancy.finite_strain``, over
         that of a neo-Hookean layer, and ``discrepancy.friction_in_large_strains``, what friction adds to finite
         strain alone, over a measured shape, as parameters, shared by all curves, with the priors that
         `Fit.answer` takes for them: Normal(0.5, 0.35), Normal(1, 0.5) and Normal(0.25, 0.5).

@@ -2,9 +2,10 @@
 
     y = F(theta) + misfit + step + ramp + turn + noise
 
-The value is least squares' (`moments`); how sure it is averages over everything that may disturb a curve
-(`hypotheses`). A reading in closed form serves where the force is straight in what is free, which is checked; else
-draws along the ridge (`ridge`).
+The readings y are the model F at the parameters theta and all that may disturb it. The value is least squares'
+(`moments`); how sure it is averages over everything that may disturb a curve (`hypotheses`). A reading in
+closed form serves where the force is straight in what is free, which is checked; else draws along the ridge
+(`ridge`).
 """
 
 from __future__ import annotations
@@ -28,19 +29,20 @@ if TYPE_CHECKING:
 
 __all__ = ["Likelihood"]
 
-_BENT = 0.35  # of two standard deviations: how far from straight the force may be in contact and stiffening
+# How far from straight the force may be in contact and stiffening for the closed form, over two deviations.
+_BENT = 0.35
 
 
 @dataclass(frozen=True, eq=False)
 class Likelihood(Weighed):
-    """Everything that a fit's curves say of what is free, about its optimum.
+    """The likelihood of a fit's curves in what is free, about its optimum.
 
     Parameters
     ----------
     fit : Fit
-        Its vector is the value; its problem says what is free, and what is known of the noise.
+        The fit: its vector is the value; its problem says what is free, and what is known of the noise.
     states : tuple of CurveState
-        One a curve.
+        One for each curve.
     """
 
     @classmethod
@@ -59,7 +61,15 @@ class Likelihood(Weighed):
         return self._bend() < _BENT
 
     def read(self, rng: int | np.random.Generator = 0, draws: int | None = None) -> Reading:
-        """Intervals and draws, about so many; the same for the same `rng`."""
+        """Read intervals and draws from the likelihood.
+
+        Parameters
+        ----------
+        rng : int or numpy Generator, default 0
+            Seed or generator: the same one gives the same draws.
+        draws : int, optional
+            About how many draws.
+        """
         wanted = {} if draws is None else {"count": draws}
         if self.is_straight:
             return LinearReading(self, self.mixture, np.random.default_rng(rng), **wanted)
@@ -88,7 +98,7 @@ class Likelihood(Weighed):
         return [state.model.curve(state.disturbed(rng)) for state in self.states]
 
     def _bend(self) -> float:
-        """How far a step back from two standard deviations of contact, or of stiffening, misses, in these."""
+        """How far a step back from two standard deviations of contact, or of stiffening, misses, over these."""
         mixture, problem = self.mixture, self.fit.problem
         worst = 0.0
         for i in np.flatnonzero([c.path in BENDING for c in problem.coordinates]):

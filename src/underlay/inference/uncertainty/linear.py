@@ -21,7 +21,7 @@ _JOINT = 48  # combinations of the curves' hypotheses that stand for all of them
 
 @dataclass(frozen=True, eq=False)
 class Combined:
-    """Hypotheses of all curves together: one of each curve's in every row of `chosen`, (m, curves)."""
+    """Hypotheses of all curves together: a row of `chosen` (m, curves) has one of each curve's; weights (m,)."""
 
     chosen: NDArray[np.intp]
     weights: FloatArray

@@ -1,13 +1,13 @@
 """What an estimate rests on: the moments Q'r that least squares sets to zero, and how they scatter.
 
-Least squares solves J'r = 0, r the rows less the model. Whatever the disturbance, the likelihood of these moments
-t(theta) alone,
+Least squares solves J'r = 0, r the rows less the model and J the model's derivatives. Whatever the disturbance, the
+likelihood of these moments t(theta) alone,
 
     t ~ N(0, V),   V = s^2 Q'(noise + columns of misfit, step, ramp and line) Q,
 
-has its top where least squares has its own: disturbances widen and never move a value. Linearised it is the
-sandwich H^-1 V H^-1, H = Q'J. Q is J, and where nothing is present but a step or a ramp, J with these taken out:
-there, and there alone, they correct the value.
+s the deviation of the white noise, has its top where least squares has its own: disturbances widen and never
+move a value. Linearised it is the sandwich H^-1 V H^-1, H = Q'J. Q is J, and where nothing is present but a
+step or a ramp, J with these taken out: there, and there alone, they correct the value.
 
 Far along a ridge, k moments forget what the curve's shape says. Further moments X'r remember it, X the bends of the
 ridge, orthogonal to J; they do not move the top either.
@@ -37,7 +37,7 @@ class CurveMoments:
     Parameters
     ----------
     basis : FloatArray
-        Law (k columns), step, ramp, bends: (n, q).
+        Basis of a curve: law (k columns), step, ramp, bends; (n, q).
     residual : FloatArray
         Rows less the model at least squares, (n,).
     coefficients : FloatArray
@@ -51,9 +51,9 @@ class CurveMoments:
     is_whole : ndarray of bool
         Whether white noise, step and ramp are all there is, (m,): then sums of squares lose nothing.
     variance : FloatArray
-        Of the white noise, (m,).
+        Variance of the white noise, (m,).
     bends : int
-        How many.
+        How many bends there are, p.
     bend_precision : FloatArray
         Inverse covariance of X'r, (m, p, p).
     bend_offset : FloatArray

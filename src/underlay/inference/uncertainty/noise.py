@@ -1,7 +1,7 @@
 """Noise of equally spaced rows whose covariance a cosine transform makes diagonal.
 
-A reflecting Ornstein-Uhlenbeck process is diagonal in the DCT-II: with white noise of variance 1 and a correlated
-part of variance g and correlation time tau (in rows),
+A reflecting Ornstein-Uhlenbeck process is diagonal in the DCT-II: of n rows with white noise of variance 1 and a
+correlated part of variance g and correlation time tau (in rows), the coefficients k have the variances
 
     lambda_k = 1 + g (1 - rho^2) / ((1 - rho)^2 + rho mu_k),  mu_k = 4 sin^2(pi k / 2n),  rho = exp(-1 / tau),
 
@@ -25,12 +25,13 @@ _CORRELATED = 0.2  # prior of correlated noise
 _SLOW = 0.1  # prior of wiggles
 _SIZES = (0.3, 3.0, 30.0, 300.0)  # variances of the correlated part, of the white part's
 _WIGGLES = (9.0, 90.0, 900.0)  # variances of the wiggles
-_WIGGLE_LENGTHS = (0.1, 0.4, 1.6)  # of the record
-_TIMES = 6
+_WIGGLE_LENGTHS = (0.1, 0.4, 1.6)  # lengths of the wiggles, over the record's
+_TIMES = 6  # correlation times, from two rows to three records
 _SHORT = 3.0  # variance up to which noise correlated over two rows is as good as white
+# Growths that are tried: deviation of the noise where the stiffness is largest, over that before contact, less one.
 _GROWTHS = np.concatenate(([0.0], np.geomspace(0.1, 300.0, 30)))
 _GAIN = 3.0  # nats from which noise that grows is seen
-_OVERLAP = 1.94  # second differences of white noise count for so much fewer
+_OVERLAP = 1.94  # factor by which second differences of white noise count for fewer than they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +43,9 @@ class NoiseTable:
     spectra : FloatArray
         Variances lambda of the cosine coefficients, (noises, n); the first noise is white.
     log_prior : FloatArray
-        (noises,).
+        Logarithms of their prior probabilities, (noises,).
     is_short : ndarray of bool
-        Which hardly reach from row to row: white, or correlated over two rows and no larger than that, (noises,).
+        Whether a noise hardly reaches from row to row: white, or correlated over two rows and small, (noises,).
     """
 
     spectra: FloatArray

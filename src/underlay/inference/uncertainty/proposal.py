@@ -16,9 +16,14 @@ from underlay.inference.uncertainty.walk import Node
 
 __all__ = ["Conditional", "Proposal", "conditionals"]
 
-_CELLS, _EVEN, _SOFTER, _DEEPEST = 300, 0.03, 0.9, -30.0
-_BEYOND = 0.25  # of the last gap between nodes: how far past them draws go
-_FREEDOM, _WIDER = 5.0, 1.2
+_CELLS = 300  # cells of the coordinate along the ridge
+_EVEN, _SOFTER = (
+    0.03,
+    0.9,
+)  # share of the draws that goes evenly to all cells; power of the evidence for the others
+_DEEPEST = -30.0  # nats below the top at which the evidence is cut off
+_BEYOND = 0.25  # how far past the last node draws go, over the last gap between nodes
+_FREEDOM, _WIDER = 5.0, 1.2  # degrees of freedom across the ridge; factor on the variance there
 _PROMISED = 4.0  # nats that a hypothesis may gain beside a node: further the continuation is not straight
 
 
@@ -72,17 +77,20 @@ class Proposal:
     Parameters
     ----------
     entries : FloatArray
-        Which entries of the vector are drawn across the ridge, (q,).
+        Entries of the vector that are drawn across the ridge, (q,).
     coordinate : int
-        The one along it.
+        The entry along the ridge.
     edges : FloatArray
         Cells of the coordinate, (cells + 1,).
     cells : FloatArray
-        Probability of each, (m, cells).
+        Probability of each cell under each hypothesis, (m, cells).
     shares : FloatArray
-        How likely each hypothesis is, (m,), not normalised: with those of other ridges they are.
+        Logarithms of the probabilities of the hypotheses, (m,), not normalised: with those of other ridges they
+        are.
     nodes : list of Conditional
-        What is interpolated.
+        The nodes between which it interpolates.
+    rest : FloatArray
+        Scaled vector (k,) whose entries that do not act are kept.
     """
 
     entries: NDArray[np.intp]
@@ -120,7 +128,7 @@ class Proposal:
         return cls(entries, coordinate, edges, cells, top + log_shares, found, density.likelihood.fit.vector)
 
     def draw(self, own: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
-        """Vectors (n, k) of hypotheses `own` (n,), each a number of these."""
+        """Draw vectors (n, k), one of each hypothesis whose number `own` (n,) holds."""
         u = rng.uniform(size=len(own))
         cumulated = np.cumsum(self.cells, axis=1)
         cell = np.minimum((cumulated[own] < u[:, None]).sum(axis=1), _CELLS - 1)

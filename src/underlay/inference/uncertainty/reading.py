@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DrawnReading", "LinearReading", "Reading"]
 
+# Draws of a reading in closed form, where their number is not given.
 _DRAWS = 2000
 
 
@@ -31,7 +32,7 @@ class Reading(ABC):
     Parameters
     ----------
     likelihood : Weighed
-        What is read.
+        The curves of a fit, with what may disturb them weighed.
     """
 
     likelihood: Weighed
@@ -48,7 +49,7 @@ class Reading(ABC):
 
     @property
     def corrected(self) -> FloatArray:
-        """The same less what a step or a ramp does to it where these weigh more than a half, (k,)."""
+        """`value` less what a step or a ramp does to it where these weigh more than a half, (k,)."""
         return self.value + self._correction
 
     @cached_property
@@ -93,7 +94,7 @@ class Reading(ABC):
 
 @dataclass(frozen=True, eq=False)
 class LinearReading(Reading):
-    """In closed form: the force is straight in what is free."""
+    """A reading in closed form: the force is straight in what is free."""
 
     mixture: Mixture
     rng: np.random.Generator
@@ -124,7 +125,7 @@ class LinearReading(Reading):
 
 @dataclass(frozen=True, eq=False)
 class DrawnReading(Reading):
-    """By weighted draws along the ridge."""
+    """A reading by weighted draws along the ridge."""
 
     ridge: Ridge
 

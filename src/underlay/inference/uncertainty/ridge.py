@@ -28,36 +28,36 @@ if TYPE_CHECKING:
 
 __all__ = ["Ridge", "Ridges", "Source", "draw"]
 
-_DRAWS, _ROUNDS = 1000, 6
-_TRUSTED, _ENOUGH = 0.7, 300.0  # Pareto k; effective draws
+_DRAWS, _ROUNDS = 1000, 6  # draws of a round; further rounds at most
+_TRUSTED, _ENOUGH = 0.7, 300.0  # Pareto k below which, and effective draws from which, draws are trusted
 _SECOND = 0.02  # weight from which hypotheses that correct the value have a ridge of their own
-_LEAST = 0.01  # share of draws that a hypothesis gets
-_BINS = 24
+_LEAST = 0.01  # share of draws that a hypothesis gets at least
+_BINS = 24  # bins in six deviations of the draws; in the one at a bound the density there is asked
 _HELD = 1e-9  # deviation below which an entry was held, on a bound
 
 
 @dataclass(frozen=True, eq=False)
 class Ridge:
-    """Weighted draws.
+    """Weighted draws along a ridge.
 
     Parameters
     ----------
     draws, weights : FloatArray
-        Scaled vectors (m, k); (m,), summing to 1.
+        Scaled vectors (m, k), and their weights (m,), which sum to 1.
     log_density : FloatArray
         `Density.log` of the draws, (m,).
     log_evidence : float
         Logarithm of the integral of the density: the mean of the weights before they sum to 1.
     pareto, effective : float
-        Pareto k of the weights; their effective number.
+        Pareto k of the weights; effective number of draws.
     coordinate : int
         The entry along which the ridge was walked.
     ends : tuple of float
         Log of the density at the first and at the last node of any ridge, the others integrated out, less its top.
     bounds : FloatArray
-        (k, 2).
+        Bounds of the scaled vector, (k, 2).
     rounds : int
-        Further rounds of draws.
+        How many further rounds of draws there were.
     failed : int
         Draws inside the bounds for which there was no law.
     source : Source
@@ -89,7 +89,10 @@ class Ridge:
         return low, high
 
     def _at_bound(self, index: int, side: int, drop: float) -> bool:
-        """The same by the density of the draws in the bin at a bound; a priori it is even between bounds."""
+        """Whether the density of the draws in the bin at a bound is within `drop` nats of its top.
+
+        A priori it is even between bounds.
+        """
         values, bound = self.draws[:, index], self.bounds[index, side]
         if not np.isfinite(bound):
             return False
@@ -102,18 +105,18 @@ class Ridge:
 
 @dataclass(frozen=True, eq=False)
 class Ridges:
-    """What a likelihood's draws begin from: its density, which knows the ridges' bends, and nodes along them.
+    """Ridges of a likelihood, from which its draws begin: its density, which knows their bends, and their nodes.
 
     Parameters
     ----------
     density : Density
-        Of the scaled vector.
+        Density of the scaled vector.
     coordinate : int
         The entry along which ridges were walked.
     groups : sequence of sequence of int
         Hypotheses that share a ridge.
     nodes : sequence of sequence of Node
-        Each group's, in order of the coordinate.
+        Nodes of each group, in order of the coordinate.
     """
 
     density: Density
@@ -139,7 +142,7 @@ class Ridges:
 
     @property
     def proposals(self) -> list[Proposal]:
-        """One a group."""
+        """Proposals of draws, one for each group of hypotheses."""
         low, high = self.density.likelihood.fit.problem.bounds[self.coordinate]
         return [
             Proposal.of(self.density, own, self.coordinate, chosen, (float(low), float(high)))
@@ -252,7 +255,7 @@ class Source:
 
     @classmethod
     def of(cls, proposals: Sequence[Proposal], fit: Any) -> Source:
-        """Those of a fit's ridges."""
+        """Gather the proposals of a fit's ridges."""
         noise = noise_entries(fit.problem)
         own = fit.scaled_covariance[noise[:, None], noise]
         factor = np.linalg.cholesky(own + 1e-12 * np.eye(len(noise)))

@@ -16,8 +16,8 @@ from underlay.inference.uncertainty.tree import Tangent
 
 __all__ = ["Seen", "seen_in"]
 
-_FOOT = 0.2  # of the depth: where a contact that is made gradually shows
-_TOP, _CONTACT = 1.0, 0.1  # depths, of the largest, between which the apparent modulus changes
+_FOOT = 0.2  # share of the largest depth in which a contact that is made gradually shows
+_TOP, _CONTACT = 1.0, 0.1  # depths, over the largest, between which the change of the apparent modulus is
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Seen:
         Probability of a step of the force at contact, of a ramp of the baseline, of fringes or vibration,
         of a baseline that turns.
     step_force, ramp_force, turn_force : float
-        Their sizes (N), as far as they are seen: the step across contact, ramp and turn over the record.
+        Sizes (N) of step, ramp and turn as far as they are seen: across contact, and over the record.
     corrected : float
         Probability of the hypotheses in which step or ramp are taken out of the value.
     """
@@ -77,12 +77,12 @@ def seen_in(
     deviation: float,
     size: int,
 ) -> Seen:
-    """What is seen on one linearisation.
+    """Read the disturbances of one curve off its linearisation.
 
     Parameters
     ----------
     columns, tangent, hypotheses, table, growth
-        Of the curve.
+        As in `CurveState`.
     deviation : float
         Unit of the rows (N).
     size : int

@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
 __all__ = ["NOISE", "Statement"]
 
-#: The source of the statistical part.
+#: Name of the source of the statistical part.
 NOISE = "noise and misfit"
-_LEVEL = 0.95
-# In scaled coordinates: an end a factor of 400 away, or six spans of the curve, is none.
+_LEVEL = 0.95  # confidence of answers by default, and of the moves of a source
+# Distance in scaled coordinates from which an end is none: a factor of 400, or six spans of the curve.
 _FARTHEST = 6.0
 # Numbers that may be zero, and whose errors add as they are: their logarithms make factors of 100 of small ones.
 _FROM_ZERO = ("layer.stiffening.inverse_limit",)
-# Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
+# Step of central differences in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
 # First places at which quantities are asked: the answer's value, and that of least squares.
 _VALUE, _PLAIN, _FIRST_MOVE = 0, 1, 2
@@ -104,7 +104,7 @@ class Statement:
     @cached_property
     @one_thread()
     def reading(self) -> Reading:
-        """What is read from it: intervals and draws."""
+        """Intervals and draws that are read from the likelihood."""
         return self.likelihood.read(0)
 
     @cached_property
@@ -281,7 +281,7 @@ class Statement:
         return Contribution(source, size, origin, value - low, high - value, share)
 
     def _notes(self, scale: _Scale) -> tuple[str, ...]:
-        """Rules that moved the value."""
+        """Rules that moved the value, in words."""
         notes = []
         plain = float(scale.places[_PLAIN])
         if plain != scale.value:

@@ -1,4 +1,4 @@
-"""What the rest of the tree answers: one curve's model, its readings in blocks, and what is said of its noise.
+"""The curves of a fit as this room needs them: each one's model, its readings in blocks, its stated noise.
 
 The only file of this room that knows `Problem`, `Member`, `Forward` and `Fit`.
 """
@@ -60,7 +60,7 @@ class CurveModel:
     Parameters
     ----------
     problem : Problem
-        Whose vectors are asked for.
+        The problem whose vectors it is asked at.
     member : Member
         The curve.
     forward : Forward
@@ -138,23 +138,23 @@ class CurveModel:
 
 
 def curve_models(fit: Any) -> list[CurveModel]:
-    """One model a curve of a `Fit`."""
+    """Models of the curves of a `Fit`, one each."""
     make = _open if fit.problem.noise_is_open else _stated
     return [make(fit, i) for i in range(len(fit.problem.members))]
 
 
 def straight(problem: Problem) -> NDArray[np.bool_]:
-    """Which entries of a vector the force may be straight in, (k,)."""
+    """Mask (k,) of the entries of a vector in which the force may be straight."""
     return np.array([c.path in _STRAIGHT or c.path.startswith("noise.") for c in problem.coordinates])
 
 
 def scales_force(problem: Problem) -> NDArray[np.bool_]:
-    """Which entries act on the contact force, and not on what is read beside it, (k,)."""
+    """Mask (k,) of the entries that act on the contact force, and not on what is read beside it."""
     return np.array([not c.path.startswith("instrument.baseline") for c in problem.coordinates])
 
 
 def held(fit: Any) -> NDArray[np.bool_]:
-    """Which entries of a vector lie on a bound, (k,)."""
+    """Mask (k,) of the entries of a vector that lie on a bound."""
     return np.array([name in fit.bounds_hit for name in fit.names])
 
 
@@ -218,7 +218,7 @@ def log_prior(problem: Problem, vectors: FloatArray) -> FloatArray:
 
 
 def tangents(models: Sequence[CurveModel], vector: FloatArray) -> list[Tangent] | None:
-    """All curves at a vector (k,); None where a law does not exist."""
+    """Tangents of all curves at a vector (k,); None where a law does not exist."""
     try:
         return [model.tangent(vector) for model in models]
     except InputError:

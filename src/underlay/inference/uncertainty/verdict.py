@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CHECK", "GOOD", "REJECT", "verdict_of"]
 
+#: Words of a verdict.
 GOOD, CHECK, REJECT = "good", "check", "reject"
 # Changes of the apparent modulus over the range from which on a model is checked, and rejected; and the deviations
 # that a change must stand above: of 2000 clean curves one in a thousand is above by chance.
@@ -36,9 +37,10 @@ _CHANGED, _WRONG, _SURE = math.log(1.10), math.log(1.30), 4.0
 # Residuals, as a share of the largest force, below which a model is not rejected: the first of three real curves of
 # cartilage changes by 41 % beside its contact point and is described to 0.8 %; the poor ones leave 2.2 and 9 %.
 _DESCRIBED = 0.02
-# Those above which any is, unless they are white noise: three ramps of a stepwise test fitted as one leave 20 %.
+# Residuals, as the same share, above which any model is rejected, unless they are white noise: three ramps of a
+# stepwise test fitted as one leave 20 %.
 _NOT_DESCRIBED = 0.05
-# A half-space whose modulus rises by so much has a base below.
+# Rise of a half-space's modulus (in ln) from which there is a base below.
 _CHANGED_HALF_SPACE = math.log(1.20)
 # Share of the depth over which a step at contact rises, and the depth that counts as shallow.
 _RISE, _TENTH = 0.03, 0.1
@@ -50,14 +52,14 @@ _LIKELY, _STEP, _RAMP = 0.9, 0.02, 0.02
 _ONE_INPUT, _WIDE = 0.8, 0.30
 # 1/Jm of soft tissue, the middle of its prior (the study of stiffening layers, section 3).
 _USUAL_LIMIT = 0.5
-# Ends that are a factor apart: the number is known to a factor only.
+# Ratio of the ends of an interval from which a number is known to a factor only.
 _FACTOR = 2.0
 _WORDS = {
     "indenter.radius": "the tip radius",
     "layer.thickness": "the thickness",
     "layer.nu": "Poisson's ratio",
 }
-#: Warnings of a fit that decide whether its numbers can be used: cause and next step.
+# Warnings of a fit that decide whether its numbers can be used: cause and next step.
 _WARNED = {
     "not-converged": ("the search met no optimum", "give a start nearer to the sample's values"),
     "law-range": ("the contact model's range ends before the curve", "fit a smaller depth"),
@@ -70,7 +72,17 @@ _WARNED = {
 
 
 def verdict_of(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Advice:
-    """Judge a fit by what is seen of its curves and by its answers."""
+    """Judge a fit by what is seen of its curves and by its answers.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    reading : Reading
+        What was read from its likelihood.
+    answer : callable
+        Answer of a quantity by its name.
+    """
     found = list(_found(fit, reading, answer))
     if not found:
         return Advice(GOOD, f"the model describes the curve{_residuals(fit)}")

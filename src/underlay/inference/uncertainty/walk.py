@@ -17,10 +17,12 @@ from underlay.inference.uncertainty.tree import tangents
 
 __all__ = ["Node", "bends_of", "walk"]
 
-_FIRST, _SHORTEST, _LONGEST = 0.5, 0.1, 1.0  # standard deviations, twice; scaled coordinate
-_MOST, _DROP = 22, 8.0  # nodes to a side; nats below the top where a walk ends
-_STEPS, _SETTLED, _STRIDE = 4, 0.1, 0.7  # Gauss-Newton: how often, until which share of a deviation, how far
-_BENDS, _VISIBLE = 4, 0.3  # bends that are kept; deviations of all rows together from which one shows
+_FIRST, _SHORTEST = 0.5, 0.1  # first and shortest step of a walk, in standard deviations
+_LONGEST = 1.0  # longest step, in the scaled coordinate
+_MOST, _DROP = 22, 8.0  # nodes to a side at most; nats below the top where a walk ends
+# Gauss-Newton's method beside the path: steps at most; share of a deviation below which it ends; longest step.
+_STEPS, _SETTLED, _STRIDE = 4, 0.1, 0.7
+_BENDS, _VISIBLE = 4, 0.3  # bends that are kept at most; deviations of all rows together from which one shows
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +35,11 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """What a walk keeps to: entries that move, bounds (k, 2), and per curve rows (n, q) that are taken out.
+    """The path that a walk keeps to.
 
-    `misses` are what is left of the rows at least squares, (n,) each: zero where the fitted model is the aim.
+    It has bounds (k, 2) of the scaled vector, and per curve rows (n, q) that are taken out (`without`).
+    `misses` are the residuals of the rows at least squares, (n,) each, zero where the fitted model is the aim;
+    `priors` (k,) is the curvature of the priors.
     """
 
     density: Density
@@ -85,7 +89,25 @@ class Path:
 def walk(
     path: Path, start: FloatArray, coordinate: int, deviation: float, level: Callable[[Node], float]
 ) -> list[Node]:
-    """Nodes in order of the coordinate, from `start` (k,) to where `level` has fallen by 8 nats, or to a bound.
+    """Walk along a ridge to both sides, to where the evidence has fallen by 8 nats, or to a bound.
+
+    Parameters
+    ----------
+    path : Path
+        What the walk keeps to.
+    start : FloatArray
+        Scaled vector (k,) to begin at.
+    coordinate : int
+        The entry along which it goes.
+    deviation : float
+        Standard deviation of that entry, scaled.
+    level : callable
+        Logarithm of the evidence at a node.
+
+    Returns
+    -------
+    list of Node
+        In order of the coordinate.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Curves at least squares with what may disturb each weighed: everything that is read of them begins here."""
+"""The curves of a fit with what may disturb each weighed at least squares: the ground of every reading."""
 
 from __future__ import annotations
 
@@ -90,9 +90,9 @@ class Weighed:
     Parameters
     ----------
     fit : Fit
-        Its vector is the value; its problem says what is free, and what is known of the noise.
+        The fit: its vector is the value; its problem says what is free, and what is known of the noise.
     states : tuple of CurveState
-        One a curve.
+        One for each curve.
     """
 
     fit: Any
@@ -110,7 +110,7 @@ class Weighed:
 
     @cached_property
     def freedom(self) -> float:
-        """Degrees of freedom that the size of the noise is known with."""
+        """Degrees of freedom with which the size of the noise is known."""
         if all(state.model.size_is_known for state in self.states):
             return _KNOWN
         rows = sum(len(state.model.measured) for state in self.states)
@@ -173,7 +173,7 @@ class Weighed:
 
     @property
     def entries(self) -> NDArray[np.intp]:
-        """The same as numbers."""
+        """Indices of the entries that act on some curve."""
         return np.flatnonzero(self.determined)
 
 
