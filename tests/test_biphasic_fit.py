@@ -162,3 +162,29 @@ print(sorted(name for name in sys.modules if "biphasic" in name))
 """
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("tip", [None, ul.Sphere(2e-3), ul.Paraboloid(2e-3)])
+def test_many_sets_are_answered_as_each_alone(tip):
+    scene = wet(tip)
+    curve = made(scene, *record(4e-5, end=700.0))
+    problem = ul.Problem(scene, curve, FREE)
+    # The third is beyond the tables, the fourth is no layer.
+    sets = np.array([(5e5, 0.15, 1e-15), (2e5, 0.4, 3e-15), (3e5, 0.485, 1e-15), (3e5, 0.6, 1e-15)])
+    found = problem.members[0].readings(sets, stiffness=False)
+    assert found.possible.tolist() == [True, True, True, False]
+    for row in range(3):
+        alone = scene.with_values(dict(zip(FREE, sets[row], strict=True))).force(curve.depth, curve.time)
+        assert found.force[row] == pytest.approx(alone, rel=2e-7, abs=1e-9 * alone.max())
+
+
+def test_layers_of_many_thicknesses_under_a_punch():
+    scene = wet()
+    curve = made(scene, *record())
+    free = {**FREE, "layer.thickness": ul.Normal(1e-3, 5e-5), "instrument.baseline": None}
+    problem = ul.Problem(scene, curve, free)
+    sets = np.array([(5e5, 0.15, 1e-15, 1e-3, 0.0), (2e5, 0.4, 3e-15, 0.8e-3, 1e-3)])
+    found = problem.members[0].readings(sets, stiffness=False)
+    for row in range(2):
+        alone = scene.with_values(dict(zip(free, sets[row], strict=True))).force(curve.depth, curve.time)
+        assert found.force[row] == pytest.approx(alone, rel=1e-9)

@@ -88,6 +88,7 @@ class Statement:
     fit: Fit
     refit: Refit
     _answers: dict[tuple[str, float], Answer] = field(default_factory=dict, init=False)
+    _derived: dict[bytes, Mapping[str, FloatArray]] = field(default_factory=dict, init=False)
 
     @cached_property
     @one_thread()
@@ -176,10 +177,10 @@ class Statement:
         )
 
     def _of_derived(self, name: str, level: float) -> _Scale:
-        problem, reading = self.fit.problem, self.reading
+        reading = self.reading
 
         def of(q: FloatArray) -> FloatArray:
-            found = derived_quantities(problem, problem.physical(q))
+            found = self._derived_at(q)
             if name not in found:
                 free, derived = ", ".join(self.fit.names), ", ".join(found)
                 raise InputError(
@@ -208,6 +209,14 @@ class Statement:
             of=log_of if positive else of,
             physical=math.exp if positive else float,
         )
+
+    def _derived_at(self, vectors: FloatArray) -> Mapping[str, FloatArray]:
+        """What follows at scaled vectors (m, k), by name: answers of all that follows ask at the same ones."""
+        key = vectors.tobytes()
+        if key not in self._derived:
+            problem = self.fit.problem
+            self._derived[key] = derived_quantities(problem, problem.physical(vectors))
+        return self._derived[key]
 
     def _found(self, scale: _Scale, level: float) -> Answer:
         """Both parts in quadrature on the scale, and what each source has of them."""
