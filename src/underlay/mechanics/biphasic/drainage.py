@@ -31,7 +31,7 @@ from underlay.mechanics.biphasic.judgement import (
     ramp_doubt,
     refuse_load_control,
 )
-from underlay.mechanics.biphasic.many import Layers, punch_forces, tip_forces
+from underlay.mechanics.biphasic.many import Layers, lattice_forces, punch_forces, tip_forces
 from underlay.mechanics.biphasic.material import Biphasic, BiphasicMaterial
 from underlay.mechanics.biphasic.response import Response
 from underlay.mechanics.biphasic.transfer import Relaxing, Transfer, relaxation
@@ -185,18 +185,40 @@ class Drainage(WholeHistory):
     def answers(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
-        """See `WholeHistory.answers`: isotropic layers off the shipped tables."""
+        """See `WholeHistory.answers`: isotropic layers off the shipped tables, others off one of their own."""
         tip, thickness = self.indenter, values.get(_THICKNESS, self.layer.thickness)
-        plain = self.material.isotropic and self._modes is None and (depth > 0.0).any()
-        sized = isinstance(thickness, np.ndarray) or isinstance(values[_RADIUS], np.ndarray)
-        if not plain or (sized and not isinstance(tip, FlatPunch)):
+        if not (depth > 0.0).any():
             return None
+        sized = isinstance(thickness, np.ndarray) or isinstance(values[_RADIUS], np.ndarray)
+        if (
+            not self.material.isotropic
+            or self._modes is not None
+            or (sized and not isinstance(tip, FlatPunch))
+        ):
+            return self._on_a_lattice(values, sets, depth, time)
         layers = Layers(*(np.broadcast_to(values[path], sets) for path in (_E, _NU, _K)))
         if isinstance(tip, Sphere | Paraboloid):
             line = ramps_and_holds(depth, time)
             return tip_forces(layers, tip, self.layer.thickness, self.drainage, line, depth, time)
         radius, h = (np.broadcast_to(length, sets) for length in (values[_RADIUS], thickness))
         return punch_forces(layers, radius, h, self.drainage, followed(depth, time), time)
+
+    def _on_a_lattice(
+        self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
+        """The same of other layers; None where a lattice would cost more than one set after another."""
+        own = numbers_of(self)
+        vary = {path: v for path, v in values.items() if path in own and isinstance(v, np.ndarray)}
+        modulus = np.broadcast_to(values[_E], sets)
+
+        def solve(point: list[float]) -> FloatArray:
+            told = dict(zip(vary, point, strict=True))
+            # Over the modulus, which bends a logarithm's axis most.
+            return self.at(told).answer(depth, time) / told.get(_E, float(modulus[0]))
+
+        columns = [(v, own[path].quantity.is_scale) for path, v in vary.items()]
+        found = lattice_forces(columns, solve, sets // 2)
+        return None if found is None else (modulus[:, None] * found[0], found[1])
 
     def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
         """Creep of a flat punch; see `History.depth`."""

@@ -1,15 +1,19 @@
-"""Many isotropic draining layers under one motion of one tip, off the shipped tables: the draws of a fit."""
+"""Many draining layers under one motion of one tip, as a fit's draws are: off tables, shipped or of its own."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay.errors import InputError
 from underlay.mechanics.biphasic import punch_table, tip_table
 from underlay.mechanics.biphasic.contacts import DrainingTip, comes_off
 from underlay.mechanics.biphasic.history import Polyline
@@ -17,10 +21,13 @@ from underlay.mechanics.biphasic.material import Biphasic
 from underlay.mechanics.biphasic.punch_table import Axis
 from underlay.mechanics.indenters import Paraboloid, Sphere
 
-__all__ = ["Layers", "punch_forces", "tip_forces"]
+__all__ = ["Layers", "lattice_forces", "punch_forces", "tip_forces"]
 
 # A44/A33 from incompressible to nu = 0: the compliance of a drained layer is a polynomial in it, to 1e-9.
 _SOFTNESS = Axis(0.0, 0.5, 16)
+# Spacing of the lattice, of logarithms and of Poisson's ratios, fractions and so on: parabolas between its points
+# are within 2e-4 of the peak (transversely isotropic layers, Prony series; see the tests).
+_LOG_SPACING, _SPACING = 0.15, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,4 +122,53 @@ def tip_forces(
     undrained_share = found[np.ix_(served, touching)]
     forces = drained + undrained_share * (at_once - drained)
     found[np.ix_(served, touching)] = own.shear_modulus[:, None] * forces
+    return found, served
+
+
+def lattice_forces(
+    columns: Sequence[tuple[FloatArray, bool]], solve: Callable[[list[float]], FloatArray], most: int
+) -> tuple[FloatArray, NDArray[np.bool_]] | None:
+    """Forces of many sets by parabolas between points of a lattice that does not know the sets.
+
+    Parameters
+    ----------
+    columns : sequence of (FloatArray, bool)
+        Of each number that varies its values, (sets,), and whether it counts by its logarithm.
+    solve : callable
+        Forces, (n,), at one point's numbers; refuses with an InputError.
+    most : int
+        Points that may be solved for; None where more are needed.
+
+    Returns
+    -------
+    (FloatArray, FloatArray)
+        (sets, n), and which sets are served, (sets,): those beside no refused point.
+    """
+    spacing = np.array([_LOG_SPACING if by_log else _SPACING for _, by_log in columns])
+    fine = np.logical_and.reduce([(values > 0.0) | (not by_log) for values, by_log in columns])
+    x = np.stack([np.log(np.where(fine, v, 1.0)) if by_log else v for v, by_log in columns], axis=1) / spacing
+    nearest = np.rint(x)
+    off = x - nearest
+    parabolas = np.stack((0.5 * off * (off - 1.0), 1.0 - off * off, 0.5 * off * (off + 1.0)), axis=1)
+    steps = list(product((0, 1, 2), repeat=len(columns)))
+    corners = nearest[:, None, :] + np.array(steps) - 1.0
+    points, which = np.unique(corners.reshape(-1, len(columns)), axis=0, return_inverse=True)
+    if len(points) > most:
+        return None
+    which = which.reshape(len(x), len(steps))
+    solved: dict[int, FloatArray] = {}
+    for number, point in enumerate(points * spacing):
+        told = [
+            float(np.exp(v)) if by_log else float(v) for v, (_, by_log) in zip(point, columns, strict=True)
+        ]
+        with suppress(InputError):
+            solved[number] = solve(told)
+    served = fine & np.isin(which, list(solved)).all(axis=1)
+    if not solved:
+        return np.zeros((len(x), 1)), served
+    own = which[served]
+    found = np.zeros((len(x), next(iter(solved.values())).size))
+    for corner, step in enumerate(steps):
+        weight = np.prod([parabolas[served, way, k] for k, way in enumerate(step)], axis=0)
+        found[served] += weight[:, None] * np.array([solved[int(one)] for one in own[:, corner]])
     return found, served
