@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -162,3 +163,60 @@ print(sorted(name for name in sys.modules if "biphasic" in name))
 """
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("tip", [None, ul.Sphere(2e-3)])
+def test_many_sets_are_answered_as_each_alone(tip):
+    scene = wet(tip)
+    curve = made(scene, *record(4e-5, end=700.0))
+    problem = ul.Problem(scene, curve, FREE)
+    # The third is no layer, the fourth beyond the tables: under a sphere that is solved for half a minute.
+    sets = np.array([(5e5, 0.15, 1e-15), (2e5, 0.4, 3e-15), (3e5, 0.6, 1e-15), (3e5, 0.485, 1e-15)])
+    sets = sets[: 4 if tip is None else 3]
+    found = problem.members[0].readings(sets, stiffness=False)
+    assert found.possible.tolist() == [True, True, False, True][: len(sets)]
+    for row in np.flatnonzero(found.possible):
+        alone = scene.with_values(dict(zip(FREE, sets[row], strict=True))).force(curve.depth, curve.time)
+        assert found.force[row] == pytest.approx(alone, rel=2e-7, abs=1e-9 * alone.max())
+
+
+def test_many_sets_off_a_table_of_their_own():
+    layer = ul.Layer(wet().layer.material, 1e-3, relaxation=ul.Prony((0.3,), (50.0,)))
+    both = ul.Scene(ul.FlatPunch(0.5e-3), layer, ul.RIGID, drainage="solid")
+    for scene, names in (
+        (fibrous(), ("layer.E", "layer.E_axial", "layer.permeability")),
+        (both, ("layer.permeability", "layer.relaxation.fractions[0]")),
+    ):
+        curve = made(scene, *record())
+        problem = ul.Problem(scene, curve, dict.fromkeys(names))
+        spread = 1.0 + 0.02 * np.random.default_rng(2).standard_normal((400, len(names)))
+        sets = spread * [scene.parameters[name] for name in names]
+        found = problem.members[0].readings(sets, stiffness=False)
+        assert found.possible.all()
+        for row in (3, 217):
+            alone = scene.with_values(dict(zip(names, sets[row], strict=True))).force(curve.depth, curve.time)
+            error = np.abs(found.force[row] - alone).max() / alone.max()
+            assert 0.0 < error < 2e-4
+
+
+def test_what_is_entered_of_a_fibrous_layer_is_in_its_budget():
+    scene = replace(fibrous(), uncertainties=None)
+    fit = ul.fit(ul.Problem(scene, made(scene, *record()), ["layer.permeability"]))
+    budget = fit.answer("layer.permeability").budget.set_index("source")
+    assert budget.loc["layer.G_axial", "size"] == "± 20 %"
+    assert budget.loc["layer.permeability_ratio", "size"] == "a factor of 2"
+    rows = ["layer.G_axial", "layer.nu_axial", "layer.permeability_ratio"]
+    assert (budget.loc[rows, "origin"] == "assumed").all()
+    assert (budget.loc[rows, "contribution"] > 0.01 * 1e-15).all()
+
+
+def test_layers_of_many_thicknesses_under_a_punch():
+    scene = wet()
+    curve = made(scene, *record())
+    free = {**FREE, "layer.thickness": ul.Normal(1e-3, 5e-5), "instrument.baseline": None}
+    problem = ul.Problem(scene, curve, free)
+    sets = np.array([(5e5, 0.15, 1e-15, 1e-3, 0.0), (2e5, 0.4, 3e-15, 0.8e-3, 1e-3)])
+    found = problem.members[0].readings(sets, stiffness=False)
+    for row in range(2):
+        alone = scene.with_values(dict(zip(free, sets[row], strict=True))).force(curve.depth, curve.time)
+        assert found.force[row] == pytest.approx(alone, rel=1e-9)

@@ -21,6 +21,15 @@ def test_shipped_punch_table(tip):
     assert error < punch_table.STATED_ERROR, where
 
 
+def test_ends_of_the_punch_table_are_the_elastic_laws():
+    table = punch_table.shipped("solid")
+    eps, nu = np.array([0.0, 0.02, 0.5, 1.7, 4.0]), np.array([0.1, 0.0, 0.2, 0.4, 0.48])
+    start, end = table.ends(eps, nu)
+    exact = [PunchTransfer(isotropic(b).skeleton, float(a), "solid") for a, b in zip(eps, nu, strict=True)]
+    assert start == pytest.approx([one.undrained for one in exact], rel=punch_table.STATED_ERROR_OF_ENDS)
+    assert end == pytest.approx([one.drained for one in exact], rel=punch_table.STATED_ERROR_OF_ENDS)
+
+
 def test_forces_by_the_table_are_those_of_the_solver():
     table = punch_table.shipped("solid")
     time = np.geomspace(0.01, 20.0, 40)
@@ -73,11 +82,11 @@ def test_what_the_tip_table_does_not_cover():
 def test_a_table_of_a_fit():
     def response(log_ratio):
         material = BiphasicTransverse(np.exp(log_ratio), 1.0, 0.2, 0.1, 0.5, 1.0)
-        return relaxation(PunchTransfer(material.skeleton, 1.0, "solid"))
+        return relaxation(PunchTransfer(material.skeleton, 1.0, "solid")).fall
 
     table = ResponseTable.solved([Axis(0.0, np.log(20.0), 9)], response)
     for log_ratio in (0.1, 1.0, 2.9):
-        assert np.abs(table.at([log_ratio]) - response(log_ratio).fall).max() < 1e-4
+        assert np.abs(table.at([log_ratio]) - response(log_ratio)).max() < 1e-4
 
 
 def fit(radius, thickness, history, time, force, noise, start):

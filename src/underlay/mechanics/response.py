@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
@@ -177,6 +178,16 @@ class WholeHistory(History):
     @abstractmethod
     def answer(self, depth: FloatArray, time: FloatArray) -> FloatArray:
         """Force (N), (n,), of depths since contact (m) at times (s), (n,) each."""
+
+    def answers(
+        self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
+        """Answers (N), (sets, n), with each of many sets of numbers, by path, (sets,) where they vary.
+
+        And which sets are answered, (sets,); others are asked one by one. None, the default, answers none.
+        """
+        del values, sets, depth, time
+        return None
 
     @abstractmethod
     def stiffness(self, depth: FloatArray, force: FloatArray) -> FloatArray:

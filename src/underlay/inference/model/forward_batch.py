@@ -33,7 +33,6 @@ from underlay.inference.model.groups import ParameterSets, Readings, Values, is_
 from underlay.inference.model.on_law import OnLinear
 from underlay.inference.model.ratio_batch import by_ratios, goes_together
 from underlay.mechanics.contact import AdhesionTable
-from underlay.mechanics.response import WholeHistory
 from underlay.scene.instrument import Frame
 
 __all__ = ["batched_pull_offs", "batched_readings", "bending", "sticking"]
@@ -176,8 +175,6 @@ def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness:
     from underlay.inference.model.remembered_batch import remembered_readings  # noqa: PLC0415  see above
 
     sets = len(empty.possible)
-    if isinstance(forward.history, WholeHistory):
-        return set_by_set(forward, values, range(sets), empty, stiffness=stiffness)
     together = None if stiffness else remembered_readings(forward, values, sets, batched_readings)
     if together is not None:
         contact, force, possible, left = together

@@ -1,7 +1,7 @@
 """A sample that remembers at many parameter sets at once: the elastic forces of all, then the memory of all.
 
-It serves a relaxing layer in and out, whatever the contact point of a set. Motions that no closed construction
-holds for, such as a second cycle, and a frame that yields go one by one.
+It serves a relaxing layer in and out, whatever the contact point of a set, and a memory that answers many sets
+itself. What no closed construction holds for, such as a second cycle, and a frame that yields go one by one.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.groups import Values
+from underlay.mechanics.response import WholeHistory, checked_times
 from underlay.mechanics.viscoelastic.history import Viscoelastic, forces_of_sets
 from underlay.scene.instrument import SENSITIVITY_RATIO, Chain, ContactDepth, Frame
 
@@ -42,6 +43,8 @@ def remembered_readings(
     None where that is all of them. `elastic` reads a forward model without memory, as `batched_readings`.
     """
     history, time = forward.history, forward.time
+    if isinstance(history, WholeHistory):
+        return _whole_readings(history, forward, values, sets)
     if not isinstance(history, Viscoelastic) or time is None or np.any(values[Frame.path]):
         return None
     contact = np.broadcast_to(values[ContactDepth.path], sets)
@@ -76,6 +79,21 @@ def remembered_readings(
         left = np.append(left, asked[~closed])
     chain = Chain.of(_upright(values))
     return force, chain.reading(force, forward.depth), possible, left
+
+
+def _whole_readings(
+    history: WholeHistory, forward: Forward, values: Values, sets: int
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
+    """The same of a memory that answers a motion itself, where all sets have one contact point."""
+    chain = Chain.of(_upright(values))
+    depth = chain.travel(forward.depth)
+    found = (
+        history.answers(values, sets, depth, checked_times(forward.time, depth)) if depth.ndim == 1 else None
+    )
+    if found is None:
+        return None
+    force, answered = found
+    return force, chain.reading(force, forward.depth), answered, np.flatnonzero(~answered)
 
 
 def _upright(values: Values) -> dict[str, float | FloatArray]:

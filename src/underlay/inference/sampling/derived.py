@@ -25,6 +25,7 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.inference.relaxed_moduli import of_memory, relaxed_moduli, suffixes
 from underlay.mechanics.body import Base
+from underlay.mechanics.response import WholeHistory
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Quantity, numbers_of, path_of
 from underlay.scene.parameters import kind_of
@@ -182,9 +183,11 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
                 quantities.setdefault(f"{part}.{name}{suffix}", values)
     for number, member in enumerate(problem.members):
         suffix = f"[{number}]" if several else ""
-        stiffness, possible = _deepest_stiffness(member, flat)
-        if possible:
-            quantities[f"stiffness{suffix}"] = stiffness
+        # What answers a motion itself has no one stiffness at a depth.
+        if not isinstance(member.forward.history, WholeHistory):
+            stiffness, possible = _deepest_stiffness(member, flat)
+            if possible:
+                quantities[f"stiffness{suffix}"] = stiffness
         for name, values in _pull_offs(member, flat).items():
             quantities[f"adhesion.{name}{suffix}"] = values
         if member.scene.layer.stiffening is not None:

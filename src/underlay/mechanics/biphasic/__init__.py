@@ -4,6 +4,6 @@
 history; `Drainage` the memory of a scene. Inside, from the bottom: `material` (and its numbers without units),
 `decaying` and `surface` (the kernel in Laplace and Hankel space); `equations` and `transfer` (contact equations in
 Laplace space); `response` and `history` (back to time); `past`, `moving`, `stepping` (a moving contact in time);
-`contacts` (in units); `punch_table` and `tip_table` (isotropic layers, tabulated); `judgement` (what is refused or
-said); `drainage` (what a scene and a fit ask).
+`contacts` (in units); `punch_table` and `tip_table` (isotropic layers, tabulated), `many` (a fit's draws, off these
+tables); `judgement` (what is refused or said); `drainage` (what a scene and a fit ask).
 """

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, positive
 from underlay.errors import InputError, RangeError
@@ -32,7 +33,9 @@ __all__ = [
     "PunchTable",
     "RampTable",
     "Ramped",
+    "SingleRamp",
     "TipRecord",
+    "comes_off",
 ]
 
 # Forces above minus this share of the largest are what the noise of a depth record makes of none.
@@ -42,8 +45,11 @@ _RIPPLED = 1e-3
 class PunchTable(Protocol):
     """Responses of isotropic layers by a/h and nu, without units."""
 
-    def covers(self, eps: float, nu: float) -> bool:
+    def covers(self, eps: float, nu: float) -> NDArray[np.bool_]:
         """Whether they are inside."""
+
+    def ends(self, eps: float, nu: float) -> tuple[FloatArray, FloatArray]:
+        """P/(4 theta_d a w) at once and in the long run."""
 
     def __call__(self, eps: float, nu: float) -> Response:
         """Read the table."""
@@ -107,22 +113,30 @@ class DrainingPunch:
         return 4.0 * float(self.material.plane_constants.theta) * self.radius
 
     @cached_property
+    def _elastic(self) -> PunchTransfer:
+        return PunchTransfer(self.material.skeleton, self.eps, self.drainage)
+
+    @cached_property
     def transfer(self) -> Transfer:
         """khat(s), without units."""
-        elastic = PunchTransfer(self.material.skeleton, self.eps, self.drainage)
         if self.modes is None:
-            return elastic
-        return Relaxing(elastic, replace(self.modes, times=self.modes.times / self.unit_time))
+            return self._elastic
+        return Relaxing(self._elastic, replace(self.modes, times=self.modes.times / self.unit_time))
+
+    @cached_property
+    def _tabulated(self) -> PunchTable | None:
+        """The table, if it covers this layer."""
+        if self.table is None or not self.material.isotropic:
+            return None
+        return self.table if self.table.covers(self.eps, self.material.nu) else None
 
     @cached_property
     def response(self) -> Response:
         """Force (N) after a unit step of depth (m), times in s."""
-        table, nu = self.table, self.material.nu
-        plain = self.material.isotropic and self.modes is None
-        if table is not None and plain and table.covers(self.eps, nu):
-            found = table(self.eps, nu)
-        else:
+        if self._tabulated is None or self.modes is not None:
             found = self.solve(self.transfer)
+        else:
+            found = self._tabulated(self.eps, self.material.nu)
         return found.scaled(self.unit_stiffness, self.unit_time)
 
     @cached_property
@@ -132,8 +146,11 @@ class DrainingPunch:
 
     @property
     def peak_ratio(self) -> float:
-        """Undrained over drained stiffness: peak over equilibrium of a sudden step."""
-        return self.response.start / self.response.end
+        """Undrained over drained stiffness of the skeleton: peak over equilibrium of a sudden step."""
+        if self._tabulated is None:
+            return self._elastic.undrained / self._elastic.drained
+        start, end = self._tabulated.ends(self.eps, self.material.nu)
+        return float(start / end)
 
     def peak_over_equilibrium(self, depth: Polyline) -> float:
         """Largest force of a history over the force that is left of its last depth."""
@@ -150,8 +167,8 @@ class DrainingPunch:
         """
         t = as_finite(time, "time")
         found = depth.in_contact.superposed(self.response, t)
-        lowest = int(found.argmin()) if found.size else 0
-        if found.size and found[lowest] < -_RIPPLED * np.abs(found).max():
+        if found.size and comes_off(found):
+            lowest = int(found.argmin())
             raise RangeError(
                 f"the punch comes off at {t[lowest]:.6g} s: under it the layer would have to pull with "
                 f"{-found[lowest]:.3g} N; end the record before it is withdrawn"
@@ -161,6 +178,11 @@ class DrainingPunch:
     def depth(self, load: Polyline, time: ArrayLike) -> FloatArray:
         """Depth (m) at times (s), (n,), under a history of load (N): creep."""
         return load.superposed(self.compliance, time)
+
+
+def comes_off(force: FloatArray) -> NDArray[np.bool_]:
+    """Whether a punch comes off, (...), by its forces (N), (..., n)."""
+    return np.asarray(force.min(axis=-1) < -_RIPPLED * np.abs(force).max(axis=-1))
 
 
 # Of the depth: what a hold may fall back by.
@@ -190,6 +212,15 @@ class RampTable(Protocol):
 
     def __call__(self, eps: float, nu: float, ramp: float) -> Ramped:
         """Read the table."""
+
+
+class SingleRamp(NamedTuple):
+    """When a ramp begins, how long it lasts (s), how deep it goes, and the undrained contact radius there (m)."""
+
+    start: float
+    duration: float
+    deepest: float
+    radius: float
 
 
 @dataclass(frozen=True)
@@ -269,7 +300,7 @@ class DrainingTip:
             return np.asarray(law.force(w))
         radius = float(law.contact_radius(deepest))
         depth = _sudden(depth, _QUICKEST * self.material.drainage_time(radius))
-        kept = self._tabulated(depth, radius, end)
+        kept = self._tabulated(depth, end)
         if kept is None:
             return np.asarray(law.force(w) * self.record(depth, end).ratio_at(t))
         drained = self.drained(deepest).force(w)
@@ -277,26 +308,31 @@ class DrainingTip:
 
     def is_tabulated(self, depth: Polyline, end: float) -> bool:
         """Whether a table covers a history of depth (m) up to a time (s)."""
+        return self._tabulated(depth, end) is not None
+
+    def single_ramp(self, depth: Polyline) -> SingleRamp | None:
+        """The ramp of a history of depth (m), where it is one, and a table of paraboloids serves the tip."""
         depth = depth.in_contact
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         radius = float(self.undrained(deepest).contact_radius(deepest))
-        return self._tabulated(depth, radius, end) is not None
-
-    def _tabulated(
-        self, depth: Polyline, length: float, end: float
-    ) -> Callable[[FloatArray], FloatArray] | None:
-        """What has not drained at times (s), where the table covers this history up to `end` (s)."""
         one_ramp = not depth.jumps[0].size and depth.rises.size == 1 and depth.value[0] == 0.0
-        blunt = isinstance(self.indenter, Paraboloid) or length <= _FLAT_ENOUGH * self.indenter.radius
-        plain = self.modes is None and self.material.isotropic
-        if self.table is None or not (one_ramp and blunt and plain):
+        blunt = isinstance(self.indenter, Paraboloid) or radius <= _FLAT_ENOUGH * self.indenter.radius
+        if not (one_ramp and blunt):
             return None
-        start, unit = float(depth.bends[0][0]), self.material.drainage_time(length)
-        ramp, eps, nu = (float(depth.rises[0]) / unit, length / self.thickness, self.material.nu)
-        if not self.table.covers(eps, nu, ramp, (end - start) / unit):
+        return SingleRamp(float(depth.bends[0][0]), float(depth.rises[0]), deepest, radius)
+
+    def _tabulated(self, depth: Polyline, end: float) -> Callable[[FloatArray], FloatArray] | None:
+        """What has not drained at times (s), where the table covers this history up to `end` (s)."""
+        plain = self.modes is None and self.material.isotropic
+        ramped = self.single_ramp(depth) if plain and self.table is not None else None
+        if ramped is None or self.table is None:
+            return None
+        unit, eps = self.material.drainage_time(ramped.radius), ramped.radius / self.thickness
+        ramp, nu = ramped.duration / unit, self.material.nu
+        if not self.table.covers(eps, nu, ramp, (end - ramped.start) / unit):
             return None
         found = self.table(eps, nu, ramp)
-        return lambda time: found.at((time - start) / unit)
+        return lambda time: found.at((time - ramped.start) / unit)
 
     def record(self, depth: Polyline, end: float) -> TipRecord:
         """Solve up to a time (s)."""

@@ -22,7 +22,6 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.biphasic import punch_table, tip_table
 from underlay.mechanics.biphasic.contacts import DrainingPunch, DrainingTip
-from underlay.mechanics.biphasic.elastic_ends import punch_factor
 from underlay.mechanics.biphasic.history import Polyline, followed, ramps_and_holds
 from underlay.mechanics.biphasic.judgement import (
     anisotropy_doubt,
@@ -32,6 +31,7 @@ from underlay.mechanics.biphasic.judgement import (
     ramp_doubt,
     refuse_load_control,
 )
+from underlay.mechanics.biphasic.many import Layers, lattice_forces, punch_forces, tip_forces
 from underlay.mechanics.biphasic.material import Biphasic, BiphasicMaterial
 from underlay.mechanics.biphasic.response import Response
 from underlay.mechanics.biphasic.transfer import Relaxing, Transfer, relaxation
@@ -45,6 +45,7 @@ __all__ = ["CONTACT_DEPTH", "Drainage", "Kept"]
 
 CONTACT_DEPTH = "instrument.contact_depth"
 _E, _K, _NU, _AXIAL = "layer.E", "layer.permeability", "layer.nu", "layer.E_axial"
+_THICKNESS, _RADIUS = "layer.thickness", "indenter.radius"
 # Relative steps (of Poisson's ratios absolute; of the contact over the deepest reading) of differences: both ways
 # where the force is smooth to 1e-7, one way where a moving contact is solved, which its steps make so to 1e-5.
 _FINE_STEP, _COARSE_STEP = 1e-4, 3e-3
@@ -181,6 +182,44 @@ class Drainage(WholeHistory):
             return contact.force(followed(depth, time), time)
         return contact.force(ramps_and_holds(depth, time), time, depth)
 
+    def answers(
+        self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
+        """See `WholeHistory.answers`: isotropic layers off the shipped tables, others off one of their own."""
+        tip, thickness = self.indenter, values.get(_THICKNESS, self.layer.thickness)
+        if not (depth > 0.0).any():
+            return None
+        sized = isinstance(thickness, np.ndarray) or isinstance(values[_RADIUS], np.ndarray)
+        if (
+            not self.material.isotropic
+            or self._modes is not None
+            or (sized and not isinstance(tip, FlatPunch))
+        ):
+            return self._on_a_lattice(values, sets, depth, time)
+        layers = Layers(*(np.broadcast_to(values[path], sets) for path in (_E, _NU, _K)))
+        if isinstance(tip, Sphere | Paraboloid):
+            line = ramps_and_holds(depth, time)
+            return tip_forces(layers, tip, self.layer.thickness, self.drainage, line, depth, time)
+        radius, h = (np.broadcast_to(length, sets) for length in (values[_RADIUS], thickness))
+        return punch_forces(layers, radius, h, self.drainage, followed(depth, time), time)
+
+    def _on_a_lattice(
+        self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
+        """The same of other layers; None where a lattice would cost more than one set after another."""
+        own = numbers_of(self)
+        vary = {path: v for path, v in values.items() if path in own and isinstance(v, np.ndarray)}
+        modulus = np.broadcast_to(values[_E], sets)
+
+        def solve(point: list[float]) -> FloatArray:
+            told = dict(zip(vary, point, strict=True))
+            # Over the modulus, which bends a logarithm's axis most.
+            return self.at(told).answer(depth, time) / told.get(_E, float(modulus[0]))
+
+        columns = [(v, own[path].quantity.is_scale) for path, v in vary.items()]
+        found = lattice_forces(columns, solve, sets // 2)
+        return None if found is None else (modulus[:, None] * found[0], found[1])
+
     def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
         """Creep of a flat punch; see `History.depth`."""
         del law
@@ -249,15 +288,8 @@ class Drainage(WholeHistory):
         }
         if isinstance(self.contact, DrainingPunch):
             found["layer.drainage_time"] = self.contact.unit_time
-            found["layer.peak_ratio"] = self._peak_ratio
+            found["layer.peak_ratio"] = self.contact.peak_ratio
         return found
-
-    @cached_property
-    def _peak_ratio(self) -> float:
-        """Undrained over drained stiffness of a punch."""
-        skeleton, eps = self.material.skeleton, self._radius(1.0) / self.layer.thickness
-        stiff = punch_factor(skeleton.undrained, eps) * skeleton.theta_undrained
-        return stiff / (punch_factor(skeleton.drained, eps) * skeleton.theta_drained)
 
     def doubts(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> Sequence[Doubt]:
         """See `WholeHistory.doubts`: section 9 of the note."""
@@ -297,15 +329,12 @@ class Drainage(WholeHistory):
         late = force[-max(int(_LATE * force.size), 1) :]
         if not self.material.isotropic or self._modes is not None or depth[-1] < level or late.mean() <= 0.0:
             return nothing
-        firm = Biphasic(1.0, 0.0, 1.0)
-        tip = self.indenter
-        if isinstance(tip, FlatPunch):
-            largest = replace(self, layer=replace(self.layer, material=firm))._peak_ratio  # noqa: SLF001
-        elif isinstance(tip, Sphere | Paraboloid):
-            contact = DrainingTip(tip, firm, self.layer.thickness, self.drainage)
-            largest = float(
-                contact.undrained(deepest).force(deepest) / contact.drained(deepest).force(deepest)
-            )
+        contact = replace(self, layer=replace(self.layer, material=Biphasic(1.0, 0.0, 1.0))).contact
+        if isinstance(contact, DrainingPunch):
+            largest = contact.peak_ratio
+        else:
+            laws = contact.undrained(deepest), contact.drained(deepest)
+            largest = float(laws[0].force(deepest) / laws[1].force(deepest))
         noise = float(np.std(late)) * _SURE
         ratio = (float(force.max()) - noise) / float(late.mean())
         return nothing._replace(reason=peak_doubt(ratio, largest))

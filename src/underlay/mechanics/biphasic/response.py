@@ -104,118 +104,116 @@ _EARLY = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What follows a unit step, from `start` at once to `end` in the long run.
+    """What follows from a unit step, from `start` at once to `end` in the long run; of one layer, or of many.
 
     Parameters
     ----------
-    start, end : float
-        Of f.
+    start, end : float or FloatArray
+        Of f; of many sets (sets, 1).
     time : FloatArray
-        Times of the table, (n,), increasing.
+        Times of the table, (n,), of even ratio.
     fall : FloatArray
-        g there, (n,).
+        g there, (n,) or (sets, n).
     endless : bool, default False
         Whether g falls as t^(-1/2) in the long run: on a half-space.
-    unit : float, default 1
-        Unit of the table's times in those it is asked for (s).
+    unit : float or FloatArray, default 1
+        Unit of the table's times in those it is asked for (s); of many sets (sets, 1).
     """
 
-    start: float
-    end: float
+    start: float | FloatArray
+    end: float | FloatArray
     time: FloatArray
     fall: FloatArray
     endless: bool = False
-    unit: float = 1.0
+    unit: float | FloatArray = 1.0
 
-    def scaled(self, factor: float, unit: float) -> Self:
+    def scaled(self, factor: float | FloatArray, unit: float | FloatArray) -> Self:
         """The same, its values times a factor and its times in another unit."""
         return replace(self, start=factor * self.start, end=factor * self.end, unit=unit)
 
+    @property
+    def sets(self) -> int:
+        """How many there are."""
+        return len(self.fall) if self.fall.ndim > 1 else 1
+
     def step(self, time: FloatArray) -> FloatArray:
-        """f after a unit step, shape of `time`; zero before it, `start` at zero."""
+        """f after a unit step, (m,) or (sets, m) at times (m,); zero before it, `start` at zero."""
         t = np.asarray(time, dtype=np.float64) / self.unit
         after = self.end + (self.start - self.end) * self.g(np.maximum(t, 0.0))
         return np.where(t < 0.0, 0.0, after)
 
     def ramp(self, time: FloatArray) -> FloatArray:
-        """K = int f after a unit step of the rate, shape of `time`; zero before it. In the unit of `time`."""
+        """K = int f after a unit step of the rate, shapes as of `step`; zero before it. In the unit of `time`."""
         t = np.maximum(np.asarray(time, dtype=np.float64) / self.unit, 0.0)
-        return self.unit * (self.end * t + (self.start - self.end) * self.integral(t))
+        return np.asarray(self.unit * (self.end * t + (self.start - self.end) * self.integral(t)))
 
     def g(self, t: FloatArray) -> FloatArray:
-        """Normalised fall at the table's times, zero or more; 1 at zero."""
+        """Normalised fall at the table's times, (m,) or (sets, m), zero or more; 1 at zero."""
+        first, last = self.time[0], self.time[-1]
         lost, power = self._early
-        return self._by_parts(
-            t,
-            lambda x: 1.0 - lost * (x / self.time[0]) ** power,
-            lambda x: self._spline(np.log(x)) / x,
-            lambda x: self.fall[-1] * self._late(x)[0],
-        )
+        early = 1.0 - lost * (np.minimum(t, first) / first) ** power
+        within = np.minimum(np.maximum(t, first), last)
+        inside = self._on_spline(self._spline.c, within) / within
+        late = _upright(self.fall[..., -1]) * self._late(np.maximum(t, last))[0]
+        return np.where(t < first, early, np.where(t > last, late, inside))
 
     def integral(self, t: FloatArray) -> FloatArray:
-        """I = int_0^t g at the table's times."""
+        """I = int_0^t g at the table's times, (m,) or (sets, m)."""
+        first, last = self.time[0], self.time[-1]
         lost, power = self._early
-        return self._by_parts(
-            t,
-            lambda x: x * (1.0 - lost / (1.0 + power) * (x / self.time[0]) ** power),
-            lambda x: self._first_integral + self._integral_spline(np.log(x)),
-            lambda x: (
-                self._first_integral
-                + self._integral_spline(np.log(self.time[-1]))
-                + self.fall[-1] * self._late(x)[1]
-            ),
-        )
+        x = np.minimum(t, first)
+        early = x * (1.0 - lost / (1.0 + power) * (x / first) ** power)
+        inside = self._on_spline(self._integral_pieces, np.minimum(np.maximum(t, first), last))
+        late = _upright(self.fall[..., -1]) * self._late(np.maximum(t, last))[1]
+        return np.asarray(early + inside + late)
 
-    def _by_parts(
-        self,
-        t: FloatArray,
-        early: Callable[[FloatArray], FloatArray],
-        inside: Callable[[FloatArray], FloatArray],
-        late: Callable[[FloatArray], FloatArray],
-    ) -> FloatArray:
-        below, above = t < self.time[0], t > self.time[-1]
-        found = np.empty(t.shape)
-        for where, part in ((below, early), (above, late), (~(below | above), inside)):
-            if where.any():
-                found[where] = part(t[where])
-        return found
+    def _on_spline(self, pieces: FloatArray, t: FloatArray) -> FloatArray:
+        """A spline over ln t by its pieces, (powers, n - 1, ...), at times inside the table."""
+        knots = np.log(self.time)
+        x = np.log(t)
+        place = (x - knots[0]) * ((knots.size - 1) / (knots[-1] - knots[0]))
+        piece = np.minimum(place.astype(np.intp), knots.size - 2)
+        off = x - knots[piece]
+        at = (piece, np.arange(len(self.fall))[:, None]) if self.fall.ndim > 1 else (piece,)
+        value = pieces[0][at]
+        for power in pieces[1:]:
+            value = value * off + power[at]
+        return np.asarray(value)
 
     @cached_property
     def _spline(self) -> CubicSpline:
         """The product t g, over ln t."""
-        return CubicSpline(np.log(self.time), self.time * self.fall)
+        return CubicSpline(np.log(self.time), self.time * self.fall, axis=-1)
 
     @cached_property
-    def _integral_spline(self) -> CubicSpline:
+    def _integral_pieces(self) -> FloatArray:
         """int g dt from the first time: dt = t d(ln t)."""
-        return self._spline.antiderivative()
+        return np.asarray(self._spline.antiderivative().c)
 
     @cached_property
-    def _first_integral(self) -> float:
-        lost, power = self._early
-        return float(self.time[0] * (1.0 - lost / (1.0 + power)))
-
-    @cached_property
-    def _early(self) -> tuple[float, float]:
+    def _early(self) -> tuple[FloatArray, FloatArray]:
         """1 - g at the first time, and the power of t with which it grows there."""
         later = int(np.searchsorted(self.time, _EARLY * self.time[0]))
-        lost = 1.0 - self.fall
-        power = np.log(lost[later] / lost[0]) / np.log(self.time[later] / self.time[0])
-        return float(lost[0]), float(power)
+        lost, more = (_upright(1.0 - self.fall[..., node]) for node in (0, later))
+        return lost, np.log(more / lost) / np.log(self.time[later] / self.time[0])
 
     def _late(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """g over its last value, and the integral of that from the last time."""
-        last = self.time[-1]
+        last, end = self.time[-1], _upright(self.fall[..., -1])
         x = t / last
         if self.endless:
             return x**-0.5, 2.0 * last * (np.sqrt(x) - 1.0)
         # d(t g)/d ln t = t (g + dg/d ln t)
-        slope = float(self._spline(np.log(last), 1)) / last - self.fall[-1]
-        if not slope < 0.0 < self.fall[-1]:
-            # Drained to the error of the table: nothing is left to fall.
-            return np.zeros_like(x), np.zeros_like(x)
-        rate = -slope / self.fall[-1]
-        return np.exp(-rate * (x - 1.0)), -last / rate * np.expm1(-rate * (x - 1.0))
+        slope = _upright(self._spline(np.log(last), 1)) / last - end
+        # Drained to the error of the table, nothing is left to fall.
+        falls = (slope < 0.0) & (end > 0.0)
+        rate = np.where(falls, -slope, 1.0) / np.where(falls, end, 1.0)
+        return falls * np.exp(-rate * (x - 1.0)), falls * (-last / rate * np.expm1(-rate * (x - 1.0)))
+
+
+def _upright(numbers: FloatArray) -> FloatArray:
+    """Numbers beside times: (sets, 1) of many sets."""
+    return np.asarray(numbers)[..., None] if np.ndim(numbers) else numbers
 
 
 def table_times(span: tuple[float, float], per_decade: int = _PER_DECADE) -> FloatArray:

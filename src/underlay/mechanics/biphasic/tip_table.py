@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -139,7 +139,7 @@ class TipTable:
     def covers(self, eps: float, nu: float, ramp: float, end: float) -> bool:
         """Whether a0/h, nu, and the ramp and the end of the hold (a0^2/c) are inside."""
         inside = eps <= _LARGEST_EPS and end - ramp <= _LAST_LAG and ramp > 0.0
-        return inside and self.table.covers((eps / (1.0 + eps), nu, float(np.log(ramp))))
+        return inside and bool(self.table.covers((eps / (1.0 + eps), nu, float(np.log(ramp)))))
 
     def __call__(self, eps: float, nu: float, ramp: float) -> RampedTip:
         """Read the table.
@@ -154,15 +154,10 @@ class TipTable:
 
 def build(path: Path) -> None:
     """Solve for the table and write it."""
-    falls = {}
-    for drainage in _TABULATED:
-        rows = [
-            _solved(float(shape), float(nu), float(log_ramp), drainage)
-            for shape in _AXES[0].nodes
-            for nu in _AXES[1].nodes
-            for log_ramp in _AXES[2].nodes
-        ]
-        falls[drainage] = np.stack(rows).reshape(*(axis.count for axis in _AXES), -1)
+    falls = {
+        drainage: ResponseTable.solved(_AXES, partial(_solved, drainage=drainage)).fall
+        for drainage in _TABULATED
+    }
     np.savez_compressed(path, **falls)  # type: ignore[arg-type]  # stubs: allow_pickle
 
 
@@ -170,8 +165,7 @@ def build(path: Path) -> None:
 def shipped(drainage: str) -> TipTable:
     """The table that travels with the library, for a tip that holds the water or lets it through."""
     with np.load(_FILE, allow_pickle=False) as stored:
-        ratios = read_only(stored[drainage])
-    return TipTable(drainage, ResponseTable(_AXES, np.arange(float(ratios.shape[-1])), ratios))
+        return TipTable(drainage, ResponseTable(_AXES, read_only(stored[drainage])))
 
 
 def measured_error(table: TipTable, count: int, seed: int) -> tuple[float, tuple[float, float, float]]:

@@ -1,0 +1,174 @@
+"""Many draining layers under one motion of one tip, as a fit's draws are: off tables, shipped or of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.mechanics.biphasic import punch_table, tip_table
+from underlay.mechanics.biphasic.contacts import DrainingTip, comes_off
+from underlay.mechanics.biphasic.history import Polyline
+from underlay.mechanics.biphasic.material import Biphasic
+from underlay.mechanics.biphasic.punch_table import Axis
+from underlay.mechanics.indenters import Paraboloid, Sphere
+
+__all__ = ["Layers", "lattice_forces", "punch_forces", "tip_forces"]
+
+# A44/A33 from incompressible to nu = 0: the compliance of a drained layer is a polynomial in it, to 1e-9.
+_SOFTNESS = Axis(0.0, 0.5, 16)
+# Spacing of the lattice, of logarithms and of Poisson's ratios, fractions and so on: parabolas between its points
+# are within 2e-4 of the peak (transversely isotropic layers, Prony series; see the tests).
+_LOG_SPACING, _SPACING = 0.15, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """Isotropic draining layers.
+
+    Parameters
+    ----------
+    E, nu, permeability : FloatArray
+        As of `Biphasic`, (sets,).
+    """
+
+    E: FloatArray
+    nu: FloatArray
+    permeability: FloatArray
+
+    def of(self, rows: NDArray[np.bool_]) -> Self:
+        """Some of them."""
+        return type(self)(self.E[rows], self.nu[rows], self.permeability[rows])
+
+    @cached_property
+    def shear_modulus(self) -> FloatArray:
+        """G (Pa), (sets,)."""
+        return 0.5 * self.E / (1.0 + self.nu)
+
+    @property
+    def softness(self) -> FloatArray:
+        """A44/A33, (sets,)."""
+        return (0.5 - self.nu) / (1.0 - self.nu)
+
+    def drainage_time(self, length: float | FloatArray) -> FloatArray:
+        """length^2/c (s), (sets,), of a length (m)."""
+        return length**2 * self.softness / (self.permeability * self.shear_modulus)
+
+
+def punch_forces(
+    layers: Layers,
+    radius: FloatArray,
+    thickness: FloatArray,
+    drainage: str,
+    depth: Polyline,
+    time: FloatArray,
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Forces (N), (sets, n), under flat punches (m), (sets,), and which sets the table serves, (sets,)."""
+    table = punch_table.shipped(drainage)
+    eps = radius / thickness
+    served = table.covers(eps, layers.nu)
+    own, found = layers.of(served), np.zeros((served.size, time.size))
+    if served.any():
+        a = radius[served]
+        stiffness = 4.0 * own.shear_modulus / (1.0 - own.nu) * a
+        response = table(eps[served], own.nu).scaled(stiffness[:, None], own.drainage_time(a)[:, None])
+        found[served] = depth.in_contact.superposed(response, time)
+        served[served] = ~comes_off(found[served])
+    return found, served
+
+
+def tip_forces(
+    layers: Layers,
+    tip: Sphere | Paraboloid,
+    thickness: float,
+    drainage: str,
+    history: Polyline,
+    depth: FloatArray,
+    time: FloatArray,
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """The same under one rounded tip on layers of one thickness (m), at a record's depths (m), (n,)."""
+
+    def contact(softness: float) -> DrainingTip:
+        """On a layer of shear modulus 1."""
+        nu = (0.5 - softness) / (1.0 - softness)
+        return DrainingTip(tip, Biphasic(2.0 * (1.0 + nu), nu, 1.0), thickness, drainage)
+
+    table, by_softness = tip_table.shipped(drainage), [contact(float(x)) for x in _SOFTNESS.nodes]
+    ramped = by_softness[0].single_ramp(history)
+    found, served = np.zeros((layers.nu.size, time.size)), np.zeros(layers.nu.size, dtype=bool)
+    if ramped is None:
+        return found, served
+    w = np.minimum(np.maximum(depth, 0.0), ramped.deepest)
+    touching = w > 0.0
+    at_once = by_softness[0].undrained(ramped.deepest).force(w[touching])
+    compliance = np.array([1.0 / one.drained(ramped.deepest).force(w[touching]) for one in by_softness])
+    units = layers.drainage_time(ramped.radius)
+    eps = ramped.radius / thickness
+    for row, (unit, nu) in enumerate(zip(units.tolist(), layers.nu.tolist(), strict=True)):
+        served[row] = table.covers(eps, nu, ramped.duration / unit, (float(time[-1]) - ramped.start) / unit)
+        if served[row]:
+            ramp = table(eps, nu, ramped.duration / unit)
+            found[row, touching] = ramp.at((time[touching] - ramped.start) / unit)
+    own = layers.of(served)
+    drained = 1.0 / (_SOFTNESS.weights(own.softness) @ compliance)
+    undrained_share = found[np.ix_(served, touching)]
+    forces = drained + undrained_share * (at_once - drained)
+    found[np.ix_(served, touching)] = own.shear_modulus[:, None] * forces
+    return found, served
+
+
+def lattice_forces(
+    columns: Sequence[tuple[FloatArray, bool]], solve: Callable[[list[float]], FloatArray], most: int
+) -> tuple[FloatArray, NDArray[np.bool_]] | None:
+    """Forces of many sets by parabolas between points of a lattice that does not know the sets.
+
+    Parameters
+    ----------
+    columns : sequence of (FloatArray, bool)
+        Of each number that varies its values, (sets,), and whether it counts by its logarithm.
+    solve : callable
+        Forces, (n,), at one point's numbers; refuses with an InputError.
+    most : int
+        Points that may be solved for; None where more are needed.
+
+    Returns
+    -------
+    (FloatArray, FloatArray)
+        (sets, n), and which sets are served, (sets,): those beside no refused point.
+    """
+    spacing = np.array([_LOG_SPACING if by_log else _SPACING for _, by_log in columns])
+    fine = np.logical_and.reduce([(values > 0.0) | (not by_log) for values, by_log in columns])
+    x = np.stack([np.log(np.where(fine, v, 1.0)) if by_log else v for v, by_log in columns], axis=1) / spacing
+    nearest = np.rint(x)
+    off = x - nearest
+    parabolas = np.stack((0.5 * off * (off - 1.0), 1.0 - off * off, 0.5 * off * (off + 1.0)), axis=1)
+    steps = list(product((0, 1, 2), repeat=len(columns)))
+    corners = nearest[:, None, :] + np.array(steps) - 1.0
+    points, which = np.unique(corners.reshape(-1, len(columns)), axis=0, return_inverse=True)
+    if len(points) > most:
+        return None
+    which = which.reshape(len(x), len(steps))
+    solved: dict[int, FloatArray] = {}
+    for number, point in enumerate(points * spacing):
+        told = [
+            float(np.exp(v)) if by_log else float(v) for v, (_, by_log) in zip(point, columns, strict=True)
+        ]
+        with suppress(InputError):
+            solved[number] = solve(told)
+    served = fine & np.isin(which, list(solved)).all(axis=1)
+    if not solved:
+        return np.zeros((len(x), 1)), served
+    own = which[served]
+    found = np.zeros((len(x), next(iter(solved.values())).size))
+    for corner, step in enumerate(steps):
+        weight = np.prod([parabolas[served, way, k] for k, way in enumerate(step)], axis=0)
+        found[served] += weight[:, None] * np.array([solved[int(one)] for one in own[:, corner]])
+    return found, served
