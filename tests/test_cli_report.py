@@ -80,8 +80,18 @@ def test_weighted_draws_are_asked_for_by_name(run, tmp_path):
     bounded = 'instrument.baseline = { min = "-10 mN", max = "10 mN" }\n[noise]\nforce = "0.6 mN"'
     scene.write_text(scene.read_text().replace("instrument.baseline = {}", bounded), encoding="utf-8")
     words = ("sample", "curve.csv", "--scene", "scene.toml", "--output", "weighted", "--method", "importance")
-    code, out, err = run(*words)
+    code, short, err = run(*words)
     assert code == 0, err
+    # The number first, as `fit` prints it, and how it was drawn; tables for those who ask.
+    number = next(line for line in short.splitlines() if line.startswith("Layer modulus"))
+    assert "stat" in number
+    assert "syst" in number
+    assert "Verdict  " in short
+    assert "Draws  " in short
+    assert "effective draws" not in short
+    code, out, err = run(*words, "--details")
+    assert code == 0, err
+    assert number in out
     assert "effective draws" in out
     # No chain is kept, so none goes on.
     assert sorted(path.suffix for path in (tmp_path / "weighted").iterdir()) == [

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CurveFile",
     "CurveOption",
+    "Details",
     "ExcelFile",
     "MaxDepth",
     "OutputFolder",
@@ -210,6 +211,9 @@ ExcelFile = Annotated[
         help="Excel file to write (.xlsx): results, settings, curves, each a sheet.",
     ),
 ]
+
+
+Details = Annotated[bool, typer.Option("--details", help="Print all that stands behind the numbers.")]
 
 
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same seed makes the same file.")]

@@ -27,6 +27,7 @@ from underlay.units import format_quantity, human_unit
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.pointwise.result import PointwiseModulus
+    from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
     "LEFT",
@@ -44,6 +45,7 @@ __all__ = [
     "map_lines",
     "name_of",
     "next_step",
+    "posterior_lines",
     "source_words",
     "told_names",
     "verdict_lines",
@@ -378,6 +380,22 @@ def written_line(paths: Sequence[object], folder: object, stem: str) -> str:
     """Where the files are: one line."""
     endings = " ".join(sorted({str(path).rpartition(stem)[2] for path in paths}))
     return line("Written", f"{folder}/{stem} ({endings})")
+
+
+# --- a posterior --------------------------------------------------------------------------------------------
+def posterior_lines(posterior: Posterior) -> list[str]:
+    """The short text of a posterior that was sampled here: the same numbers as a fit's, and how they were drawn."""
+    verdict = posterior.verdict
+    answers = [posterior.answer(name) for name in told_names(posterior.statement.fit)]
+    lines = [*answer_lines(answers, verdict), *verdict_lines(verdict)]
+    if answers and verdict != "reject":
+        lines += _budget_lines(answers[0])
+    told = posterior.summary()["informed"]
+    silent = [start(label(str(name))) for name in told.index[told == "not informed by these data"]]
+    if silent:
+        lines.append(line("Not informed", f"{', '.join(silent)}: what was known before"))
+    lines.append(line("Draws", posterior.diagnostics.reason))
+    return "\n".join(lines).splitlines()
 
 
 # --- a map --------------------------------------------------------------------------------------------------

@@ -109,7 +109,9 @@ def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Itera
         yield from _of_memory(fit, i)  # first: it knows a cause
         yield from _of_misfit(fit, i, seen)
     yield from _of_reading(reading)
-    names = [name for name in fit.names if not name.startswith(("noise.", "instrument.", "lever."))]
+    names = [
+        name for name in fit.names if not name.startswith(("noise.", "instrument.", "lever.", "discrepancy."))
+    ]
     answers = [answer(name) for name in names]
     yield from _of_bounds(fit)
     yield from _of_widths(answers)
