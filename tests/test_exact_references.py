@@ -9,15 +9,9 @@ import pytest
 import underlay as ul
 from support import reference_contact
 from support.laws import exact_law
-from support.reference_solver import DIGITS, EXPONENTS, MATERIALS, STORED, solve, weighted_kernel
+from support.reference_solver import DIGITS, EXPONENTS, MATERIALS, STORED, material, solve, weighted_kernel
 
 ROWS = json.loads(STORED.read_text(encoding="utf-8"))
-
-
-def material(constants):
-    if constants is None:
-        return ul.RIGID
-    return ul.Isotropic(*constants) if len(constants) == 2 else ul.TransverselyIsotropic(*constants)
 
 
 def errors(law, radius, depth, force, stiffness):

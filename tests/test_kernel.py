@@ -67,6 +67,16 @@ def test_at_zero_the_base_alone_is_felt(layer, base):
     assert L(layer, base, np.array([0.0]))[0] == pytest.approx(layer.theta / base.theta, rel=1e-12, abs=1e-14)
 
 
+@pytest.mark.parametrize("ratio", [np.inf, 1e8, 2.0, 0.1, 1.01e-3, 0.99e-3, 1e-6])
+@pytest.mark.parametrize("nu", [-0.7, 0.0, 0.3, 0.5])
+def test_the_closed_form_of_isotropic_layers_is_what_the_recursion_says(nu, ratio):
+    """On both sides of where a soft base leaves it to the recursion, to the digits that both claim."""
+    layer, base = ul.Isotropic(1.0, nu), ul.RIGID if ratio == np.inf else ul.Isotropic(ratio, 0.2)
+    closed = L(layer, base)
+    recursion = 1.0 - ul.StackKernel((ul.Layer(layer, 1.0),), base).one_minus_L(U)
+    np.testing.assert_allclose(closed, recursion, rtol=1e-13, atol=1e-14)
+
+
 @given(materials, bases)
 def test_at_infinity_the_layer_alone_is_felt(layer, base):
     p, sigma = layer.plane_constants.p, layer.plane_constants.sigma

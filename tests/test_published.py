@@ -21,10 +21,10 @@ from support.fredholm import (
     flat_punch,
     frictionless_kernel,
     power_law,
-    u_rule,
 )
 from support.laws import published_law
 from support.published_errors import contact_of, exact_factor, factor_of, remeasure
+from support.reference_contact import dyadic_rule
 from underlay.mechanics.published import OutOfRange, published_names
 from underlay.mechanics.published.correction import ELASTIC, PolynomialFactor
 from underlay.mechanics.published.dimitriadis2002 import _expansion
@@ -70,7 +70,7 @@ def law_for(correction, max_depth=1e-6):
     [(0.0, 1.2111), (0.2, 1.2926), (0.3, 1.37685416546), (0.4, 1.51870801407), (0.5, 1.77021677337)],
 )
 def test_reference_kernel_has_the_known_first_moment(nu, a_0):
-    u, du = u_rule()
+    u, du = dyadic_rule()
     digits = len(str(a_0).split(".")[1])
     assert_allclose(
         bonded_kernel(ul.Isotropic(1.0, nu), ul.RIGID)(u) @ du, a_0, rtol=0, atol=0.51 * 10.0**-digits
@@ -78,7 +78,7 @@ def test_reference_kernel_has_the_known_first_moment(nu, a_0):
 
 
 def test_frictionless_kernel_has_the_known_first_moment_and_form():
-    u, du = u_rule()
+    u, du = dyadic_rule()
     assert_allclose(frictionless_kernel(u) @ du, 1.16758, rtol=0, atol=0.5e-5)
     moderate = np.array([0.05, 0.5, 2.0, 5.0])  # where the hyperbolic form neither cancels nor overflows
     L = (np.cosh(2 * moderate) - 1.0) / (np.sinh(2 * moderate) + 2 * moderate)
@@ -279,7 +279,7 @@ def initial_slope(name, kind, **contact):
 
 def exact_slope(kind, nu=0.5):
     """d(P/P_halfspace)/du at u = 0: 2 a_0/pi for sphere and punch, 4 a_0/pi^2 for a cone."""
-    u, du = u_rule()
+    u, du = dyadic_rule()
     a_0 = bonded_kernel(ul.Isotropic(1.0, nu), ul.RIGID)(u) @ du
     return 4.0 * a_0 / np.pi**2 if kind == "cone" else 2.0 * a_0 / np.pi
 
@@ -312,7 +312,7 @@ def test_dimitriadis_fit_in_nu_drifts_where_it_was_not_meant():
 
 
 def test_unbonded_linear_term_depends_on_nu_though_the_exact_one_does_not():
-    u, du = u_rule()
+    u, du = dyadic_rule()
     exact = 2.0 * (frictionless_kernel(u) @ du) / np.pi
     assert_allclose(initial_slope("dimitriadis2002-unbonded", "sphere", nu=0.3) / exact, 1.02, atol=0.005)
     assert_allclose(initial_slope("dimitriadis2002-unbonded", "sphere", nu=0.5) / exact, 1.19, atol=0.005)
@@ -351,7 +351,7 @@ def test_dimitriadis_bonded_form_differs_from_the_printed_coefficients_by_one_si
 
 def test_dimitriadis_general_form_is_the_expansion_at_a_fixed_contact_radius():
     """f = w - w x^2 + K f without f(1) = 0, to X^4: settles the sign that equation (12) has otherwise."""
-    u, du = u_rule()
+    u, du = dyadic_rule()
     spectrum = BONDED(u) * du
     a_0, a_1 = spectrum.sum(), -0.25 * (spectrum @ u**2)
     assert_allclose(a_1, -0.957769288898, rtol=1e-11)

@@ -324,7 +324,7 @@ def markdown(table, curve, fits):
     hertz = f"{1e-3 * fits['us'].iloc[0]:.1f} ms"
     unit = f"{table['us'].iloc[0]:.0f} us for 1000"
     lines = [
-        f"Times in units of the explicit fourth-order formula in plain numpy on the same depths ({unit}):",
+        f"Times in units of the explicit fourth-order formula in plain numpy, with one square root ({unit}):",
         f"medians of processor time in one process, {made_with}.",
         "",
         "| Paraboloid, 1000 depths, a/h up to 2 | time |",

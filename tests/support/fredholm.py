@@ -3,8 +3,8 @@
 f(x) = w - G(x) + (2 eps/pi) int_0^1 K(eps x, eps y) f(y) dy,  f(1) = 0 (a flat punch has no such condition),
 K(s, t) = int_0^inf [1 - L(u)] cos(s u) cos(t u) du,  P = 4 theta a int_0^1 f dx.
 
-Gauss-Legendre Nystrom in x, graded Gauss-Legendre panels in u. Lengths in units of the layer thickness,
-forces in units of theta h^2. Shares nothing with the library but the values of 1 - L handed in.
+The equations are those of `reference_contact`. Lengths in units of the layer thickness, forces in units of
+theta h^2. Shares nothing with the library but the values of 1 - L handed in.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 import underlay as ul
+from support.reference_contact import equations
 
 # Geometric convergence: 13 nodes give 1e-10 at a/h = 3 on a rigid base (the worst here); 24 leave nothing.
 NODES = 24
@@ -25,22 +26,6 @@ class Indentation(NamedTuple):
     depth: np.ndarray
     force: np.ndarray
     factor: np.ndarray
-
-
-def u_rule(finest=1e-6, end=40.0, order=24, longest=2.0):
-    """Nodes and weights on (0, end): panels that double from `finest` up to `longest`.
-
-    1 - L falls as exp(-2 u): what is left beyond 40 is below 1e-30. Panels of 2 resolve cos(2 eps u) with
-    24 nodes for a/h up to 3.
-    """
-    edges = [0.0, finest]
-    while edges[-1] < end:
-        edges.append(edges[-1] + min(edges[-1], longest))
-    edges = np.array(edges)
-    x, weight = np.polynomial.legendre.leggauss(order)
-    half = 0.5 * np.diff(edges)[:, None]
-    middle = 0.5 * (edges[1:] + edges[:-1])[:, None]
-    return (middle + half * x).ravel(), (half * weight).ravel()
 
 
 def bonded_kernel(layer, substrate):
@@ -100,13 +85,7 @@ class _System(NamedTuple):
 
 def _systems(kernel, eps):
     """(eps, its system) of each contact radius; the kernel does not know of them."""
-    x, weight = np.polynomial.legendre.leggauss(NODES)
-    x, weight = 0.5 * (x + 1.0), 0.5 * weight
-    u, du = u_rule()
-    density = (2.0 / np.pi) * kernel(u) * du
     for e in np.atleast_1d(eps):
-        cosines, edge = np.cos(e * np.outer(x, u)), np.cos(e * u)
-        operator = np.eye(NODES) - e * ((cosines * density) @ cosines.T) * weight
-        edge_row = e * ((edge * density) @ cosines.T) * weight
+        x, weight, operator, edge_row = equations(kernel, e, NODES)
         unit = np.linalg.solve(operator, np.ones(NODES))
         yield e, _System(x, weight, operator, edge_row, weight @ unit, 1.0 + edge_row @ unit)

@@ -46,23 +46,23 @@ class Contact:
     f: np.ndarray
 
 
-def solve(indenter, radius, thickness, layer, substrate, nodes=40):
-    """Solve for one contact radius; for a flat punch the depth is 1."""
-    eps = radius / thickness
+def equations(kernel, eps, nodes):
+    """Nodes and weights in (0, 1), 1 - K at them and K at the edge, weights within, for contact radius eps h."""
     u, wu = dyadic_rule(widest=min(1.0, 1.0 / eps))
-    wu = wu * ul.SubstrateKernel(layer, substrate).one_minus_L(u)
     x, w = np.polynomial.legendre.leggauss(nodes)
     x, w = 0.5 * (x + 1.0), 0.5 * w
-    points = np.append(x, 1.0)
-    cosine = np.cos(eps * np.outer(points, u))
-    kernel = (2.0 * eps / np.pi) * (cosine * wu) @ cosine.T
-    system = np.eye(nodes) - kernel[:-1, :-1] * w
-    H = indenter.abel(radius * points)
-    right = np.stack([np.ones(nodes), H[:-1]], axis=1)
-    unit, shape = np.linalg.solve(system, right).T
-    edge_unit = 1.0 + kernel[-1, :-1] @ (w * unit)
-    edge_shape = H[-1] + kernel[-1, :-1] @ (w * shape)
-    depth = edge_shape / edge_unit if H[-1] > 0.0 else 1.0
+    cosine = np.cos(eps * np.outer(np.append(x, 1.0), u))
+    kernel = (2.0 * eps / np.pi) * (cosine * (wu * kernel(u))) @ cosine[:-1].T * w
+    return x, w, np.eye(nodes) - kernel[:-1], kernel[-1]
+
+
+def solve(indenter, radius, thickness, layer, substrate, nodes=40):
+    """Solve for one contact radius; for a flat punch the depth is 1."""
+    kernel = ul.SubstrateKernel(layer, substrate).one_minus_L
+    x, w, system, edge = equations(kernel, radius / thickness, nodes)
+    H = indenter.abel(radius * np.append(x, 1.0))
+    unit, shape = np.linalg.solve(system, np.stack([np.ones(nodes), H[:-1]], axis=1)).T
+    depth = (H[-1] + edge @ shape) / (1.0 + edge @ unit) if H[-1] > 0.0 else 1.0
     f = depth * unit - shape
     return Contact(
         depth=float(depth),

@@ -19,6 +19,9 @@ from pathlib import Path
 
 import mpmath as mp
 
+import underlay as ul
+from support.transfer_matrix import TransferMatrixKernel
+
 DIGITS = 30
 STORED = Path(__file__).parents[1] / "data" / "exact_references.json"
 
@@ -37,55 +40,11 @@ RADII = (0.1, 1.0, 4.0)
 EXPONENTS = (1.0, 1.5, 2.0, 4.0)
 
 
-def plane_constants(constants):
-    """q, c, g, S of a material from its engineering constants."""
-    values = [mp.mpf(value) for value in constants]
-    E, axial, nu, nu_axial, G = (
-        values
-        if len(values) == 5
-        else (values[0], values[0], values[1], values[1], values[0] / (2 + 2 * values[1]))
-    )
-    n = E / axial
-    return n * nu_axial / (1 - nu), (1 - 2 * n * nu_axial**2 / (1 - nu)) / axial, E / (1 - nu**2), 1 / G
-
-
-class Kernel:
-    """1 - L(u) from the surface compliance of a layer: displacements and stresses carried through it.
-
-    State y = (U, W, T, N) with y' = A y per unit wavenumber; the layer's exponential comes from its Taylor
-    series at raised precision, the substrate's decaying states from the projector A^2 - sigma A + p.
-    """
-
-    def __init__(self, layer, substrate):
-        self.A = self.system(layer)
-        self.B = None if substrate is None else self.system(substrate)
-
-    @staticmethod
-    def system(constants):
-        q, c, g, S = plane_constants(constants)
-        return mp.matrix([[0, 1, S, 0], [-q, 0, 0, c], [g, 0, 0, q], [0, 0, -1, 0]])
-
-    @staticmethod
-    def impedance(A):
-        """(T, N) = Z (U, W) of a half-space."""
-        square = A * A
-        p = mp.sqrt(mp.det(A))
-        sigma = mp.sqrt(sum(square[i, i] for i in range(4)) / 2 + 2 * p)
-        space = square - sigma * A + p * mp.eye(4)
-        return space[2:4, 0:2] * space[0:2, 0:2] ** -1
-
-    def one_minus_L(self, u):
-        with mp.workdps(DIGITS + 15 + int(3 * u)):
-            through = mp.expm(u * self.A, method="taylor")
-            if self.B is None:
-                condition = mp.matrix([[1, 0, 0, 0], [0, 1, 0, 0]])
-            else:
-                Z = self.impedance(self.B)
-                condition = mp.matrix([[-Z[0, 0], -Z[0, 1], 1, 0], [-Z[1, 0], -Z[1, 1], 0, 1]])
-            rows = condition * through
-            surface = mp.lu_solve(rows[:, 0:2], rows[:, 3])
-            halfspace = mp.lu_solve(self.impedance(self.A), mp.matrix([0, -1]))
-            return +(1 - surface[1] / halfspace[1])
+def material(constants):
+    """One of the materials."""
+    if constants is None:
+        return ul.RIGID
+    return ul.Isotropic(*constants) if len(constants) == 2 else ul.TransverselyIsotropic(*constants)
 
 
 def panels(eps, order=30):
@@ -140,8 +99,8 @@ def power_cosine(exponent, s):
 def weighted_kernel(layer, substrate, eps, order=30):
     """Pairs u, (1 - L(u)) du for all contact radii up to `eps`."""
     with mp.workdps(DIGITS):
-        kernel = Kernel(layer, substrate)
-        return [(u, weight * kernel.one_minus_L(u)) for u, weight in panels(eps, order)]
+        kernel = TransferMatrixKernel(material(layer), material(substrate))
+        return [(u, weight * (1 - kernel.L(u))) for u, weight in panels(eps, order)]
 
 
 def solve(weighted, eps, exponents, count):

@@ -141,13 +141,13 @@ class ContactProblem:
         depth = np.minimum(self.measure.abel(chi * self.thickness), deepest)
         return np.minimum(self.indenter.halfspace_radius(depth), self.indenter.max_radius) / self.thickness
 
-    def guess(self, chi: float, rtol: float) -> Resolution:
-        """Nodes for radii up to `chi`, as they were fitted to one layer on a base."""
-        return Resolution.choose(self.scales, float(self.eps(np.array([chi]))[0]), rtol)
+    def widest(self, chi: float) -> float:
+        """The same of one radius."""
+        return chi if self.indenter is self.measure else float(self.eps(np.array([chi]))[0])
 
-    def resolution(self, chi: float, rtol: float) -> Resolution:
-        """Nodes for radii up to `chi`, proved where they were not fitted to bodies of this kind."""
-        return proved_resolution(self.kernel, float(self.eps(np.array([chi]))[0]), rtol)
+    def resolution(self, eps: float, rtol: float) -> Resolution:
+        """Nodes for contact radii up to `eps`, proved where they were not fitted to bodies of this kind."""
+        return proved_resolution(self.kernel, eps, rtol)
 
     def solve(
         self,
@@ -363,8 +363,7 @@ def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, 
     uneven = problem.unevenness
     curve = series.inverted(top, 0.25 * rtol / uneven)
     error = gain * (SHARE_OF_NODES * fine + uneven * series.error_estimate) + uneven * curve.error_estimate
-    eps = float(problem.eps(np.array([last]))[0])
-    return SolvedCurve(curve, resolution, series.coefficients.shape[0], eps, error)
+    return SolvedCurve(curve, resolution, series.coefficients.shape[0], problem.widest(last), error)
 
 
 @dataclass(frozen=True)
@@ -435,20 +434,21 @@ def _direct(
     terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol / problem.unevenness)
     if terms > MOST_TERMS:
         return None
-    resolution = problem.resolution(last, fine)
+    eps = problem.widest(last)
+    resolution = problem.resolution(eps, fine)
     while terms <= MOST_TERMS:
         targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
         varpi, logarithms = problem.solve(place(targets) * widen, resolution, fine)
         if varpi[-1] < _SHORT * targets[-1] and last < problem.end:
             wider = _widened(problem, top, 1.05 * last * float(targets[-1] / varpi[-1]), rtol)
-            widen, last = widen * wider / last, wider
-            resolution = problem.resolution(last, fine)
+            widen, last, eps = widen * wider / last, wider, problem.widest(wider)
+            resolution = problem.resolution(eps, fine)
             continue
         curve = MasterCurve.through(varpi, logarithms, top, softness)
         truncated = curve.error_estimate * problem.unevenness
         if truncated <= SHARE_OF_CURVE * rtol:
             error = gain * SHARE_OF_NODES * fine + truncated
-            return SolvedCurve(curve, resolution, terms, float(problem.eps(np.array([last]))[0]), error)
+            return SolvedCurve(curve, resolution, terms, eps, error)
         terms += 4
     return None
 
@@ -457,7 +457,8 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
     """Solve at Chebyshev points up to `last` and expand in chi, with as many terms as it takes."""
     stretch = Stretch.to(last, problem.scales.softness)
     # What is asked for to place the radii of another solution needs no proof.
-    resolution = problem.resolution(last, rtol) if rtol < _COARSE else problem.guess(last, rtol)
+    nodes = problem.resolution if rtol < _COARSE else partial(Resolution.choose, problem.scales)
+    resolution = nodes(problem.widest(last), rtol)
     terms = series_terms(problem.scales, last, rtol / problem.unevenness)
     few = _FEW_MORE if problem.scales.charted else _MANY_MORE
     octaves: dict[int, Resolution] = {}
@@ -493,7 +494,7 @@ def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> 
 def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
     """Raise if varpi = `top` asks for a contact radius beyond the end."""
     end = problem.end
-    last = float(problem.solve(np.array([end]), problem.resolution(end, rtol))[0][0])
+    last = float(problem.solve(np.array([end]), problem.resolution(problem.widest(end), rtol))[0][0])
     if last >= top:
         return
     asked, deepest = problem.measure.abel(np.array([top, last]) * problem.thickness).tolist()

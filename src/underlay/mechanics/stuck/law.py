@@ -211,7 +211,7 @@ def _reaching(problem: ContactProblem, top: float, rtol: float) -> tuple[_Solved
     """Solve up to a contact radius at which varpi is `top`, or a little more; that radius over the thickness."""
     end = min(problem.indenter.max_radius / problem.thickness, LARGEST_EPS)
     guess = RadiusGuess.of(problem.scales, problem.measure.exponent).radius(np.array([top]))[0]
-    last = min(_WIDER * float(problem.eps(np.array([guess]))[0]), end)
+    last = min(_WIDER * problem.widest(guess), end)
     foreseen = problem.scales.charted and problem.scales.ratio > _OVERSHOOT / 5.0
     allowed = rtol if foreseen else max(rtol, 1e-2)
     for _ in range(_MOST_ATTEMPTS):
