@@ -189,6 +189,21 @@ def test_the_model_is_the_scene_and_many_sets_are_each_alone(scene):
         assert alone.force == pytest.approx(simulated, abs=3e-6 * scale)
 
 
+@pytest.mark.parametrize("scene", [SCENE, SIDES, NARROW])
+def test_sets_of_many_thicknesses_are_each_alone(scene):
+    free = {path: known for path, known in FREE.items() if scene.layer.stiffening or path != LIMIT}
+    posed = problem(scene, {**free, "layer.thickness": ul.Normal(4.0 * R, 0.2 * R)})
+    physical = np.tile(posed.physical(posed.start), (12, 1))
+    physical[:, posed.names.index("layer.thickness")] = 4.0 * R * np.geomspace(0.5, 40.0, 12)
+    member = posed.members[0]
+    together = member.readings(physical)
+    assert together.possible.all()
+    for row, one in enumerate(physical):
+        alone = member.reading(one)
+        assert together.contact[row] == pytest.approx(alone.contact, abs=1e-6 * np.abs(alone.contact).max())
+        assert together.stiffness[row] == pytest.approx(alone.stiffness, abs=1e-5 * alone.stiffness.max())
+
+
 def test_sets_that_are_out_of_reach_do_not_exist():
     posed = problem()
     physical = np.tile(posed.physical(posed.start), (3, 1))
