@@ -1,5 +1,6 @@
 """Layers that stiffen, and samples with sides, in scenes, files and fits; and that nothing of it runs elsewhere."""
 
+import html
 import sys
 from dataclasses import replace
 
@@ -7,7 +8,6 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.report.screen import next_step
 
 R = 25e-6
 TIP = ul.Sphere(R)
@@ -348,7 +348,13 @@ def test_a_linear_fit_says_that_the_sample_stiffens_and_what_to_set(thickness, l
     assert verdict == "check"
     assert "the sample stiffens with strain" in verdict.cause
     assert verdict.setting == ("layer.stiffening.model", "gent")
-    assert next_step(verdict).endswith(': model = "gent" in [layer.stiffening]')
+
+
+def test_the_report_of_a_linear_fit_says_where_it_is_set(tmp_path):
+    text = html.unescape(
+        ul.report(linear_fit(4.0 * R, 3.0, 0.35), tmp_path / "report.html").read_text(encoding="utf-8")
+    )
+    assert 'inverse_limit (1/Jm, such as 0.5) free: model = "gent" in [layer.stiffening]' in text
 
 
 def test_where_stiffening_is_not_known_the_verdict_does_not_ask_for_it():
