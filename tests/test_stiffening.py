@@ -297,6 +297,33 @@ def test_neo_hookean_against_finite_elements_of_compressible_layers():
     assert np.sqrt(np.mean(np.square(errors))) < 0.008
 
 
+def test_the_stored_coverage_is_what_is_said():
+    """tests/studies/stiffening_coverage.py: within three standard errors of 95 %, 90 % of others, controls."""
+    path = Path(__file__).parent / "studies" / "results" / "stiffening_coverage.csv"
+    with path.open(newline="") as file:
+        rows = {
+            (row["cell"], row["terms"], row["parameter"].rpartition(".")[2]): row
+            for row in csv.DictReader(file)
+        }
+    shares = {
+        key: {name: float(row[name]) for name in ("holds", "statistical", "least_squares")}
+        for key, row in rows.items()
+    }
+    allowed = 3.0 * np.sqrt(0.95 * 0.05 / 500)
+    for cell in ("Gent 1, half-space", "Gent 3, half-space", "Gent 1, h = 4 R"):
+        for name in ("E", "inverse_limit"):
+            assert int(rows[cell, "rows", name]["curves"]) == 500
+            # Where the model is right, what the curve itself tells; the rows of what may be wrong only widen it.
+            assert shares[cell, "rows", name]["statistical"] == pytest.approx(0.95, abs=allowed)
+            assert shares[cell, "rows", name]["holds"] >= 0.95 - allowed
+    for cell in ("Ogden -16 to 20, evenly", "Ogden -16, h = 2 R", "Ogden 10, h = 2 R"):
+        assert shares[cell, "rows", "E"]["holds"] >= 0.9
+        assert shares[cell, "rows", "E"]["statistical"] < 0.5
+    for cell in ("gradual 0.05 R, Gent 0", "gradual 0.05 R, Gent 1", "gradual 0.05 R, Gent 1, h = 4 R"):
+        assert shares[cell, "rows", "E"]["holds"] >= 0.9
+        assert shares[cell, "rows", "E"]["least_squares"] < 0.5
+
+
 def test_the_stored_finite_elements_are_met_within_the_stated_errors():
     """42 points that no fit has seen: N G within 2.2 % at nu = 1/2, 3.6 % below; tests/studies/stiffening.py."""
     path = Path(__file__).parent / "studies" / "results" / "stiffening.csv"

@@ -1,5 +1,6 @@
 """Layers that stiffen, and samples with sides, in scenes, files and fits; and that nothing of it runs elsewhere."""
 
+import html
 import sys
 from dataclasses import replace
 
@@ -7,7 +8,6 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.report.screen import next_step
 
 R = 25e-6
 TIP = ul.Sphere(R)
@@ -189,6 +189,21 @@ def test_the_model_is_the_scene_and_many_sets_are_each_alone(scene):
         assert alone.force == pytest.approx(simulated, abs=3e-6 * scale)
 
 
+@pytest.mark.parametrize("scene", [SCENE, SIDES, NARROW])
+def test_sets_of_many_thicknesses_are_each_alone(scene):
+    free = {path: known for path, known in FREE.items() if scene.layer.stiffening or path != LIMIT}
+    posed = problem(scene, {**free, "layer.thickness": ul.Normal(4.0 * R, 0.2 * R)})
+    physical = np.tile(posed.physical(posed.start), (12, 1))
+    physical[:, posed.names.index("layer.thickness")] = 4.0 * R * np.geomspace(0.5, 40.0, 12)
+    member = posed.members[0]
+    together = member.readings(physical)
+    assert together.possible.all()
+    for row, one in enumerate(physical):
+        alone = member.reading(one)
+        assert together.contact[row] == pytest.approx(alone.contact, abs=1e-6 * np.abs(alone.contact).max())
+        assert together.stiffness[row] == pytest.approx(alone.stiffness, abs=1e-5 * alone.stiffness.max())
+
+
 def test_sets_that_are_out_of_reach_do_not_exist():
     posed = problem()
     physical = np.tile(posed.physical(posed.start), (3, 1))
@@ -333,7 +348,13 @@ def test_a_linear_fit_says_that_the_sample_stiffens_and_what_to_set(thickness, l
     assert verdict == "check"
     assert "the sample stiffens with strain" in verdict.cause
     assert verdict.setting == ("layer.stiffening.model", "gent")
-    assert next_step(verdict).endswith(': model = "gent" in [layer.stiffening]')
+
+
+def test_the_report_of_a_linear_fit_says_where_it_is_set(tmp_path):
+    text = html.unescape(
+        ul.report(linear_fit(4.0 * R, 3.0, 0.35), tmp_path / "report.html").read_text(encoding="utf-8")
+    )
+    assert 'inverse_limit (1/Jm, such as 0.5) free: model = "gent" in [layer.stiffening]' in text
 
 
 def test_where_stiffening_is_not_known_the_verdict_does_not_ask_for_it():

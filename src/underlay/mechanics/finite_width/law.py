@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -143,6 +143,7 @@ class NarrowLaw(ContactLaw):
 
     inner: ContactLaw
     sides: Sides
+    _last: dict[bytes, Sprung] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -193,7 +194,12 @@ class NarrowLaw(ContactLaw):
         return self._sprung(depth).depth
 
     def _sprung(self, depth: FloatArray) -> Sprung:
-        return self.sides.sprung(self.inner.force_and_stiffness, depth)
+        """The balance at depths (m) in contact, (n,); those asked last are kept: derivatives ask the same."""
+        key = depth.tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = self.sides.sprung(self.inner.force_and_stiffness, depth)
+        return self._last[key]
 
     @property
     def _beyond(self) -> str:
