@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 
@@ -150,7 +149,7 @@ def require_readings(
     """
     why = (
         _names_of_tests(labels, rows)
-        or _words_of_tests(tuple(labels))
+        or _words_of_tests(labels)
         or _tests_beside_moduli(labels, units, rows, depth, force)
     )
     if why:
@@ -183,8 +182,7 @@ def _is_name(cell: str) -> bool:
     return _CLOCK.fullmatch(text) is None and _WITH_UNIT.fullmatch(text) is None
 
 
-@lru_cache(maxsize=64)
-def _words_of_tests(labels: tuple[str, ...]) -> str:
+def _words_of_tests(labels: Sequence[str]) -> str:
     found = [label for label in labels if split_label(label)[0].strip().lower() in _OF_A_TEST]
     return f"it has {names_there(found)}" if len(found) >= _ENOUGH else ""
 
