@@ -86,9 +86,6 @@ _OF_A_TEST = frozenset(
 )
 
 
-_ENOUGH = 2
-
-
 # A reading may be named by its time, in words (8:00:16 AM, 26 Nov 2026), and have its unit beside each number.
 _CLOCK = re.compile(
     r"(?:[\d\s:.,/+-]|[ap]\.?m\.?|[tz]|jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec|mon|tue|wed|thu|fri|sat|sun)*",
@@ -184,7 +181,7 @@ def _is_name(cell: str) -> bool:
 
 def _words_of_tests(labels: Sequence[str]) -> str:
     found = [label for label in labels if split_label(label)[0].strip().lower() in _OF_A_TEST]
-    return f"it has {names_there(found)}" if len(found) >= _ENOUGH else ""
+    return f"it has {names_there(found)}" if len(found) > 1 else ""
 
 
 def _tests_beside_moduli(
