@@ -32,11 +32,12 @@ from underlay.data.readers._format import Options, make_curve
 from underlay.data.readers._lever import Lever
 from underlay.data.readers._not_readings import (
     NUMBERED,
+    beginnings,
     require_readings,
+    stacked_note,
     without_statistics,
 )
 from underlay.data.readers._source import Source
-from underlay.data.readers._stacked import beginnings, stacked_note
 from underlay.data.readers._text import (
     column_factor,
     is_number,
