@@ -269,7 +269,7 @@ def test_hdf5_that_leads_out_of_the_file(link, put, tmp_path):
         (files.excel, "openpyxl"),
         (files.nanosuite, "xlrd"),
         (afm_files.hdf5, "h5py"),
-        (files.workshop, "afmformats.formats"),
+        (afm_files.igor, "igor2.binarywave"),
     ],
 )
 def test_a_missing_extra_is_named(content, module, put, monkeypatch):
@@ -279,9 +279,11 @@ def test_a_missing_extra_is_named(content, module, put, monkeypatch):
         ul.read_all(path)
 
 
-def test_jpk_needs_no_extra(put, monkeypatch):
-    monkeypatch.setitem(sys.modules, "afmformats.formats", None)
-    assert len(ul.read(put(afm_files.jpk()))) == 2 * afm_files.POINTS
+@pytest.mark.parametrize("content", [afm_files.jpk, afm_files.tab, files.workshop])
+def test_microscopes_text_and_jpk_need_no_extra(content, put, monkeypatch):
+    monkeypatch.setitem(sys.modules, "afmformats", None)
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    assert len(ul.read(put(content()))) >= 2 * afm_files.POINTS
 
 
 @pytest.mark.parametrize(

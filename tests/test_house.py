@@ -275,6 +275,9 @@ KEPT_FOR_THE_PROCESS = {
     "mechanics/biphasic/punch_table": {"shipped"},
     "mechanics/biphasic/tip_table": {"shipped"},
     "plugins": {"plugins"},
+    # What the letters of a name of a column say: a bounded number, which every file of a kind asks for again.
+    "data/readers/_text": {"_split_label", "kind_named"},
+    "data/readers/_columns": {"_known_columns"},
 }
 CACHES = {"cache", "lru_cache"}
 #: Calls that make something to be filled.

@@ -5,6 +5,8 @@ import gzip
 import io
 import itertools
 import re
+import sys
+import tomllib
 import warnings
 import zipfile
 
@@ -14,6 +16,7 @@ import pytest
 from scipy.io import savemat
 
 import underlay as ul
+from underlay.cli.new_scene import unread_scene
 from underlay.data.readers import read_all
 from underlay.data.segments import segments_from_motion
 from underlay.inference.batch.manifest import read_manifest
@@ -89,7 +92,7 @@ def test_names_that_are_not_as_many_as_the_cells_are_refused(head, put):
 # --- tests one below the other
 
 
-def stacked(kind):
+def stacked():
     head = "z_tip (um),F (nN),clock (s)\n"
     one = rows(DEPTH, FORCE, TIME, separator=",")
     back = rows(np.r_[DEPTH, DEPTH[::-1]], np.r_[FORCE, FORCE[::-1]], np.linspace(0, 24, 480), separator=",")
@@ -106,31 +109,18 @@ def stacked(kind):
         "way in and out, blank rows": head + "\n\n".join([back] * 3),
         "other zero": "z_tip (um),F (nN)\n"
         + "\n".join(rows(DEPTH + shift, FORCE, separator=",") for shift in (0.0, 0.5, -0.5)),
-    }[kind]
+    }
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "blank rows",
-        "rows of separators",
-        "names again",
-        "titles",
-        "clock set back",
-        "depth alone",
-        "numbers of tests",
-        "way in and out, blank rows",
-        "other zero",
-    ],
-)
-def test_tests_one_below_the_other_are_several(kind, put):
+@pytest.mark.parametrize("text", stacked().values(), ids=stacked())
+def test_tests_one_below_the_other_are_several(text, put):
     columns = {"depth": "z_tip (um)", "force": "F (nN)"}
-    curves = read_all(put(stacked(kind)), columns=columns)
+    curves = read_all(put(text), columns=columns)
     assert len(curves) == 3
     assert len({len(curve) for curve in curves}) == 1
     assert any("3 tests one below the other" in note for note in curves[0].metadata["notes"])
     with pytest.raises(ul.InputError, match="holds 3 tests"):
-        ul.read(put(stacked(kind)), columns=columns)
+        ul.read(put(text), columns=columns)
 
 
 @pytest.mark.parametrize("kind", ["segments", "cycles", "double spaced", "steps"])
@@ -190,6 +180,26 @@ def test_a_ramp_that_the_file_calls_a_hold_is_one(share, put):
     curve = ul.read(put(text))
     assert len(curve.loading()) == pytest.approx(180, abs=3)
     assert "the motion decides" in curve.metadata["notes"][0]
+
+
+@pytest.mark.parametrize(
+    "marks",
+    [
+        ("Load Segment Type", "Hold Segment Type", "Unload From Peak Segment Type"),
+        ("Approach", "Hold at peak", "Unload"),
+        ("", "End Of Loading Index", "End Of Hold Index"),
+    ],
+)
+def test_the_marks_of_the_instrument_come_first(marks, put):
+    """A stiff sample comes back by a hundredth of its way: the motion alone would call that a rest."""
+    depth = np.r_[np.linspace(0, 500, 60), np.full(20, 500.0), np.linspace(500, 470, 40)]
+    force = np.r_[np.linspace(0, 40, 60), np.full(20, 40.0), np.linspace(40, 0, 40)]
+    cells = dict(zip((0, 60, 80), marks, strict=True))
+    lines = [
+        f"{cells.get(at, '')};{d:.3f};{f:.4f}" for at, (d, f) in enumerate(zip(depth, force, strict=True))
+    ]
+    curve = ul.read(put("Markers;Depth (nm);Load (mN)\n" + "\n".join(lines)))
+    assert (curve.segments() == np.repeat(("loading", "hold", "unloading"), (60, 20, 40))).mean() > 0.98
 
 
 @pytest.mark.parametrize("pull", [0.1, 0.5, 2.0])
@@ -566,19 +576,10 @@ def test_a_sum_that_makes_no_length_is_refused_in_words(depth, told, put):
 # --- archives, workbooks, compressed and binary files
 
 
-@pytest.mark.parametrize(
-    "member",
-    [
-        "__MACOSX/._a.csv",
-        ".DS_Store",
-        "README.txt",
-        "photo.png",
-        "notes.md",
-        "b/Thumbs.db",
-        "odd.dat",
-        "bad.csv",
-    ],
-)
+BESIDE = "__MACOSX/._a.csv .DS_Store README.txt photo.png notes.md b/Thumbs.db odd.dat bad.csv"
+
+
+@pytest.mark.parametrize("member", BESIDE.split())
 def test_a_bad_member_never_refuses_the_others(member, put):
     good = "depth (um),force (nN)\n" + rows(DEPTH, FORCE, separator=",")
     content = io.BytesIO()
@@ -607,7 +608,7 @@ def test_a_bad_sheet_never_refuses_the_others(put):
     is_whole(curve)
 
 
-@pytest.mark.parametrize("parts", [1, 3])
+@pytest.mark.parametrize("parts", [1, 2, 3])
 def test_text_in_gzip(parts, put):
     text = ("depth (um),force (nN)\n" + rows(DEPTH, FORCE, separator=",")).encode()
     cuts = np.linspace(0, len(text), parts + 1).astype(int)
@@ -646,26 +647,45 @@ def test_matlab(kind, packed, tmp_path):
             break
 
 
-def test_tdms_is_read_or_known_by_name(tmp_path):
-    path = tmp_path / "a.tdms"
-    try:
-        from nptdms import ChannelObject, TdmsWriter  # noqa: PLC0415  an extra
-    except ImportError:
-        path.write_bytes(b"TDSm" + bytes(40))
-        with pytest.raises(
-            ul.MissingExtraError, match=r"TDMS file, as Optics11 writes.*npTDMS.*export the curve as text"
-        ):
-            ul.read(path)
-        return
-    with TdmsWriter(path) as writer:
+@pytest.mark.parametrize(
+    ("names", "columns"),
+    [
+        (("Indentation|um", "Load (nN)|", "Time (s)|"), None),
+        (("depth_um|", "force_nN|", "t|s"), None),
+        (("Piezo|um", "cell 1|", "clock|"), {"depth": "Piezo", "force": "cell 1 (nN)", "time": "clock (s)"}),
+    ],
+)
+def test_tdms(names, columns, tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        told = [name.split("|") for name in names]
         writer.write_segment(
             [
-                ChannelObject("data", "Indentation", DEPTH, properties={"unit_string": "um"}),
-                ChannelObject("data", "Load (nN)", FORCE),
-                ChannelObject("data", "Time (s)", TIME),
+                nptdms.ChannelObject("data", name, values, properties={"unit_string": unit} if unit else {})
+                for (name, unit), values in zip(told, (DEPTH, FORCE, TIME), strict=True)
             ]
         )
-    is_whole(ul.read(path))
+    is_whole(ul.read(tmp_path / "a.tdms", columns=columns))
+
+
+def test_tdms_without_its_package_is_known_by_name(put, monkeypatch):
+    monkeypatch.setitem(sys.modules, "nptdms", None)
+    told = r"TDMS file, as Optics11 writes.*npTDMS.*export the curve as text"
+    with pytest.raises(ul.MissingExtraError, match=told):
+        ul.read(put(b"TDSm" + bytes(40)))
+
+
+@pytest.mark.parametrize(
+    "name", ["test 1/data/depth", "Data/Test 001/Load On Sample", "curve0/segment0/force"]
+)
+def test_hdf5_of_other_programs_is_known_with_a_way_out(name, tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        file[name] = DEPTH
+    with pytest.raises(
+        ul.FileFormatError, match=rf"layout not known here \(it holds '{name.split('/')[0]}'.*Export"
+    ):
+        ul.read(tmp_path / "a.hdf5")
 
 
 def test_matlab_of_version_7_3_is_known(put):
@@ -730,19 +750,37 @@ def test_one_hold_takes_one_number():
     assert "one hold alone" in str(ul.check_quality(curve.equilibrium(), scene).reasons)
 
 
-def test_a_manifest_may_be_a_workbook_with_any_further_column(tmp_path):
+@pytest.mark.parametrize(
+    ("above", "names", "thin"),
+    [
+        ([["my samples"]], ["file", "thickness (mm)", "who did it"], 1.5),
+        ([], ["file", "who did it", "thickness (um)"], "1500"),
+        ([["2026"], []], ["curve", "thickness", "who did it"], "1.5 mm"),
+    ],
+)
+def test_a_manifest_may_be_a_workbook_with_any_further_column(above, names, thin, tmp_path):
+    cells = {"who did it": "A"}
     book = openpyxl.Workbook()
-    for row in (
-        ["my samples"],
-        ["file", "thickness (mm)", "who did it", "temperature (C)"],
-        ["a.csv", 1.5, "A", 37],
-        ["b.csv", 2, None, None],
-    ):
+    for row in (*above, names, ["a.csv", *(cells.get(name, thin) for name in names[1:])]):
         book.active.append(row)
     book.save(tmp_path / "m.xlsx")
-    scene = ul.Scene(ul.Paraboloid(5e-4), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
-    read = read_manifest(tmp_path / "m.xlsx", scene)
-    one, other = read.for_curves(["a.csv", "b.csv"])
-    assert one.values == {"layer.thickness": 1.5e-3}
-    assert one.labels == {"who did it": "A", "temperature (C)": "37"}
-    assert other.values == {"layer.thickness": 2e-3}
+    scene = ul.Scene(ul.Paraboloid(5e-4), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
+    (one,) = read_manifest(tmp_path / "m.xlsx", scene).for_curves(["a.csv"])
+    assert one.values["layer.thickness"] == pytest.approx(1.5e-3)
+    assert one.labels["who did it"] == "A"
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["1 2 3\n4 5 6\n7 8 9\n", "depth,force\n1,2\n3,4\n", "Dear diary,\nnothing.\n", b"\0\1\2" * 99],
+)
+def test_a_scene_is_written_for_a_file_that_is_not_read(content, put):
+    file = put(content)
+    with pytest.raises(ul.InputError) as error:
+        ul.read(file)
+    text = unread_scene(file, file.name, str(error.value))
+    found = tomllib.loads(text)
+    assert found["curve"]["file"] == file.name
+    assert found["layer"]["E"].startswith("TODO")  # no word that is left becomes a half-space
+    assert "TODO" in found["layer"]["thickness"]
+    assert (content.split("\n")[0] if isinstance(content, str) else "It is no text") in text

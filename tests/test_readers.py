@@ -643,17 +643,6 @@ def test_tab_of_afmformats(put):
         ul.read(put(afm_files.tab().replace(b"# force\theight (measured)\tsegment", b"# strain\tb\tc")))
 
 
-def test_a_foreign_hdf5_is_not_called_damaged(tmp_path):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "other.h5", "w") as file:
-        file["experiment/stress"] = [1.0, 2.0]
-    with pytest.raises(
-        ul.FileFormatError, match=r"layout not known here \(it holds 'experiment'\).*Export"
-    ) as told:
-        ul.read(tmp_path / "other.h5")
-    assert "damaged" not in str(told.value)
-
-
 def test_igor_waves(put):
     curve = ul.read(put(afm_files.igor()))
     height, force = afm_files.approach()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeAlias
@@ -133,14 +133,15 @@ def read(
     InputError
         If it holds several tests and `test` does not say which.
     """
+    asked = _Asked(format, columns, Calibration.of(calibration))
     if test is not None and len(parts := curves_of_map(path)) > 1:
         if not 1 <= test <= len(parts):
             raise InputError(f"there is no test {test}: {Path(path).name} holds {len(parts)} tests")
-        return read_from_map(parts[test - 1], format, columns, calibration=calibration)
+        return asked.of_map(parts[test - 1])
     source = load(path)
-    if test is not None and (one := _read_one(source, format, columns, calibration, test)) is not None:
+    if test is not None and (one := asked.one(source, test)) is not None:
         return one
-    curves = _numbered(_read_source(source, format, columns, calibration))
+    curves = _numbered(asked.all(source))
     if test is None:
         if len(curves) == 1:
             return curves[0]
@@ -164,7 +165,7 @@ def read_all(
 
     An archive (.zip) of instrument files is read member by member, in memory.
     """
-    return _numbered(_read_source(load(path), format, columns, calibration))
+    return _numbered(_Asked(format, columns, Calibration.of(calibration)).all(load(path)))
 
 
 def read_from_map(
@@ -175,8 +176,7 @@ def read_from_map(
     calibration: Mapping[str, str | float] | None = None,
 ) -> Curve:
     """Read one curve of a map on the disk, and nothing else of it; see `read`."""
-    (curve, *_) = _read_source(place.source(), format, columns, calibration)
-    return curve.with_metadata(**{"name": place.name} if place.name else {}, test=place.number)
+    return _Asked(format, columns, Calibration.of(calibration)).of_map(place)
 
 
 def kept_open(place: MapCurve, kept: KeptOpen) -> MapCurve:
@@ -195,63 +195,75 @@ def curves_of_map(path: str | os.PathLike[str]) -> Sequence[MapCurve]:
     return curves_of_jpk_map(path) or curves_of_hdf5(path)
 
 
-def _read_source(
-    source: Source,
-    format: str | Format | None,  # noqa: A002  as in read
-    columns: Mapping[str, str | int] | None,
-    calibration: Mapping[str, str | float] | None,
-) -> list[Curve]:
-    known = Calibration.of(calibration)
+@dataclass(frozen=True)
+class _Asked:
+    """What a caller says of a file: its format, its columns, its calibration."""
 
-    def read_part(part: Source) -> list[Curve]:
-        reader = _reader_of(part, format)
-        found = reader.read_all(part, _options(part, reader, columns, known))
-        return [_stamp(curve, part, reader, known) for curve in found]
+    format: str | Format | None
+    columns: Mapping[str, str | int] | None
+    known: Calibration
 
-    parts, left_out = unpack(source)
-    if not parts and left_out:
-        raise FileFormatError(f"{source.name} holds no curve: {left_out[0]}")
-    curves = read_parts([(printable(part.member), partial(read_part, part)) for part in parts])
-    curves = with_note(curves, left_out)
-    if not curves:
-        raise CurveError(f"{source.name} holds no curve")
-    return curves
+    def all(self, source: Source) -> list[Curve]:
+        """Every curve of a file, or of the members of an archive."""
+        parts, left_out = unpack(source)
+        if not parts and left_out:
+            raise FileFormatError(f"{source.name} holds no curve: {left_out[0]}")
+        alone = len(parts) == 1
+        curves = read_parts([(printable(part.member), partial(self._curves, part, alone)) for part in parts])
+        if not curves:
+            raise CurveError(f"{source.name} holds no curve")
+        return with_note(curves, left_out)
 
+    def one(self, source: Source, test: int) -> Curve | None:
+        """One test of a file whose format can read one alone; else None."""
+        reader = None if source.is_zip else self._reader_of(source)
+        if reader is None or reader.read_one is None:
+            return None
+        curve = reader.read_one(source, self._options(source, reader), test)
+        return self._stamped(curve, source, reader, test)
 
-def _read_one(
-    source: Source,
-    format: str | Format | None,  # noqa: A002  as in read
-    columns: Mapping[str, str | int] | None,
-    calibration: Mapping[str, str | float] | None,
-    test: int,
-) -> Curve | None:
-    """One test of a file whose format can read one alone; else None."""
-    if source.is_zip:
-        return None
-    reader, known = _reader_of(source, format), Calibration.of(calibration)
-    if reader.read_one is None:
-        return None
-    curve = reader.read_one(source, _options(source, reader, columns, known), test)
-    return _stamp(curve, source, reader, known).with_metadata(test=test)
+    def of_map(self, place: MapCurve) -> Curve:
+        """One curve of a map on the disk."""
+        (curve, *_) = self.all(place.source())
+        return curve.with_metadata(**{"name": place.name} if place.name else {}, test=place.number)
 
+    def _curves(self, source: Source, alone: bool) -> list[Curve]:
+        reader = self._reader_of(source)
+        curves = reader.read_all(source, self._options(source, reader))
+        return [
+            self._stamped(curve, source, reader, number if alone else None)
+            for number, curve in enumerate(curves, start=1)
+        ]
 
-def _reader_of(source: Source, format: str | Format | None) -> Format:  # noqa: A002  as in read
-    return recognise(source) if format is None else _format_named(format)
+    def _reader_of(self, source: Source) -> Format:
+        if self.format is None:
+            return recognise(source)
+        return self.format if isinstance(self.format, Format) else _format_named(self.format)
 
+    def _options(self, source: Source, reader: Format) -> Options:
+        """What a reader is told; refuses what it has no use for."""
+        if self.columns is not None and not reader.takes_columns:
+            raise InputError(
+                f"a column mapping does not apply to {source.name}, a file of format {reader.name!r}"
+            )
+        if (self.known.values or self.known.uncertainties) and not reader.takes_calibration:
+            raise InputError(
+                f"{source.name}, of format {reader.name!r}, holds its calibration; none can be given"
+            )
+        return Options(self.columns, self.known.values)
 
-def _options(
-    source: Source, reader: Format, columns: Mapping[str, str | int] | None, known: Calibration
-) -> Options:
-    """What a reader is told; refuses what it has no use for."""
-    if columns is not None and not reader.takes_columns:
-        raise InputError(
-            f"a column mapping does not apply to {source.name}, a file of format {reader.name!r}"
+    def _stamped(self, curve: Curve, source: Source, reader: Format, number: int | None) -> Curve:
+        """Add to a curve where it came from, its number but where its reader knows better, and its calibration."""
+        return curve.with_metadata(
+            **({} if number is None or "test" in curve.metadata else {"test": number}),
+            **self.known.metadata,
+            name=curve.metadata.get("name") or printable(source.path.stem),
+            path=str(source.path),
+            member=source.member or None,
+            sha256=source.sha256,
+            format=reader.name,
+            reader=f"underlay {VERSION}, reader {reader.name}",
         )
-    if (known.values or known.uncertainties) and not reader.takes_calibration:
-        raise InputError(
-            f"{source.name}, of format {reader.name!r}, holds its calibration; none can be given"
-        )
-    return Options(columns, known.values)
 
 
 def _numbered(curves: list[Curve]) -> list[Curve]:
@@ -280,27 +292,12 @@ def recognise(source: Source) -> Format:
     raise FileFormatError(f"{source.name} is not recognised as any known format ({names}){broken}")
 
 
-def _format_named(name: str | Format) -> Format:
-    if isinstance(name, Format):
-        return name
+def _format_named(name: str) -> Format:
     known = {candidate.name: candidate for candidate in all_formats()}
     if name not in known:
         broken = faults(plugged_readers(FORMATS))
         raise InputError(f"no format {name!r}; there are {', '.join(known)}{broken}")
     return known[name]
-
-
-def _stamp(curve: Curve, source: Source, reader: Format, known: Calibration) -> Curve:
-    """Add to a curve where it came from, and how well its calibration is known."""
-    return curve.with_metadata(
-        **known.metadata,
-        name=curve.metadata.get("name") or printable(source.path.stem),
-        path=str(source.path),
-        member=source.member or None,
-        sha256=source.sha256,
-        format=reader.name,
-        reader=f"underlay {VERSION}, reader {reader.name}",
-    )
 
 
 def _listing(curves: list[Curve]) -> str:

@@ -150,11 +150,6 @@ def check_mapping(mapping: Mapping[str, str | int] | None) -> None:
 
 def name_of(label: str) -> str:
     """Name of a column without its unit, as it is compared: small letters, no accents, blanks for underscores."""
-    return _name_of(label[:_LONGEST])
-
-
-@lru_cache(maxsize=1024)
-def _name_of(label: str) -> str:
     name, unit = split_label(label)
     return " ".join(re.sub(r"[_()\[\]<>-]+", " ", plain(label if unit.lower() in _REMARKS else name)).split())
 
@@ -207,27 +202,23 @@ def _known_columns(labels: tuple[str, ...]) -> Mapping[str, int]:
     return found
 
 
-@lru_cache(maxsize=64)
-def unread(
-    labels: tuple[str, ...], found: tuple[tuple[str, int], ...], mapping: tuple[tuple[str, str], ...]
-) -> tuple[str, ...]:
+def unread(labels: Sequence[str], found: Mapping[str, int], asked: Mapping[str, str]) -> tuple[str, ...]:
     """Notes of columns that are not read and may be meant: of the same name as one that is, or of another for it.
 
     Parameters
     ----------
-    labels : tuple of str
+    labels : sequence of str
         The header.
-    found, mapping : tuple of pairs
+    found, asked : mapping
         Index of the column of each role, and what was asked for.
     """
     names, units = (
         [plain(split_label(label)[0]) for label in labels],
         [split_label(label)[1] for label in labels],
     )
-    asked = dict(mapping)
     same: list[str] = []
     other: list[str] = []
-    for role, index in found:
+    for role, index in found.items():
         label = labels[index].strip()
         namesakes = [
             labels[at].strip()

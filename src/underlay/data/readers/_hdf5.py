@@ -26,7 +26,7 @@ import numpy as np
 
 from underlay._door import opened
 from underlay.data.export import HDF5_MARK
-from underlay.data.readers._source import MAX_BYTES, Source
+from underlay.data.readers._source import MAX_BYTES, Source, curve_name
 from underlay.errors import FileFormatError, UnderlayError, missing_extra
 
 __all__ = [
@@ -314,10 +314,6 @@ def curves_of_hdf5(path: str | os.PathLike[str]) -> list[Hdf5MapCurve]:
         groups.sort(key=int)
     resolved = file.resolve()
     return [
-        Hdf5MapCurve(resolved, sha256, number, group, "" if own else _name(file, number))
+        Hdf5MapCurve(resolved, sha256, number, group, "" if own else curve_name(file, number))
         for number, group in enumerate(groups, start=1)
     ]
-
-
-def _name(path: Path, number: int) -> str:
-    return path.stem if number == 1 else f"{path.stem}, curve {number}"

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from underlay._door import opened
-from underlay.data.readers._source import MAX_BYTES, Source
+from underlay.data.readers._source import MAX_BYTES, Source, curve_name
 from underlay.data.readers.jpk import LONGEST_HEADER
 from underlay.errors import FileFormatError
 
@@ -72,7 +72,7 @@ class JpkMapCurve:
     @property
     def name(self) -> str:
         """What the curve is called where the whole map is read."""
-        return self.path.stem if self.number == 1 else f"{self.path.stem}, curve {self.number}"
+        return curve_name(self.path, self.number)
 
     def source(self) -> Source:
         """Read this curve as an archive of its own.

@@ -157,8 +157,10 @@ class Lever:
     about: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, source: Source, stated: Mapping[str, float], given: Mapping[str, float]) -> Lever:
+    def of(cls, source: Source, stated: Mapping[str, float | None], given: Mapping[str, float]) -> Lever:
         """Take what is given, else what the file states; both by kind (``stiffness``, ``sensitivity``), SI.
+
+        What is stated as zero or None stands there before a calibration, and is none.
 
         Raises
         ------
@@ -170,16 +172,17 @@ class Lever:
             raise InputError(
                 f"{source.name} takes no {unused[0]}; give the sensitivity in metres per volt, such as '60 nm/V'"
             )
-        for kind, value in stated.items():
+        known = {kind: value for kind, value in stated.items() if value}
+        for kind, value in known.items():
             if not (np.isfinite(value) and value > 0.0):
                 raise FileFormatError(
                     f"{source.name} states a {_NAMES[kind]} of {value:g}; it must be positive"
                 )
-        used = {**stated, **given}
+        used = {**known, **given}
         if "stiffness" not in used:
             raise uncalibrated(source)
         about = {_NAMES[kind]: value for kind, value in used.items()}
-        about |= {f"file_{_NAMES[kind]}": stated[kind] for kind in given if kind in stated}
+        about |= {f"file_{_NAMES[kind]}": known[kind] for kind in given if kind in known}
         return cls(used["stiffness"], used.get("sensitivity"), about)
 
     def force(self, source: Source, volts: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Callable, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 from underlay._text import names_there
@@ -143,10 +144,12 @@ def find_names(
         if len(names) >= 2 and sum(map(is_number, names)) < 2 and not is_unit_row(names)
     ]
     fitting = [names for names in reversed(rows) if layout.numbers <= len(names) <= layout.cells]
-    said = [names for text in reversed(comments) for names in _commented_names(text, layout, split)]
-    for names in (*fitting, *said):
+    said = (names for text in reversed(comments) for names in _commented_names(text, layout, split))
+    seen: list[list[str]] = []
+    for names in chain(fitting, said):
         if serves(names, options):
             return names, units
+        seen.append(names)
     # Names over fewer cells: the first of them is one for certain, or it may be anything.
     for names in reversed(rows):
         if len(names) > layout.cells and _is_name(names[0]) and serves(names, options):
@@ -155,8 +158,8 @@ def find_names(
             return names, units  # refused with the row that has more
     if _by_number(options, layout.cells):
         return fitting[0] if fitting else [f"column {at}" for at in range(1, layout.cells + 1)], units
-    if fitting or said:
-        return (fitting or said)[0], units
+    if seen:
+        return seen[0], units
     others = [names for names in rows if len(names) != layout.cells] or [
         row for text in reversed(comments) if len(row := split(text, "")) > layout.cells
     ]
@@ -192,10 +195,10 @@ def serves(names: Sequence[str], options: Options) -> bool:
         return all(parse_column(text, names) is not None for text in asked) and _serves_by_name(
             [*names], {role: str(text) for role, text in options.columns.items()}
         )
-    if tests_beside(tuple(names)):
+    if _serves_by_name(names, None) or tests_beside(names):
         return True
-    sides = sides_of(tuple(names))
-    return _serves_by_name(next(iter(sides.values()))[1] if sides else names, None)
+    sides = sides_of(names)
+    return bool(sides) and _serves_by_name(next(iter(sides.values()))[1], None)
 
 
 def _serves_by_name(names: Sequence[str], mapping: dict[str, str] | None) -> bool:

@@ -13,7 +13,17 @@ from underlay._door import open_zip as bounded_zip
 from underlay._text import names_there
 from underlay.errors import FileFormatError
 
-__all__ = ["CURVES", "MAX_BYTES", "MAX_TEXT_BYTES", "Source", "load", "open_zip", "read_member", "unpack"]
+__all__ = [
+    "CURVES",
+    "MAX_BYTES",
+    "MAX_TEXT_BYTES",
+    "Source",
+    "curve_name",
+    "load",
+    "open_zip",
+    "read_member",
+    "unpack",
+]
 
 _MB = 1_000_000
 #: Largest file, and largest total of what an archive holds, in bytes.
@@ -91,6 +101,11 @@ class Source:
 
     def _letters(self, size: int) -> str:
         return self.data[:size].removeprefix(_MARK).decode("latin-1").replace("\r", "\n")
+
+
+def curve_name(path: Path, number: int) -> str:
+    """What a curve of a file of many is called, by its number from 1."""
+    return path.stem if number == 1 else f"{path.stem}, curve {number}"
 
 
 def load(path: PathLike) -> Source:

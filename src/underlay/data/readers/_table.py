@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -33,11 +32,12 @@ from underlay.data.readers._format import Options, make_curve
 from underlay.data.readers._lever import Lever
 from underlay.data.readers._not_readings import (
     NUMBERED,
+    beginnings,
     require_readings,
+    stacked_note,
     without_statistics,
 )
 from underlay.data.readers._source import Source
-from underlay.data.readers._stacked import beginnings, stacked_note
 from underlay.data.readers._text import (
     column_factor,
     is_number,
@@ -142,7 +142,7 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
     """
     check_mapping(options.columns)
     name = metadata.pop("name", None)
-    if options.columns is None and (tests := tests_beside(tuple(table.labels))):
+    if options.columns is None and (tests := tests_beside(table.labels)):
         return [
             curve
             for test, indices, labels in tests
@@ -153,14 +153,13 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
     if name is not None:
         metadata["name"] = name
     asked = [str(text) for text in (options.columns or {}).values()]
-    ways = sides_of(tuple(table.labels))
+    ways = sides_of(table.labels)
     if ways and (not asked or any(parse_column(text, table.labels) is None for text in asked)):
         return _curves(source, [(table.of(*way), label) for label, way in ways.items()], options, metadata)
     return _curves(source, [(table, "")], options, metadata)
 
 
-@lru_cache(maxsize=64)
-def tests_beside(labels: tuple[str, ...]) -> Sequence[tuple[str, list[int], list[str]]]:
+def tests_beside(labels: Sequence[str]) -> Sequence[tuple[str, list[int], list[str]]]:
     """Tests side by side: name, columns and their labels of each; [] for any other table."""
     for pattern in (_BESIDE, _WAVE):
         found: dict[str, dict[str, tuple[int, str]]] = {}
@@ -180,8 +179,7 @@ def tests_beside(labels: tuple[str, ...]) -> Sequence[tuple[str, list[int], list
     return []
 
 
-@lru_cache(maxsize=64)
-def sides_of(labels: tuple[str, ...]) -> Mapping[str, tuple[list[int], list[str]]]:
+def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]:
     """Columns of the approach and of the way back, and their labels, of a table that has both side by side."""
     found: dict[str, tuple[list[int], list[str]]] = {LOADING: ([], []), UNLOADING: ([], [])}
     for index, label in enumerate(labels):
@@ -320,7 +318,7 @@ class _Reader:
         found = {"depth": self._value("depth", depth), "force": self._value("force", force)}
         clock = None if time is None else self._time(time)
         self._take_off_bending(found)
-        others = unread(tuple(self.labels), tuple(self.found.items()), tuple(self.mapping.items()))
+        others = unread(self.labels, self.found, self.mapping)
         notes = (*self.notes, *others)
         return _Read(
             found["depth"], found["force"], clock, self.units, self.signs, notes, self.known, self.free
@@ -525,11 +523,13 @@ def _require_no_groups(
     table: FloatArray,
 ) -> None:
     """Refuse a column that counts 998, 999, 1,000: its separator is one of thousands, read as a decimal sign."""
+    # Nearly every table ends here, and nearly every column below.
+    if np.abs(table).max() < _THREE_DIGITS:
+        return
     for j, index in enumerate(indices):
         values = table[:, j]
         whole = values == np.rint(values)
         divided = 1e3 * values[~whole]
-        # Nearly every column is passed over here.
         if not divided.size or not (np.abs(values[whole]) >= _THREE_DIGITS).any():
             continue
         if not (np.abs(divided - np.rint(divided)) < _ROUNDING).all():

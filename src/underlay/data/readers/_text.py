@@ -128,6 +128,12 @@ class Lines(Sequence[Sequence[str]]):
             return Lines(self.lines[index], self.separator)
         return self.lines[index].split(None if self.separator == " " else self.separator)
 
+    def count_cells(self) -> int:
+        """Cells of all rows."""
+        if self.separator == " ":
+            return sum(map(len, map(str.split, self.lines)))
+        return "\n".join(self.lines).count(self.separator) + len(self.lines)
+
 
 @dataclass(frozen=True)
 class Arrays(Sequence[Sequence[str]]):
@@ -297,6 +303,10 @@ def _split_label(text: str) -> tuple[str, str]:
     return text, ""
 
 
+# Files of one kind ask for the same.
+_factor = lru_cache(maxsize=256)(unit_factor)
+
+
 def column_factor(unit: str, kind: str, column: str, where: str) -> float:
     """SI value of the unit of a column, with an error that names the column.
 
@@ -306,7 +316,7 @@ def column_factor(unit: str, kind: str, column: str, where: str) -> float:
         If the unit is unknown or of another kind.
     """
     try:
-        return unit_factor(unit, kind)
+        return _factor(unit, kind)
     except UnitError as error:
         raise UnitError(f"{where}, column {column!r:.80}: {error}") from error
 
@@ -351,6 +361,8 @@ def numbers(
     FileFormatError
         If a row is too short or a cell is not a number.
     """
+    if comma is None and isinstance(rows, Lines):
+        comma = None if any("," in line for line in rows.lines[:_SHOWN]) else False
     if comma is None:
         comma = uses_comma([row[at] for row in rows[:_SHOWN] for at in indices if at < len(row)])
     if isinstance(rows, Arrays):

@@ -1,26 +1,21 @@
-"""Atomic force microscopes: JPK and .tab by our own readers; NT-MDT, AFM Workshop, HDF5 by afmformats.
+"""Atomic force microscopes: JPK, NT-MDT and AFM Workshop text, and HDF5 and tables (.tab) of afmformats.
 
-Tables (.tab) of afmformats: metadata as JSON behind ``#``, a row of names behind ``#``, and SI numbers.
+The content is recognised, not the extension. All give the height of the scanner, falling towards the sample, and
+the force. The tip is at height + force / spring constant, so depth = -(height + force / spring constant); its zero
+is arbitrary and contact is found later. A file without a spring constant gives depth = -height, which still holds
+the bending of the cantilever: a note says so.
 
-Read here and not by that package, which opens a path of its own and takes the metadata as they are.
-
-The calibration that a file of AFM Workshop states, which afmformats drops where another is given.
-
-The content is recognised here and handed to afmformats in memory, because that package goes by the
-extension of the file. Both give the height of the scanner, falling towards the sample, and the force. The
-tip is at height + force / spring constant, so depth = -(height + force / spring constant); its zero is
-arbitrary and contact is found later. A file without a spring constant gives depth = -height, which still
-holds the bending of the cantilever: a note says so.
+Why not through afmformats (0.18): it opens a path of its own, takes metadata as they are, and drops the calibration
+that a file of AFM Workshop states where another is given. The numbers are its to the last bit
+(`tests/test_real_files.py`).
 """
 
 from __future__ import annotations
 
-import io
 import itertools
 import math
 import re
-from collections.abc import Callable, Collection, Mapping
-from importlib import import_module
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -29,141 +24,36 @@ from underlay._arrays import FloatArray
 from underlay._door import parse_json
 from underlay._text import names_there
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options, make_curve
+from underlay.data.readers._format import Format, Options, make_curve, require
 from underlay.data.readers._hdf5 import HDF5_MAGIC, Checked, curve_groups, is_own, open_checked
 from underlay.data.readers._lever import Lever, lever_curve
-from underlay.data.readers._source import Source
-from underlay.data.readers._text import decode, lines_of, numbers
+from underlay.data.readers._source import Source, curve_name
+from underlay.data.readers._text import Lines, is_number, lines_of, numbers
 from underlay.data.readers.jpk import JpkCurve, read_jpk
+from underlay.data.readers.text_format import header_of
 from underlay.data.segments import HOLD, label_pieces, segments_from_motion
-from underlay.errors import FileFormatError, InputError, UnderlayError, missing_extra
+from underlay.errors import FileFormatError, InputError
 
-__all__ = ["FORMAT", "TAB_MARK", "read_tab", "workshop_calibration"]
+__all__ = ["FORMAT"]
 
-#: What opens the metadata.
-TAB_MARK = "# BEGIN METADATA"
-
-
-_END = "# END METADATA"
-
-
-_WANTED = ("force", "height (measured)", "height (piezo)", "time", "segment")
-
-
+# What opens and ends the metadata of a .tab: JSON behind "#". A row of names behind "#" and SI numbers follow.
+_TAB_MARK, _END = "# BEGIN METADATA", "# END METADATA"
+_COLUMNS = ("force", "time", "segment")
+# The better height that there is, of these.
+_HEIGHTS = ("height (measured)", "height (piezo)")
+# Of two segments, older versions of a .tab wrote which one as a boolean; no other column of them is used.
 _OLD_SEGMENTS = {"False": "0", "True": "1"}
-
-
 _NUMBERS = ("spring constant", "sensitivity", "setpoint", "position x", "position y")
-
-
-def read_tab(source: Source) -> tuple[dict[str, FloatArray], dict[str, Any]]:
-    """Return the columns that are used (SI) and the metadata of a table.
-
-    Raises
-    ------
-    FileFormatError
-        If the metadata do not end, there is no row of names or of numbers, or the height or the force is
-        missing.
-    """
-    lines = lines_of(source)
-    comments = [line.strip() for line in lines if line.startswith("#")]
-    rows = [line.split("\t") for line in lines if not line.startswith("#")]
-    if TAB_MARK not in comments or _END not in comments or not rows:
-        raise FileFormatError(
-            f"{source.name}: no line {TAB_MARK!r} or {_END!r}, or no rows of numbers below them"
-        )
-    names = comments[-1].lstrip("# ").split("\t")
-    wanted = [name for name in _WANTED if name in names]
-    if "force" not in wanted or not any(name.startswith("height") for name in wanted):
-        there = names_there(names)
-        raise FileFormatError(f"{source.name} has no column 'force' or no height; it has {there}")
-    # Of two segments, older versions wrote which one as True or False; no other column of booleans is used.
-    if "segment" in wanted:
-        _number_segments(rows, names.index("segment"))
-    table = numbers(rows, [names.index(name) for name in wanted], source.name)
-    metadata = _metadata(source, comments[comments.index(TAB_MARK) + 1 : comments.index(_END)])
-    return dict(zip(wanted, table.T, strict=True)), metadata
-
-
-def _number_segments(rows: list[list[str]], index: int) -> None:
-    for row in rows:
-        if index < len(row) and row[index] in _OLD_SEGMENTS:
-            row[index] = _OLD_SEGMENTS[row[index]]
-
-
-def _metadata(source: Source, comments: list[str]) -> dict[str, Any]:
-    try:
-        found = parse_json("\n".join(line.lstrip("#") for line in comments))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{source.name}: its metadata are damaged JSON: {error!s:.120}") from error
-    entries: Mapping[str, Any] = found if isinstance(found, dict) else {}
-    # A number that other parts rely on is one, or is left out.
-    return {key: value for key, value in entries.items() if key not in _NUMBERS or _is_number(value)}
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-# The maker's names, and what makes SI of their numbers: nN/nm is N/m; mV/nm is the inverse of a sensitivity.
-_KEYS: dict[str, tuple[str, Callable[[float], float]]] = {
-    "spring constant": ("Force Constant, nN/nm", float),
-    "sensitivity": ("Light Lever Gain, mV/nm", lambda gain: 1e-6 / gain),
-}
-
-
-# What the maker's program writes where nothing was calibrated.
-_UNSET = 1.0
-
-
-def workshop_calibration(text: str, names: Collection[str]) -> dict[str, float]:
-    """SI numbers (N/m, m/V) of those `names` that the header of a file states."""
-    found = {}
-    for name in names:
-        key, in_si = _KEYS[name]
-        match = re.search(rf"^{re.escape(key)}:\s*([0-9.eE+-]+)\s*$", text, re.MULTILINE)
-        value = _UNSET if match is None else float(match[1])
-        if value > 0.0 and value != _UNSET:
-            found[name] = in_si(value)
-    return found
-
-
 _WORKSHOP = "Force-Distance Curve"
-
-
+# AFM Workshop's names; a 1 is written where nothing was calibrated. nN/nm is N/m, mV/nm an inverse sensitivity.
+_STIFFNESS, _GAIN, _UNSET = "Force Constant, nN/nm", "Light Lever Gain, mV/nm", 1.0
 _JPK = b"header.properties"
-
-
-# NT-MDT: no header, three columns with decimal commas.
+# NT-MDT: no header, three columns with decimal commas: height (nm), detector (nA) on the way in and on the way out.
 _NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
-
-
-# By kind of file: what afmformats calls a calibration, and the kind of quantity we ask for. NT-MDT records
-# the detector as a current.
-_CALIBRATION = {"spring constant": "stiffness", "sensitivity": "sensitivity"}
-
-
-_CURRENT_CALIBRATION = {"spring constant": "stiffness", "sensitivity": "current sensitivity"}
-
-
 _QUANTITIES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
-
-
 # A segment that travels less than this share of the whole rests: creep under a held force is a few per cent.
 _REST = 0.1
-
-
-_NOTHING: Mapping[str, Any] = {}
-
-
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
-
-
-# What `_curve` takes: the better height that there is, and these.
-_HEIGHTS = ("height (measured)", "height (piezo)")
-
-
-_COLUMNS = ("force", "time", "segment")
 
 
 def _sniff(source: Source) -> bool:
@@ -177,82 +67,166 @@ def _kind(source: Source) -> str:
     if data.startswith(HDF5_MAGIC):
         return "" if is_own(source) else "hdf5"
     head = source.head(2000)
-    if TAB_MARK in head:
+    if _TAB_MARK in head:
         return "tab"
     if head.startswith(_WORKSHOP) and "File Format" in head:
         return "workshop"
+    if not _NTMDT_ROW.match(head.lstrip("\n")):
+        return ""
     lines = [line for line in head.split("\n") if line][:4]
     return "ntmdt" if len(lines) == 4 and all(map(_NTMDT_ROW.fullmatch, lines[:3])) else ""
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:
+    given = options.calibration
     kind = _kind(source)
+    if kind == "jpk":
+        _require_known(source, given, "sensitivity")
+        return [
+            _jpk_curve(source, *numbered, given) for numbered in enumerate(read_jpk(source, given), start=1)
+        ]
+    if kind == "workshop":
+        return [_workshop(source, given)]
+    if kind == "ntmdt":
+        return [_ntmdt(source, given)]
     if not kind:
         raise FileFormatError(f"{source.name} is none of JPK, NT-MDT, AFM Workshop, HDF5 or .tab")
-    override = _override(source, kind, options.calibration)
-    if kind == "jpk":
-        curves = enumerate(read_jpk(source, options.calibration), start=1)
-        return [_jpk_curve(source, number, curve, options.calibration) for number, curve in curves]
-    if kind == "tab":
-        if override:
-            raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
-        return [_curve(source, 1, *read_tab(source))]
-    return _guarded(source, kind, override)
+    _require_known(source, given, "sensitivity")
+    if given:
+        raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
+    return [_tab(source)] if kind == "tab" else _hdf5(source)
 
 
-def _guarded(source: Source, kind: str, override: Mapping[str, float]) -> list[Curve]:
-    """Call a loader of afmformats and turn its errors into ours."""
-    formats = _afmformats()
-    try:
-        return _LOADERS[kind](formats, source, override)
-    except (UnderlayError, KeyboardInterrupt, SystemExit):
-        raise
-    except BaseException as error:  # the errors of afmformats derive from BaseException
-        if hasattr(error, "meta_keys"):
-            raise InputError(f"{source.name} does not hold its calibration; {_example(kind)}") from error
-        raise FileFormatError(
-            f"{source.name} is damaged or of an unknown kind: {type(error).__name__}: {error!s:.120}"
-        ) from error
-
-
-def _override(source: Source, kind: str, given: Mapping[str, float]) -> dict[str, float]:
-    wanted = _CURRENT_CALIBRATION if kind == "ntmdt" else _CALIBRATION
-    unused = set(given) - set(wanted.values())
+def _require_known(source: Source, given: Mapping[str, float], sensitivity: str) -> None:
+    """Refuse a calibration of another kind of detector."""
+    unused = set(given) - {"stiffness", sensitivity}
     if unused:
-        raise InputError(f"{source.name} takes no {unused.pop()}; {_example(kind)}")
-    return {name: given[quantity] for name, quantity in wanted.items() if quantity in given}
+        raise InputError(f"{source.name} takes no {unused.pop()}; {_example(sensitivity)}")
 
 
-def _example(kind: str) -> str:
-    unit = "nm/nA" if kind == "ntmdt" else "nm/V"
+def _example(sensitivity: str) -> str:
+    unit = "nm/V" if sensitivity == "sensitivity" else "nm/nA"
     return f"give calibration={{'spring_constant': '0.04 N/m', 'sensitivity': '60 {unit}'}} with your numbers"
 
 
-def _afmformats() -> Any:
+# --- text
+
+
+def _tab(source: Source) -> Curve:
+    """A table of afmformats: the columns that are used (SI), and what its metadata say."""
+    lines = lines_of(source)
+    comments = [line.strip() for line in lines if line.startswith("#")]
+    rows = [line.split("\t") for line in lines if not line.startswith("#")]
+    if _TAB_MARK not in comments or _END not in comments or not rows:
+        raise FileFormatError(
+            f"{source.name}: no line {_TAB_MARK!r} or {_END!r}, or no rows of numbers below them"
+        )
+    names = comments[-1].lstrip("# ").split("\t")
+    wanted = [name for name in (*_HEIGHTS, *_COLUMNS) if name in names]
+    if "force" not in wanted or not any(name.startswith("height") for name in wanted):
+        raise FileFormatError(
+            f"{source.name} has no column 'force' or no height; it has {names_there(names)}"
+        )
+    if "segment" in wanted:
+        at = names.index("segment")
+        for row in rows:
+            row[at:] = [_OLD_SEGMENTS.get(cell, cell) for cell in row[at:]]
+    table = numbers(rows, [names.index(name) for name in wanted], source.name, comma=False)
     try:
-        return import_module("afmformats.formats")
-    except ImportError as error:
-        raise missing_extra("reading AFM files needs afmformats", "afm") from error
+        found = parse_json(
+            "\n".join(
+                line.lstrip("#") for line in comments[comments.index(_TAB_MARK) + 1 : comments.index(_END)]
+            )
+        )
+    except (ValueError, RecursionError) as error:
+        raise FileFormatError(f"{source.name}: its metadata are damaged JSON: {error!s:.120}") from error
+    entries: Mapping[str, Any] = found if isinstance(found, dict) else {}
+    # A number that other parts rely on is one, or is left out.
+    known = {key: value for key, value in entries.items() if key not in _NUMBERS or _is_number(value)}
+    return _curve(source, 1, dict(zip(wanted, table.T, strict=True)), known)
 
 
-def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
-    del formats
-    if override:
-        raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _workshop(source: Source, given: Mapping[str, float]) -> Curve:
+    """AFM Workshop: a head, a row of names, and the way in beside the way out."""
+    lines = lines_of(source)
+    at = next((at for at, line in enumerate(lines) if line.startswith(("Extend ", "Retract "))), len(lines))
+    head = header_of(lines[:at])
+    names = lines[at].strip().split(",") if at < len(lines) else []
+    volts = any("T-B(V)" in name for name in names)
+    if "sensitivity" in given and not volts:
+        raise InputError(f"{source.name} holds forces, not volts; a sensitivity cannot be given")
+    stiffness, gain = (
+        float(head[key]) if is_number(head.get(key, "")) else _UNSET for key in (_STIFFNESS, _GAIN)
+    )
+    stated = {
+        "stiffness": None if stiffness == _UNSET else stiffness,
+        "sensitivity": None if gain in {0.0, _UNSET} else 1e-6 / gain,
+    }
+    lever = Lever.of(source, stated, given) if volts or stated["stiffness"] or "stiffness" in given else None
+    table = numbers(Lines(lines[at + 1 :], ","), range(len(names)), source.name, comma=False)
+    columns = dict(zip(names, table.T, strict=True))
+    signal, per_unit = ("T-B(V)", None) if volts else ("Force(nN)", 1e-9)
+    wanted = [f"{way} {channel}" for channel in ("Z-Sense(nm)", signal) for way in ("Extend", "Retract")]
+    if missing := [name for name in wanted if name not in columns]:
+        raise FileFormatError(f"{source.name} has no column {missing[0]!r}; it has {names_there(names)}")
+    z_in, z_out, signal_in, signal_out = (columns[name] for name in wanted)
+    read = np.concatenate((signal_in, signal_out))
+    data = {
+        _HEIGHTS[0]: -1e-9 * np.concatenate((z_in, z_out)),
+        "force": read * per_unit if lever is None or per_unit else lever.force(source, read),
+        "segment": np.repeat((0.0, 1.0), len(z_in)),
+    }
+    about: dict[str, Any] = {} if lever is None else dict(lever.about)
+    places = [head.get(f"{axis}, um", "") for axis in "XY"]
+    if all(map(is_number, places)):
+        about["position"] = tuple(1e-6 * float(place) for place in places)
+    found = {} if lever is None else {"spring constant": lever.stiffness}
+    return _curve(source, 1, data, found, header=head, **about)
+
+
+def _ntmdt(source: Source, given: Mapping[str, float]) -> Curve:
+    """NT-MDT: the height of both ways, deepest first, and the current of the detector on each."""
+    _require_known(source, given, "current sensitivity")
+    if len(given) < 2:
+        raise InputError(f"{source.name} does not hold its calibration; {_example('current sensitivity')}")
+    height, *ways = numbers(Lines(lines_of(source), "\t"), (0, 1, 2), source.name, comma=True).T
+    heights, signals = [], []
+    for signal, turn in zip(ways, (-1, 1), strict=True):
+        # What was padded repeats the first reading.
+        moving = np.flatnonzero(signal != signal[0])
+        require(moving.size, source, "its signal is the same everywhere")
+        heights.append(height[moving[0] - 1 :][::turn])
+        signals.append(signal[moving[0] - 1 :][::turn])
+    data = {
+        _HEIGHTS[0]: 1e-9 * np.concatenate(heights),
+        "force": np.concatenate(signals) * (given["current sensitivity"] * given["stiffness"]) * 1e-9,
+        "segment": np.repeat((0.0, 1.0), [len(part) for part in heights]),
+    }
+    return _curve(
+        source, 1, data, {"spring constant": given["stiffness"], "sensitivity": given["current sensitivity"]}
+    )
+
+
+# --- HDF5
+
+
+def _hdf5(source: Source) -> list[Curve]:
     with open_checked(source) as file:
         groups = [(number, file[number]) for number in curve_groups(source, file)]
         _require_afmformats(source, file, groups[0][1] if groups else None)
-        # The columns of a curve alone: `afmformats.formats.fmt_hdf5` lists all that there might be for every one.
-        return _curves(
-            source,
-            [
-                {
-                    "data": {name: group[name] for name in _columns(group)},
-                    "metadata": {**group.said(), "enum": int(number)},
-                }
-                for number, group in groups
-            ],
-        )
+        return [
+            _curve(
+                source,
+                number,
+                {name: group[name] for name in _columns(group)},
+                {**group.said(), "enum": int(key)},
+            )
+            for number, (key, group) in enumerate(groups, start=1)
+        ]
 
 
 def _columns(group: Checked) -> list[str]:
@@ -277,49 +251,13 @@ def _require_afmformats(source: Source, file: Checked, group: Any) -> None:
     )
 
 
-def _renamed(calibration: Mapping[str, float]) -> dict[str, Any]:
-    """What the file says, to stand beside what was given in its place."""
-    return {f"file_{_KNOWN[name]}": value for name, value in calibration.items()}
-
-
-def _load_workshop(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
-    text = decode(source)
-    if "sensitivity" in override and "T-B(V)" not in text:
-        raise InputError(f"{source.name} holds forces, not volts; a sensitivity cannot be given")
-    loaded = formats.fmt_workshop.ws_single.load_csv(io.StringIO(text), meta_override=dict(override))
-    return _curves(source, loaded, _renamed(workshop_calibration(text, override)))
-
-
-def _load_ntmdt(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
-    text = io.StringIO(decode(source))
-    return _curves(source, formats.fmt_ntmdt_txt.load_txt(text, meta_override=dict(override)))
-
-
-_LOADERS = {
-    "hdf5": _load_hdf5,
-    "workshop": _load_workshop,
-    "ntmdt": _load_ntmdt,
-}
-
-
-def _curves(
-    source: Source, loaded: list[dict[str, Any]], of_file: Mapping[str, Any] = _NOTHING
-) -> list[Curve]:
-    """Curves of afmformats; `of_file` is the file's own calibration where another was given in its place."""
-    return [
-        _curve(source, number, entry["data"], entry["metadata"], of_file)
-        for number, entry in enumerate(loaded, start=1)
-    ]
-
-
 def _curve(
-    source: Source, number: int, data: Any, found: Any, of_file: Mapping[str, Any] = _NOTHING
+    source: Source, number: int, data: Mapping[str, FloatArray], found: Mapping[str, Any], **known: Any
 ) -> Curve:
-    names = set(data)
-    channel = next((name for name in _HEIGHTS if name in names), _HEIGHTS[-1])
-    height = _column(data, channel)
-    force = _column(data, "force")
-    time = _column(data, "time") if "time" in names else None
+    """A curve of columns in SI; `found` is what the file says of it, by the names of afmformats."""
+    channel = next((name for name in _HEIGHTS if name in data), _HEIGHTS[-1])
+    height, force = (np.array(data[name], dtype=np.float64) for name in (channel, "force"))
+    time = np.array(data["time"], dtype=np.float64) if "time" in data else None
     stiffness = found.get("spring constant")
     notes = []
     if not stiffness:
@@ -330,7 +268,6 @@ def _curve(
         depth, rule = -height, f"minus {channel}"
     else:
         depth, rule = -(height + force / stiffness), f"minus ({channel} + force / spring constant)"
-    known = {name: found[key] for key, name in _KNOWN.items() if key in found}
     if "position x" in found and "position y" in found:
         known["position"] = (float(found["position x"]), float(found["position y"]))
     return make_curve(
@@ -339,18 +276,20 @@ def _curve(
         force,
         time,
         _segments(data, height, time),
-        name=_name(source, number),
-        header={key: str(found[key]) for key in found if key not in {"path", "z range"}},
-        units={"height": "m", "force": "N", "time": "s"},
-        sign_rules={
-            "depth": rule,
-            "force": "positive in compression, as afmformats gives it",
-            "segment": "from the file's segments where it has several, else from the motion of the height",
+        **{
+            "name": curve_name(source.path, number),
+            "header": {key: str(found[key]) for key in found if key not in {"path", "z range"}},
+            "units": {"height": "m", "force": "N", "time": "s"},
+            "sign_rules": {
+                "depth": rule,
+                "force": "positive in compression",
+                "segment": "from the file's segments where it has several, else from the motion of the height",
+            },
+            "notes": notes,
+            "bending_taken_off": bool(stiffness),
+            **{name: found[key] for key, name in _KNOWN.items() if key in found},
+            **known,
         },
-        notes=notes,
-        bending_taken_off=bool(stiffness),
-        **known,
-        **of_file,
     )
 
 
@@ -367,26 +306,18 @@ def _jpk_curve(source: Source, number: int, curve: JpkCurve, given: Mapping[str,
         channel="minus height",
         time=curve.time,
         segment=np.array(curve.segment, dtype="<U9"),
-        name=_name(source, number),
+        name=curve_name(source.path, number),
         header=curve.about,
         sign_rules={"segment": "from the header of each segment"},
         position=curve.position,
     )
 
 
-def _name(source: Source, number: int) -> str:
-    return source.path.stem if number == 1 else f"{source.path.stem}, curve {number}"
-
-
-def _column(data: Any, name: str) -> FloatArray:
-    return np.array(data[name], dtype=np.float64)
-
-
-def _segments(data: Any, height: FloatArray, time: FloatArray | None) -> Any:
+def _segments(data: Mapping[str, FloatArray], height: FloatArray, time: FloatArray | None) -> Any:
     """Label each numbered segment by its motion: the numbers say where one ends, not what it is."""
     if not np.isfinite(height).all():
         return None
-    numbers = np.asarray(data["segment"]) if "segment" in set(data) else np.zeros(len(height))
+    numbers = np.asarray(data["segment"]) if "segment" in data else np.zeros(len(height))
     ends = np.flatnonzero(np.diff(numbers)) + 1
     if not ends.size:
         return segments_from_motion(-height, time)

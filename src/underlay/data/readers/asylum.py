@@ -68,7 +68,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         there = ", ".join(repr(name[:40]) for name in names[:8])
         raise FileFormatError(f"{source.name} has no height or no deflection; it has {there}")
     stated = {"stiffness": _number(note, "SpringConstant"), "sensitivity": _number(note, "InvOLS")}
-    lever = Lever.of(source, {kind: value for kind, value in stated.items() if value}, options.calibration)
+    lever = Lever.of(source, stated, options.calibration)
     bending = columns[deflection] * _anew(lever)
     time = step * np.arange(len(bending), dtype=np.float64) if step > 0.0 else None
     travel = columns[height]

@@ -16,7 +16,7 @@ import csv
 import io
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from operator import itemgetter
 from typing import Any
@@ -45,7 +45,6 @@ from underlay.units import kind_of, parse_quantity
 
 __all__ = ["COMMENTED_NUMBERS", "FORMAT"]
 
-_AT_A_TIME = 1000
 #: Comments that carry a number, as in ``# indenter radius: 27.5 um``, and the SI unit of each.
 COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrument_reduced_modulus": "Pa"}
 _COMMENT = ("#", "%", "//")
@@ -175,7 +174,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     )
     known = {**_known_numbers(about), **({"notes": body.notes} if body.notes else {})}
     curves = table_curves(source, table, options, comments=about, **known)
-    _require_names(source, names, cells, separator)
+    _require_names(source, names, cells)
     stored = _stored(comments)
     return [restored(curve, stored) for curve in curves]
 
@@ -312,35 +311,22 @@ def _split_names(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in _split(line, separator)]
 
 
-def _require_names(
-    source: Source, names: Sequence[str], rows: Sequence[Sequence[str]], separator: str
-) -> None:
+def _require_names(source: Source, names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Refuse rows with more numbers than there are names: which number belongs to which name is not known.
 
     A decimal or thousands comma in a table with commas, a first column without a name, names with blanks in a
     table with blanks.
     """
     most = len(names)
-    if isinstance(rows, Lines) and separator != " ":
-        long = _long_lines(rows.lines, separator, most)
-    else:
-        long = (i for i, row in enumerate(rows) if len(row) > most)
-    for i in long:
-        cells = rows[i]
+    if isinstance(rows, Lines) and rows.count_cells() == len(rows) * most:  # as of most tables
+        return
+    for i, cells in enumerate(rows):
         if any(map(is_number, cells[most:])):
             raise FileFormatError(
                 f"{source.name}, row {i + 1} of the table has {len(cells)} cells under {most} names: "
                 f"{cells!r:.80}; give every column a name and a unit, and where numbers hold commas separate the "
                 "columns by semicolons or tabs"
             )
-
-
-def _long_lines(lines: Sequence[str], separator: str, most: int) -> Iterator[int]:
-    """Lines with more cells than `most`; those of a regular table are counted many at a time."""
-    for first in range(0, len(lines), _AT_A_TIME):
-        some = lines[first : first + _AT_A_TIME]
-        if "\n".join(some).count(separator) != len(some) * (most - 1):
-            yield from (i for i, line in enumerate(some, first) if line.count(separator) >= most)
 
 
 def _known_numbers(comments: Sequence[str]) -> dict[str, float]:

@@ -40,7 +40,7 @@ from underlay.data.readers._nanoscope_channels import (
     read_header,
     tap_of,
 )
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import Source, curve_name
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError, InputError
 
@@ -132,7 +132,7 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
             channel=travels.channel,
             time=None if time is None else time[which],
             segment=labels[recorded],
-            name=source.path.stem if number == 0 else f"{source.path.stem}, curve {number + 1}",
+            name=curve_name(source.path, number + 1),
             notes=(*_notes(recorded, tap), *sensor_note(travel[: layout.way], travels.ramp)),
             test=number + 1,
             **_place(header, layout, number),
@@ -177,10 +177,7 @@ def _lever(header: Header, image: Section, options: Options) -> Lever:
         "stiffness": image.number("Spring Constant", "Spring constant"),
         "sensitivity": header.sensitivity(scale.sensitivity) if scale and scale.sensitivity else None,
     }
-    # Zero is what stands there before a calibration.
-    return Lever.of(
-        header.source, {kind: value for kind, value in stated.items() if value}, options.calibration
-    )
+    return Lever.of(header.source, stated, options.calibration)
 
 
 class _Travels(NamedTuple):

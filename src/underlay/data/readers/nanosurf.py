@@ -29,7 +29,7 @@ from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._lever import Lever, lever_curve, sensor_note
-from underlay.data.readers._source import MAX_BYTES, Source
+from underlay.data.readers._source import MAX_BYTES, Source, curve_name
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError
 
@@ -252,9 +252,7 @@ def _lever(sections: NidHeader, options: Options) -> Lever:
                 continue
     if "m" in scales and scales.get("V"):
         stated["sensitivity"] = scales["m"] / scales["V"]
-    return Lever.of(
-        sections.source, {kind: value for kind, value in stated.items() if value}, options.calibration
-    )
+    return Lever.of(sections.source, stated, options.calibration)
 
 
 def _curve(
@@ -296,7 +294,7 @@ def _curve(
         channel=axis.name[:80],
         time=np.concatenate(times) if timed else None,
         segment=np.array(labels, dtype="<U9"),
-        name=source.path.stem if number == 0 else f"{source.path.stem}, curve {number + 1}",
+        name=curve_name(source.path, number + 1),
         header={name: text for name, text in told.items() if text},
         notes=sensor_note(travels[0], _driven(sections, axis.section, number)),
         sign_rules={

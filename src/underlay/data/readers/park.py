@@ -28,7 +28,7 @@ from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._lever import Lever, lever_curve
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import Source, curve_name
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.errors import FileFormatError
 
@@ -155,7 +155,7 @@ def _spectra(source: Source, tags: Mapping[int, bytes]) -> _Spectra:
     return _Spectra(
         channels,
         tuple((1e-6 * float(x), 1e-6 * float(y)) for x, y in places),
-        {name: value for name, value in stated.items() if value},
+        stated,
     )
 
 
@@ -187,7 +187,7 @@ def _curve(source: Source, spectra: _Spectra, lever: Lever, header: Mapping[str,
         channel=f"minus {height}",
         time=None if time is None else time[: 2 * half][recorded],
         segment=labels[recorded],
-        name=source.path.stem if number == 0 else f"{source.path.stem}, curve {number + 1}",
+        name=curve_name(source.path, number + 1),
         header={name: text for name, text in header.items() if text},
         sign_rules={"segment": "first half in, second half back"},
         notes=notes,

@@ -29,13 +29,11 @@ __all__ = ["CommonErrors", "Member", "means_alone", "noise_start", "scatter"]
 # variance 6 sigma^2, and the median absolute value of a normal variable is 0.6745 of its deviation. Those of a
 # smooth curve are small.
 _SECOND_DIFFERENCE = 6.0**0.5 * 0.6744897501960817
-# Points without a second difference.
-_MEANS_ALONE = 2
 
 
 def means_alone(curve: Curve) -> bool:
     """Whether a curve is one or two holds of a test in steps: means with known errors, which no residual tells."""
-    return len(curve) <= _MEANS_ALONE
+    return not np.diff(curve.force, 2).size
 
 
 def scatter(curve: Curve) -> float:
