@@ -316,8 +316,8 @@ def _drawn(problem: Problem, **asked: Any) -> FloatArray:
 def _ways_of_sampling() -> list[str]:
     """The methods beside walkers that this version of `sample` knows."""
     known = inspect.signature(sample).parameters.get("method")
-    told = "" if known is None else str(sample.__doc__)
-    return [way for way in _FURTHER_WAYS if f'"{way}"' in told]
+    described = "" if known is None else str(sample.__doc__)
+    return [way for way in _FURTHER_WAYS if f'"{way}"' in described]
 
 
 def _quantiles(chain: FloatArray) -> FloatArray:

@@ -48,8 +48,8 @@ def cited(path: PathLike) -> list[tuple[Work, str]]:
 
 
 def _of_posterior(posterior: Posterior) -> dict[str, str]:
-    problem, told = posterior.problem, posterior.diagnostics
-    sampling = of_sampling(chain=told.method == "emcee", mixture=told.importance is not None)
+    problem, diagnostics = posterior.problem, posterior.diagnostics
+    sampling = of_sampling(chain=diagnostics.method == "emcee", mixture=diagnostics.importance is not None)
     if problem is None:
         return used_by(()) | sampling
     formats = [str(curve.metadata.get("format", "")) for curve in problem.curves]

@@ -74,10 +74,10 @@ def select_rows(
         elif doubtful == _DROP and row["verdict"] != "good" and row.get("decision") != ACCEPT:
             left.append(LeftOut(head, name, f"verdict {row['verdict']}"))
         else:
-            told = row.get(text)
+            nine_numbers = row.get(text)
             likelihood = (
-                CurveLikelihood.from_text(told)
-                if isinstance(told, str) and told
+                CurveLikelihood.from_text(nine_numbers)
+                if isinstance(nine_numbers, str) and nine_numbers
                 else _normal(row, parameter, name)
             )
             kept.append(LabelledCurve(head, tuple(labels[len(wanted) - len(by) :]), likelihood))

@@ -128,12 +128,12 @@ class _Budget:
         """Inputs of all curves: one of the same name and size is wrong alike in all of them."""
         problem = self.fit.problem
         free = {coordinate.path for coordinate in problem.coordinates}
-        told: dict[tuple[str, str], dict[int, Input]] = {}
+        of_curves: dict[tuple[str, str], dict[int, Input]] = {}
         for i, member in enumerate(problem.members):
             for entry in inputs_of(member.scene, member.curve, free):
-                told.setdefault((entry.source, entry.size), {})[i] = entry
-        slopes = _input_slopes(self.fit, {source for source, _ in told} & set(self.fit.scene.parameters))
-        for (source, size), entries in told.items():
+                of_curves.setdefault((entry.source, entry.size), {})[i] = entry
+        slopes = _input_slopes(self.fit, {source for source, _ in of_curves} & set(self.fit.scene.parameters))
+        for (source, size), entries in of_curves.items():
             first = next(iter(entries.values()))
             moves = self._of_input(source, entries, slopes)
             if moves is not None:
@@ -218,7 +218,7 @@ class _Budget:
             found = (*left_out(scene, deepest).errors, *known_errors([scene]))
             errors |= {error.words: error for error in found}
         free = {coordinate.path for coordinate in self.fit.problem.coordinates}
-        told: list[tuple[KnownError, Sequence[FloatArray]]] = []
+        additive: list[tuple[KnownError, Sequence[FloatArray]]] = []
         for error in errors.values():
             if error.path in free:
                 continue
@@ -231,7 +231,7 @@ class _Budget:
                 # The error was not measured at this test's numbers: the report says which are not known.
                 continue
             if error.path:
-                told.append((error, columns))
+                additive.append((error, columns))
                 continue
             shift = self.moved(columns)
             spread = _NORMAL_95 * error.deviation
@@ -244,17 +244,17 @@ class _Budget:
                 -error.mean * shift,
             )
 
-        if told:
-            yield from self._told(told)
+        if additive:
+            yield from self._additive(additive)
 
-    def _told(self, told: Sequence[tuple[KnownError, Sequence[FloatArray]]]) -> Iterator[Source]:
+    def _additive(self, additive: Sequence[tuple[KnownError, Sequence[FloatArray]]]) -> Iterator[Source]:
         """Errors whose sizes the curves tell something of: one given another, so that they add in quadrature."""
-        deviations = np.array([error.deviation for error, _ in told])
-        of_curves = list(zip(*(columns for _, columns in told), strict=True))
+        deviations = np.array([error.deviation for error, _ in additive])
+        of_curves = list(zip(*(columns for _, columns in additive), strict=True))
         means, covariance = self.sized(of_curves, deviations)
-        shifts = np.array([self.moved(columns) for _, columns in told])
+        shifts = np.array([self.moved(columns) for _, columns in additive])
         independent = _NORMAL_95 * np.linalg.cholesky(covariance).T @ shifts
-        for (error, _), mean, shift, move in zip(told, means, shifts, independent, strict=True):
+        for (error, _), mean, shift, move in zip(additive, means, shifts, independent, strict=True):
             yield Source(error.words, error.size, "model", np.array([[-move, move]]), -mean * shift)
 
     def _bonds(self) -> Iterator[Source]:

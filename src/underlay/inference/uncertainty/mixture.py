@@ -56,8 +56,8 @@ def pareto_shape(log_weights: FloatArray) -> float:
     b = 1.0 - np.sqrt(m / (np.arange(1, m + 1) - 0.5))
     b = b / (3.0 * excess[int(tail / 4 + 0.5) - 1]) + 1.0 / excess[-1]
     k = np.log1p(-b[:, None] * excess).mean(axis=1)
-    told = tail * (np.log(np.maximum(-b / k, 1e-300)) - k - 1.0)
-    weight = 1.0 / np.exp(np.minimum(told - told[:, None], 700.0)).sum(axis=1)
+    profile = tail * (np.log(np.maximum(-b / k, 1e-300)) - k - 1.0)
+    weight = 1.0 / np.exp(np.minimum(profile - profile[:, None], 700.0)).sum(axis=1)
     chosen = float(b @ weight / weight.sum())
     shape = float(np.log1p(-chosen * excess).mean())
     return (tail * shape + 5.0) / (tail + 10.0)

@@ -259,8 +259,8 @@ class Source:
         noise = noise_entries(fit.problem)
         own = fit.scaled_covariance[noise[:, None], noise]
         factor = np.linalg.cholesky(own + 1e-12 * np.eye(len(noise)))
-        told = np.concatenate([own.shares for own in proposals])
-        shares = np.maximum(np.exp(told - logsumexp(told)), _LEAST)
+        logs = np.concatenate([own.shares for own in proposals])
+        shares = np.maximum(np.exp(logs - logsumexp(logs)), _LEAST)
         return cls(proposals, shares / shares.sum(), noise, fit.vector[noise], factor)
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
@@ -278,11 +278,11 @@ class Source:
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
         """Log-density (n,) of vectors (n, k)."""
-        told = np.hstack([proposal.log_densities(vectors) for proposal in self.proposals])
+        logs = np.hstack([proposal.log_densities(vectors) for proposal in self.proposals])
         z = np.linalg.solve(self.factor, (vectors[:, self.noise] - self.middle).T)
         beside = -0.5 * (z * z).sum(axis=0) - np.log(np.diagonal(self.factor)).sum()
         beside -= 0.5 * len(self.noise) * np.log(2.0 * np.pi)
-        return np.asarray(logsumexp(told + np.log(self.shares), axis=1) + beside)
+        return np.asarray(logsumexp(logs + np.log(self.shares), axis=1) + beside)
 
 
 def _ends(proposals: Sequence[Proposal]) -> tuple[float, float]:
