@@ -54,8 +54,10 @@ __all__ = [
     "whole_model",
 ]
 
+# Files that are read, with the bytes that each may have.
 _TABLE = FileKind("a table of the benchmark", 1_000_000, "install underlay again")
 _MODULUS = "layer.E"
+# What the user of one law fits.
 _FREE = (_MODULUS, "instrument.contact_depth", "instrument.baseline")
 _ANSWER = FileKind("the answer of a program", 100_000, "let it write one number, the modulus in Pa")
 _SHOWN = 200  # characters of what a failed program said

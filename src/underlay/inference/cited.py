@@ -13,6 +13,7 @@ from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["cited"]
 
+# The file of a fit, with the bytes that it may have; the first bytes of a posterior's; endings of a map's table.
 _FIT = FileKind("the JSON of a fit", 100_000_000, "name the .fit.json that underlay fit wrote")
 _ZIP = b"PK"
 _TABLES = (".csv", ".parquet")

@@ -34,6 +34,7 @@ from underlay.scene.scene import Scene
 
 __all__ = ["Similarity", "compile_similarity"]
 
+# Numbers of a lever that scale the force reading.
 _GAINS = (SPRING_CONSTANT_RATIO, SENSITIVITY_RATIO)
 _ANGLE_STEP = 1e-6  # relative; central difference of cot(half_angle): error 1e-12, rounding 1e-10
 
@@ -170,9 +171,16 @@ class Similarity:
 def compile_similarity(
     scene: Scene, free: Iterable[str], *, scaling: Scaling = Scaling.POWER_LAW
 ) -> Similarity:
-    """Find what scales out of the law of `scene` when the parameters at the paths `free` vary.
+    """Find what scales out of the law of a scene.
 
-    `scaling` says what the laws keep: with less, more parameters need laws of their own.
+    Parameters
+    ----------
+    scene : Scene
+        The reference.
+    free : iterable of str
+        Paths of the parameters that vary.
+    scaling : Scaling
+        What the solver's laws keep when they are scaled: with less, more parameters need laws of their own.
     """
     values, known = scene.parameters, scene.quantities
     layered = scene.substrate is not None and np.isfinite(scene.layer.thickness)

@@ -83,9 +83,20 @@ class Noise:
 
 
 def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
-    """Put the points beyond `contact` (a depth reading, m) into at most `most` bins of equal width.
+    """Put the readings beyond contact into bins of equal width.
 
     Of a curve that goes in and comes back only the way in is taken.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    curve : int
+        Number of the curve.
+    contact : float
+        Depth reading of the contact (m).
+    most : int
+        Bins at most.
 
     Raises
     ------

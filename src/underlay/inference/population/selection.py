@@ -52,6 +52,13 @@ def select_rows(
 ) -> tuple[list[LabelledCurve], list[LeftOut]]:
     """Curves of a map's table, and those left out.
 
+    Parameters
+    ----------
+    table : DataFrame
+        The table of a map.
+    parameter, by, group, doubtful
+        As in `population`.
+
     Raises
     ------
     InputError
@@ -88,6 +95,13 @@ def select_results(
     results: Sequence[Labelled], parameter: str, by: Sequence[str], group: str | None
 ) -> list[LabelledCurve]:
     """Curves of fits, profiles or posteriors with their labels; fits are profiled.
+
+    Parameters
+    ----------
+    results : sequence of (labels, result)
+        Labels by column, and a `Fit`, a profile or a `Posterior`.
+    parameter, by, group
+        As in `population`.
 
     Raises
     ------

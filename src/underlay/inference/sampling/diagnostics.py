@@ -472,6 +472,7 @@ class Information(NamedTuple):
     informed: str
 
 
+#: Columns of `Posterior.prior_comparison`.
 INFORMED_COLUMNS = list(Information._fields)
 
 

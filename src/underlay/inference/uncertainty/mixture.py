@@ -16,9 +16,16 @@ _NORMAL = 300.0  # degrees of freedom from which a Student distribution is taken
 def mixture_quantiles(
     means: FloatArray, deviations: FloatArray, weights: FloatArray, freedom: float, shares: FloatArray
 ) -> FloatArray:
-    """Quantiles (q,) at `shares` of a mixture of Student distributions, each (m,), of `freedom`.
+    """Quantiles (q,) of a mixture of m Student distributions, by brackets, each a sixteenth of the one before.
 
-    By brackets of a grid, each a sixteenth of the one before.
+    Parameters
+    ----------
+    means, deviations, weights : FloatArray
+        Of the distributions: means, scales, and weights that sum to 1, (m,) each.
+    freedom : float
+        Their degrees of freedom.
+    shares : FloatArray
+        Probabilities below the quantiles, (q,).
     """
     deviations = np.maximum(deviations, np.finfo(float).tiny)
     reach = 12.0 if freedom > 12 else 60.0

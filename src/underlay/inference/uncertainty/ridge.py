@@ -151,7 +151,17 @@ class Ridges:
 
 
 def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge:
-    """`count` draws along the ridges, and further rounds of as many until they can be trusted."""
+    """Draw along the ridges, with further rounds of as many draws until they can be trusted.
+
+    Parameters
+    ----------
+    ridges : Ridges
+        Where draws begin from.
+    rng : numpy Generator
+        Where chance comes from.
+    count : int
+        Draws of a round.
+    """
     density, proposals = ridges.density, ridges.proposals
     fit = density.likelihood.fit
     source = Source.of(proposals, fit)
