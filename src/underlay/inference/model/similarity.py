@@ -5,10 +5,11 @@ depth w is
 
     P(w) = theta A h^(lambda+1) F(w / (A h^lambda); ratios),
 
-theta being half the indentation modulus of the layer and F a function of the shape exponent, the Poisson's ratios
-and the ratios of the moduli alone: (5.2) and (5.3) divided by theta A h^(lambda+1) and A h^lambda. For any other
-shape, of size R, all lengths scale together, P(w) = theta h^2 F(w / h; ratios, R / h). A work of adhesion dgamma
-counts as dgamma / (theta A^2 h^(2 lambda - 1)), or as dgamma / (theta h).
+theta being half the indentation modulus of the layer and F a function of the shape exponent, the Poisson's
+ratios and the ratios of the moduli alone: equations (5.2) and (5.3) of Argatov and Sabina divided by theta A
+h^(lambda+1) and A h^lambda. For any other shape, of size R, all lengths scale together, P(w) = theta h^2 F(w /
+h; ratios, R / h). A work of adhesion dgamma counts as dgamma / (theta A^2 h^(2 lambda - 1)), or as dgamma /
+(theta h).
 
 So a law built once at reference values serves others through two factors, P(w) = c P_ref(b w), and its
 logarithmic derivatives in a number p follow without a new law:

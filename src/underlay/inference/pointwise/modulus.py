@@ -3,7 +3,8 @@
 Two readings of a curve, each with the half-space and with the layer and what it stands on:
 
 - apparent: the modulus at which the law has the force that was measured at that depth;
-- incremental: the modulus at which it has the local slope dP/dw (9.1), which does not remember shallower depths.
+- incremental: the modulus at which it has the local slope dP/dw (Argatov and Sabina, 9.1), which does not remember
+  shallower depths.
 
 Where the model is right the modulus with the layer is the same at every depth, and the half-space's is a curve that
 can be said beforehand. Contact point, baseline and all other numbers are those of the fit, with their uncertainty.

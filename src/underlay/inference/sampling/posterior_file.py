@@ -1,4 +1,4 @@
-"""The file of a posterior: arrays and a document of plain values in one compressed ``.npz`` file, without pickles.
+"""The file of a posterior: arrays and a document of plain values in one compressed ``.npz`` file, no pickles.
 
 The file may come from anybody and is shown to people: every entry is checked for kind and shape before anything is
 built. A number in the place of a name, or a chain of other parameters than those it lists, gets no further.

@@ -1,9 +1,9 @@
 """The reading where the force is not straight in what is free: weighted draws along the ridge.
 
-Nodes by a walk from the optimum, at each of them what every hypothesis says of the others (`walk`, `proposal`);
-draws from their interpolation, weighed by the density itself (`density`); further rounds where one ridge does not
-hold them (`adapt`). Interval, posterior, map row and corner plot are read from these draws; Pareto's k says whether
-they can be.
+A walk from the optimum lays nodes along the ridge (`walk`); at each of them every hypothesis has its
+distribution of the other entries (`proposal`). Draws come from their interpolation and are weighed by the
+density itself (`density`); further rounds follow where one ridge does not hold them (`adapt`). Interval,
+posterior, map row and corner plot are read from these draws; Pareto's k says whether they can be.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What a fit says of itself: the answer of every quantity, and the verdict. Computed when asked for, and once."""
+"""What a fit says of itself: the answer of every quantity, and the verdict.
+
+Each is computed when it is first asked for, and kept.
+"""
 
 from __future__ import annotations
 
