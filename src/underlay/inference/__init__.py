@@ -1,1 +1,1 @@
-"""Floor 4: from a curve to a scene, with its uncertainty."""
+"""Floor 4: from a curve and a scene to numbers, each with how sure it is."""

@@ -72,7 +72,7 @@ _REFERENCES = 4
 # Factor by which priors reach to either side of the scene's values.
 _WIDE = 30.0
 #: Names that `sample` may know as its `method`, beside walkers by their steps.
-_FURTHER_WAYS = ("importance", "ridge")
+_FURTHER_METHODS = ("importance", "ridge")
 
 
 def answer_cost(
@@ -204,7 +204,7 @@ class _Answer:
     seconds: float = np.nan
 
 
-_NOTHING = _Answer()
+_NOTHING = _Answer()  # of a fit that is not there
 
 
 def _answer(own: OwnCurve, model: Scene, free: Sequence[str], solver: Solver, rounds: int) -> _Answer:
@@ -277,7 +277,7 @@ def posterior_cost(
         for count in steps:
             chain, seconds = timed(partial(_drawn, problem, rng=seed, max_steps=count, method="emcee"))
             rows.append(("emcee", float(count), _off(_quantiles(chain), truth, spread), seconds))
-        for way in _ways_of_sampling():
+        for way in _further_methods():
             chain, seconds = timed(partial(_drawn, problem, rng=seed, method=way))
             rows.append((way, np.nan, _off(_quantiles(chain), truth, spread), seconds))
     table = pd.DataFrame(rows, columns=["way", "steps", "error", "seconds"])
@@ -313,11 +313,11 @@ def _drawn(problem: Problem, **asked: Any) -> FloatArray:
     return posterior.chain[..., which]
 
 
-def _ways_of_sampling() -> list[str]:
+def _further_methods() -> list[str]:
     """The methods beside walkers that this version of `sample` knows."""
     known = inspect.signature(sample).parameters.get("method")
-    told = "" if known is None else str(sample.__doc__)
-    return [way for way in _FURTHER_WAYS if f'"{way}"' in told]
+    described = "" if known is None else str(sample.__doc__)
+    return [way for way in _FURTHER_METHODS if f'"{way}"' in described]
 
 
 def _quantiles(chain: FloatArray) -> FloatArray:

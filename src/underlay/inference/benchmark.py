@@ -54,8 +54,10 @@ __all__ = [
     "whole_model",
 ]
 
+# Files that are read, with the bytes that each may have.
 _TABLE = FileKind("a table of the benchmark", 1_000_000, "install underlay again")
 _MODULUS = "layer.E"
+# What the user of one law fits.
 _FREE = (_MODULUS, "instrument.contact_depth", "instrument.baseline")
 _ANSWER = FileKind("the answer of a program", 100_000, "let it write one number, the modulus in Pa")
 _SHOWN = 200  # characters of what a failed program said
@@ -137,8 +139,8 @@ Estimator: TypeAlias = Callable[[Case], Estimate | float]
 def whole_model(case: Case) -> Estimate:
     """Fit the scene as it is told, with all that it says of the sample: what `underlay fit` prints."""
     fitted = fit(load_problem(case.curve, case.scene))
-    told = fitted.answer(_MODULUS)
-    return Estimate(told.value, told.low, told.high)
+    answer = fitted.answer(_MODULUS)
+    return Estimate(answer.value, answer.low, answer.high)
 
 
 def one_law(solver: Solver) -> Estimator:
@@ -148,14 +150,14 @@ def one_law(solver: Solver) -> Estimator:
     """
 
     def estimate(case: Case) -> Estimate:
-        told = load_problem(case.curve, case.scene)
-        scene, curve = told.base_scenes[0], told.curves[0]
+        whole = load_problem(case.curve, case.scene)
+        scene, curve = whole.base_scenes[0], whole.curves[0]
         relaxes = scene.memory is not None
         plain = replace(scene.elastic, adhesion=None, friction="none", finite_strain=None)
         problem = Problem(
             plain,
             curve.loading() if relaxes else curve,
-            {path: told.free[path] for path in _FREE},
+            {path: whole.free[path] for path in _FREE},
             solver=solver,
         )
         return Estimate(quick_fit(problem).values[_MODULUS])
@@ -306,8 +308,8 @@ def against_finite_elements(solver: AnySolver = "auto") -> pd.DataFrame:
     """
     law, table = as_solver(solver), []
     rows = pd.DataFrame(rows_of("finite_elements.csv"))
-    for (told, material, friction), points in rows.groupby(["nu", "material", "friction"], sort=False):
-        nu = float(str(told))
+    for (ratio, material, friction), points in rows.groupby(["nu", "material", "friction"], sort=False):
+        nu = float(str(ratio))
         depth, force = points[["w/h", "P/(E h^2)"]].to_numpy(float).T
         contact = Contact.of(Sphere(1.0), Layer(Isotropic(1.0, nu), 1.0), RIGID)
         # Where the elements found no equilibrium a curve ends early.

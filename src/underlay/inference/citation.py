@@ -135,14 +135,14 @@ class Work:
         """As a line of a list of references."""
         *first, last = self.authors
         names = f"{', '.join(first)} and {last}" if first else last
-        told = {name: text.strip("{}").replace("--", "-") for name, text in self.fields.items()}
-        where = " ".join(told[name] for name in ("journal", "volume", "note") if name in told)
+        known = {name: text.strip("{}").replace("--", "-") for name, text in self.fields.items()}
+        where = " ".join(known[name] for name in ("journal", "volume", "note") if name in known)
         doi = f"doi:{self.doi}" if self.doi else ""
         parts = (
             f"{names} ({self.year})" if self.year else names,
-            told.get("title"),
+            known.get("title"),
             where,
-            told.get("pages"),
+            known.get("pages"),
             doi,
         )
         return ", ".join(part for part in parts if part)

@@ -13,6 +13,7 @@ from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["cited"]
 
+# The file of a fit, with the bytes that it may have; the first bytes of a posterior's; endings of a map's table.
 _FIT = FileKind("the JSON of a fit", 100_000_000, "name the .fit.json that underlay fit wrote")
 _ZIP = b"PK"
 _TABLES = (".csv", ".parquet")
@@ -48,8 +49,8 @@ def cited(path: PathLike) -> list[tuple[Work, str]]:
 
 
 def _of_posterior(posterior: Posterior) -> dict[str, str]:
-    problem, told = posterior.problem, posterior.diagnostics
-    sampling = of_sampling(chain=told.method == "emcee", mixture=told.importance is not None)
+    problem, diagnostics = posterior.problem, posterior.diagnostics
+    sampling = of_sampling(chain=diagnostics.method == "emcee", mixture=diagnostics.importance is not None)
     if problem is None:
         return used_by(()) | sampling
     formats = [str(curve.metadata.get("format", "")) for curve in problem.curves]

@@ -83,21 +83,21 @@ def settle(
     notes: list[str] = []
     fitted = set(free)
     for path, (key, kind) in _OF_SCENE.items():
-        told = _number(curve, key)
+        of_file = _number(curve, key)
         if path in left_out:
-            if told is None:
+            if of_file is None:
                 raise InputError(
                     f"{_name(curve)} does not say {path}, which the scene leaves out: give it there"
                 )
-            values[path] = physical_length(told, f"{_name(curve)}: {path}")
-            notes.append(f"{path} = {format_quantity(told, kind)} is taken from the file of the curve")
-        elif told is not None and path in scene.parameters and path not in fitted:
+            values[path] = physical_length(of_file, f"{_name(curve)}: {path}")
+            notes.append(f"{path} = {format_quantity(of_file, kind)} is taken from the file of the curve")
+        elif of_file is not None and path in scene.parameters and path not in fitted:
             stated = scene.parameters[path]
-            notes += _compared(curve, path, stated, told, kind, overrule)
+            notes += _compared(curve, path, stated, of_file, kind, overrule)
     for name, kind in _CALIBRATIONS.items():
-        told, used = _number(curve, f"file_{name}"), _number(curve, name)
-        if told is not None and used is not None:
-            notes += _compared(curve, f"calibration.{name}", used, told, kind, overrule)
+        of_file, used = _number(curve, f"file_{name}"), _number(curve, name)
+        if of_file is not None and used is not None:
+            notes += _compared(curve, f"calibration.{name}", used, of_file, kind, overrule)
     notes += _cantilever_twice(scene, curve, overrule)
     return Settled(values, tuple(notes))
 
@@ -110,12 +110,12 @@ def _number(curve: Curve, key: str) -> float | None:
 
 
 def _compared(
-    curve: Curve, path: str, stated: float, told: float, kind: str, overrule: Collection[str]
+    curve: Curve, path: str, stated: float, of_file: float, kind: str, overrule: Collection[str]
 ) -> list[str]:
     """Note of two numbers that differ where the scene overrules, else InputError; none of two that agree."""
-    if abs(stated - told) <= _SAME * abs(told):
+    if abs(stated - of_file) <= _SAME * abs(of_file):
         return []
-    file, scene = _apart(told, stated, kind)
+    file, scene = _apart(of_file, stated, kind)
     if path in overrule:
         return [f"{path} = {scene} of the scene overrules the {file} of the curve's file"]
     raise InputError(

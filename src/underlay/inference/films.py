@@ -1,8 +1,8 @@
 """The modulus of a film from its contact stiffness S(h), where the loading itself is plastic.
 
 What is elastic in an indentation that leaves an imprint is how it springs back. At every depth h the stiffness of a
-continuous-stiffness test is that of a flat punch of the contact's size on the layered body (9.1, 9.6), in series
-with that of the tip itself:
+continuous-stiffness test is that of a flat punch of the contact's size on the layered body (Argatov and Sabina,
+equations 9.1 and 9.6), in series with that of the tip itself:
 
     beta 2 a / S = 1/M(a) + 1/M_tip,    M(a) = S_punch(a) / (2 a)
 

@@ -264,7 +264,16 @@ def _work(part: Curve) -> float:
 
 
 def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | None = None) -> Problem:
-    """Build the problem that a scene file states for `curve`; `priors`, by path, go before the file's.
+    """Build the problem that a scene file states for a curve.
+
+    Parameters
+    ----------
+    file : SceneFile
+        The test, and what is free.
+    curve : Curve
+        The part of a curve that is fitted.
+    priors : mapping of path to prior, optional
+        Go before those of the file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Do depth, force and scene belong together? Mistakes of columns and units that a fit would follow blindly.
+"""Refuse depth, force and scene that do not belong together: mistakes of columns and units a fit would follow.
 
 Each refusal needs a mismatch that no material explains: deeper than the layer is thick, ten radii deep, a
 modulus ten times beyond its own bounds, or a force proportional to the depth from the first point on.

@@ -36,9 +36,11 @@ from underlay.scene.scene_writer import scene_text
 
 __all__ = ["problem_from_record", "problem_record"]
 
+# Priors that have a name under which they are found again.
 _PRIORS: Mapping[str, type[Prior]] = {
     kind.__name__: kind for kind in (Flat, HalfNormal, LogNormal, LogUniform, Normal, Truncated, Uniform)
 }
+# Columns of a curve that are kept, beside further ones.
 _COLUMNS = ("depth", "force", "time", "segment")
 # What the names of further columns of a curve begin with.
 _FURTHER = "columns/"

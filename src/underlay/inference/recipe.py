@@ -179,9 +179,9 @@ def recipe_of(curve: Curve) -> Recipe | None:
     Files of the Bioindenter say over which share of the force they were fitted. Those of Optics11 do not; see
     `LeastSquaresFromContact`.
     """
-    told, contact = (curve.metadata.get(key) for key in ("instrument_fit_range", "software_contact_depth"))
-    if isinstance(told, tuple) and len(told) == 2:
-        low, high = (float(end) for end in told)
+    ends, contact = (curve.metadata.get(key) for key in ("instrument_fit_range", "software_contact_depth"))
+    if isinstance(ends, tuple) and len(ends) == 2:
+        low, high = (float(end) for end in ends)
         return LineInPower(low, high) if 0.0 <= low < high <= 1.0 else None
     if curve.metadata.get("format") == "optics11" and isinstance(contact, float):
         return LeastSquaresFromContact(contact)
@@ -194,12 +194,12 @@ def steps_to_ours(fit: Fit) -> list[Step]:
     Every step keeps what the ones before it changed; the last is the least-squares value of the fit.
     """
     require_given(fit, "fit", Fit)
-    told = fit.instrument_moduli.get("layer.E")
+    stated = fit.instrument_moduli.get("layer.E")
     recipe = recipe_of(fit.curves[0])
     radius = fit.scene.parameters.get("indenter.radius")
-    if told is None or recipe is None or radius is None or len(fit.curves) > 1:
+    if stated is None or recipe is None or radius is None or len(fit.curves) > 1:
         return []
-    return [Step("the instrument's own number", told.youngs), *_steps(fit, recipe, radius)]
+    return [Step("the instrument's own number", stated.youngs), *_steps(fit, recipe, radius)]
 
 
 def _steps(fit: Fit, recipe: Recipe, radius: float) -> Iterator[Step]:

@@ -75,7 +75,17 @@ def effects_table(
 
 
 def effects_in(scene: Simulated, law: ContactLaw, solver: Solver) -> list[Effect]:
-    """Every effect there is, for a scene whose contact is simulated by `law` of `solver`."""
+    """List every effect there is for a scene, and what range of attraction a solver stands for.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test.
+    law : ContactLaw
+        Law that simulates its contact.
+    solver : Solver
+        What built that law.
+    """
     return [*effects_of(scene, law), *range_asked(scene, solver)]
 
 

@@ -10,6 +10,7 @@ from underlay.units import format_quantity, parse_quantity
 
 __all__ = ["PRESETS", "FitRange", "Mark"]
 
+# What an end of a range may be a share or a multiple of, and how people write one.
 _OF = ("force", "depth", "thickness", "radius")
 _RELATIVE = re.compile(
     rf"\s*(\d+\.?\d*|\.\d+)\s*(%)?\s*(?:of|times|x)?\s*(?:the\s+)?({'|'.join(_OF)})\s*", re.IGNORECASE

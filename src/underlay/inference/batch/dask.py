@@ -32,6 +32,21 @@ def through_dask(
     Dask gives out again what a lost worker had; its rows come once. A chunk on which workers die again and
     again is cut up, so that one curve cannot take others with it.
 
+    Parameters
+    ----------
+    model : BatchModel
+        What the curves have in common.
+    layout : Layout
+        Columns of the rows.
+    todo : sequence of CurvePlace
+        The curves.
+    size : int
+        Curves of a chunk.
+    address : str
+        Address of the scheduler.
+    timeout : float
+        How long it may take to answer (s).
+
     Raises
     ------
     MissingExtraError

@@ -140,7 +140,7 @@ def fit_many(
     count = _require_workers(workers)
     places, given, labels = _with_manifest(listed, manifest, model)
     labels = tuple(dict.fromkeys((*options.folders, *labels)))
-    told = () if file is None else tuple(path for path in file.left_out if path not in given)
+    from_files = () if file is None else tuple(path for path in file.left_out if path not in given)
     if output is not None:
         # The run must know its curves again.
         places = [
@@ -150,7 +150,7 @@ def fit_many(
     derived = () if model.scene.adhesion is None else tuple(f"adhesion.{name}" for name in ADHESIVE)
     layout = Layout.of(
         list(model.free),
-        (*given, *told),
+        (*given, *from_files),
         labels=labels,
         derived=derived,
         sampled=model.sampling is not None,

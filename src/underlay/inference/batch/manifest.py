@@ -33,6 +33,7 @@ from underlay.units import parse_quantity
 
 __all__ = ["Entry", "Manifest", "read_manifest"]
 
+# Names of columns: short ones of parameters, those of the file, of a position, and all words without a path.
 _SHORT = {"thickness": "layer.thickness", "radius": "indenter.radius"}
 _FILE = ("file", "path", "curve")
 _PLACES = ("x", "y")

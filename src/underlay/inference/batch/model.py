@@ -58,7 +58,7 @@ class MapProgress:
     """
 
     def __init__(self, total: int, done: int, *, shown: bool | Told | None) -> None:
-        self._told: Told | None = None if isinstance(shown, bool) else shown
+        self._report: Told | None = None if isinstance(shown, bool) else shown
         self._done, self._total = done, total
         console = Console(stderr=True)
         self._bar = Progress(
@@ -89,8 +89,8 @@ class MapProgress:
         """Count `count` more curves as done."""
         self._bar.advance(self._task, count)
         self._done += count
-        if self._told is not None:
-            self._told(self._done, self._total)
+        if self._report is not None:
+            self._report(self._done, self._total)
 
 
 @dataclass(frozen=True)
@@ -270,12 +270,12 @@ class BatchModel:
 
 def _clock(scene: Scene, ramp: FloatArray) -> FloatArray:
     """Times (s) that rise with `ramp`, of a record that tells every relaxation time of the scene."""
-    told = [value for path, value in scene.parameters.items() if ".times[" in path]
-    if not told:
+    times = [value for path, value in scene.parameters.items() if ".times[" in path]
+    if not times:
         return ramp
     # Most steps are half of the shortest time, and the last ones make the record longer than the longest.
-    steps = np.full(len(ramp) - 1, 0.5 * min(told))
-    steps[3 * len(steps) // 4 :] = max(told)
+    steps = np.full(len(ramp) - 1, 0.5 * min(times))
+    steps[3 * len(steps) // 4 :] = max(times)
     return np.concatenate(([0.0], np.cumsum(steps)))
 
 

@@ -43,6 +43,7 @@ INSTRUMENT, DIFFERENCE = "layer.E.instrument", "layer.E.difference_percent"
 #: End of the column with the likelihood of a parameter in nine numbers, where its error alone would not do.
 LIKELIHOOD = "likelihood"
 
+# Kinds of a column, and the columns before and after those of the parameters.
 _TEXT, _NUMBER, _COUNT = "text", "number", "count"
 _BEFORE = (
     ("name", _TEXT),

@@ -283,7 +283,7 @@ class SeparableSearch:
         w = self._depth[before:] - contact
         columns = np.zeros((1 + len(self._linear), len(self._depth)))
         stiffness = np.zeros(len(self._depth))
-        force, stiffness[before:], told = law.with_slopes(w)
+        force, stiffness[before:], known_slopes = law.with_slopes(w)
         columns[0, before:] = force
         data, power = self._force, 1.0
         if self._follows:
@@ -296,7 +296,7 @@ class SeparableSearch:
                 w,
                 force,
                 stiffness[before:],
-                told,
+                known_slopes,
                 rough=False,
             )
             column = columns[0, before:] = modulus * slopes.of(MODULUS)

@@ -205,9 +205,9 @@ class CurveFitter:
         _require_contact(curve, outcome)
         row.update(outcome.values)
         if "layer.E" in outcome.values and STATED in curve.metadata:
-            told = instrument_modulus(self._fitted(place, outcome), curve)
-            if told is not None:
-                row.update({INSTRUMENT: told.youngs, DIFFERENCE: 100.0 * told.difference})
+            stated = instrument_modulus(self._fitted(place, outcome), curve)
+            if stated is not None:
+                row.update({INSTRUMENT: stated.youngs, DIFFERENCE: 100.0 * stated.difference})
         if self._model.scene.adhesion is not None:
             row.update(adhesive_numbers(self._fitted(place, outcome), self._model.solver))
         row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})

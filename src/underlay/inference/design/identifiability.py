@@ -104,7 +104,17 @@ def expected_problem(
 
 
 def information(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -> FloatArray:
-    """Fisher information (k, k) of the points alone at a scaled vector (k,); zero rows for the noise's."""
+    """Fisher information (k, k) of the readings alone, with zero rows for numbers of the noise.
+
+    Parameters
+    ----------
+    problem : Problem
+        The test.
+    vector : FloatArray
+        Scaled vector at which it is, (k,).
+    noises : sequence of NoiseModel
+        Noise of every curve, its size known.
+    """
     objective = Objective(problem, freeze(problem, vector, noises))
     rows = objective.jacobian(vector)[: problem.n_points]
     return rows.T @ rows
@@ -147,7 +157,14 @@ def about_specimen(
 ) -> tuple[FloatArray, FloatArray]:
     """Information of one test, and of the priors, about the parameters of a specimen, each (s, s).
 
-    What is unknown of the test itself is taken out, with what its own priors say.
+    The unknowns of the test itself are taken out, with what their own priors say.
+
+    Parameters
+    ----------
+    problem, vector, noises
+        As in `information`.
+    names : sequence of str
+        The parameters of the specimen, s of them.
     """
     kept = [problem.names.index(name) for name in names]
     others = [i for i in range(len(problem.names)) if i not in kept and i not in problem.noise_entries]

@@ -313,9 +313,9 @@ def plan(
     if "indenter.radius" not in scene.parameters:
         raise ParameterError(f"the grid varies indenter.radius, which {scene.indenter!r} does not have")
     tips, ends = _positive(radii, "radii"), _positive(depths, "depths")
-    told = Grid.of(scene, wanted, noise, tips, ends, specimen, points, solver)
-    slope = told.slopes[specimen.index(parameter)]
-    errors = _errors(told.information + told.prior, specimen.index(parameter), ~np.isnan(told.peak_force))
+    grid = Grid.of(scene, wanted, noise, tips, ends, specimen, points, solver)
+    slope = grid.slopes[specimen.index(parameter)]
+    errors = _errors(grid.information + grid.prior, specimen.index(parameter), ~np.isnan(grid.peak_force))
     planned = Plan(
         parameter=parameter,
         value=scene.parameters[parameter],
@@ -323,10 +323,10 @@ def plan(
         radii=read_only(tips),
         depths=read_only(ends),
         stderr=read_only(errors * slope),
-        peak_force=read_only(told.peak_force),
-        refusals=told.refusals,
-        scaled_information=read_only(told.information),
-        prior=read_only(told.prior),
+        peak_force=read_only(grid.peak_force),
+        refusals=grid.refusals,
+        scaled_information=read_only(grid.information),
+        prior=read_only(grid.prior),
         slope=slope,
     )
     if not planned.is_doubtful:

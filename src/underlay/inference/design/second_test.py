@@ -107,11 +107,11 @@ class Remedy:
         """Say how well one tip fixes the parameter, and for which of its values."""
         fixed = shares <= self.target
         best, worst = float(shares[fixed].min()), float(shares[fixed].max())
-        told = f"{100.0 * worst:.2g} %"
+        error = f"{100.0 * worst:.2g} %"
         if worst > _ALIKE * best:
-            told = f"{100.0 * best:.2g} to {told}"
+            error = f"{100.0 * best:.2g} to {error}"
         if fixed.all():
-            return told
+            return error
         kind = kind_of(path_of(self.parameter))
         where = np.flatnonzero(fixed)
         words = []
@@ -124,7 +124,7 @@ class Remedy:
             for i in (where[0] - 1, where[-1] + 1)
             if 0 <= i < len(fixed)
         ]
-        return f"{told} if it is {' and '.join(words)}, but not if it is {' or '.join(lost)}"
+        return f"{error} if it is {' and '.join(words)}, but not if it is {' or '.join(lost)}"
 
 
 @one_thread()

@@ -238,7 +238,24 @@ class Minimum:
 def minimise(
     objective: Objective, start: FloatArray, search: Search = FINE, give_up: GiveUp | None = None
 ) -> Minimum | None:
-    """Minimise between the problem's bounds from a scaled start (k,); None if no law is there, or it gave up."""
+    """Minimise the sum of squares between the problem's bounds.
+
+    Parameters
+    ----------
+    objective : Objective
+        Residuals and derivatives.
+    start : FloatArray
+        Scaled vector to begin at, (k,).
+    search : Search
+        Limits of the search.
+    give_up : callable, optional
+        Asked before each step whether to leave.
+
+    Returns
+    -------
+    Minimum or None
+        None if there is no law at the start, or the search was left.
+    """
     low, high = (end[None] for end in objective.problem.bounds.T)
     begin = objective.places(np.clip(start[None], low, high), low, high)
     return descend(objective, begin, low, high, search, give_up)[0] if np.isfinite(begin.square[0]) else None
@@ -253,9 +270,27 @@ def descend(
     give_up: GiveUp | None = None,
     ended: Callable[[int, Minimum], None] | None = None,
 ) -> list[Minimum | None]:
-    """Search below several places in lock-step, each between its own ends (s, k).
+    """Search below several places in lock-step.
 
-    None in the place of a search that `give_up` left; `ended` is told of every other as soon as it ends.
+    Parameters
+    ----------
+    objective : Objective
+        Residuals and derivatives.
+    begin : Places
+        Places to begin at, s of them.
+    low, high : FloatArray
+        Ends of each search in the scaled coordinates, (s, k).
+    search : Search
+        Limits of the searches.
+    give_up : callable, optional
+        Asked before each step whether to leave a search.
+    ended : callable, optional
+        Called with the row and the minimum of every other search as soon as it ends.
+
+    Returns
+    -------
+    list of Minimum or None
+        One for each place; None for a search that `give_up` left.
     """
     active = np.zeros(len(objective.problem.coordinates), dtype=bool)
     active[objective.active] = True
@@ -399,8 +434,8 @@ class _Running(NamedTuple):
         least = np.full(len(self.rows), _LEAST_DAMPING)
         step, gain, length = damped_steps(self.now, least, active, low, high)
         norms = np.sqrt(self.now.normal.diagonal(axis1=1, axis2=2))
-        bent = length * (norms * np.abs(step)).sum(axis=1)
-        return step, gain, (length <= HAIR) & (bent <= share * np.sqrt(self.best.square / points))
+        curved = length * (norms * np.abs(step)).sum(axis=1)
+        return step, gain, (length <= HAIR) & (curved <= share * np.sqrt(self.best.square / points))
 
     def moved(self, there: Places, search: Search) -> tuple[Self, list[str]]:
         """The searches after they were `there`, and in words why one ended; no words where it goes on."""

@@ -411,9 +411,9 @@ class Fit:
             f"{s.method}: {s.stopped} {s.evaluations} evaluations, {s.seconds * 1e3:.1f} ms",
         ]
         lines += [
-            f"{name}: the instrument found {format_quantity(told.youngs, 'pressure')} (reduced "
-            f"{format_quantity(told.reduced, 'pressure')}, nu {told.nu:g}); ours {100.0 * told.difference:+.3g} %"
-            for name, told in self.instrument_moduli.items()
+            f"{name}: the instrument found {format_quantity(own.youngs, 'pressure')} (reduced "
+            f"{format_quantity(own.reduced, 'pressure')}, nu {own.nu:g}); ours {100.0 * own.difference:+.3g} %"
+            for name, own in self.instrument_moduli.items()
         ]
         lines += [f"warning: {warning.message}" for warning in self.warnings]
         return "\n".join(lines)
@@ -465,7 +465,7 @@ class Fit:
                 {"values": dict(a.values), "delta_chi_square": a.delta_chi_square} for a in self.alternatives
             ],
             "scenes": [scene.parameters for scene in self.scenes],
-            "instrument_moduli": {name: asdict(told) for name, told in self.instrument_moduli.items()},
+            "instrument_moduli": {name: asdict(stated) for name, stated in self.instrument_moduli.items()},
             "provenance": self.provenance,
             "used": self.used,
         }

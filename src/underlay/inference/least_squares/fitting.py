@@ -315,6 +315,17 @@ def shift_of_the_law(
 
     First order: C J' V^-1 P, with P the contact force. A modulus that scales the force takes all of it.
     Correlation of the noise is left out: a shift of the mean hardly depends on it.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    vector : FloatArray
+        Scaled vector of the optimum, (k,).
+    covariance : FloatArray
+        C, in scaled coordinates, (k, k).
+    sigmas : tuple of FloatArray
+        Standard deviations of the noise (N), one array (n,) per curve: V is their squares.
     """
     physical = problem.physical(vector)
     slopes = problem.space.slopes(physical)

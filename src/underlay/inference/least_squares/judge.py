@@ -67,10 +67,10 @@ def times_told_by(problem: Problem) -> list[tuple[float, float]]:
 
 def about_relaxation(problem: Problem, vector: FloatArray) -> list[FitWarning]:
     """Warnings of relaxation times that ended outside of what the records tell; none without relaxation."""
-    told = times_told_by(problem)
-    if not told:
+    ranges = times_told_by(problem)
+    if not ranges:
         return []
-    low, high = min(low for low, _ in told), max(high for _, high in told)
+    low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
     return [
         FitWarning(
             "relaxation-time",

@@ -62,11 +62,11 @@ def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
         keep = np.ones(len(whole.force), dtype=bool)
         for place, slope in _jumps(found, member, objective.active):
             used = member.forward.depth_at(member.values_at(physical))
-            others = np.delete(rows, begin[number] + _beside(used, place), axis=0)
+            others = np.delete(rows, begin[number] + _next_to(used, place), axis=0)
             # The shortest x with J'x = slope: |x|^2 = slope' (J'J)^-1 slope, also where J'J has no inverse.
             error = float(np.linalg.norm(np.linalg.lstsq(others.T, slope, rcond=None)[0]))
             depth = whole.forward.depth_at(member.values_at(physical))
-            near = _beside(depth, place)
+            near = _next_to(depth, place)
             if error < float(np.ptp(depth[near])) / _EVEN:
                 keep[near] &= np.abs(depth[near] - place) > _ERRORS * error
         kept.append(keep)
@@ -106,7 +106,7 @@ def for_all_readings(statistics: FitStatistics, readings: int) -> FitStatistics:
     )
 
 
-def _beside(depth: FloatArray, place: float) -> NDArray[np.intp]:
+def _next_to(depth: FloatArray, place: float) -> NDArray[np.intp]:
     """The readings (m) next to `place` (m), one on either side if there are two sides."""
     apart = depth - place
     sides = (np.where(side, np.abs(apart), np.inf) for side in (apart > 0.0, apart <= 0.0))

@@ -95,7 +95,7 @@ class Minimiser:
 
         def residuals(current: Any) -> FloatArray:
             there = vector(current)
-            return lowest.told(there, objective.residuals(there))
+            return lowest.remembered(there, objective.residuals(there))
 
         minimiser = lmfit.Minimizer(residuals, parameters, max_nfev=_MOST_EVALUATIONS)
         result = minimiser.minimize(method=self.method, Dfun=jacobian, **options)
@@ -118,7 +118,7 @@ class _Lowest:
     residuals: FloatArray = field(default_factory=lambda: np.zeros(0))
     loss: float = np.inf
 
-    def told(self, vector: FloatArray, residuals: FloatArray) -> FloatArray:
+    def remembered(self, vector: FloatArray, residuals: FloatArray) -> FloatArray:
         """Return the residuals, and remember them if they are the lowest so far."""
         loss = float(self.rho(residuals * residuals).sum())
         if loss < self.loss:

@@ -332,11 +332,11 @@ class Objective:
             length = float((np.abs(step) / slopes).max(initial=0.0))
             if length > HAIR:
                 return False
-            told = 0.0
+            curvature = 0.0
             for rows, entries in zip(self._whitened_rows(columns), self._entries, strict=True):
                 norms = np.sqrt(np.einsum("kn,kn->k", rows, rows))
-                told += float(norms @ np.abs(step[entries])) ** 2
-            return bool(length * told**0.5 <= _UNTOLD * (square / self.points) ** 0.5)
+                curvature += float(norms @ np.abs(step[entries])) ** 2
+            return bool(length * curvature**0.5 <= _UNTOLD * (square / self.points) ** 0.5)
 
         return not self.failures and self.asked.follow(physical, near)
 

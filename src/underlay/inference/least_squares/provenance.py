@@ -114,10 +114,10 @@ def instrument_moduli(
     found: dict[str, InstrumentModulus] = {}
     for member, scene, curve in zip(problem.members, scenes, curves, strict=True):
         entry = member.entries.get(_PATH)
-        told = instrument_modulus(scene, curve)
+        stated = instrument_modulus(scene, curve)
         shared = (
             sum(_PATH in other.entries and other.entries[_PATH] == entry for other in problem.members) > 1
         )
-        if entry is not None and told is not None and not shared:
-            found[problem.names[entry]] = told
+        if entry is not None and stated is not None and not shared:
+            found[problem.names[entry]] = stated
     return found

@@ -247,7 +247,7 @@ class Landscape:
         # With the base's modulus free the two basins are one valley.
         one_base = not any(BASE_MODULUS in member.entries for member in self.problem.members)
         if one_base and THICKNESS in self.grids[0].values:
-            chosen += _beside(total, np.log(self.grids[0].values[THICKNESS].max(axis=1)), chosen)
+            chosen += _rivals(total, np.log(self.grids[0].values[THICKNESS].max(axis=1)), chosen)
         return [place for place in chosen if total[place] <= _HOPELESS * total[chosen[0]]]
 
     def places(self) -> list[tuple[int, int]]:
@@ -266,7 +266,7 @@ class Landscape:
         return list(zip(rows[order].tolist(), columns[order].tolist(), strict=True))
 
 
-def _beside(
+def _rivals(
     total: FloatArray, log_thickness: FloatArray, chosen: Sequence[tuple[int, int]]
 ) -> list[tuple[int, int]]:
     """Places a rival's distance thinner and thicker than the best, where none is chosen yet.

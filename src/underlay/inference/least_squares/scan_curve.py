@@ -115,9 +115,16 @@ class Blocks:
 def blocked_objective(
     problem: Problem, *, robust: bool, forwards: Sequence[Forward] | None = None
 ) -> Objective:
-    """Take the curves in blocks: averages, whose optimum is nearly that of all points, or robust medians.
+    """Objective of the curves in blocks; its noise is the scatter of the readings about a smooth curve.
 
-    The noise is the scatter of the points about a smooth curve; `forwards` may stand for the curves' models.
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    robust : bool
+        Whether blocks are medians; else they are averages, whose optimum is nearly that of all readings.
+    forwards : sequence of Forward, optional
+        Models that stand for those of the curves.
     """
     members, noises, sigmas = [], [], []
     own = forwards or [member.forward for member in problem.members]
@@ -153,7 +160,16 @@ def blocked_forward(
 ) -> Forward:
     """A curve's model at the depths of its blocks, with coarse laws of its own.
 
-    For a grid of values of what is `tried` they are laws far apart, in which nothing else varies.
+    Parameters
+    ----------
+    forward : Forward
+        Model of the whole curve.
+    blocks : Blocks
+        The curve in blocks.
+    rtol : float
+        Relative tolerance of the laws.
+    tried : sequence of str, optional
+        Paths of the parameters that a grid tries: laws are then far apart, and nothing else varies in them.
     """
     laws = forward.laws if tried is None else forward.laws.varying(tried)
     laws = replace(

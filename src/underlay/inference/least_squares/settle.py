@@ -90,7 +90,17 @@ def first_noises(problem: Problem, vector: FloatArray) -> tuple[NoiseModel, ...]
 
 
 def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
-    """Estimate, or compute again, the noise at an optimum of the other parameters."""
+    """Estimate the noise at an optimum of the other parameters, or compute it again there.
+
+    Parameters
+    ----------
+    objective : Objective
+        With the noise under which the optimum was found.
+    vector : FloatArray
+        Scaled vector of the optimum, (k,).
+    robust : bool
+        Whether the size comes from the median of the residuals, as outliers need it.
+    """
     problem = objective.problem
     if problem.noise_entries:
         physical = problem.physical(vector)
@@ -153,7 +163,19 @@ def most_likely(
     entries: Sequence[int],
     linear: Sequence[tuple[Reading, FloatArray]],
 ) -> FloatArray:
-    """Vector with its noise entries at the maximum of the restricted likelihood."""
+    """Vector (k,) with its noise entries at the maximum of the restricted likelihood.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    vector : FloatArray
+        Scaled vector, (k,).
+    entries : sequence of int
+        Entries of the noise's numbers.
+    linear : sequence of (Reading, FloatArray)
+        Of every curve its reading and the derivatives (n, k) in SI.
+    """
     low, high = problem.bounds[list(entries)].T
 
     def loss(part: FloatArray) -> float:

@@ -28,13 +28,13 @@ def told_starts(problem: Problem, count: int) -> list[Start]:
 
     `history.starts` of a curve gives such numbers; a curve whose memory gives none keeps those of the scene.
     """
-    told = [_told(member, problem) for member in problem.members]
+    read_off = [_read_off(member, problem) for member in problem.members]
     own = problem.start
-    for member, values in zip(problem.members, told, strict=True):
+    for member, values in zip(problem.members, read_off, strict=True):
         own = _with(problem, member, values[0], own) if values else own
     vectors = [
         _with(problem, member, each, own)
-        for member, values in zip(problem.members, told, strict=True)
+        for member, values in zip(problem.members, read_off, strict=True)
         for each in values
     ] or [own]
     ranked = sorted(((_misfit(problem, vector), tuple(vector)) for vector in vectors), key=lambda one: one[0])
@@ -45,7 +45,7 @@ def told_starts(problem: Problem, count: int) -> list[Start]:
     ]
 
 
-def _told(member: Member, problem: Problem) -> list[Mapping[str, float]]:
+def _read_off(member: Member, problem: Problem) -> list[Mapping[str, float]]:
     """Values (SI) by path that the memory of one curve reads off it, best first."""
     history = member.forward.history
     if not isinstance(history, WholeHistory):

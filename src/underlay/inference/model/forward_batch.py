@@ -71,7 +71,10 @@ def _adhesion_table(asked: ParameterSets) -> tuple[AdhesionTable | None, FloatAr
 
 
 def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[FloatArray, FloatArray] | None:
-    """Pull-off force (N) and depth (m) of many parameter sets, each (sets,); None without a table for them all."""
+    """Pull-off force (N) and depth (m) of many parameter sets, each (sets,); None without a table for them all.
+
+    Parameters are those of `batched_readings`.
+    """
     if not forward.similarity.energies or is_shaped_by_lengths(forward):
         return None
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)

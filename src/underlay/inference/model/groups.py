@@ -192,7 +192,21 @@ class Readings(NamedTuple):
 def set_by_set(
     forward: Forward, values: Values, rows: Iterable[int], readings: Readings, *, stiffness: bool = True
 ) -> Readings:
-    """Put the readings of some sets into `readings`; a set without a law is left out."""
+    """Compute the readings of some sets one by one.
+
+    Parameters
+    ----------
+    forward : Forward
+        The compiled scene.
+    values : mapping of path to float or FloatArray
+        Every number of the scene (SI), (sets,) where it varies.
+    rows : iterable of int
+        The sets that are computed.
+    readings : Readings
+        Where they are put; a set without a law stays as it is there.
+    stiffness : bool
+        Whether the stiffness is computed too.
+    """
     for row in rows:
         try:
             one = forward.of_set(row).reading(values_of(values, row), stiffness=stiffness)

@@ -95,7 +95,14 @@ class _OneUnknown:
 def one_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequence[str]) -> OneRatio | None:
     """Find the one ratio that the free parameters move; None where they move more, or a Poisson's ratio.
 
-    `body` is the reference's, where it is an isotropic layer.
+    Parameters
+    ----------
+    similarity : Similarity
+        What scales out of the laws.
+    body : IsotropicLayer or None
+        Body of the reference, where it is an isotropic layer.
+    free : sequence of str
+        Paths that vary.
     """
     if similarity.exponent is None or set(similarity.direct).intersection(free):
         return None
@@ -137,10 +144,21 @@ def tip_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequenc
 
 
 def quiet_law(scene: Scene, solver: Solver, max_depth: float, beside: tuple[Beside, ...] = ()) -> ContactLaw:
-    """Build the law of `scene` up to `max_depth` (m) without a word, with derivatives towards bodies `beside`.
+    """Build the law of a scene without warnings.
 
     A published correction warns where it leaves its range; a fit passes through such places and reports only
     those of its result, which the law carries itself.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test.
+    solver : Solver
+        What builds the law.
+    max_depth : float
+        Depth (m) up to which it is needed.
+    beside : tuple of Beside
+        Bodies a step away, towards which the law says its derivatives.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnderlayWarning)

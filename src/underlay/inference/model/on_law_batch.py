@@ -29,6 +29,7 @@ from underlay.scene.instrument import Frame
 
 __all__ = ["on_law_readings", "stiffening_factors"]
 
+# Least depth (m) at which a law is asked of a set that does not press.
 _TINY = float(np.sqrt(np.finfo(float).tiny))
 # Depth at which sets are asked that go deeper than stiffening is known, over the largest known one: a stand-in
 # whose answer is not used.
@@ -122,7 +123,21 @@ class _Similar:
 def on_law_readings(
     forward: Forward, values: Values, sets: int, on_linear: OnLinear, *, stiffness: bool
 ) -> Readings:
-    """Readings of all sets: together where one linear law serves them, else one by one; slopes where asked."""
+    """Readings of all sets of a layer that stiffens, or has sides: together where one linear law serves them.
+
+    Parameters
+    ----------
+    forward : Forward
+        The compiled scene.
+    values : mapping of path to float or FloatArray
+        Every number of the scene (SI), (sets,) where it varies.
+    sets : int
+        How many sets.
+    on_linear : OnLinear
+        What the layer puts on the linear law.
+    stiffness : bool
+        Whether the stiffness is asked for.
+    """
     readings = Readings.empty(sets, forward.depth.shape[-1])
     asked = ParameterSets(replace(forward, left_out=None), values, sets)
     # A frame gives way under the whole force: its depths are those of one law at a time.

@@ -57,13 +57,13 @@ def require_told_thickness(free: Mapping[str, Given] | Iterable[str]) -> None:
     ParameterError
         With what to do.
     """
-    told = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    paths = {path_of(name) for name in told}
+    given_free = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    paths = {path_of(name) for name in given_free}
     if not {_SECTION + "inverse_limit", "layer.thickness"} <= paths:
         return
     if all(
         isinstance(given, Prior) and given.informative
-        for name, given in told.items()
+        for name, given in given_free.items()
         if path_of(name) == "layer.thickness"
     ):
         return

@@ -38,9 +38,24 @@ class _Read(Protocol):
 def remembered_readings(
     forward: Forward, values: Values, sets: int, elastic: Callable[..., _Read]
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
-    """Contact force, instrument force, each (sets, n), which sets exist, and which must be asked one by one.
+    """Forces of all sets of a sample that remembers.
 
-    None where that is all of them. `elastic` reads a forward model without memory, as `batched_readings`.
+    Parameters
+    ----------
+    forward : Forward
+        The compiled scene, with its memory.
+    values : mapping of path to float or FloatArray
+        Every number of the scene (SI), (sets,) where it varies.
+    sets : int
+        How many sets.
+    elastic : callable
+        Reads a forward model without memory, as `batched_readings`.
+
+    Returns
+    -------
+    tuple or None
+        Contact force and instrument force (N), each (sets, n), which sets exist, (sets,), and the rows that must be
+        asked one by one; None where that is all of them.
     """
     history, time = forward.history, forward.time
     if isinstance(history, WholeHistory):

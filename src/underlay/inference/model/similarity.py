@@ -5,10 +5,11 @@ depth w is
 
     P(w) = theta A h^(lambda+1) F(w / (A h^lambda); ratios),
 
-theta being half the indentation modulus of the layer and F a function of the shape exponent, the Poisson's ratios
-and the ratios of the moduli alone: (5.2) and (5.3) divided by theta A h^(lambda+1) and A h^lambda. For any other
-shape, of size R, all lengths scale together, P(w) = theta h^2 F(w / h; ratios, R / h). A work of adhesion dgamma
-counts as dgamma / (theta A^2 h^(2 lambda - 1)), or as dgamma / (theta h).
+theta being half the indentation modulus of the layer and F a function of the shape exponent, the Poisson's
+ratios and the ratios of the moduli alone: equations (5.2) and (5.3) of Argatov and Sabina divided by theta A
+h^(lambda+1) and A h^lambda. For any other shape, of size R, all lengths scale together, P(w) = theta h^2 F(w /
+h; ratios, R / h). A work of adhesion dgamma counts as dgamma / (theta A^2 h^(2 lambda - 1)), or as dgamma /
+(theta h).
 
 So a law built once at reference values serves others through two factors, P(w) = c P_ref(b w), and its
 logarithmic derivatives in a number p follow without a new law:
@@ -34,6 +35,7 @@ from underlay.scene.scene import Scene
 
 __all__ = ["Similarity", "compile_similarity"]
 
+# Numbers of a lever that scale the force reading.
 _GAINS = (SPRING_CONSTANT_RATIO, SENSITIVITY_RATIO)
 _ANGLE_STEP = 1e-6  # relative; central difference of cot(half_angle): error 1e-12, rounding 1e-10
 
@@ -170,9 +172,16 @@ class Similarity:
 def compile_similarity(
     scene: Scene, free: Iterable[str], *, scaling: Scaling = Scaling.POWER_LAW
 ) -> Similarity:
-    """Find what scales out of the law of `scene` when the parameters at the paths `free` vary.
+    """Find what scales out of the law of a scene.
 
-    `scaling` says what the laws keep: with less, more parameters need laws of their own.
+    Parameters
+    ----------
+    scene : Scene
+        The reference.
+    free : iterable of str
+        Paths of the parameters that vary.
+    scaling : Scaling
+        What the solver's laws keep when they are scaled: with less, more parameters need laws of their own.
     """
     values, known = scene.parameters, scene.quantities
     layered = scene.substrate is not None and np.isfinite(scene.layer.thickness)

@@ -1,8 +1,8 @@
 """The layer modulus at which a body shows a given force, or a given stiffness, at a depth: a law read backwards.
 
 Every modulus of the layer is multiplied by one share, its ratios kept. Where the layer's are the only moduli of
-the body, the force P(w) and dP/dw (9.1) are proportional to the share. On an elastic base they are not, and the
-share is found among those of a ladder of laws.
+the body, the force P(w) and dP/dw (Argatov and Sabina, 9.1) are proportional to the share. On an elastic base
+they are not, and the share is found among those of a ladder of laws.
 """
 
 from __future__ import annotations

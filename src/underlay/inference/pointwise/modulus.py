@@ -3,7 +3,8 @@
 Two readings of a curve, each with the half-space and with the layer and what it stands on:
 
 - apparent: the modulus at which the law has the force that was measured at that depth;
-- incremental: the modulus at which it has the local slope dP/dw (9.1), which does not remember shallower depths.
+- incremental: the modulus at which it has the local slope dP/dw (Argatov and Sabina, 9.1), which does not remember
+  shallower depths.
 
 Where the model is right the modulus with the layer is the same at every depth, and the half-space's is a curve that
 can be said beforehand. Contact point, baseline and all other numbers are those of the fit, with their uncertainty.
@@ -83,9 +84,20 @@ class Noise:
 
 
 def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
-    """Put the points beyond `contact` (a depth reading, m) into at most `most` bins of equal width.
+    """Put the readings beyond contact into bins of equal width.
 
     Of a curve that goes in and comes back only the way in is taken.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    curve : int
+        Number of the curve.
+    contact : float
+        Depth reading of the contact (m).
+    most : int
+        Bins at most.
 
     Raises
     ------

@@ -44,6 +44,7 @@ __all__ = [
     "weighted_grid",
 ]
 
+#: Logarithm of the likelihood at all combinations of a tuple of spreads per level.
 LogLikelihood: TypeAlias = Callable[[tuple[FloatArray, ...]], FloatArray]
 #: Per level, outermost first: ln of the smallest and the largest spread that count.
 Windows: TypeAlias = tuple[tuple[float, float], ...]

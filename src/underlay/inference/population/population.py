@@ -114,8 +114,8 @@ def population(
         raise InputError(f"tails must be one of {', '.join(_TAILS)}; got {tails!r}")
     if shared_error is not None:
         require_share(shared_error, "shared_error", what="a relative error", zero=True)
-    curves, left, told = _selected(results, parameter, names, group, doubtful)
-    shared = told if shared_error is None else float(shared_error)
+    curves, left, of_map = _selected(results, parameter, names, group, doubtful)
+    shared = of_map if shared_error is None else float(shared_error)
     groups: dict[str, list[LabelledCurve]] = {}
     for curve in curves:
         groups.setdefault(curve.group, []).append(curve)
@@ -152,8 +152,8 @@ def _selected(
         results = read_map(results)
     if not isinstance(results, pd.DataFrame):
         return select_results(results, parameter, by, group), [], 0.0
-    told = shared_error_of(results) if parameter == _MODULUS else None
-    return *select_rows(results, parameter, by, group, doubtful), told or 0.0
+    of_map = shared_error_of(results) if parameter == _MODULUS else None
+    return *select_rows(results, parameter, by, group, doubtful), of_map or 0.0
 
 
 def _group(

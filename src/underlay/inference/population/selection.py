@@ -52,6 +52,13 @@ def select_rows(
 ) -> tuple[list[LabelledCurve], list[LeftOut]]:
     """Curves of a map's table, and those left out.
 
+    Parameters
+    ----------
+    table : DataFrame
+        The table of a map.
+    parameter, by, group, doubtful
+        As in `population`.
+
     Raises
     ------
     InputError
@@ -74,10 +81,10 @@ def select_rows(
         elif doubtful == _DROP and row["verdict"] != "good" and row.get("decision") != ACCEPT:
             left.append(LeftOut(head, name, f"verdict {row['verdict']}"))
         else:
-            told = row.get(text)
+            nine_numbers = row.get(text)
             likelihood = (
-                CurveLikelihood.from_text(told)
-                if isinstance(told, str) and told
+                CurveLikelihood.from_text(nine_numbers)
+                if isinstance(nine_numbers, str) and nine_numbers
                 else _normal(row, parameter, name)
             )
             kept.append(LabelledCurve(head, tuple(labels[len(wanted) - len(by) :]), likelihood))
@@ -88,6 +95,13 @@ def select_results(
     results: Sequence[Labelled], parameter: str, by: Sequence[str], group: str | None
 ) -> list[LabelledCurve]:
     """Curves of fits, profiles or posteriors with their labels; fits are profiled.
+
+    Parameters
+    ----------
+    results : sequence of (labels, result)
+        Labels by column, and a `Fit`, a profile or a `Posterior`.
+    parameter, by, group
+        As in `population`.
 
     Raises
     ------

@@ -81,6 +81,15 @@ def delta_chi_square_at(fit: Fit, name: str, value: float) -> float:
     value is inside the interval of a level where this is at most `LikelihoodProfile.threshold`; two refits
     instead of a walk.
 
+    Parameters
+    ----------
+    fit : Fit
+        The fit of the data.
+    name : str
+        The parameter that is held.
+    value : float
+        Its value (SI).
+
     Raises
     ------
     InputError

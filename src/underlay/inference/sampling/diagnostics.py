@@ -346,17 +346,17 @@ def judge(coords: FloatArray, max_steps: int) -> Outcome:
     about_rhat = (
         "" if np.isnan(rhat).all() else f", R-hat is {np.nanmax(rhat):.4f} ({_RHAT_NEEDED} is needed)"
     )
-    told = (
+    details = (
         f"{len(kept)} steps after burn-in are {len(kept) / times.max():.0f} autocorrelation times "
         f"({_TIMES_NEEDED:.0f} are needed){about_rhat}"
     )
     if np.isfinite(errors).all():
-        told += (
+        details += (
             f", and quantiles are uncertain by up to {errors.max():.2f} standard deviations "
             f"({_LARGEST_ERROR} may be)"
         )
     state = "converged" if converged else f"not converged after {steps} steps"
-    return Outcome(steps, walkers, burn_in, times, rhat, errors, converged, f"{state}: {told}")
+    return Outcome(steps, walkers, burn_in, times, rhat, errors, converged, f"{state}: {details}")
 
 
 def highest_density_interval(draws: FloatArray, probability: float) -> tuple[float, float]:
@@ -472,6 +472,7 @@ class Information(NamedTuple):
     informed: str
 
 
+#: Columns of `Posterior.prior_comparison`.
 INFORMED_COLUMNS = list(Information._fields)
 
 

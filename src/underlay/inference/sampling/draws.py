@@ -265,9 +265,9 @@ def _log_density(mixture: Mixture, vectors: FloatArray) -> FloatArray:
     off = vectors[:, None, free] - mixture.means[:, free]
     z = np.linalg.solve(roots, off[..., None])[..., 0]
     constant = gammaln(0.5 * (freedom + q)) - gammaln(0.5 * freedom) - 0.5 * q * np.log(freedom * np.pi)
-    told = constant - np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
-    told = told - 0.5 * (freedom + q) * np.log1p(np.square(z).sum(axis=2) / freedom)
-    return np.asarray(logsumexp(told, axis=1, b=mixture.weights))
+    each = constant - np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
+    each = each - 0.5 * (freedom + q) * np.log1p(np.square(z).sum(axis=2) / freedom)
+    return np.asarray(logsumexp(each, axis=1, b=mixture.weights))
 
 
 def differs(names: tuple[str, ...], drawn: WeightedDraws, coords: FloatArray) -> str:

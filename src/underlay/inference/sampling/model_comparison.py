@@ -74,9 +74,9 @@ def _of_problems(ours: Problem, theirs: Problem) -> str:
     values = ours.values(ours.start)
     place, there = ours.vector(values), theirs.vector(values)
     for mine, other in zip(ours.scenes(place), theirs.scenes(there), strict=True):
-        told = _of_scenes(mine, other)
-        if told:
-            return told
+        unlike = _of_scenes(mine, other)
+        if unlike:
+            return unlike
     if ours.solver != theirs.solver:
         return f"the contact law is {theirs.solver!r} there and {ours.solver!r} in the problem"
     unknown = [[member.scale_is_unknown for member in problem.members] for problem in (ours, theirs)]
@@ -176,10 +176,10 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
         if not same:
             raise InputError(f"model {name!r} was sampled on other curves; compare models of the same data")
     for name, pair in models.items():
-        told = difference(*pair)
-        if told:
+        other = difference(*pair)
+        if other:
             raise InputError(
-                f"the posterior of model {name!r} is not that of its problem: {told}; give each problem with what "
+                f"the posterior of model {name!r} is not that of its problem: {other}; give each problem with what "
                 "ul.sample made of it"
             )
     arviz = arviz_library()
@@ -206,8 +206,8 @@ def _require_models(models: object) -> None:
 
 def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatArray]:
     """Columns of the evidences and of the probabilities that follow from them."""
-    told = [posterior.log_evidence or LogEvidence(np.nan, np.nan) for _, posterior in models]
-    value = np.array([entry.value for entry in told])
+    evidences = [posterior.log_evidence or LogEvidence(np.nan, np.nan) for _, posterior in models]
+    value = np.array([entry.value for entry in evidences])
     # Noise of unknown size has an improper prior: its evidence compares with none that states the size.
     unknown = [[member.scale_is_unknown for member in problem.members] for problem, _ in models]
     if any(entry != unknown[0] for entry in unknown):
@@ -216,7 +216,7 @@ def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatAr
     probability = np.full(len(value), np.nan)
     if known.any():
         probability[known] = special.softmax(value[known])
-    error = np.where(known, [entry.error for entry in told], np.nan)
+    error = np.where(known, [entry.error for entry in evidences], np.nan)
     return {"log_evidence": value, "log_evidence_error": error, "probability": probability}
 
 

@@ -1,4 +1,4 @@
-"""The file of a posterior: arrays and a document of plain values in one compressed ``.npz`` file, without pickles.
+"""The file of a posterior: arrays and a document of plain values in one compressed ``.npz`` file, no pickles.
 
 The file may come from anybody and is shown to people: every entry is checked for kind and shape before anything is
 built. A number in the place of a name, or a chain of other parameters than those it lists, gets no further.
@@ -141,21 +141,21 @@ def parts_of(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]
     ValueError
         If something is of another kind or shape.
     """
-    told = _document(about)
-    _require(told.names and len(set(told.names)) == len(told.names), "names", "distinct names, one at least")
-    _require(len(told.priors) == len(told.names), "priors", "as many as names")
-    chain = _floats(arrays, "chain", (None, None, len(told.names)))
+    read = _document(about)
+    _require(read.names and len(set(read.names)) == len(read.names), "names", "distinct names, one at least")
+    _require(len(read.priors) == len(read.names), "priors", "as many as names")
+    chain = _floats(arrays, "chain", (None, None, len(read.names)))
     _require(chain.size and np.isfinite(chain).all(), "chain", "finite draws, one at least")
     return {
-        "names": tuple(told.names),
+        "names": tuple(read.names),
         "chain": chain,
         "log_posterior": _floats(arrays, "log_posterior", chain.shape[:2]),
-        "priors": tuple(told.priors),
-        "prior_quantiles": _floats(arrays, "prior_quantiles", (None, len(told.names))),
-        "derived": {name: _draws(arrays, f"derived/{name}") for name in told.derived},
-        "predictive": tuple(_band(arrays, number) for number in range(told.curves)),
-        "diagnostics": told.diagnostics,
-        "truth": told.truth,
+        "priors": tuple(read.priors),
+        "prior_quantiles": _floats(arrays, "prior_quantiles", (None, len(read.names))),
+        "derived": {name: _draws(arrays, f"derived/{name}") for name in read.derived},
+        "predictive": tuple(_band(arrays, number) for number in range(read.curves)),
+        "diagnostics": read.diagnostics,
+        "truth": read.truth,
     }
 
 
@@ -163,14 +163,14 @@ def _document(about: Mapping[str, Any]) -> _Document:
     """The document, every entry of the kind that its field declares; others are left out."""
     adapter = TypeAdapter(_Document)
     try:
-        told = adapter.validate_json(json.dumps(about), strict=True)
+        document = adapter.validate_json(json.dumps(about), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
-    known = told.diagnostics
-    counts = (told.curves, known.steps, known.burn_in, known.thin, known.walkers)
+    known = document.diagnostics
+    counts = (document.curves, known.steps, known.burn_in, known.thin, known.walkers)
     _require(min(*counts, known.evaluations, known.failures) >= 0, "a count", "zero or more")
-    return told
+    return document
 
 
 def _draws(arrays: Mapping[str, np.ndarray[Any, Any]], name: str) -> FloatArray:

@@ -180,14 +180,14 @@ def _judged(
     """Weighted draws if a short chain agrees with them, and are asked for; else the long chain."""
     if by_weights and not drawn.refused:
         run.go(line, limit, most=_FIRST_CHECK)
-        told = differs(names, drawn, run.coords)
-        if not told:
+        disagreement = differs(names, drawn, run.coords)
+        if not disagreement:
             return _Answer.of_weights(drawn, rng, run)
     outcome = run.go(line, limit)
-    told = "" if drawn.refused else differs(names, drawn, run.coords)
-    if by_weights and not (drawn.refused or told):
+    disagreement = "" if drawn.refused else differs(names, drawn, run.coords)
+    if by_weights and not (drawn.refused or disagreement):
         return _Answer.of_weights(drawn, rng, run)
-    return _Answer.of_chain(run, outcome, drawn, told)
+    return _Answer.of_chain(run, outcome, drawn, disagreement)
 
 
 def _check(
@@ -376,10 +376,10 @@ def _placed(
     levels = density(coords) if len(coords) else np.empty(0)
     while len(coords) < walkers:
         more = proposal.draw(walkers, rng)
-        told = density(more)
+        density_of_more = density(more)
         coords, levels = (
-            np.vstack((coords, more[np.isfinite(told)])),
-            np.append(levels, told[np.isfinite(told)]),
+            np.vstack((coords, more[np.isfinite(density_of_more)])),
+            np.append(levels, density_of_more[np.isfinite(density_of_more)]),
         )
     return coords[:walkers], levels[:walkers]
 
@@ -418,7 +418,7 @@ class _Line:
     """
 
     def __init__(self, total: int, *, shown: bool | Told | None) -> None:
-        self._told: Told | None = None if isinstance(shown, bool) else shown
+        self._report: Told | None = None if isinstance(shown, bool) else shown
         self._total, self._effective = total, 0.0
         console = Console(stderr=True, force_terminal=(shown is True) or None)
         self._bar = Progress(
@@ -449,8 +449,8 @@ class _Line:
     def step(self, done: int) -> None:
         """Show that `done` steps are done."""
         self._bar.update(self._task, completed=done)
-        if self._told is not None:
-            self._told(done, self._total, self._effective)
+        if self._report is not None:
+            self._report(done, self._total, self._effective)
 
     def judge(self, effective: float, needed: int) -> None:
         """Show the effective samples so far and how many steps will probably be needed."""
@@ -481,7 +481,7 @@ class _Answer(NamedTuple):
         count = -(-_TIMES * len(drawn.weights) // _COLUMNS) * _COLUMNS
         rows = drawn.rows(count, rng).reshape(-1, _COLUMNS)
         none = np.full(drawn.vectors.shape[1], np.nan)
-        told = (
+        reason = (
             f"{len(drawn.weights)} weighted draws, worth {drawn.effective:.0f}, with a Pareto k of "
             f"{drawn.pareto:.2f}"
         )
@@ -491,8 +491,8 @@ class _Answer(NamedTuple):
             steps, walkers = run.coords.shape[:2]
             burn_in, times = memory(run.coords)
             acceptance = _moved(run.coords[burn_in:])
-            told += f"; a chain of {steps} steps begun from them agrees within the errors of both"
-        outcome = Outcome(steps, walkers, burn_in, times, none, drawn.quantile_errors, True, told)
+            reason += f"; a chain of {steps} steps begun from them agrees within the errors of both"
+        outcome = Outcome(steps, walkers, burn_in, times, none, drawn.quantile_errors, True, reason)
         effective = np.full(len(none), drawn.effective)
         coords, levels = drawn.vectors[rows], drawn.log_density[rows]
         is_chain = run is not None

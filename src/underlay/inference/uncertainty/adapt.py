@@ -68,8 +68,8 @@ class Kernels:
         constant = (
             gammaln(0.5 * (_FREEDOM + q)) - gammaln(0.5 * _FREEDOM) - 0.5 * q * np.log(_FREEDOM * np.pi)
         )
-        told = constant - log_det - 0.5 * (_FREEDOM + q) * np.log1p((z * z).sum(axis=2) / _FREEDOM)
-        return np.asarray(logsumexp(told, axis=1) - np.log(len(self.centres)))
+        each = constant - log_det - 0.5 * (_FREEDOM + q) * np.log1p((z * z).sum(axis=2) / _FREEDOM)
+        return np.asarray(logsumexp(each, axis=1) - np.log(len(self.centres)))
 
 
 def _local(standard: FloatArray, weights: FloatArray, centre: FloatArray) -> FloatArray:
@@ -91,8 +91,8 @@ def _regular(covariance: FloatArray) -> FloatArray:
 def _evened(log_weights: FloatArray) -> FloatArray:
     """Weights (n,) raised to the power, 1 or less, at which enough of them count."""
     for power in _ROOTS:
-        told = power * log_weights
-        weights = np.exp(told - logsumexp(told))
+        evened = power * log_weights
+        weights = np.exp(evened - logsumexp(evened))
         if 1.0 / float(weights @ weights) >= _FEWEST:
             break
     return np.asarray(weights)
@@ -131,8 +131,8 @@ class Pool:
     def add(self, source: Callable[[FloatArray], FloatArray], vectors: FloatArray) -> None:
         """Add the draws of a further source."""
         self.proposed = [
-            np.concatenate((told, known(vectors)))
-            for told, (known, _) in zip(self.proposed, self.sources, strict=True)
+            np.concatenate((proposed, known(vectors)))
+            for proposed, (known, _) in zip(self.proposed, self.sources, strict=True)
         ]
         self.vectors = np.vstack((self.vectors, vectors))
         self.levels = np.concatenate((self.levels, self.target(vectors)))
@@ -149,8 +149,8 @@ class Pool:
     @property
     def weights(self) -> FloatArray:
         """Weights of the draws, (n,), summing to 1."""
-        told = self.log_weights
-        return np.asarray(np.exp(told - logsumexp(told)))
+        logs = self.log_weights
+        return np.asarray(np.exp(logs - logsumexp(logs)))
 
     @property
     def effective(self) -> float:

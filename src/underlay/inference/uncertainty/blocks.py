@@ -15,10 +15,8 @@ from underlay._arrays import FloatArray
 __all__ = ["Blocks", "resolution"]
 
 _MOST, _MOST_FINE = 400, 1200  # blocks of a curve at most; of one that is fast near contact
-_WIDEST, _NEAR = (
-    0.03,
-    0.2,
-)  # widest block near contact, and how near: shares of the largest depth since contact
+# Widest block near contact, and how near: shares of the largest depth since contact.
+_WIDEST, _NEAR = 0.03, 0.2
 _APPROACH = 2.0  # largest depths since contact that are kept before it
 _REPEATS = 0.2  # share of neighbours that are alike from which readings are rounded
 

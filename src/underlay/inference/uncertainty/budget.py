@@ -126,12 +126,12 @@ class _Budget:
         """Inputs of all curves: one of the same name and size is wrong alike in all of them."""
         problem = self.fit.problem
         free = {coordinate.path for coordinate in problem.coordinates}
-        told: dict[tuple[str, str], dict[int, Input]] = {}
+        of_curves: dict[tuple[str, str], dict[int, Input]] = {}
         for i, member in enumerate(problem.members):
             for entry in inputs_of(member.scene, member.curve, free):
-                told.setdefault((entry.source, entry.size), {})[i] = entry
-        slopes = _input_slopes(self.fit, {source for source, _ in told} & set(self.fit.scene.parameters))
-        for (source, size), entries in told.items():
+                of_curves.setdefault((entry.source, entry.size), {})[i] = entry
+        slopes = _input_slopes(self.fit, {source for source, _ in of_curves} & set(self.fit.scene.parameters))
+        for (source, size), entries in of_curves.items():
             first = next(iter(entries.values()))
             moves = self._of_input(source, entries, slopes)
             if moves is not None:

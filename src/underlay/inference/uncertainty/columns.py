@@ -1,6 +1,7 @@
-"""Shapes that a curve may have beside its law: misfit smooth in depth, a step about contact, a ramp of the record.
+"""Shapes that a curve may have beside its law: a misfit smooth in depth, a step about contact, a ramp, a line.
 
-Each family is a few columns whose amplitudes are normal; `hypotheses` says of which size.
+Each family is a few columns whose amplitudes are normal; `hypotheses` says of which size. With P the contact force,
+w the depth of the tip and w_max the largest:
 
     misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error, and a local shift of depth, as a
              gradual contact makes; both with correlation exp(-|dv| / 0.5), six columns each

@@ -77,19 +77,19 @@ def inputs_of(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Input,
     stated = scene.uncertainties
     if stated == "none":
         return ()
-    told: Mapping[str, float] = stated if isinstance(stated, Mapping) else {}
-    found = [*_instrument(curve, told, free), *_numbers(scene, told, free), *_measured_tip(scene, told)]
+    given: Mapping[str, float] = stated if isinstance(stated, Mapping) else {}
+    found = [*_instrument(curve, given, free), *_numbers(scene, given, free), *_measured_tip(scene, given)]
     return tuple(entry for entry in found if entry.down > 0.0 or entry.up > 0.0)
 
 
-def _instrument(curve: Curve, told: Mapping[str, float], free: Collection[str]) -> Iterator[Input]:
+def _instrument(curve: Curve, given: Mapping[str, float], free: Collection[str]) -> Iterator[Input]:
     """Scales of force and depth, which act on every reading."""
-    has_lever = "spring_constant" in curve.metadata or SPRING_CONSTANT in told
-    of_force = SPRING_CONSTANT if has_lever and FORCE not in told else FORCE
+    has_lever = "spring_constant" in curve.metadata or SPRING_CONSTANT in given
+    of_force = SPRING_CONSTANT if has_lever and FORCE not in given else FORCE
     if not any(path.startswith("lever.") for path in free):
         assumed = _spring(curve) if of_force == SPRING_CONSTANT else (_FORCE, _ASSUMED)
-        yield _share(of_force, told, *assumed)
-    yield _share(DEPTH, told, _DEPTH, _ASSUMED)
+        yield _share(of_force, given, *assumed)
+    yield _share(DEPTH, given, _DEPTH, _ASSUMED)
     if (own := _stated_share(curve, "sensitivity_uncertainty")) and not any(
         p.startswith("lever.") for p in free
     ):
@@ -108,27 +108,27 @@ def _stated_share(curve: Curve, key: str) -> float:
     return _NORMAL_95 * own if isinstance(own, float) and own > 0.0 else 0.0
 
 
-def _share(source: str, told: Mapping[str, float], assumed: float, origin: str) -> Input:
-    size = told.get(source, assumed)
-    return Input(source, size, size, _percent(size), _GIVEN if source in told else origin)
+def _share(source: str, given: Mapping[str, float], assumed: float, origin: str) -> Input:
+    size = given.get(source, assumed)
+    return Input(source, size, size, _percent(size), _GIVEN if source in given else origin)
 
 
-def _numbers(scene: Scene, told: Mapping[str, float], free: Collection[str]) -> Iterator[Input]:
+def _numbers(scene: Scene, given: Mapping[str, float], free: Collection[str]) -> Iterator[Input]:
     for path, value in scene.parameters.items():
         if path in free or not math.isfinite(value):
             continue
-        if path in told:
-            down, up = _kept(path, value, told[path], told[path])
-            yield Input(path, down, up, f"± {format_quantity(told[path], kind_of(path))}", _GIVEN)
+        if path in given:
+            down, up = _kept(path, value, given[path], given[path])
+            yield Input(path, down, up, f"± {format_quantity(given[path], kind_of(path))}", _GIVEN)
         elif (assumed := _assumed(path, value)) is not None:
             down, up = _kept(path, value, *assumed[:2])
             yield Input(path, down, up, assumed[2], _ASSUMED)
 
 
-def _measured_tip(scene: Scene, told: Mapping[str, float]) -> Iterator[Input]:
+def _measured_tip(scene: Scene, given: Mapping[str, float]) -> Iterator[Input]:
     """The heights of a measured tip, all wrong by one share: they are no number of the scene."""
     if isinstance(scene.indenter, Profile):
-        yield _share(HEIGHTS, told, _HEIGHTS, _ASSUMED)
+        yield _share(HEIGHTS, given, _HEIGHTS, _ASSUMED)
 
 
 def _assumed(path: str, value: float) -> tuple[float, float, str] | None:

@@ -370,9 +370,9 @@ def free_model_error(problem: Problem) -> Problem:
         why = dict.fromkeys(words for part in parts for words in (*part.unknown, *part.declared))
         raise InputError(f"no size of friction or finite strain can be freed here: {'; '.join(why)}")
     means = {words: errors[words].mean if words in errors else 0.0 for words in _PATHS}
-    told = Discrepancy(means[FRICTION], means[FINITE_STRAIN], means[BOTH])
+    discrepancy = Discrepancy(means[FRICTION], means[FINITE_STRAIN], means[BOTH])
     scenes = [
-        replace(scene, discrepancy=told, friction="unknown", finite_strain=None)
+        replace(scene, discrepancy=discrepancy, friction="unknown", finite_strain=None)
         for scene in problem.base_scenes
     ]
     priors = {_PATHS[words]: Normal(error.mean, error.deviation) for words, error in errors.items()}

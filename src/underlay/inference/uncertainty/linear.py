@@ -87,11 +87,25 @@ def linear_mixture(
     prior_precision: FloatArray,
     bent: Callable[[FloatArray], Sequence[FloatArray]],
 ) -> Mixture:
-    """Mixture about the optimum `vector` (k,); what is not `free` (k,) is held there.
+    """Mixture of Student distributions of the scaled vector about the optimum, one for each hypothesis.
 
-    `prior_precision` (k,) is what priors say, in the scaled vector: zero where they say nothing. `bent` gives, for
-    a step (k,) from the optimum, the force of each curve (n,) beyond its tangent: where hypotheses correct the
-    value, it is asked once, for the mean step, and taken to grow with the square of a step.
+    Parameters
+    ----------
+    moments : sequence of CurveMoments
+        Moments of each curve.
+    combined : Combined
+        Hypotheses of all curves together, m of them.
+    vector : FloatArray
+        Scaled vector of the optimum, (k,).
+    free : ndarray of bool (k,)
+        Entries that are free; the others are held at the optimum.
+    freedom : float
+        Degrees of freedom with which the size of the noise is known.
+    prior_precision : FloatArray
+        Curvature of the priors in the scaled vector, (k,): zero where they say nothing.
+    bent : callable
+        Force of each curve (n,) beyond its tangent a step (k,) from the optimum. Where hypotheses correct the
+        value, it is asked once, for the mean step, and taken to grow with the square of a step.
     """
     kept = np.flatnonzero(free)
     rows = combined.rows

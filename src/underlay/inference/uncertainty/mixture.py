@@ -16,9 +16,16 @@ _NORMAL = 300.0  # degrees of freedom from which a Student distribution is taken
 def mixture_quantiles(
     means: FloatArray, deviations: FloatArray, weights: FloatArray, freedom: float, shares: FloatArray
 ) -> FloatArray:
-    """Quantiles (q,) at `shares` of a mixture of Student distributions, each (m,), of `freedom`.
+    """Quantiles (q,) of a mixture of m Student distributions, by brackets, each a sixteenth of the one before.
 
-    By brackets of a grid, each a sixteenth of the one before.
+    Parameters
+    ----------
+    means, deviations, weights : FloatArray
+        Of the distributions: means, scales, and weights that sum to 1, (m,) each.
+    freedom : float
+        Their degrees of freedom.
+    shares : FloatArray
+        Probabilities below the quantiles, (q,).
     """
     deviations = np.maximum(deviations, np.finfo(float).tiny)
     reach = 12.0 if freedom > 12 else 60.0
@@ -56,8 +63,8 @@ def pareto_shape(log_weights: FloatArray) -> float:
     b = 1.0 - np.sqrt(m / (np.arange(1, m + 1) - 0.5))
     b = b / (3.0 * excess[int(tail / 4 + 0.5) - 1]) + 1.0 / excess[-1]
     k = np.log1p(-b[:, None] * excess).mean(axis=1)
-    told = tail * (np.log(np.maximum(-b / k, 1e-300)) - k - 1.0)
-    weight = 1.0 / np.exp(np.minimum(told - told[:, None], 700.0)).sum(axis=1)
+    profile = tail * (np.log(np.maximum(-b / k, 1e-300)) - k - 1.0)
+    weight = 1.0 / np.exp(np.minimum(profile - profile[:, None], 700.0)).sum(axis=1)
     chosen = float(b @ weight / weight.sum())
     shape = float(np.log1p(-chosen * excess).mean())
     return (tail * shape + 5.0) / (tail + 10.0)

@@ -104,10 +104,10 @@ def growth(residual: FloatArray, stiffness: FloatArray) -> FloatArray:
     square = np.diff(residual, 2) ** 2
     share = stiffness / stiffness.max()
     variances = (1.0 + _GROWTHS[:, None] * share[1:-1]) ** 2
-    told = len(square) * np.log((square / variances).mean(axis=1)) + np.log(variances).sum(axis=1)
-    told = -0.5 * told / _OVERLAP - 2.0 * np.log1p(np.log1p(_GROWTHS))
-    best = int(np.argmax(told))
-    if not told[best] - told[0] > _GAIN:
+    log_likelihood = len(square) * np.log((square / variances).mean(axis=1)) + np.log(variances).sum(axis=1)
+    log_likelihood = -0.5 * log_likelihood / _OVERLAP - 2.0 * np.log1p(np.log1p(_GROWTHS))
+    best = int(np.argmax(log_likelihood))
+    if not log_likelihood[best] - log_likelihood[0] > _GAIN:
         return np.ones(len(residual))
     variance = (1.0 + _GROWTHS[best] * share) ** 2
     return np.asarray(variance / variance.mean())

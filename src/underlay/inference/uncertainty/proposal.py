@@ -17,10 +17,8 @@ from underlay.inference.uncertainty.walk import Node
 __all__ = ["Conditional", "Proposal", "conditionals"]
 
 _CELLS = 300  # cells of the coordinate along the ridge
-_EVEN, _SOFTER = (
-    0.03,
-    0.9,
-)  # share of the draws that goes evenly to all cells; power of the evidence for the others
+# Share of the draws that goes evenly to all cells; power of the evidence for the others.
+_EVEN, _SOFTER = 0.03, 0.9
 _DEEPEST = -30.0  # nats below the top at which the evidence is cut off
 _BEYOND = 0.25  # how far past the last node draws go, over the last gap between nodes
 _FREEDOM, _WIDER = 5.0, 1.2  # degrees of freedom across the ridge; factor on the variance there

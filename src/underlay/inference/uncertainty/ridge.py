@@ -1,9 +1,9 @@
 """The reading where the force is not straight in what is free: weighted draws along the ridge.
 
-Nodes by a walk from the optimum, at each of them what every hypothesis says of the others (`walk`, `proposal`);
-draws from their interpolation, weighed by the density itself (`density`); further rounds where one ridge does not
-hold them (`adapt`). Interval, posterior, map row and corner plot are read from these draws; Pareto's k says whether
-they can be.
+A walk from the optimum lays nodes along the ridge (`walk`); at each of them every hypothesis has its
+distribution of the other entries (`proposal`). Draws come from their interpolation and are weighed by the
+density itself (`density`); further rounds follow where one ridge does not hold them (`adapt`). Interval,
+posterior, map row and corner plot are read from these draws; Pareto's k says whether they can be.
 """
 
 from __future__ import annotations
@@ -151,7 +151,17 @@ class Ridges:
 
 
 def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge:
-    """`count` draws along the ridges, and further rounds of as many until they can be trusted."""
+    """Draw along the ridges, with further rounds of as many draws until they can be trusted.
+
+    Parameters
+    ----------
+    ridges : Ridges
+        Where draws begin from.
+    rng : numpy Generator
+        Where chance comes from.
+    count : int
+        Draws of a round.
+    """
     density, proposals = ridges.density, ridges.proposals
     fit = density.likelihood.fit
     source = Source.of(proposals, fit)
@@ -259,8 +269,8 @@ class Source:
         noise = noise_entries(fit.problem)
         own = fit.scaled_covariance[noise[:, None], noise]
         factor = np.linalg.cholesky(own + 1e-12 * np.eye(len(noise)))
-        told = np.concatenate([own.shares for own in proposals])
-        shares = np.maximum(np.exp(told - logsumexp(told)), _LEAST)
+        logs = np.concatenate([own.shares for own in proposals])
+        shares = np.maximum(np.exp(logs - logsumexp(logs)), _LEAST)
         return cls(proposals, shares / shares.sum(), noise, fit.vector[noise], factor)
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
@@ -278,11 +288,11 @@ class Source:
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
         """Log-density (n,) of vectors (n, k)."""
-        told = np.hstack([proposal.log_densities(vectors) for proposal in self.proposals])
+        logs = np.hstack([proposal.log_densities(vectors) for proposal in self.proposals])
         z = np.linalg.solve(self.factor, (vectors[:, self.noise] - self.middle).T)
         beside = -0.5 * (z * z).sum(axis=0) - np.log(np.diagonal(self.factor)).sum()
         beside -= 0.5 * len(self.noise) * np.log(2.0 * np.pi)
-        return np.asarray(logsumexp(told + np.log(self.shares), axis=1) + beside)
+        return np.asarray(logsumexp(logs + np.log(self.shares), axis=1) + beside)
 
 
 def _ends(proposals: Sequence[Proposal]) -> tuple[float, float]:

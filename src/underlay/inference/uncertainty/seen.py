@@ -88,18 +88,18 @@ def seen_in(
     size : int
         Readings in a row.
     """
-    told = list(_amplitudes(columns, hypotheses, table, growth))
-    weight = np.array([w for w, _, _, _ in told])
+    found = list(_amplitudes(columns, hypotheses, table, growth))
+    weight = np.array([w for w, _, _, _ in found])
     profile = _Profile.of(columns, tangent)
-    shares, changes, feet = (np.array(part) for part in zip(*(profile.of_one(t) for t in told), strict=True))
+    shares, changes, feet = (np.array(part) for part in zip(*(profile.of_one(t) for t in found), strict=True))
     middles, variances = changes[:, 0], changes[:, 1]
     middle = float(weight @ middles)
-    steps = np.array([_range(columns.values[:, columns.step] @ b[columns.step]) for _, b, _, _ in told])
-    ramps = np.array([2.0 * float(b[columns.ramp.start]) for _, b, _, _ in told])
-    turns = np.array([np.ptp(columns.values[:, columns.turn] @ b[columns.turn]) for _, b, _, _ in told])
+    steps = np.array([_range(columns.values[:, columns.step] @ b[columns.step]) for _, b, _, _ in found])
+    ramps = np.array([2.0 * float(b[columns.ramp.start]) for _, b, _, _ in found])
+    turns = np.array([np.ptp(columns.values[:, columns.turn] @ b[columns.turn]) for _, b, _, _ in found])
     return Seen(
         white=hypotheses.probability(hypotheses.noise == 0),
-        noise=float(weight @ np.sqrt(hypotheses.variance[: len(told)])) * deviation * size**0.5,
+        noise=float(weight @ np.sqrt(hypotheses.variance[: len(found)])) * deviation * size**0.5,
         growth=float((growth[-1] / growth[0]) ** 0.5),
         misfit=hypotheses.probability(hypotheses.misfits),
         misfit_share=float((weight @ shares**2) ** 0.5),
@@ -153,10 +153,10 @@ class _Profile:
         return cls(columns, inside, tangent.contact, _readers(columns, tangent))
 
     def of_one(
-        self, told: tuple[float, FloatArray, FloatArray, FloatArray]
+        self, one: tuple[float, FloatArray, FloatArray, FloatArray]
     ) -> tuple[float, FloatArray, float]:
         """Relative size, (change of ln E, its variance) and share of the first fifth, of one hypothesis."""
-        _, amplitudes, active, covariance = told
+        _, amplitudes, active, covariance = one
         misfit = np.zeros(len(self.columns.values))
         for place in self.columns.families[:LINE]:
             misfit += self.columns.values[:, place] @ amplitudes[place]

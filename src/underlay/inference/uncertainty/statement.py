@@ -1,4 +1,7 @@
-"""What a fit says of itself: the answer of every quantity, and the verdict. Computed when asked for, and once."""
+"""What a fit says of itself: the answer of every quantity, and the verdict.
+
+Each is computed when it is first asked for, and kept.
+"""
 
 from __future__ import annotations
 
@@ -309,10 +312,10 @@ def _quantities(of: Follows, physical: FloatArray) -> FloatArray:
     except (TypeError, ValueError):
         found = np.zeros(0)
     if not (callable(asked) and found.ndim == 2 and len(found) == len(physical)):
-        told = f"an array of shape {np.shape(given)}" if isinstance(given, np.ndarray) else f"{given!r:.80}"
+        shown = f"an array of shape {np.shape(given)}" if isinstance(given, np.ndarray) else f"{given!r:.80}"
         where = f"at {len(physical)} draws it gave" if callable(asked) else "got"
         raise InputError(
             "of must be a function that takes parameters (draws, k), SI, and gives quantities (draws, n), a row "
-            f"per draw, such as lambda p: p[:, :1]; {where} {told}"
+            f"per draw, such as lambda p: p[:, :1]; {where} {shown}"
         )
     return found

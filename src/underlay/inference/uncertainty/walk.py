@@ -159,9 +159,9 @@ def _one_side(
         step = float(
             np.clip(step * (1.6 if missed < 0.03 else 0.7 if missed > 0.15 else 1.0), shortest, _LONGEST)
         )
-        told = level(node)
-        top = max(top, told)
-        if told < top - _DROP or not low < node.vector[coordinate] < high:
+        evidence = level(node)
+        top = max(top, evidence)
+        if evidence < top - _DROP or not low < node.vector[coordinate] < high:
             break
         before.append(node.vector)
     return nodes, top
