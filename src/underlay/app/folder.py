@@ -48,7 +48,7 @@ LARGEST_FILE, MOST_FILES, MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
 
 #: The files of a curve's results by what made them: what stands in their names behind the curve's.
 RESULTS: Mapping[str, tuple[str, ...]] = {
-    "found": ("fit", "time", "relaxation", "adhesion", "segments", "depths", "effects"),
+    "found": ("fit", "time", "drainage", "relaxation", "adhesion", "segments", "depths", "effects"),
     "sampled": ("corner", "predictive", "posterior"),
     "film": ("film", "film.depths"),
 }
