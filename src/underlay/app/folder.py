@@ -49,7 +49,7 @@ LARGEST_FILE, MOST_FILES, MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
 
 #: The files of a curve's results by what made them: what stands in their names behind the curve's.
 RESULTS: Mapping[str, tuple[str, ...]] = {
-    "found": ("fit", "depth", "time", "relaxation", "adhesion", "segments"),
+    "found": ("fit", "depth", "time", "drainage", "relaxation", "adhesion", "segments"),
     "sampled": ("corner", "predictive", "posterior"),
     "film": ("film", "film.depths"),
 }

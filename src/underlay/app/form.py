@@ -61,7 +61,7 @@ BASES: Mapping[str, str] = {
 #: Sections that most tests do without, and what they are called.
 ADVANCED: Mapping[str, str] = {
     "curve": "Which part of the curve is fitted",
-    TOP: "Title, friction and large strain",
+    TOP: "Title, friction, drainage and large strain",
     "layer.relaxation": "Viscoelastic sample",
     "layer.stiffening": "Strain stiffening",
     "adhesion": "Adhesion",
@@ -113,6 +113,7 @@ _CHOSEN_BY = {
 
 
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
+_RATIO = "permeability_ratio"
 
 
 _INDEX = re.compile(r"\[(\d+)\]$")
@@ -304,7 +305,7 @@ class Draft:
     def set_axial(self, section: str, *, axial: bool) -> None:
         """Make a material transversely isotropic, or isotropic again."""
         table = self.table(section)
-        for name in _AXIAL:
+        for name in (*_AXIAL, _RATIO):
             table.pop(name, None)
         if axial:
             stiffness = table.get("E", "1 MPa")
@@ -351,7 +352,10 @@ class Draft:
         )
 
     def _is_axial(self, section: str, key: SceneKey) -> bool:
-        return key.name in _AXIAL and key.name in self.peek(section)
+        table = self.peek(section)
+        if key.name == _RATIO:
+            return {"E_axial", "permeability"} <= table.keys()
+        return key.name in _AXIAL and key.name in table
 
 
 def empty() -> Draft:

@@ -109,6 +109,8 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
         written.append(write_atomic(folder / f"{stem}.depth.csv", csv_text(by_depth.table)))
     if result.scene.memory is not None:
         written.append(plots.save(plots.fit_in_time(result), folder / f"{stem}.time.png"))
+    if result.scene.layer.material.drains:
+        written.append(plots.save(plots.drainage(result), folder / f"{stem}.drainage.png"))
     if result.scene.layer.relaxation is not None:
         written.append(plots.save(plots.relaxation(result), folder / f"{stem}.relaxation.png"))
     if result.scenes[0].adhesion is not None:

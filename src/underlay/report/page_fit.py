@@ -402,7 +402,11 @@ class FitPage:
                 ax = sized(_WIDE, lambda panel, n=number: plots.relaxation(self.fit, curve=n, ax=panel))  # type: ignore[misc]
                 alt = "Modulus of the layer against time after a sudden strain."
                 blocks.append(figure(ax, f"relaxation {number}", alt, "Relaxation."))
-        yield "Relaxation", "modulus against time", blocks
+            if scene.layer.material.drains:
+                ax = sized(_WIDE, lambda panel, n=number: plots.drainage(self.fit, curve=n, ax=panel))  # type: ignore[misc]
+                alt = "Force that is left to fall in the hold against the root of time, measured and fitted."
+                blocks.append(figure(ax, f"drainage {number}", alt, "Drainage."))
+        yield "Relaxation", "modulus, or what is left of the force, against time", blocks
 
     def _segments(self) -> Iterator[Detail]:
         blocks = []

@@ -387,7 +387,8 @@ def _all() -> Iterator[SceneKey]:
     )
     holds = "how its lower face holds to what is under it; slip: no friction; unknown: a fit says both; or springs"
     yield from _of_layer("layer", holds)
-    yield from _of_class(Biphasic, "layer", seen=("E", "nu"))
+    for key in _of_class(Biphasic, "layer", seen=("E", "nu")):
+        yield key._replace(default="none: no water moves")
     yield from _of_class(
         BiphasicTransverse, "layer", _AXIAL, (*keys_of(TransverselyIsotropic), "permeability")
     )

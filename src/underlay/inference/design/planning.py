@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -32,6 +33,8 @@ from underlay.units import format_quantity
 
 __all__ = ["Grid", "Plan", "plan", "readings"]
 
+#: Depths since contact (m) and times (s), (n,) each.
+Record: TypeAlias = tuple[ArrayLike, ArrayLike]
 # Share of the readings before contact: a test that starts in contact cannot tell its contact point.
 _APPROACH = 0.25
 # Readings of a test.
@@ -79,12 +82,13 @@ class Grid:
         specimen: Sequence[str],
         points: int,
         solver: AnySolver,
+        record: Record | None = None,
     ) -> Grid:
         """Compute the information of tests with tips of some radii, pressed to some depths.
 
         Parameters
         ----------
-        scene, free, noise, points, solver
+        scene, free, noise, points, solver, record
             As in `plan`.
         radii, depths : FloatArray
             Tip radii and largest depths (m), (r,) and (d,).
@@ -105,9 +109,8 @@ class Grid:
         for (i, j), _ in np.ndenumerate(peak_force):
             tipped = scene.with_values({"indenter.radius": float(radii[i])})
             try:
-                problem = expected_problem(
-                    tipped, readings(scene, float(depths[j]), points), free, noise, solver=solver
-                )
+                depth, time = readings(scene, float(depths[j]), points, record)
+                problem = expected_problem(tipped, depth, free, noise, time=time, solver=solver)
                 start = problem.start
                 information[i, j], prior = about_specimen(problem, start, problem.noises(start), specimen)
             except ParameterError:
@@ -122,10 +125,17 @@ class Grid:
         return cls(information, prior, slopes, peak_force, refusals)
 
 
-def readings(scene: Scene, depth: float, points: int) -> FloatArray:
-    """Depth readings (m), (points,), of a test to a depth (m) that begins before contact."""
-    before = -_APPROACH / (1.0 - _APPROACH) * depth
-    return np.asarray(np.linspace(before, depth, points) + scene.instrument.contact_depth)
+def readings(
+    scene: Scene, depth: float, points: int, record: Record | None = None
+) -> tuple[FloatArray, FloatArray | None]:
+    """Depth readings (m), (n,), of a test to a depth (m) that begins before contact, or of a record, and times."""
+    if record is None:
+        before = -_APPROACH / (1.0 - _APPROACH) * depth
+        return np.asarray(np.linspace(before, depth, points) + scene.instrument.contact_depth), None
+    taken, time = (as_finite(column, "record") for column in record)
+    return depth / positive(taken.max(), "the deepest point of the record", "m") * taken + (
+        scene.instrument.contact_depth
+    ), time
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,6 +281,7 @@ def plan(
     parameter: str = "layer.E",
     points: int = _POINTS,
     solver: AnySolver = "auto",
+    record: Record | None = None,
 ) -> Plan:
     """Expected standard error of a parameter over tip radius and depth of the test.
 
@@ -290,6 +301,9 @@ def plan(
         Readings per test, a quarter of them before contact.
     solver : Solver or str, default "auto"
         Which contact law; see `contact_law`.
+    record : (array_like, array_like), optional
+        Depths since contact (m) and times (s), (n,) each, that every test goes through, scaled to its own depth;
+        instead of `points`. A sample that relaxes or drains is asked by a ramp and a hold.
 
     Raises
     ------
@@ -313,7 +327,7 @@ def plan(
     if "indenter.radius" not in scene.parameters:
         raise ParameterError(f"the grid varies indenter.radius, which {scene.indenter!r} does not have")
     tips, ends = _positive(radii, "radii"), _positive(depths, "depths")
-    grid = Grid.of(scene, wanted, noise, tips, ends, specimen, points, solver)
+    grid = Grid.of(scene, wanted, noise, tips, ends, specimen, points, solver, record)
     slope = grid.slopes[specimen.index(parameter)]
     errors = _errors(grid.information + grid.prior, specimen.index(parameter), ~np.isnan(grid.peak_force))
     planned = Plan(
@@ -332,13 +346,9 @@ def plan(
     if not planned.is_doubtful:
         return planned
     radius, depth = planned.best
-    problem = expected_problem(
-        scene.with_values({"indenter.radius": radius}),
-        readings(scene, depth, points),
-        wanted,
-        noise,
-        solver=solver,
-    )
+    path, time = readings(scene, depth, points, record)
+    tipped = scene.with_values({"indenter.radius": radius})
+    problem = expected_problem(tipped, path, wanted, noise, time=time, solver=solver)
     return replace(planned, interval=profile(fit(problem, start="given"), parameter).interval())
 
 

@@ -218,7 +218,8 @@ def _forecast(
     fit: Fit, vector: FloatArray, parameter: str, specimen: list[str], radii: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Standard error of both tests (SI) and force of the second (N), (r,) each, if a vector (k,) is the truth."""
-    problem = fit.problem
+    problem, curve = fit.problem, fit.curves[0]
+    timed = fit.scenes[0].memory is not None and curve.time is not None
     second = Grid.of(
         problem.scenes(vector)[0],
         {path: given for path, given in problem.free.items() if not path.startswith("noise.")},
@@ -226,8 +227,9 @@ def _forecast(
         radii,
         np.array([_depth(fit, vector)]),
         specimen,
-        len(fit.curves[0].depth),
+        len(curve.depth),
         problem.solver,
+        (curve.depth - fit.scenes[0].instrument.contact_depth, curve.time) if timed else None,
     )
     # Both problems have the same free parameters and priors, hence the same coordinates but for their origin.
     first = sum(about_specimen(problem, vector, fit.noises, specimen))

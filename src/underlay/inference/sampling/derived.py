@@ -4,6 +4,8 @@
 - oedometric modulus A33 = 1/c, for an isotropic material E (1 - nu) / ((1 + nu)(1 - 2 nu)) (Pa): what a thin
   confined layer sees; infinite, and left out, where the material is incompressible;
 - instantaneous and equilibrium modulus of a layer that relaxes from one to the other (Pa), E and E e(infinity);
+- aggregate modulus (Pa), diffusivity (m^2/s), drainage time a^2/c (s) and peak over equilibrium force of a
+  layer that drains;
 - stiffness dP/dw of the contact at the deepest point of the curve (N/m);
 - pull-off force (N) and depth (m) of a contact that sticks, and the radius (m) at which its tip rests unloaded;
 - stiffening factor of a layer that stiffens, at the deepest point of the curve.
@@ -60,6 +62,10 @@ DERIVED = {
     "oedometric_modulus": Quantity("pressure", "oedometric modulus of the {part}"),
     "instantaneous_modulus": Quantity("pressure", "instantaneous modulus of the {part}"),
     "equilibrium_modulus": Quantity("pressure", "equilibrium modulus of the {part}"),
+    "aggregate_modulus": Quantity("pressure", "aggregate modulus of the {part}"),
+    "diffusivity": Quantity("diffusivity", "diffusivity c of the {part}"),
+    "drainage_time": Quantity("time", "drainage time a^2/c of the {part}"),
+    "peak_ratio": Quantity("dimensionless", "peak over equilibrium force of the {part}"),
     "stiffness": Quantity("stiffness", "contact stiffness at the deepest point"),
     "stiffening_factor": Quantity("dimensionless", "stiffening at the deepest point"),
     **ADHESIVE,

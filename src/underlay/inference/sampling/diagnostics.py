@@ -412,7 +412,10 @@ def predictive_bands(
     rng : numpy Generator
         Makes the noise of the readings.
     """
-    readings = [member.readings(physical) for member in problem.members]
+    readings = [
+        member.readings(physical, stiffness=member.noise_of(physical).needs_stiffness)
+        for member in problem.members
+    ]
     possible = np.logical_and.reduce([own.possible for own in readings])
     learnt = best[None] if problem.noise_is_open else physical[possible]
     return tuple(
@@ -447,8 +450,8 @@ def _band(
 
 def _sizes(member: Member, physical: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
     """Noise over its `sigma`, (count,), where its size was integrated out: sigma^2 is S / chi-squared(n)."""
-    contact, stiffness, force, _ = member.readings(physical)
     noise: NoiseModel = member.noise_of(physical)
+    contact, stiffness, force, _ = member.readings(physical, stiffness=noise.needs_stiffness)
     sigma = noise.sigma(contact, stiffness, member.curve.time)
     whitened = noise.whiten((member.force - force) / sigma, member.curve.time)
     square = np.einsum("dn,dn->d", whitened, whitened)

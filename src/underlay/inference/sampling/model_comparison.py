@@ -371,10 +371,10 @@ def _inference_data(problem: Problem, posterior: Posterior) -> Any:
 
 def _pointwise(member: Member, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Whitened residuals of a curve at draws, and the logarithms of their deviations (N), (draws, points) each."""
-    contact, stiffness, force, possible = member.readings(physical)
+    noise, time = member.noise_of(physical), member.curve.time
+    contact, stiffness, force, possible = member.readings(physical, stiffness=noise.needs_stiffness)
     if not possible.all():
         raise InputError("no contact law exists at some draws; they cannot be compared")
-    noise, time = member.noise_of(physical), member.curve.time
     sigma = noise.sigma(contact, stiffness, time)
     white = noise.whiten((member.force - force) / sigma, time)
     if member.scale_is_unknown:

@@ -50,7 +50,7 @@ _THICKNESS, _RADIUS = "layer.thickness", "indenter.radius"
 # where the force is smooth to 1e-7, one way where a moving contact is solved, which its steps make so to 1e-5.
 _FINE_STEP, _COARSE_STEP = 1e-4, 3e-3
 # What is kept of one problem: responses of a punch, and answers to one record.
-_RESPONSES, _ANSWERS = 64, 16
+_RESPONSES, _ANSWERS = 512, 16
 # A search begins from the best of these: Poisson's ratios and ratios of moduli of cartilage, times a^2/c a decade.
 _RATIOS, _ANISOTROPIES, _PER_DECADE = (0.05, 0.2, 0.35), (1.5, 4.0, 10.0), 2
 # Reach of those times beyond the record's own, and starts that are kept.
@@ -210,11 +210,16 @@ class Drainage(WholeHistory):
         own = numbers_of(self)
         vary = {path: v for path, v in values.items() if path in own and isinstance(v, np.ndarray)}
         modulus = np.broadcast_to(values[_E], sets)
+        known = self.layer.material.E
+        if self.material.isotropic and _E in vary:
+            # All forces go with the modulus, and all times with its product with the permeability.
+            del vary[_E]
+            vary[_K] = values[_K] * modulus / known
 
         def solve(point: list[float]) -> FloatArray:
             told = dict(zip(vary, point, strict=True))
             # Over the modulus, which bends a logarithm's axis most.
-            return self.at(told).answer(depth, time) / told.get(_E, float(modulus[0]))
+            return self.at(told).answer(depth, time) / told.get(_E, known)
 
         columns = [(v, own[path].quantity.is_scale) for path, v in vary.items()]
         found = lattice_forces(columns, solve, sets // 2)

@@ -26,6 +26,7 @@ from .pointwise import pointwise_modulus as pointwise_modulus
 from .population import population as population
 from .posterior import predictive as predictive
 from .posterior import profile as profile
+from .fit import drainage as drainage
 from .fit import relaxation as relaxation
 from .scene import scene as scene
 from .fit import segments as segments

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.mechanics.body import Layer
 
-__all__ = ["Canvas", "canvas", "fit", "fit_in_time", "fit_log", "laws", "relaxation", "segments"]
+__all__ = ["Canvas", "canvas", "drainage", "fit", "fit_in_time", "fit_log", "laws", "relaxation", "segments"]
 
 
 @dataclass(frozen=True)
@@ -464,6 +464,50 @@ def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         panel.set_xscale("log")
         panel.set_xlabel("time after a sudden strain (s)")
         panel.set_ylabel(f"layer modulus ({name})")
+        panel.legend(loc="best")
+    return panel
+
+
+def drainage(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
+    """Draw what is left of the fall of the force in the last hold, against the root of time.
+
+    g = (F - F_end)/(F_peak - F_end), by the fit's own peak and end: drainage begins as a straight line in this
+    picture, and its time goes with the square of the contact radius.
+
+    Parameters
+    ----------
+    result : Fit
+        What `fit` returned.
+    curve : int, default 0
+        Which curve of a joint fit.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    InputError
+        If the layer does not drain.
+    """
+    measured, residual = result.curves[curve], result.residuals[curve]
+    if not result.scenes[curve].layer.material.drains or measured.time is None:
+        raise InputError("this layer does not drain: there is nothing to draw against the root of time")
+    fitted = measured.force - residual
+    peak = len(fitted) - 1 - int(np.argmax(fitted[::-1]))
+    held = slice(peak, None)
+    root = np.sqrt(measured.time[held] - measured.time[peak])
+    step = -(-len(root) // _MOST_POINTS)
+    with style():
+        panel = axes(ax)
+        for force, how in ((measured.force, "o"), (fitted, "-")):
+            left = (force[held] - fitted[-1]) / (fitted[peak] - fitted[-1])
+            label, colour = ("fit", FIT) if how == "-" else ("measured", DATA)
+            panel.plot(root[::step], left[::step], how, ms=2.5, color=colour, label=label)
+        panel.set_xlabel("root of the time since the peak (s$^{1/2}$)")
+        panel.set_ylabel("force left to fall, g")
         panel.legend(loc="best")
     return panel
 
