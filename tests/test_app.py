@@ -178,6 +178,24 @@ async def look_through(user, folder):
     await wait_for(lambda: folder.scene_text() == before)
 
 
+async def refuse_one(user, folder):
+    """A refusal needs a reason; what is shown as decided is on the disk, and the command line reads it."""
+    press(user, "refuse-site-1.csv")
+    await until(user, "reason")
+    press(user, "refuse-now")
+    await until_said(user, "say why")
+    press(user, "refuse-site-1.csv")
+    await until(user, "reason")
+    write(user, "reason", "=air bubble")
+    press(user, "refuse-now")
+    await until(user, "decided-site-1.csv")
+    decided = ul.read_decisions(folder.decisions).by_curve
+    assert {name: (d.accepted, d.reason) for name, d in decided.items()} == {
+        "site-1.csv": (False, "=air bubble")
+    }
+    assert "accept-site-7.csv" not in marks(user)  # it has no fit
+
+
 def test_many_curves_are_fitted_decided_and_taken_together(tmp_path):
     async def person():
         async with page(tmp_path / "home") as user:
@@ -201,21 +219,7 @@ def test_many_curves_are_fitted_decided_and_taken_together(tmp_path):
             await until_said(user, "are of animal B")
             press(user, "fit-all")
             await until(user, "card-site-1.csv")
-            press(user, "refuse-site-1.csv")
-            await until(user, "reason")
-            press(user, "refuse-now")
-            await until_said(user, "say why")
-            press(user, "refuse-site-1.csv")
-            await until(user, "reason")
-            write(user, "reason", "=air bubble")
-            press(user, "refuse-now")
-            await until(user, "decided-site-1.csv")
-            # What is shown as decided is on the disk, and the command line reads it.
-            decided = ul.read_decisions(folder.decisions).by_curve
-            assert {name: (d.accepted, d.reason) for name, d in decided.items()} == {
-                "site-1.csv": (False, "=air bubble")
-            }
-            assert "accept-site-7.csv" not in marks(user)  # it has no fit
+            await refuse_one(user, folder)
             write(user, "by", "animal")
             press(user, "together")
             await until(user, content="geometric mean")

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 __all__ = ["compare", "demo", "film", "fit", "sample", "show_fit"]
 
 
+Details = Annotated[bool, typer.Option("--details", help="Print all that stands behind the numbers.")]
+
+
 def fit(
     curve: CurveFile,
     scene: SceneOption,
@@ -40,9 +43,7 @@ def fit(
     rtol: Rtol = None,
     output: OutputFolder = None,
     excel: ExcelFile = None,
-    details: Annotated[
-        bool, typer.Option("--details", help="Print all that stands behind the numbers.")
-    ] = False,
+    details: Details = False,
 ) -> None:
     """Fit a curve with the substrate in the model.
 
@@ -256,6 +257,7 @@ def sample(
         bool,
         typer.Option("--model-error", help="Sample the sizes of friction and finite strain too."),
     ] = False,
+    details: Details = False,
 ) -> None:
     """Sample the posterior of the free parameters; each needs a prior or bounds in the scene file.
 
@@ -267,6 +269,7 @@ def sample(
     """
     from underlay.inference.from_files import problem_from, read_for, weak_bounds
     from underlay.report.posterior_tables import posterior_table, prior_table
+    from underlay.report.screen import posterior_lines
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(scene)
@@ -282,13 +285,16 @@ def sample(
             problem = ul.free_model_error(problem)
         if problem.noise_is_open:
             say(
-                "note: no noise is stated, so it is averaged over, and misfit with it. A noise that is known tells "
-                "more and is quicker: force in [noise] of the scene file"
+                "note: no noise level is given, so it is sampled too. A known one is quicker: force in [noise] "
+                "of the scene file"
             )
         posterior = ul.sample(problem, walkers, max_steps, seed, backend=chain, resume=resume, method=method)
-    say_table(posterior_table(posterior), f"Posterior of {curve.name}")
-    say_table(prior_table(posterior), "What the data told")
-    say(posterior.diagnostics.reason)
+    say("")
+    for text in posterior_lines(posterior):
+        say(spoken(text))
+    if details:
+        say_table(posterior_table(posterior), f"Posterior of {curve.name}")
+        say_table(prior_table(posterior), "Prior and posterior")
     if weak:
         notes.append(f"{', '.join(weak)}: sampled within ten spans of the curve, for want of bounds in [fit]")
     say_warnings(notes)

@@ -27,6 +27,7 @@ from underlay.units import format_quantity, human_unit
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.pointwise.result import PointwiseModulus
+    from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
     "LEFT",
@@ -44,6 +45,7 @@ __all__ = [
     "map_lines",
     "name_of",
     "next_step",
+    "posterior_lines",
     "source_words",
     "told_names",
     "verdict_lines",
@@ -270,6 +272,16 @@ def fit_lines(fit: Fit) -> list[str]:
     if answers and verdict != "reject":
         lines += _budget_lines(answers[0])
     lines += _half_space(fit)
+    return "\n".join(lines).splitlines()
+
+
+def posterior_lines(posterior: Posterior) -> list[str]:
+    """The short text of a posterior: as that of a fit, and how the sampling went."""
+    answers = [posterior.answer(name) for name in posterior.names if is_of_the_sample(name)]
+    lines = [*answer_lines(answers, posterior.verdict), *verdict_lines(posterior.verdict)]
+    if answers and posterior.verdict != "reject":
+        lines += _budget_lines(answers[0])
+    lines.append(line("Sampling", posterior.diagnostics.reason))
     return "\n".join(lines).splitlines()
 
 
