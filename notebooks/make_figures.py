@@ -1,8 +1,6 @@
 """Make the pictures of README and pages: ``python notebooks/make_figures.py``. Those of pages need Chromium."""
 
 import base64
-import shutil
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -13,7 +11,8 @@ sys.path.insert(0, str(HERE.parent / "tests"))
 import matplotlib.pyplot as plt
 
 import underlay as ul
-from support.browser_page import choose, press, says, server, until
+from support.browser_page import press, says, server, until
+from support.chromium import Browser, chromium
 from support.chromium import browser as started
 from underlay.report.plots.style import PAGE, style
 
@@ -26,21 +25,14 @@ def main() -> None:
     FIGURES.mkdir(exist_ok=True)
     print("wrote", first(fit, FIGURES / "first.png"))
     print("wrote", cost(FIGURES / "cost.png"))
-    browser = shutil.which("chromium")
-    if browser is None:
+    if chromium() is None:
         print("no chromium on this machine: figures/report.png and app.png are left as they are")
         return
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder, started() as tab:
         page = ul.report(fit, Path(folder) / "report.html")
-        options = "--headless --no-sandbox --disable-gpu --hide-scrollbars --no-first-run --disable-quic"
-        quiet = "--disable-background-networking --disable-component-update --disable-sync"
-        command = [browser, *options.split(), *quiet.split(), f"--user-data-dir={folder}/profile"]
-        command += ["--window-size=900,1500", f"--screenshot={FIGURES / 'report.png'}", page.as_uri()]
-        subprocess.run(command, check=True, capture_output=True, timeout=120)
-    print("wrote", FIGURES / "report.png")
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        photograph_app(Path(folder), FIGURES / "app.png")
-    print("wrote", FIGURES / "app.png")
+        tab.open(page.as_uri(), width=900, height=1500, scheme="light")
+        print("wrote", photographed(tab, FIGURES / "report.png"))
+        print("wrote", app(tab, Path(folder) / "home", FIGURES / "app.png"))
 
 
 def first(fit: ul.Fit, target: Path) -> Path:
@@ -79,21 +71,22 @@ def cost(target: Path) -> Path:
     return target
 
 
-def photograph_app(folder: Path, target: Path) -> None:
+def app(tab: Browser, folder: Path, target: Path) -> Path:
     """Fit the cartilage sample on the page of `underlay app`, and photograph what is seen then."""
-    with started() as tab, server(folder) as (_, address):
-        tab.open(address, width=1280, scheme="light")
-        press(tab, "New analysis")
-        choose(tab, SAMPLES / "cartilage_on_bone.csv")
-        until(tab, says("loading 681"))
-        press(tab, "Next: the test")
+    with server(folder) as (_, address):
+        tab.open(address, width=1280, height=1500, scheme="light")
         press(tab, "Cartilage on bone")
-        press(tab, "Next: the fit")
-        until(tab, says("half-space"))
-        press(tab, "Fit")
-        until(tab, says("What acts in this test"))
+        until(tab, says("layer on substrate"))
+        press(tab, "Fit", "button")
+        until(tab, says("Effects that were considered"))
         tab.evaluate("scrollTo(0, 0)")
-        target.write_bytes(base64.b64decode(tab.call("Page.captureScreenshot", format="png")["data"]))
+        return photographed(tab, target)
+
+
+def photographed(tab: Browser, target: Path) -> Path:
+    """Write what a window shows."""
+    target.write_bytes(base64.b64decode(tab.call("Page.captureScreenshot", format="png")["data"]))
+    return target
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ import sys
 import zipfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import underlay as ul
@@ -27,13 +26,13 @@ from support.page import (
     seen,
     sheet_of,
     stranger,
-    text_in,
     text_of,
     until,
     until_said,
     wait_for,
     write,
 )
+from support.reports import text_in
 from underlay.app.results import film_rows
 from underlay.cli import main
 from underlay.inference.batch.decisions import read_map
@@ -157,75 +156,89 @@ def test_from_a_dropped_file_to_a_number_that_python_repeats(tmp_path):
         assert f"{name} is as on the page" in told
 
 
-def made_curves(folder, count=4, points=120):
-    """Curves of two animals, written as plain tables; the last one holds no contact."""
-    rng = np.random.default_rng(1)
-    files = []
-    for number in range(count):
-        scene = ul.Scene(
-            ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6 * (1.0 + 0.2 * number), 0.46), 2e-3), ul.RIGID
-        )
-        curve = ul.synthesize(scene, np.linspace(-3e-5, 2e-4, points), ul.Noise(force=2e-4), rng=rng)
-        force = curve.force if number < count - 1 else 0.0 * curve.force
-        rows = "".join(f"{d!r},{f!r}\n" for d, f in zip(curve.depth.tolist(), force.tolist(), strict=True))
-        files.append(folder / f"animal{number // 2}-site{number}.csv")
-        files[-1].write_text("depth (m),force (N)\n" + rows)
-    return files
+async def look_through(user, folder):
+    """Next and previous curve; a change is undone, done again, and undone after the page was loaded again."""
+    assert text_of(user, "place") == "site-1.csv, 1 of 7"
+    press(user, "next")
+    await changed(user, "place", "site-1.csv, 1 of 7")
+    press(user, "previous")
+    await changed(user, "place", "site-2.csv, 2 of 7")
+    await until(user, "modulus-half-space")
+    before = folder.scene_text()
+    write(user, "contact", 300)
+    await wait_for(lambda: "contact_depth =" in folder.scene_text())
+    await wait_for(lambda: text_of(user, "undo") == "Undo: contact point")
+    after = folder.scene_text()
+    for way, text in (("undo", before), ("redo", after)):
+        press(user, way)
+        await wait_for(lambda text=text: folder.scene_text() == text)
+    await user.open(f"/analysis/{folder.name}")
+    await until(user, "modulus-half-space")
+    press(user, "undo")
+    await wait_for(lambda: folder.scene_text() == before)
+
+
+async def refuse_one(user, folder):
+    """A refusal needs a reason; what is shown as decided is on the disk, and the command line reads it."""
+    press(user, "refuse-site-1.csv")
+    await until(user, "reason")
+    press(user, "refuse-now")
+    await until_said(user, "say why")
+    press(user, "refuse-site-1.csv")
+    await until(user, "reason")
+    write(user, "reason", "=air bubble")
+    press(user, "refuse-now")
+    await until(user, "decided-site-1.csv")
+    decided = ul.read_decisions(folder.decisions).by_curve
+    assert {name: (d.accepted, d.reason) for name, d in decided.items()} == {
+        "site-1.csv": (False, "=air bubble")
+    }
+    assert "accept-site-7.csv" not in marks(user)  # it has no fit
 
 
 def test_many_curves_are_fitted_decided_and_taken_together(tmp_path):
     async def person():
-        made = tmp_path / "made"
-        made.mkdir()
-        files = made_curves(made, 5)
         async with page(tmp_path / "home") as user:
-            folder = await begin(user)
-            await bring(user, *files)
-            await until(user, "tests")
-            press(user, "step-2")
-            press(user, "preset-cartilage_on_bone")
-            await until(user, "to-fit")
+            press(user, "sample-joint/scene.toml")
+            await until(user, "modulus-half-space")
+            (analysis,) = user.home._open.values()
+            folder = analysis.folder
+            # One more, which holds no contact.
+            readings = "".join(f"{number},0\n" for number in range(99))
+            folder.add_curve("site-7.csv", f"depth (m),force (N)\n{readings}".encode())
+            manifest = folder.path / "manifest.csv"
+            manifest.write_text(manifest.read_text().rstrip() + "\nsite-7.csv,A,0,2,1.5\n")
+            press(user, "step-1")
+            press(user, "step-3")
+            await until(user, content="1 of 7")
+            await look_through(user, folder)
             press(user, "step-4")
-            for animal in ("animal0", "animal1"):
-                write(user, "label-files", animal)
-                write(user, "label-name", animal)
-                press(user, "label-set")
-                await until_said(user, f"are of animal {animal}")
+            write(user, "label-files", "site-7")
+            write(user, "label-name", "B")
+            press(user, "label-set")
+            await until_said(user, "are of animal B")
             press(user, "fit-all")
-            await until(user, "card-animal0-site0.csv")
-            press(user, "refuse-animal0-site0.csv")
-            await until(user, "reason")
-            press(user, "refuse-now")
-            await until_said(user, "say why")
-            press(user, "refuse-animal0-site0.csv")
-            await until(user, "reason")
-            write(user, "reason", "=air bubble")
-            press(user, "refuse-now")
-            await until(user, "decided-animal0-site0.csv")
-            # What is shown as decided is on the disk, and the command line reads it.
-            decided = ul.read_decisions(folder.decisions).by_curve
-            assert {name: (d.accepted, d.reason) for name, d in decided.items()} == {
-                "animal0-site0.csv": (False, "=air bubble")
-            }
-            assert "accept-animal2-site4.csv" not in marks(user)  # it has no fit
-            for select in ("by", "group"):
-                await until(user, select)
+            await until(user, "card-site-1.csv")
+            await refuse_one(user, folder)
             write(user, "by", "animal")
             press(user, "together")
             await until(user, content="geometric mean")
+            await until(user, content="Curves by animal.")
             # Reopened, all of it is there; what a new decision makes old says so.
             await user.open(f"/analysis/{folder.name}")
             await until(user, "fit")
             press(user, "step-4")
-            await until(user, "decided-animal0-site0.csv")
+            await until(user, "decided-site-1.csv")
             await until(user, content="geometric mean")
             assert "old-population" not in seen(user)
-            assert text_of(user, "known-animal") == "animal: animal0 (2), animal1 (2), animal2-site4.csv (1)"
-            press(user, "accept-animal1-site2.csv")
+            assert text_of(user, "known-animal") == "animal: A (3), B (4)"
+            press(user, "accept-site-3.csv")
             await until(user, "old-population")
+            press(user, "open-site-2.csv")
+            await until(user, content="site-2.csv, 2 of 7")
         judged = read_map(folder.results / "judged.csv")
-        assert list(judged["status"]) == ["refused by hand", *["fitted"] * 3, "failed"]
-        assert set(judged["animal"]) == {"animal0", "animal1", "animal2-site4.csv"}
+        assert list(judged["status"]) == ["refused by hand", *["fitted"] * 5, "failed"]
+        assert list(judged["animal"]) == [*"AAABBBB"]
 
     run(person())
 

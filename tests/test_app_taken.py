@@ -11,7 +11,8 @@ import pandas as pd
 import pytest
 
 import underlay as ul
-from support.page import at_the_fit, page, press, run, seen, text_in, until, wait_for, write
+from support.page import at_the_fit, page, press, run, seen, until, wait_for, write
+from support.reports import text_in
 from underlay.app import tasks
 from underlay.app.folder import AnalysisFolder, keep, kept, stem_of
 from underlay.app.form import Draft, preset
@@ -233,7 +234,12 @@ def test_the_archive_names_its_files_by_their_places_in_it(tmp_path, monkeypatch
     assert (record["path"], record["scene_path"]) == ("curves/gel_on_glass.csv", "scene.toml")
     table = pd.read_csv(io.BytesIO(taken[f"results/{stem}.fit.csv"]))
     assert set(table["file"]) == {"curves/gel_on_glass.csv"}
-    assert {"curves/gel_on_glass.csv", "scene.toml"} <= set(taken)
+    (root,) = [part for part in json.loads(taken["ro-crate-metadata.json"])["@graph"] if part["@id"] == "./"]
+    assert (
+        {"curves/gel_on_glass.csv", "scene.toml"}
+        <= {part["@id"] for part in root["hasPart"]}
+        == {*taken} - {"ro-crate-metadata.json"}
+    )
 
 
 def test_the_table_of_all_curves_says_the_test_that_was_fitted_and_the_page_that_it_is_another_now(tmp_path):

@@ -57,7 +57,7 @@ def test_sample_then_report_needs_nothing_more(run, tmp_path):
     assert code == 0
     # A scene whose noise nobody states: it is said before the wait.
     is_open = "[noise]" not in scene.read_text()
-    assert ("no noise is stated" in out + err) == is_open
+    assert ("no noise level is given" in out + err) == is_open
     # Neither file is needed any more.
     scene.unlink()
     (tmp_path / "curve.csv").unlink()
@@ -87,7 +87,7 @@ def test_weighted_draws_are_asked_for_by_name(run, tmp_path):
     assert "stat" in number
     assert "syst" in number
     assert "Verdict  " in short
-    assert "Draws  " in short
+    assert "Sampling  " in short
     assert "effective draws" not in short
     code, out, err = run(*words, "--details")
     assert code == 0, err

@@ -2,9 +2,7 @@
 
 import asyncio
 import contextlib
-import html
 import logging
-import re
 
 import httpx
 from nicegui import Client, core, ui
@@ -12,6 +10,7 @@ from nicegui.elements.upload_files import SmallFileUpload
 from nicegui.testing import User
 from nicegui.testing.user_simulation import user_simulation
 
+from support.reports import text_in
 from underlay.app.security import Doorkeeper
 from underlay.app.server import prepare
 from underlay.app.state import Home
@@ -105,11 +104,6 @@ def sheet_of(user: User):
     return text_in(list(user.find(marker="sheet").elements)[-1].content)
 
 
-def text_in(page):
-    """Words of HTML, with single spaces between them."""
-    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", page)).split())
-
-
 def run(scenario):
     """Run a person's actions."""
     return asyncio.run(scenario)
@@ -124,11 +118,7 @@ def write(user: User, marker, text):
 
 async def until_said(user: User, words, seconds=PATIENCE):
     """Wait for a message with these words."""
-    for _ in range(int(seconds / 0.1)):
-        if any(words in message for message in user.notify.messages):
-            return
-        await asyncio.sleep(0.1)
-    raise AssertionError(user.notify.messages)
+    await wait_for(lambda: any(words in message for message in user.notify.messages), seconds)
 
 
 def marks(user: User):
@@ -143,12 +133,13 @@ def seen(user: User):
 
 async def changed(user: User, marker, before, seconds=PATIENCE):
     """Wait until a text is another one."""
-    for _ in range(int(seconds / 0.05)):
-        await asyncio.sleep(0.05)
+
+    def is_another():
+        # While it is drawn again there is none.
         with contextlib.suppress(AssertionError, ValueError):
-            if text_of(user, marker) != before:
-                return
-    raise AssertionError(f"{marker} is still {before}")
+            return text_of(user, marker) != before
+
+    await wait_for(is_another, seconds)
 
 
 def stranger(user: User):

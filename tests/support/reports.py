@@ -28,7 +28,12 @@ def small_posterior():
 
 def page_text(path):
     """Words of a page without its markup."""
-    text = re.sub(r"<style>.*?</style>|<[^>]*>", " ", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return text_in(path.read_text(encoding="utf-8"))
+
+
+def text_in(page):
+    """Words of HTML, with single spaces between them."""
+    text = re.sub(r"<style>.*?</style>|<[^>]*>", " ", page, flags=re.DOTALL)
     return " ".join(html.unescape(text).split())
 
 

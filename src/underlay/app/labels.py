@@ -151,6 +151,9 @@ def _write(folder: AnalysisFolder, rows: dict[str, dict[str, str]]) -> None:
     if not used:
         path.unlink(missing_ok=True)
         return
-    # Every row of a manifest needs a cell: a curve of nobody else's is its own animal.
-    table = [{"file": file, **{name: row.get(name) or file for name in used}} for file, row in rows.items()]
+    # A curve of nobody else's is its own animal; a place or a thickness that is not known stays empty.
+    table = [
+        {"file": file, **{name: row.get(name) or (file if name in LABELS else "") for name in used}}
+        for file, row in rows.items()
+    ]
     write_atomic(path, csv_text(pd.DataFrame(table)))

@@ -109,11 +109,11 @@ def changed(before: str, after: str) -> str:
     """
     first, second = (_numbers(parse_toml(text)) for text in (before, after))
     paths = [path for path in {**first, **second} if first.get(path) != second.get(path)]
-    if len(paths) > _MANY:
-        return "the whole test"
-    for path in paths[:1]:
-        return next((words for begin, words in _CHANGED.items() if path.startswith(begin)), label(path))
-    return ""
+    words = {
+        next((said for begin, said in _CHANGED.items() if path.startswith(begin)), label(path))
+        for path in paths
+    }
+    return "the test" if len(words) > 1 else "".join(words)
 
 
 def _numbers(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
@@ -131,8 +131,8 @@ _CHANGED = {
     "curve.m": "fit range",
     "instrument.contact_depth": "contact point",
 }
-# Changes that are remembered; of how many numbers one is of the whole; seconds within which it is one.
-_MOST_UNDONE, _MANY, _AT_ONCE = 50, 5, 2.0
+# Changes that are remembered; seconds within which changes of one number are one.
+_MOST_UNDONE, _AT_ONCE = 50, 2.0
 
 
 _TASKS = "underlay.app.tasks:Analyst"

@@ -5,10 +5,12 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 from underlay._door import FileKind, read_bytes
+from underlay._version import VERSION
 from underlay.app.folder import AnalysisFolder, kept
 from underlay.app.many import judged_table
 from underlay.app.shown import Film, Found, Sampled
@@ -20,7 +22,7 @@ from underlay.report.excel import excel_bytes
 from underlay.report.fit_files import pointwise_of
 from underlay.report.render import report
 
-__all__ = ["analysis_archive", "fitted_test", "map_workbook", "report_page", "script", "workbook_of"]
+__all__ = ["analysis_archive", "crate", "fitted_test", "map_workbook", "report_page", "script", "workbook_of"]
 
 _KIND = FileKind("a file of an analysis", 4_000_000_000, "start a new analysis")
 # A date for every member, so that the same analysis is the same archive.
@@ -80,7 +82,7 @@ def fitted_test(folder: AnalysisFolder, now: Snapshot) -> tuple[Found, Snapshot]
 
 
 def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> bytes:
-    """Return the scene, the script, the curve and what was found of it, as a ZIP archive.
+    """Return the scene, the script, the curve and what was found of it, as a ZIP archive: an RO-Crate.
 
     What is no result of this very test stays out: a posterior of another range, for example.
     """
@@ -99,7 +101,44 @@ def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> 
     for path in folder.result_files(tested.stem, (".csv", ".json", ".png"), made_by):
         content = read_bytes(path, _KIND)
         members[f"results/{path.name}"] = content if path.suffix == ".png" else _moved(content, places)
+    members[_CRATE] = crate(tested, members)
     return _zipped(members)
+
+
+def crate(tested: Snapshot, members: Collection[str]) -> bytes:
+    """Describe the files of an archive as a research object (RO-Crate 1.1, https://w3id.org/ro/crate/1.1)."""
+    kinds = {".csv": "text/csv", ".json": "application/json", ".png": "image/png", ".py": "text/x-python"}
+    kinds[".toml"] = "application/toml"
+    software = {"@id": "#underlay", "@type": "SoftwareApplication", "name": "underlay", "version": VERSION}
+    parts = [
+        {
+            "@id": quote(name),
+            "@type": "File",
+            "name": name,
+            "encodingFormat": kinds.get(Path(name).suffix.lower(), "application/octet-stream"),
+        }
+        for name in members
+    ]
+    results = [{"@id": part["@id"]} for part in parts if part["name"].startswith("results/")]
+    inputs = [{"@id": "scene.toml"}, {"@id": quote(f"curves/{tested.curve_name}")}]
+    fit = {"@id": "#fit", "@type": "CreateAction", "instrument": {"@id": software["@id"]}}
+    about = {"@id": _CRATE, "@type": "CreativeWork", "about": {"@id": "./"}}
+    about["conformsTo"] = {"@id": "https://w3id.org/ro/crate/1.1"}
+    root = {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": f"Indentation test {tested.curve_name}",
+        "description": "Young's modulus of a layer from an indentation curve: curve, test, script and results.",
+        "hasPart": [{"@id": part["@id"]} for part in parts],
+        "mentions": {"@id": "#fit"},
+    }
+    graph = [about, root, *parts, software, fit | {"object": inputs, "result": results}]
+    return json.dumps(
+        {"@context": "https://w3id.org/ro/crate/1.1/context", "@graph": graph}, indent=1
+    ).encode()
+
+
+_CRATE = "ro-crate-metadata.json"
 
 
 def _moved(content: bytes, places: Mapping[Path, str]) -> bytes:

@@ -283,8 +283,8 @@ def sample(
             problem = ul.free_model_error(problem)
         if problem.noise_is_open:
             say(
-                "note: no noise is stated, so it is averaged over, and misfit with it. A noise that is known tells "
-                "more and is quicker: force in [noise] of the scene file"
+                "note: no noise level is given, so it is sampled too. A known one is quicker: force in [noise] "
+                "of the scene file"
             )
         posterior = ul.sample(problem, walkers, max_steps, seed, backend=chain, resume=resume, method=method)
     say("")
@@ -292,7 +292,7 @@ def sample(
         say(spoken(text))
     if details:
         say_table(posterior_table(posterior), f"Posterior of {curve.name}")
-        say_table(prior_table(posterior), "What the data told")
+        say_table(prior_table(posterior), "Prior and posterior")
     if weak:
         notes.append(f"{', '.join(weak)}: sampled within ten spans of the curve, for want of bounds in [fit]")
     say_warnings(notes)

@@ -37,11 +37,11 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
             {
                 "parameter": label(str(name)),
                 "value (95 % interval)": interval_text(*_stated(posterior, str(name), row), kind),
-                "median of the draws (95 %)": interval_text(
+                "median of the samples (95 %)": interval_text(
                     row["median"], row["hdi95_low"], row["hdi95_high"], kind
                 ),
                 "68 % interval": _span(row["hdi68_low"], row["hdi68_high"], kind),
-                "effective draws": f"{row['ess']:.0f}",
+                "effective samples": f"{row['ess']:.0f}",
                 "R-hat": "" if np.isnan(row["rhat"]) else f"{row['rhat']:.4f}",
                 "data": row["informed"],
             }
@@ -72,7 +72,7 @@ def prior_table(posterior: Posterior) -> pd.DataFrame:
         kind = kind_of(str(name))
         spans = {
             when: _span(row[f"{key}_low"], row[f"{key}_high"], kind)
-            for when, key in (("before (95 %)", "prior"), ("after (95 %)", "posterior"))
+            for when, key in (("prior (95 %)", "prior"), ("posterior (95 %)", "posterior"))
         }
         narrowed = f"{100.0 * row['narrowing']:.0f} %"
         rows.append(

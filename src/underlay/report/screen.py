@@ -394,7 +394,7 @@ def posterior_lines(posterior: Posterior) -> list[str]:
     silent = [start(label(str(name))) for name in told.index[told == "not informed by these data"]]
     if silent:
         lines.append(line("Not informed", f"{', '.join(silent)}: what was known before"))
-    lines.append(line("Draws", posterior.diagnostics.reason))
+    lines.append(line("Sampling", posterior.diagnostics.reason))
     return "\n".join(lines).splitlines()
 
 

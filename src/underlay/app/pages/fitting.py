@@ -21,8 +21,8 @@ __all__ = ["GREEN", "GREY", "FilmPart", "FitStep"]
 
 _WORDS = (
     "This curve holds the contact stiffness S(h). Where an imprint stays the curve is not elastic, but its "
-    "stiffness can be fitted: with a cone as the tip (such as berkovich, step 2), and layer and substrate as fitted"
-    " there."
+    "stiffness can be fitted: with a cone as the tip (such as berkovich, step 2), and what is fitted of layer and "
+    "substrate."
 )
 
 
@@ -106,8 +106,8 @@ _CONTACT = "instrument.contact_depth"
 _STEPS = 1000
 
 
-# The curve is magnified up to this. What is held where no handle is near.
-_MOST_ZOOM, _PAN = 100.0, "pan"
+# What is held where no handle is near.
+_PAN = "pan"
 # Which way a wheel was turned, and where on the picture, as a share of its width.
 _WHEEL = """(event) => { event.preventDefault();
   const box = event.currentTarget.getBoundingClientRect();
@@ -238,7 +238,7 @@ class FitStep(Step):
     def _show_from(self, low: float, high: float, *, whole: bool = False) -> None:
         """Have this part of the curve seen, within its ends."""
         first, last = self._known().extent
-        span = min(max(high - low, (last - first) / _MOST_ZOOM), last - first)
+        span = min(max(high - low, 10.0 * (last - first) / _STEPS), last - first)
         low = min(max(low, first), last - span)
         self._view = None if whole or span >= last - first else (low, low + span)
 

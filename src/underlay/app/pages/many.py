@@ -321,7 +321,8 @@ class RegionPart:
         if event.type != "pointerup" or not self._told.sites:
             return
         places = {name: self._pixels(x, y) for name, x, y in self._told.sites}
-        if max(right - left, bottom - top) < _CLICK:
+        # A box of a few pixels is a click.
+        if max(right - left, bottom - top) < 6.0:
             nearest = min(places, key=lambda name: math.dist(places[name], here))
             open_curve(self._window, nearest)
             return
@@ -331,10 +332,6 @@ class RegionPart:
 
     async def _set(self) -> None:
         await self._named(self._inside, str(self._name.value or ""))
-
-
-# Pixels: a box that is smaller is a click.
-_CLICK = 6.0
 
 
 def open_curve(window: Window, name: str) -> None:

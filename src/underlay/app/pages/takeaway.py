@@ -13,7 +13,7 @@ __all__ = ["TakeAwayStep"]
 _OF_FIT = (
     ("Report: one page (HTML)", "report", "report.html"),
     ("Spreadsheet (Excel)", "excel", "xlsx"),
-    ("This analysis, to run again (ZIP)", "archive", "analysis.zip"),
+    ("This analysis, to run again (ZIP, RO-Crate)", "archive", "analysis.zip"),
 )
 
 

@@ -191,7 +191,8 @@ def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | N
             medianprops=ink,
         )
         for place, values in enumerate(parts.values(), start=1):
-            across = place + _APART * (np.arange(len(values)) / max(len(values) - 1, 1) - 0.5)
+            # Side by side over a third of the distance of two boxes.
+            across = place + np.linspace(-0.15, 0.15, len(values))
             ax.plot(across, values, "o", ms=3.0, mec="none", color=DATA)
         ax.set_xticks(
             range(1, len(parts) + 1), [f"{one_line(name, 24)} ({len(parts[name])})" for name in parts]
@@ -199,10 +200,6 @@ def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | N
         ax.set_ylim(bottom=0.0)
         ax.set_ylabel(f"{label(column)} ({unit})" if unit else label(column))
     return ax
-
-
-# Share of a box's distance over which its points are spread.
-_APART = 0.3
 
 
 def _require(table: pd.DataFrame, *columns: str) -> None:
