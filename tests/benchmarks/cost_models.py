@@ -28,6 +28,9 @@ GEL = ul.Layer(ul.Isotropic(MODULUS, NU), THICKNESS)
 STIFF, SOFT = ul.Isotropic(3e7, 0.3), ul.Isotropic(3e5, 0.3)
 RIGID_BASE, STIFF_BASE, SOFT_BASE = (ul.Scene(TIP, GEL, base) for base in (ul.RIGID, STIFF, SOFT))
 BALL = ul.Scene(ul.Sphere(4e-3), GEL, ul.RIGID)
+FIBROUS = ul.TransverselyIsotropic(E=6e6, E_axial=MODULUS, nu=0.3, nu_axial=0.2, G_axial=1.2e6)
+FIBROUS_LAYER = ul.Scene(TIP, ul.Layer(FIBROUS, THICKNESS), ul.RIGID)
+GLUED = ul.Scene(TIP, GEL, ul.Stack([ul.Layer(SOFT, THICKNESS)], ul.RIGID))
 SMALL_BALL = ul.Sphere(1e-3)  # the fits' paraboloid with its true shape: a/R up to 0.7
 # a/h = 2 on the rigid base; a fiftieth of it is a/h = 0.2, where every asymptotic form answers.
 DEEPEST, SHALLOW = 1.8e-3, 0.02
@@ -226,6 +229,9 @@ CASES = (
     Case("exact to 1e-6, base ten times stiffer, from cold", cold(STIFF_BASE, ul.Exact(1e-6))),
     Case("exact to 1e-6, base ten times softer, from cold", cold(SOFT_BASE, ul.Exact(1e-6))),
     Case("exact to 1e-6, true sphere, a/R up to 0.4, from cold", cold(BALL, ul.Exact(1e-6), BALL_SHARE)),
+    Case("exact to 1e-6, transversely isotropic layer, from cold", cold(FIBROUS_LAYER, ul.Exact(1e-6))),
+    Case("exact to 1e-6, two layers, the lower ten times softer, from cold", cold(GLUED, ul.Exact(1e-6))),
+    Case("stuck to 1e-6, rigid base, from cold", cold(RIGID_BASE, ul.Stuck(1e-6))),
     Case("exact to 1e-10, rigid base, from cold", cold(RIGID_BASE, ul.Exact(1e-10))),
     Case("auto to 1e-6, a/h up to 0.2, from cold", cold(RIGID_BASE, ul.Auto(1e-6), SHALLOW)),
     Case("exact to 1e-6, law held", held(RIGID_BASE, ul.Exact(1e-6))),
