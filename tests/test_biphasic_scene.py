@@ -85,6 +85,15 @@ def test_keys_are_listed(run):
         (lambda: ul.Biphasic(1e6, 0.5, WATER), "at 0.5 no water moves"),
         (lambda: ul.Biphasic(1e6, 0.1, 0.0), "permeability must be"),
         (
+            lambda: ul.BiphasicTransverse(1e6, 1e6, 0.5, 0.5, 0.3e6, WATER),
+            r"nu_axial\^2 must be above zero; got 0",
+        ),
+        (lambda: ul.BiphasicTransverse(1e6, 1e6, 0.2, 0.1, 0.3e6, WATER, 0.0), "permeability_ratio must be"),
+        (
+            lambda: wet(ul.Sphere(2e-3)).force([0.0, 1.5e-3], [0.0, 1.0]),
+            r"a depth of 0\.0015 m in a layer 0\.001 m thick is no small strain",
+        ),
+        (
             lambda: ul.Scene(
                 ul.FlatPunch(1e-3),
                 ul.Layer(ul.Biphasic(1e6, 0.1, WATER), relaxation=ul.PowerLawRelaxation(0.2)),

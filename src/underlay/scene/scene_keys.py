@@ -388,7 +388,7 @@ def _all() -> Iterator[SceneKey]:
     holds = "how its lower face holds to what is under it; slip: no friction; unknown: a fit says both; or springs"
     yield from _of_layer("layer", holds)
     for key in _of_class(Biphasic, "layer", seen=("E", "nu")):
-        yield key._replace(default="none: no water moves")
+        yield key._replace(default="none")
     yield from _of_class(
         BiphasicTransverse, "layer", _AXIAL, (*keys_of(TransverselyIsotropic), "permeability")
     )
