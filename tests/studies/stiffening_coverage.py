@@ -1,6 +1,6 @@
 """How often do 95 % intervals hold the small-strain modulus and the stiffening of a layer that stiffens?
 
-    python tests/studies/stiffening_coverage.py [--right 500] [--wrong 200] [--free 40]
+    python tests/studies/stiffening_coverage.py [--right 500] [--wrong 200] [--free 20]
                                                 [--output tests/studies/results/stiffening_coverage.csv]
 
 A sphere of 25 um on 3 kPa, 240 points, white noise of 0.3 % of the largest force, known inputs. Truths: a Gent
@@ -156,7 +156,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--right", type=int, default=500)
     parser.add_argument("--wrong", type=int, default=200)
-    parser.add_argument("--free", type=int, default=40)
+    parser.add_argument("--free", type=int, default=20)
     parser.add_argument("--output", type=Path, default=RESULTS / "stiffening_coverage.csv")
     given = parser.parse_args()
     study(given.right, given.wrong, given.free, given.output)
