@@ -18,7 +18,7 @@ from underlay.app.work import Worker
 
 HOST = "test"
 # How long (s) is waited for what comes; only a failure takes it.
-PATIENCE = 30.0
+PATIENCE = 60.0
 
 
 @contextlib.asynccontextmanager

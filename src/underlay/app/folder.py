@@ -29,10 +29,8 @@ from underlay.errors import InputError, UnderlayError
 
 __all__ = [
     "LARGEST_FILE",
-    "MOST_BYTES",
     "MOST_FILES",
     "RESULTS",
-    "SHOWN",
     "AnalysisFolder",
     "analyses",
     "described",
@@ -44,7 +42,7 @@ __all__ = [
 ]
 
 #: Bounds of what may be brought: bytes of one file, files of one analysis, bytes of all of them.
-LARGEST_FILE, MOST_FILES, MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
+LARGEST_FILE, MOST_FILES, _MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
 
 
 #: The files of a curve's results by what made them: what stands in their names behind the curve's.
@@ -58,7 +56,7 @@ RESULTS: Mapping[str, tuple[str, ...]] = {
 _TEXT = FileKind("a file of an analysis", 5_000_000, "start a new analysis")
 
 
-_ANY = FileKind("a file of an analysis", MOST_BYTES, "start a new analysis")
+_ANY = FileKind("a file of an analysis", _MOST_BYTES, "start a new analysis")
 
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,60}")
@@ -135,10 +133,10 @@ class AnalysisFolder:
         if not content:
             raise InputError(f"{one_line(name, 80)} is empty")
         held = sum(path.stat().st_size for path in there)
-        if len(content) > LARGEST_FILE or held + len(content) > MOST_BYTES or len(there) >= MOST_FILES:
+        if len(content) > LARGEST_FILE or held + len(content) > _MOST_BYTES or len(there) >= MOST_FILES:
             raise InputError(
                 f"{one_line(name, 80)}: an analysis takes up to {MOST_FILES} files of {LARGEST_FILE // 10**6} MB, "
-                f"{MOST_BYTES // 10**9} GB in all"
+                f"{_MOST_BYTES // 10**9} GB in all"
             )
         target = self.curves / safe_name(name)
         number = 2
@@ -241,7 +239,7 @@ def new_analysis(home: Path) -> AnalysisFolder:
 
 
 #: How the names of these files end; what is taken away leaves them out.
-SHOWN = ".shown.json"
+_SHOWN = ".shown.json"
 
 
 _KIND = FileKind("a result of the page", 5_000_000, "press the button again that made it")
@@ -268,4 +266,4 @@ def kept(folder: AnalysisFolder, stem: str, kind: type[_Shown]) -> _Shown | None
 
 
 def _name(stem: str, kind: type[object]) -> str:
-    return f"{stem}.{kind.__name__.lower()}{SHOWN}"
+    return f"{stem}.{kind.__name__.lower()}{_SHOWN}"

@@ -11,17 +11,18 @@ may stand where is said by `scene_keys`, and whether a whole is possible by `rea
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from underlay._door import FileKind, parse_toml, read_text, understood
+from underlay._text import one_line
 from underlay.app.labels import comma_problem
 from underlay.errors import InputError, UnitError
 from underlay.report.labels import label, start
 from underlay.scene.fit_range import Mark
-from underlay.scene.scene_file import entries
+from underlay.scene.scene_file import entries, scene_file_from_text
 from underlay.scene.scene_keys import TOP, SceneKey, scene_keys
 from underlay.scene.scene_writer import document_text
 from underlay.scene.uncertainties import parted
@@ -35,6 +36,7 @@ __all__ = [
     "Draft",
     "Field",
     "apart",
+    "draft_from",
     "empty",
     "in_the_form",
     "preset",
@@ -356,6 +358,33 @@ class Draft:
         if key.name == _RATIO:
             return {"E_axial", "permeability"} <= table.keys()
         return key.name in _AXIAL and key.name in table
+
+
+def draft_from(text: str, files: Collection[str]) -> Draft:
+    """Return the scene of a text.
+
+    Parameters
+    ----------
+    text : str
+        Of a scene file.
+    files : collection of str
+        Names of the curves of the analysis; the scene may look at no other file.
+
+    Raises
+    ------
+    FileFormatError
+        If it is not TOML.
+    InputError
+        If a section, key, unit or value is not allowed, or the curve is none of this analysis.
+    """
+    named = scene_file_from_text(text).curve.get("file")
+    draft = Draft.of(text)
+    if named is not None:
+        name = PurePath(named).name
+        if name not in files:
+            raise InputError(f"[curve] file must be one of the files of step 1; got {one_line(named, 80)!r}")
+        draft.table("curve")["file"] = f"curves/{name}"
+    return draft
 
 
 def empty() -> Draft:

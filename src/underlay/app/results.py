@@ -34,7 +34,7 @@ from underlay.report.labels import label
 from underlay.report.page import today
 from underlay.report.page_fit import FitPage
 from underlay.report.page_posterior import PosteriorPage
-from underlay.report.spoken import gathered_warnings, spoken
+from underlay.report.spoken import gathered_warnings
 
 __all__ = ["film_of", "film_rows", "sample_posterior", "tell_found"]
 
@@ -111,13 +111,6 @@ def sample_posterior(
     return sampled
 
 
-#: What the command says otherwise.
-_WORDS = {
-    "left of the trend with depth": "What is left of the trend with depth, once the base is in the model",
-    "give --calibration": "bring a test of a known sample",
-}
-
-
 def film_rows(table: pd.DataFrame) -> tuple[Row, ...]:
     """Rows of `underlay film`, with every parameter called by its words."""
     rows = table.assign(parameter=[label(name) for name in table["parameter"]]).to_dict("records")
@@ -151,13 +144,7 @@ def film_of(folder: AnalysisFolder, tested: Snapshot, base: str, modulus: str, e
     calibration = folder.curve_file(base) if base else None
     found = fit_film(tested.file, curve, calibration, modulus or None, ends)
     write_film(found, folder.results, tested.stem)
-    notes = tuple(spoken(_on_the_page(note)) for note in film_notes(found, perfect=not base))
+    notes = tuple(film_notes(found, perfect=not base))
     film = Film(tested.of, notes, film_rows(film_table(found)), f"{tested.stem}.film.png")
     keep(folder, tested.stem, film)
     return film
-
-
-def _on_the_page(note: str) -> str:
-    for words, others in _WORDS.items():
-        note = note.replace(words, others)
-    return note

@@ -21,8 +21,6 @@ SAMPLES: Mapping[str, tuple[str, str, tuple[str, str]]] = {
     "chiaro_cell.toml": ("Cell", "measured, half-space", ("", "chiaro_cell_indentation.csv")),
     "joint/scene.toml": ("Joint, six sites", "a map, two animals", ("joint/curves", ".csv")),
 }
-# Samples that say whose each curve is.
-_MANIFESTS = {"joint/scene.toml": "joint/manifest.csv"}
 
 
 def with_sample(folder: AnalysisFolder, scene: str) -> None:
@@ -32,5 +30,7 @@ def with_sample(folder: AnalysisFolder, scene: str) -> None:
     draft = Draft.of(read_text(sample(scene), _KIND))
     draft.table("curve")["file"] = f"curves/{brought[0]}"
     folder.write_scene(draft.text())
-    if scene in _MANIFESTS:
-        take_manifest(folder, read_bytes(sample(_MANIFESTS[scene]), _KIND))
+    # The sample of a map says whose each curve is.
+    manifest = sample(scene).with_name("manifest.csv")
+    if manifest.exists():
+        take_manifest(folder, read_bytes(manifest, _KIND))

@@ -6,6 +6,7 @@ import io
 import json
 import zipfile
 from collections.abc import Collection, Mapping, Sequence
+from mimetypes import guess_type
 from pathlib import Path
 from urllib.parse import quote
 
@@ -107,20 +108,18 @@ def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> 
 
 def crate(tested: Snapshot, members: Collection[str]) -> bytes:
     """Describe the files of an archive as a research object (RO-Crate 1.1, https://w3id.org/ro/crate/1.1)."""
-    kinds = {".csv": "text/csv", ".json": "application/json", ".png": "image/png", ".py": "text/x-python"}
-    kinds[".toml"] = "application/toml"
     software = {"@id": "#underlay", "@type": "SoftwareApplication", "name": "underlay", "version": VERSION}
     parts = [
         {
             "@id": quote(name),
             "@type": "File",
             "name": name,
-            "encodingFormat": kinds.get(Path(name).suffix.lower(), "application/octet-stream"),
+            "encodingFormat": guess_type(name)[0] or "text/plain",
         }
         for name in members
     ]
     results = [{"@id": part["@id"]} for part in parts if part["name"].startswith("results/")]
-    inputs = [{"@id": "scene.toml"}, {"@id": quote(f"curves/{tested.curve_name}")}]
+    inputs = [{"@id": part["@id"]} for part in parts if not part["name"].startswith("results/")]
     fit = {"@id": "#fit", "@type": "CreateAction", "instrument": {"@id": software["@id"]}}
     about = {"@id": _CRATE, "@type": "CreativeWork", "about": {"@id": "./"}}
     about["conformsTo"] = {"@id": "https://w3id.org/ro/crate/1.1"}

@@ -42,13 +42,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MOST_ROWS",
-    "Reported",
-    "curve_rows",
     "excel_bytes",
     "excel_library",
     "excel_sheets",
     "result_rows",
-    "setting_rows",
     "workbook",
     "write_excel",
 ]
@@ -215,7 +212,7 @@ def _same(first: Any, second: Any) -> bool:
     return bool(first == second) or both_none
 
 
-def setting_rows(result: Fit) -> pd.DataFrame:
+def _setting_rows(result: Fit) -> pd.DataFrame:
     """Return all that repeats a fit, one setting a row: scenes as text, priors, noise, solver, files, versions."""
     problem, record = result.problem, result.provenance
     rows: list[tuple[str, str]] = [("solver", _solver(result.solver))]
@@ -258,7 +255,7 @@ def _of_curve(curve: Curve, record: dict[str, Any]) -> Iterator[tuple[str, str]]
         yield "segments", ", ".join(sorted(set(curve.segment.tolist())))
 
 
-def curve_rows(result: Fit, most: int) -> pd.DataFrame:
+def _curve_rows(result: Fit, most: int) -> pd.DataFrame:
     """Return the points of every curve with what the fit makes of them (SI), at most about `most` rows in all."""
     step = max(1, -(-sum(len(curve) for curve in result.curves) // most))
     parts = []
@@ -280,7 +277,7 @@ def curve_rows(result: Fit, most: int) -> pd.DataFrame:
 
 
 #: What an Excel file can hold: fits or the table of a map, and what was made of them.
-Reported: TypeAlias = Fit | PointwiseModulus | Population | pd.DataFrame
+_Reported: TypeAlias = Fit | PointwiseModulus | Population | pd.DataFrame
 
 
 # Points of all curves together: a file of some 10 MB that a spreadsheet opens at once.
@@ -295,7 +292,7 @@ _VERSION = pd.DataFrame({"setting": ["underlay", "units"], "value": [VERSION, "S
 
 
 def write_excel(
-    path: str | os.PathLike[str], *results: Reported, settings: Mapping[str, str] | None = None
+    path: str | os.PathLike[str], *results: _Reported, settings: Mapping[str, str] | None = None
 ) -> Path:
     """Write results as one Excel file, whole or not at all.
 
@@ -331,12 +328,12 @@ def write_excel(
     return write_atomic(path, excel_bytes(*results, settings=settings))
 
 
-def excel_bytes(*results: Reported, settings: Mapping[str, str] | None = None) -> bytes:
+def excel_bytes(*results: _Reported, settings: Mapping[str, str] | None = None) -> bytes:
     """Return the Excel file of results as bytes; see `write_excel`."""
     return workbook(excel_sheets(*results, settings=settings))
 
 
-def excel_sheets(*results: Reported, settings: Mapping[str, str] | None = None) -> dict[str, pd.DataFrame]:
+def excel_sheets(*results: _Reported, settings: Mapping[str, str] | None = None) -> dict[str, pd.DataFrame]:
     """Return the tables of such a file by the name of their sheet; see `write_excel`.
 
     Raises
@@ -364,7 +361,7 @@ def excel_sheets(*results: Reported, settings: Mapping[str, str] | None = None) 
 
 
 def _of_fits(fits: Sequence[Fit]) -> dict[str, pd.DataFrame]:
-    settings = [setting_rows(fit) for fit in fits]
+    settings = [_setting_rows(fit) for fit in fits]
     if len(fits) > 1:
         for number, rows in enumerate(settings, 1):
             rows.insert(0, "fit", number)
@@ -372,7 +369,7 @@ def _of_fits(fits: Sequence[Fit]) -> dict[str, pd.DataFrame]:
     return {
         "results": pd.concat([result_rows(fit) for fit in fits], ignore_index=True),
         "settings": pd.concat(settings, ignore_index=True),
-        "curves": pd.concat([curve_rows(fit, most) for fit in fits], ignore_index=True),
+        "curves": pd.concat([_curve_rows(fit, most) for fit in fits], ignore_index=True),
     }
 
 

@@ -98,8 +98,8 @@ def film_notes(found: StiffnessFit, *, perfect: bool) -> list[str]:
     """Return how well the trend with depth is explained, and what the moduli stand on."""
     left = f"left of the trend with depth: {100.0 * found.scatter:.1f} % over {len(found.table)} depths"
     worn = (
-        "note: the tip is taken as a perfect cone; worn tips are blunter, which makes the modulus too large: "
-        "give --calibration"
+        "the tip is taken as a perfect cone; a worn one is blunter, which makes the modulus too large: add a "
+        "test of a known sample with the same tip"
     )
     return [left, worn] if perfect else [left]
 

@@ -52,7 +52,6 @@ __all__ = [
     "read_map",
     "sample_parameters",
     "shared_error_words",
-    "spread_in_words",
     "without_refused",
 ]
 
@@ -247,7 +246,7 @@ def group_table(result: Population) -> pd.DataFrame:
         row["mean"] = interval_text(group.mean, group.low, group.high, kind)
         row["beside it"] = _beside(group, lambda found: interval_text(*found, kind))
         for spread in group.spreads:
-            row[f"spread, {spread.level}s"] = spread_in_words(spread)
+            row[f"spread, {spread.level}s"] = _spread_in_words(spread)
         row["error of a curve"] = f"{100.0 * group.curve_error:.2g} %"
         rows.append(row)
     return pd.DataFrame(rows)
@@ -287,7 +286,7 @@ def population_sentences(result: Population) -> list[str]:
     return said + result.sentences()
 
 
-def spread_in_words(spread: Spread) -> str:
+def _spread_in_words(spread: Spread) -> str:
     """Return ``"24 % (9 to 56)"``, or an upper limit where there may be none."""
     if spread.low == 0.0:
         return f"under {100.0 * spread.high:.2g} %"

@@ -30,31 +30,25 @@ if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
-    "LEFT",
-    "Written",
-    "answer_lines",
     "answer_text",
     "budget_table",
-    "budget_words",
     "by_depth_words",
     "fit_lines",
     "half_space_fit",
     "half_space_words",
     "interval_text",
-    "line",
     "map_lines",
     "name_of",
     "next_step",
     "posterior_lines",
     "source_words",
     "told_names",
-    "verdict_lines",
     "written",
     "written_line",
 ]
 
 #: Width of the column of names.
-LEFT = 16
+_LEFT = 16
 _WIDTH = 80
 # One arm of an interval that is so much longer than the other is told as a range.
 _LOPSIDED = 1.5
@@ -73,14 +67,14 @@ _SOURCES = {
 }
 
 
-def line(name: str, text: str) -> str:
+def _line(name: str, text: str) -> str:
     """One line: a name in the left column, and what is said of it, broken at the right edge."""
-    folded = textwrap.wrap(text, _WIDTH - LEFT, break_long_words=False, break_on_hyphens=False) or [""]
-    return "\n".join(f"{name if n == 0 else '':<{LEFT}}{part}".rstrip() for n, part in enumerate(folded))
+    folded = textwrap.wrap(text, _WIDTH - _LEFT, break_long_words=False, break_on_hyphens=False) or [""]
+    return "\n".join(f"{name if n == 0 else '':<{_LEFT}}{part}".rstrip() for n, part in enumerate(folded))
 
 
 # --- one number ---------------------------------------------------------------------------------------------
-class Written(NamedTuple):
+class _Written(NamedTuple):
     """One number in its parts: ``"0.617 ± 0.037"``, ``"MPa"``, ``"95 %"``, ``"0.009"``, ``"0.036"``."""
 
     number: str
@@ -90,7 +84,7 @@ class Written(NamedTuple):
     systematic: str
 
 
-def written(known: Answer) -> Written:
+def written(known: Answer) -> _Written:
     """Write a number whose ends are closed, a range where an arm is much longer."""
     unit, factor = human_unit(known.value, kind_of(path_of(known.name)))
     own = [
@@ -98,7 +92,7 @@ def written(known: Answer) -> Written:
         for part in (known.statistical, known.systematic)
     ]
     number = _with_ends(*(end / factor for end in (known.value, known.low, known.high)))
-    return Written(number, unit, f"{100.0 * known.level:.3g} %", *own)
+    return _Written(number, unit, f"{100.0 * known.level:.3g} %", *own)
 
 
 def _with_ends(value: float, low: float, high: float) -> str:
@@ -155,7 +149,7 @@ def _two_digits(width: float) -> str:
     return f"{width:.{_decimals(width)}f}" if width > 0.0 else "0"
 
 
-def answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
+def _answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
     """One line a number of the sample; without an uncertainty where the model was rejected."""
     for known in answers:
         name, symbol = name_of(known.name)
@@ -165,10 +159,10 @@ def answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
             else answer_text(known)
         )
         separator = "" if text.startswith("not") else f"{symbol} = "
-        if len(name) >= LEFT:
+        if len(name) >= _LEFT:
             yield name
             name = ""
-        yield line(name, f"{separator}{text}")
+        yield _line(name, f"{separator}{text}")
 
 
 def name_of(parameter: str) -> tuple[str, str]:
@@ -199,13 +193,13 @@ def _letter(name: str) -> str:
 
 
 # --- a verdict ----------------------------------------------------------------------------------------------
-def verdict_lines(verdict: Advice) -> Iterator[str]:
+def _verdict_lines(verdict: Advice) -> Iterator[str]:
     """The verdict; cause and next step where there are."""
-    yield line("Verdict", f"{verdict.word}: {labelled(verdict.reason)}")
+    yield _line("Verdict", f"{verdict.word}: {labelled(verdict.reason)}")
     if verdict.cause:
-        yield line("Likely cause", labelled(verdict.cause))
+        yield _line("Likely cause", labelled(verdict.cause))
     if verdict.next:
-        yield line("Next step", next_step(verdict))
+        yield _line("Next step", next_step(verdict))
 
 
 def next_step(verdict: Advice) -> str:
@@ -224,7 +218,7 @@ def source_words(source: str) -> str:
     return _SOURCES.get(source) or (label(source) if "." in source else source)
 
 
-def budget_words(known: Answer) -> tuple[str, str]:
+def _budget_words(known: Answer) -> tuple[str, str]:
     """The largest sources, and which of them nobody stated; empty where there are none."""
     rows = [row for row in known.contributions if row.share >= _SMALL][:_NAMED]
     told = [
@@ -238,9 +232,9 @@ def budget_words(known: Answer) -> tuple[str, str]:
 
 
 def _budget_lines(known: Answer) -> Iterator[str]:
-    for name, words in zip(("Uncertainty", ""), budget_words(known), strict=True):
+    for name, words in zip(("Uncertainty", ""), _budget_words(known), strict=True):
         if words:
-            yield line(name, words)
+            yield _line(name, words)
 
 
 def budget_table(known: Answer) -> pd.DataFrame:
@@ -270,7 +264,7 @@ def fit_lines(fit: Fit) -> list[str]:
     """The short text of a fit."""
     answers = [fit.answer(name) for name in told_names(fit)]
     verdict = fit.verdict
-    lines = [*answer_lines(answers, verdict), *_relaxation(fit), *_adhesion(fit), *verdict_lines(verdict)]
+    lines = [*_answer_lines(answers, verdict), *_relaxation(fit), *_adhesion(fit), *_verdict_lines(verdict)]
     lines += _by_depth(fit)
     if answers and verdict != "reject":
         lines += _budget_lines(answers[0])
@@ -293,7 +287,7 @@ def _relaxation(fit: Fit) -> Iterator[str]:
     if isinstance(relaxation, Prony):
         shares = ", ".join(f"{100.0 * share:.0f} %" for share in relaxation.fractions)
         times = ", ".join(format_quantity(time, "time") for time in relaxation.times)
-        yield line("Relaxation", f"{shares} with time constants {times}")
+        yield _line("Relaxation", f"{shares} with time constants {times}")
 
 
 def _adhesion(fit: Fit) -> Iterator[str]:
@@ -303,7 +297,7 @@ def _adhesion(fit: Fit) -> Iterator[str]:
     baseline = fit.scenes[0].instrument.baseline
     lowest = float(curve.force.min()) - baseline
     if lowest < 0.0:
-        yield line(
+        yield _line(
             "Adhesion",
             f"pull-off force {format_quantity(-lowest, 'force')} (lowest force against the baseline)",
         )
@@ -316,7 +310,7 @@ def _by_depth(fit: Fit) -> Iterator[str]:
         return
     if words:
         # Intervals of a rejected model are no judge of whether it is constant.
-        yield line("E by depth", words.partition(",")[0] if fit.verdict == "reject" else words)
+        yield _line("E by depth", words.partition(",")[0] if fit.verdict == "reject" else words)
 
 
 def by_depth_words(found: PointwiseModulus) -> str:
@@ -373,13 +367,13 @@ def half_space_words(fit: Fit, own: Fit) -> str:
 def _half_space(fit: Fit) -> Iterator[str]:
     own = half_space_fit(fit)
     if own is not None:
-        yield line("Half-space", half_space_words(fit, own))
+        yield _line("Half-space", half_space_words(fit, own))
 
 
 def written_line(paths: Sequence[object], folder: object, stem: str) -> str:
     """Where the files are: one line."""
     endings = " ".join(sorted({str(path).rpartition(stem)[2] for path in paths}))
-    return line("Written", f"{folder}/{stem} ({endings})")
+    return _line("Written", f"{folder}/{stem} ({endings})")
 
 
 # --- a posterior --------------------------------------------------------------------------------------------
@@ -387,14 +381,14 @@ def posterior_lines(posterior: Posterior) -> list[str]:
     """The short text of a posterior that was sampled here: the same numbers as a fit's, and how they were drawn."""
     verdict = posterior.verdict
     answers = [posterior.answer(name) for name in told_names(posterior.statement.fit)]
-    lines = [*answer_lines(answers, verdict), *verdict_lines(verdict)]
+    lines = [*_answer_lines(answers, verdict), *_verdict_lines(verdict)]
     if answers and verdict != "reject":
         lines += _budget_lines(answers[0])
     told = posterior.summary()["informed"]
     silent = [start(label(str(name))) for name in told.index[told == "not informed by these data"]]
     if silent:
-        lines.append(line("Not informed", f"{', '.join(silent)}: what was known before"))
-    lines.append(line("Sampling", posterior.diagnostics.reason))
+        lines.append(_line("Not informed", f"{', '.join(silent)}: what was known before"))
+    lines.append(_line("Sampling", posterior.diagnostics.reason))
     return "\n".join(lines).splitlines()
 
 
@@ -409,10 +403,10 @@ def map_lines(table: pd.DataFrame) -> list[str]:
     words = [f"{counts.get(word, 0)} {word}" for word in ("good", "check", "reject")]
     failed = int((table["status"] != "fitted").sum())
     lines.append(
-        line("Curves", f"{len(table)}: {', '.join(words)}{f', {failed} without a fit' if failed else ''}")
+        _line("Curves", f"{len(table)}: {', '.join(words)}{f', {failed} without a fit' if failed else ''}")
     )
     if "layer.E.syst.low" in table.columns:
-        lines.append(line("Shared by all", "inputs and model shift all curves alike and do not average out"))
+        lines.append(_line("Shared by all", "inputs and model shift all curves alike and do not average out"))
     return "\n".join(lines).splitlines()
 
 
@@ -427,7 +421,7 @@ def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
     decimals = _decimals(max((high - low) / factor, 1e-3 * abs(middle / factor)))
     ends = " to ".join(f"{end / factor:.{decimals}f}" for end in (low, high))
     median = f"median {_letter(name)} = {middle / factor:.{decimals}f} {unit}".rstrip()
-    yield line(start(label(name)), f"{median}, middle half {ends} {unit}".rstrip())
+    yield _line(start(label(name)), f"{median}, middle half {ends} {unit}".rstrip())
     widths = {}
     for part in ("", ".stat", ".syst"):
         columns = [f"{name}{part}.low", f"{name}{part}.high"]
@@ -436,7 +430,7 @@ def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
             widths[part] = float(np.nanmedian(0.5 * (ends_of[:, 1] - ends_of[:, 0]))) / factor
     if "" in widths:
         own = f"± {_two_digits(widths[''])} {unit}".rstrip()
-        yield line(
+        yield _line(
             "One curve",
             f"{own} (95 %; stat {_two_digits(widths['.stat'])}, syst {_two_digits(widths['.syst'])})",
         )

@@ -46,13 +46,11 @@ __all__ = [
     "interval_table",
     "known_together",
     "labelled_table",
-    "method_label",
     "provenance_table",
     "reservations_table",
     "source_rows",
     "span",
     "steps_table",
-    "strong_pairs",
     "with_units",
 ]
 
@@ -177,7 +175,7 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
     """Return the pairs of parameters whose correlation is above 0.9 in size, strongest first."""
     rows = [
         {"parameters": f"{first} and {second}", "correlation": value}
-        for first, second, value in strong_pairs(result)
+        for first, second, value in _strong_pairs(result)
     ]
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
 
@@ -186,7 +184,7 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
 _STRONG, _BADLY = 0.9, 0.05
 
 
-def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
+def _strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
     """Pairs of parameters whose correlation is above 0.9 in size, strongest first."""
     frame = result.correlations
     matrix, names = frame.to_numpy(), [str(name) for name in frame.columns]
@@ -200,10 +198,10 @@ def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
 
 
 def known_together(result: Fit) -> list[tuple[str, str, float]]:
-    """Those of `strong_pairs` that are badly known one by one, and well if the other were known."""
+    """Those of `_strong_pairs` that are badly known one by one, and well if the other were known."""
     index = {name: i for i, name in enumerate(result.names)}
     pairs = []
-    for first, second, value in strong_pairs(result):
+    for first, second, value in _strong_pairs(result):
         errors = [
             math.sqrt(float(result.scaled_covariance[index[name], index[name]])) for name in (first, second)
         ]
@@ -393,7 +391,7 @@ def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
     answered = table[table["error"].notna()]
     return pd.DataFrame(
         {
-            "law": [method_label(row) for _, row in answered.iterrows()],
+            "law": [_method_label(row) for _, row in answered.iterrows()],
             "error": answered["error"].to_numpy(),
             "cold (us)": 1e6 * answered["cold_seconds"].to_numpy(),
             "cold (x)": answered["cold_ratio"].to_numpy(),
@@ -415,7 +413,7 @@ def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
     ordered = table.sort_values("E_error", key=abs, ignore_index=True)
     return pd.DataFrame(
         {
-            "law": [method_label(row) for _, row in ordered.iterrows()],
+            "law": [_method_label(row) for _, row in ordered.iterrows()],
             "E (%)": 100.0 * ordered["E_error"],
             "fit (x)": ordered["ratio"],
             "E, free h (%)": 100.0 * ordered["E_error_joint"],
@@ -425,7 +423,7 @@ def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def method_label(row: pd.Series[Any]) -> str:
+def _method_label(row: pd.Series[Any]) -> str:
     """Name of a method with what distinguishes it: ``"explicit 4"``, ``"exact 1e-06 (4 nodes)"``."""
     method, form, order, rtol, nodes = (row[key] for key in ("method", "form", "order", "rtol", "nodes"))
     if form:

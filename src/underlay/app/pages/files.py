@@ -105,7 +105,7 @@ class FilesStep(Step):
             with ui.item_section().props("side"):
                 ui.button(icon="close").props("flat dense round size=sm aria-label=remove").on(
                     "click.stop", lambda: self._remove(name)
-                ).tooltip("Takes the curve out of this analysis; your own file stays")
+                ).props('title="Takes the curve out of this analysis; your own file stays"')
 
     async def _pick(self, name: str, test: int = 1) -> None:
         if self.window.holds:
@@ -140,7 +140,7 @@ class FilesStep(Step):
             if not told.refused:
                 ui.button("Next: the test", on_click=lambda: self.window.go("Test")).props(
                     "unelevated no-caps"
-                ).tooltip("Say what was tested: tip, layer, what lies under it")
+                )
         if not told.refused:
             pictures = await self.window.ask(self.analysis.quick, "curve", name, self._test)
             if pictures is not None and name == self.analysis.curve_name:
@@ -199,8 +199,8 @@ class FilesStep(Step):
                         words,
                         value=str((known.get("calibration") or {}).get(key, "")),
                         placeholder=told.facts.get(words, "as in the file"),
-                    ).props("outlined dense").classes("field").tooltip(
-                        f"{words} with its unit, where the file holds none or a wrong one"
+                    ).props("outlined dense").classes("field").props(
+                        f'title="{words} with its unit, where the file holds none"'
                     ).on(
                         "change",
                         lambda event, key=key: self._calibrate(key, str(event.sender.value or "").strip()),
@@ -217,8 +217,8 @@ class FilesStep(Step):
                 "Columns",
                 value=", ".join(f"{name} = {value}" for name, value in there.items()),
                 placeholder="depth = h (nm), force = -Fz (mN)",
-            ).props("outlined dense").classes("wide").tooltip(
-                "Which columns of the file are depth and force, with their units"
+            ).props("outlined dense").classes("wide").props(
+                'title="Which columns are depth and force, with their units"'
             ).on("change", lambda event: self._pair("columns", str(event.sender.value or ""))).mark(
                 "read-columns"
             )

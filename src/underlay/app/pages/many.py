@@ -18,6 +18,7 @@ from nicegui import events, ui
 from underlay.app.labels import LABELS
 from underlay.app.pages.step import Step, Window, Working, data_address, message_list, sheet
 from underlay.app.shown import Card, Gallery, Overview, Together
+from underlay.report.plots.fit import Canvas
 
 __all__ = ["GalleryPart", "ManyStep", "PopulationPart", "RegionPart"]
 
@@ -69,7 +70,7 @@ class GalleryPart:
         with ui.element("article").classes(f"card {card.verdict} {card.decision}").mark(f"card-{card.name}"):
             name = ui.button(card.name, on_click=lambda: open_curve(self._window, card.name))
             name.props("flat dense no-caps align=left").classes("card-name").mark(f"open-{card.name}")
-            name.tooltip("Opens this curve in step 3")
+            name.props('title="Opens this curve in step 3"')
             # The picture is made here of numbers alone; names in it are escaped.
             ui.html(card.picture, sanitize=False).classes("card-picture")
             for words in (*card.numbers, f"{card.verdict}; {card.misfit}"):
@@ -298,10 +299,7 @@ class RegionPart:
             self._picture.set_source(data_address(told.plan.data))
             self._picture.set_content("")
 
-    def _pixels(self, x: float, y: float) -> tuple[float, float]:
-        plan = self._told.plan
-        if plan is None:
-            raise RuntimeError("no map is shown")
+    def _pixels(self, plan: Canvas, x: float, y: float) -> tuple[float, float]:
         across = (x - plan.low) / (plan.high - plan.low)
         up = (y - plan.floor) / (plan.ceiling - plan.floor)
         return plan.left + across * (plan.right - plan.left), plan.bottom - up * (plan.bottom - plan.top)
@@ -318,9 +316,10 @@ class RegionPart:
                 f'<rect x="{left:.0f}" y="{top:.0f}" width="{right - left:.0f}" height="{bottom - top:.0f}" '
                 'fill="#0b62a4" fill-opacity="0.12" stroke="#0b62a4" stroke-width="2"/>'
             )
-        if event.type != "pointerup" or not self._told.sites:
+        plan = self._told.plan
+        if event.type != "pointerup" or plan is None:
             return
-        places = {name: self._pixels(x, y) for name, x, y in self._told.sites}
+        places = {name: self._pixels(plan, x, y) for name, x, y in self._told.sites}
         # A box of a few pixels is a click.
         if max(right - left, bottom - top) < 6.0:
             nearest = min(places, key=lambda name: math.dist(places[name], here))

@@ -168,7 +168,9 @@ class StartPage:
                 self._upload.props("flat bordered hide-upload-btn").classes("drop").mark("drop-new")
                 self._upload.on("failed", self._failed)
                 ui.label("They are copied; your files are not changed.").classes("quiet")
-                ui.button("New analysis", on_click=self._begin).mark("new").props("outline no-caps")
+                ui.button("New analysis", on_click=lambda: self._go(self._new())).mark("new").props(
+                    "outline no-caps"
+                )
                 ui.label("Or try it with sample data").classes("heading")
                 with ui.row().classes("actions"):
                     for scene, (words, about, _) in SAMPLES.items():
@@ -192,14 +194,14 @@ class StartPage:
             "quiet"
         )
 
-    def _begin(self) -> None:
-        self._go(new_analysis(self._home.path))
+    def _new(self) -> AnalysisFolder:
+        return new_analysis(self._home.path)
 
     def _go(self, folder: AnalysisFolder) -> None:
         ui.navigate.to(f"/analysis/{folder.name}")
 
     def _show_sample(self, scene: str) -> None:
-        folder = new_analysis(self._home.path)
+        folder = self._new()
         with_sample(folder, scene)
         self._go(folder)
 
@@ -208,7 +210,7 @@ class StartPage:
         complain(FOLDER_DROPPED)
 
     async def _bring(self, event: events.MultiUploadEventArguments) -> None:
-        folder = new_analysis(self._home.path)
+        folder = self._new()
         analysis = self._home.analysis(folder.name)
         for file in event.files:
             try:

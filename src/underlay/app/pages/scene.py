@@ -14,10 +14,9 @@ from typing import Any
 
 from nicegui import ui
 
-from underlay.app.form import ADVANCED, BASES, PRESETS, Draft, Field, apart, preset, problem_with
+from underlay.app.form import ADVANCED, BASES, PRESETS, Draft, Field, apart, draft_from, preset, problem_with
 from underlay.app.labels import comma_problem
 from underlay.app.pages.step import Step, Window, data_address
-from underlay.app.scene_text import draft_from
 from underlay.errors import UnderlayError
 from underlay.report.labels import label, start
 from underlay.report.tables import amounts
@@ -142,8 +141,8 @@ class FreeTable:
                 start(label(path)),
                 value=path in free,
                 on_change=lambda event: self._toggle(path, value, on=bool(event.value)),
-            ).props("dense").classes("free-name").mark(f"free-{path}").tooltip(
-                "Ticked: the fit finds it. Not ticked: it stays at the number of the test"
+            ).props("dense").classes("free-name").mark(f"free-{path}").props(
+                'title="Ticked: the fit finds it; else it stays as it is"'
             )
             if path not in free:
                 ui.label(f"fixed at {printed(amounts([value], kind_of(path))[0])}").classes("quiet")
@@ -156,9 +155,9 @@ class FreeTable:
                 {"": "bounds only", **{name: name for name in names}},
                 value=entry.get("prior", ""),
                 on_change=lambda event: self._put(path, "prior", str(event.value)),
-            ).props('outlined dense options-dense aria-label="what is known before"').classes(
-                "prior"
-            ).tooltip("What is known of it before the test: bounds alone, or how probable each value is")
+            ).props('outlined dense options-dense aria-label="what is known before"').classes("prior").props(
+                'title="What is known of it before the test"'
+            )
 
     def _amount(self, path: str, name: str) -> None:
         kind = "dimensionless" if name == "relative_sd" else kind_of(path)
@@ -258,6 +257,10 @@ class SceneText:
 _CHOOSES = ("shape", "model")
 
 
+# What every test says of a layer.
+_OF_A_LAYER = ("E", "nu", "thickness")
+
+
 # Keys that every sample says.
 _SAID = ("title", "rtol")
 
@@ -343,8 +346,22 @@ class SceneStep(Step):
         ).props("dense")
 
     def _fields(self, section: str) -> None:
+        """The fields of a section; of a layer what every test needs, the others behind it."""
+        fields = self.analysis.draft.fields(section)
+        usual = [field for field in fields if not self._is_layer(section) or field.key.name in _OF_A_LAYER]
+        more = [field for field in fields if field not in usual]
+        self._row(usual)
+        if more:
+            is_open = any(field.text for field in more)
+            with ui.expansion("Lower face, edges, drainage", value=is_open).props("dense").classes("wide"):
+                self._row(more)
+
+    def _is_layer(self, section: str) -> bool:
+        return section == "layer" or section.startswith("substrate.layers")
+
+    def _row(self, fields: Sequence[Field]) -> None:
         with ui.row().classes("fields"):
-            for field in self.analysis.draft.fields(section):
+            for field in fields:
                 if field.key.words:
                     self._choice(field)
                 else:
@@ -356,7 +373,8 @@ class SceneStep(Step):
         if value not in words:
             words = [*words, value] if value else words
         picked = ui.select(words, label=field.label, value=value, clearable=not field.required)
-        picked.props("outlined dense").classes("field").tooltip(field.key.meaning).mark(_mark(field))
+        picked.props("outlined dense").classes("field").mark(_mark(field))
+        picked.props["title"] = field.key.meaning
         picked.on_value_change(lambda event: self._put(field.section, field.key, str(event.value or "")))
 
     def _amount(self, field: Field) -> None:
@@ -372,7 +390,7 @@ class SceneStep(Step):
         )
         entry.props["placeholder"] = "needed" if missing else "" if field.required else field.key.default
         about = "Assumed, a usual number: change it, or add how well you know it. " if field.assumed else ""
-        entry.tooltip(f"{about}{field.key.meaning}").mark(_mark(field))
+        entry.mark(_mark(field)).props["title"] = f"{about}{field.key.meaning}"
         if not field.key.kind:
             # Of words there is no example in a unit: what may stand there is said under it.
             entry.props["hint"] = field.key.meaning

@@ -22,6 +22,11 @@ from underlay.errors import UnderlayError
 __all__ = ["Step", "Window", "Working", "complain", "data_address", "message_list", "sheet"]
 
 
+def complain(message: str) -> None:
+    """Say what is wrong, until it is read."""
+    ui.notify(message, type="negative", timeout=0, close_button="OK", multi_line=True)
+
+
 class Window:
     """A browser's window on an analysis; the one that was opened last holds it.
 
@@ -38,6 +43,8 @@ class Window:
         Called when the test was written.
     """
 
+    complain = staticmethod(complain)
+
     def __init__(self, analysis: OpenAnalysis) -> None:
         self.analysis = analysis
         self._number = analysis.open_window()
@@ -51,10 +58,6 @@ class Window:
             return True
         self.complain("This analysis was opened in another window. Reload the page to go on here.")
         return False
-
-    def complain(self, message: str) -> None:
-        """Say what is wrong, until it is read."""
-        complain(message)
 
     async def ask(self, worker: Worker, task: str, *arguments: Any, heard: Tell | None = None) -> Any:
         """Have a process do something; None, and a message, where it could not."""
@@ -110,11 +113,6 @@ class Step(ABC):
     @abstractmethod
     async def show(self) -> None:
         """Bring what is shown up to date."""
-
-
-def complain(message: str) -> None:
-    """Say what is wrong, until it is read."""
-    ui.notify(message, type="negative", timeout=0, close_button="OK", multi_line=True)
 
 
 def data_address(picture: bytes) -> str:
