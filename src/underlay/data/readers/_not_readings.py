@@ -6,7 +6,8 @@ Tables of results, one row for each test, which look like the curve of one test:
 holds the force and the depth at the peak of a test, its modulus and its hardness. Read as a curve, 220 tests of a
 public file (TriDiMap, ``ASMEC_example_20x11.xlsx``) were 220 points. What tells them: a name in every row, words
 for what only a whole test has (its work, its creep, its final depth), or a modulus beside depths and forces that
-leap from row to row. A curve that carries its modulus point by point, as of a continuous stiffness, does none of it.
+leap from row to row. A curve that carries its modulus point by point, as of a continuous stiffness, does none of
+it.
 
 Several tests one below the other: blank rows, a row of names that is repeated, a clock that is set back or a leap
 of the depth mark where a test may begin; that the depth begins again there, and goes in again, tells it from the
