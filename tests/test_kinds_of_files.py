@@ -290,57 +290,44 @@ def test_no_curve_ends_in_an_error_of_another_kind():
 # --- microscopes' text
 
 
-def jpk_text(columns, units, fancy="", segments=("extend", "retract")):
-    height, force = 9.0 - DEPTH * 1e0, FORCE * 1e-9
-    values = {
-        "height": 1e-6 * height - force / STIFFNESS,
-        "force": force,
-        "time": TIME,
-        "volts": force / 1e-8,
-    }
+def jpk_text(names, fancy, segments):
+    """A text export of JPK; what is called smoothed is no channel to read."""
+    height, force = 1e-6 * (9.0 - DEPTH) - FORCE * 1e-9 / STIFFNESS, FORCE * 1e-9
+    channels = [(TIME, "s") if "time" in name.lower() else (height, "m") for name in names]
+    channels = [
+        (force, "N") if name == "vDeflection" else (force, "m") if "smooth" in name else channel
+        for name, channel in zip(names, channels, strict=True)
+    ]
     parts = []
     for number, segment in enumerate(segments):
         way = slice(None, None, -1) if segment == "retract" else slice(None)
-        body = [
-            values[c][way] if segment != "pause" else np.full(240, values[c][-1]) for c in columns.values()
-        ]
+        body = [values[way] if segment != "pause" else np.full(240, values[-1]) for values, _ in channels]
         parts.append(
-            f"# index: 0\n# segmentIndex: {number}\n# segment: {segment}\n# columns: {' '.join(columns)}\n"
+            f"# index: 0\n# segmentIndex: {number}\n# segment: {segment}\n# columns: {' '.join(names)}\n"
             + (f"# fancyNames: {fancy}\n" if fancy else "")
-            + f"# springConstant: {STIFFNESS}\n# sensitivity: 4.1E-8\n# units: {units}\n#\n"
+            + f"# springConstant: {STIFFNESS}\n# units: {' '.join(unit for _, unit in channels)}\n#\n"
             + rows(*body, separator=" ", form="{:.9E}")
         )
     return "# TEXT EXPORT\n#\n" + "\n\n#\n".join(parts)
 
 
 @pytest.mark.parametrize(
-    ("columns", "units", "fancy", "segments"),
+    ("names", "fancy", "segments"),
     [
+        ("vDeflection strainGaugeHeight time", "", "extend retract"),
+        ("height vDeflection", '"Height" "Vertical Deflection"', "extend"),
+        ("measuredHeight vDeflection", "", "extend pause retract"),
         (
-            {"vDeflection": "force", "strainGaugeHeight": "height", "time": "time"},
-            "N m s",
-            "",
-            ("extend", "retract"),
-        ),
-        ({"height": "height", "vDeflection": "force"}, "m N", '"Height" "Vertical Deflection"', ("extend",)),
-        ({"measuredHeight": "height", "vDeflection": "force"}, "m N", "", ("extend", "pause", "retract")),
-        (
-            {
-                "seriesTime": "time",
-                "smoothedHeight": "force",
-                "measuredHeight": "height",
-                "vDeflection": "force",
-            },
-            "s m m N",
+            "seriesTime smoothedHeight measuredHeight vDeflection",
             '"Series Time" "Height (smoothed)" "Height (measured)" "Vertical Deflection"',
-            ("extend", "retract"),
+            "extend retract",
         ),
     ],
 )
-def test_jpk_text_exports(columns, units, fancy, segments, put):
-    curve = ul.read(put(jpk_text(columns, units, fancy, segments)))
+def test_jpk_text_exports(names, fancy, segments, put):
+    curve = ul.read(put(jpk_text(names.split(), fancy, segments.split())))
     words = {"extend": "loading", "retract": "unloading", "pause": "hold"}
-    assert list(curve.segment) == list(np.repeat([words[s] for s in segments], 240))
+    assert list(curve.segment) == list(np.repeat([words[s] for s in segments.split()], 240))
     np.testing.assert_allclose(curve.loading().force, FORCE * 1e-9, rtol=1e-8, atol=1e-17)
     np.testing.assert_allclose(curve.loading().depth, (DEPTH - 9.0) * 1e-6, atol=1e-14)
     assert curve.metadata["spring_constant"] == STIFFNESS
