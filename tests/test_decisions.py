@@ -19,7 +19,7 @@ def gallery(tmp_path_factory):
     """(table, curves, folder, paths) of a map in which one curve has a step and one no contact."""
     curves = [made_curve(index, 120) for index in range(COUNT)]
     force = curves[2].force.copy()
-    force[60:] += 3e-3
+    force[60:] += 6e-3
     curves[2] = ul.Curve(curves[2].depth, force, metadata={"name": "<script>alert(1)</script>"})
     flat = np.random.default_rng(0).normal(0.0, 1e-4, 120)
     curves[4] = ul.Curve(curves[4].depth, flat, metadata={"name": name(4)})

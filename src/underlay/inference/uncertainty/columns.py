@@ -147,6 +147,8 @@ def _turns(residual: FloatArray, law: FloatArray) -> tuple[FloatArray, float]:
     left = turns - q @ (q.T @ turns)
     own = residual - q @ (q.T @ residual)
     squares = own @ own - (own @ left) ** 2 / np.maximum((left * left).sum(axis=0), 1e-9)
+    # As many readings as numbers leave nothing that a turn could explain.
+    squares = np.maximum(squares, max(1e-12 * float(own @ own), np.finfo(float).tiny))
     behind = 0.5 * n * np.log(squares / squares.min())
     best, near = int(np.argmin(behind)), np.flatnonzero(behind <= 1.5)
     return turns[:, [best, near[0], near[-1]]], float(np.exp(-behind).mean())
