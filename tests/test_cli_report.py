@@ -88,11 +88,11 @@ def test_weighted_draws_are_asked_for_by_name(run, tmp_path):
     assert "syst" in number
     assert "Verdict  " in short
     assert "Sampling  " in short
-    assert "effective draws" not in short
+    assert "effective samples" not in short
     code, out, err = run(*words, "--details")
     assert code == 0, err
     assert number in out
-    assert "effective draws" in out
+    assert "effective samples" in out
     # No chain is kept, so none goes on.
     assert sorted(path.suffix for path in (tmp_path / "weighted").iterdir()) == [
         ".csv",

@@ -5,8 +5,8 @@ from functools import partial
 import pandas as pd
 import pytest
 
+import underlay as ul
 from support.maps import SCENE_TOML, write_folder
-from underlay.inference.batch import fit_many as batch_fit_many
 from underlay.inference.batch import work as batch_work
 from underlay.inference.batch.curves import list_curves
 
@@ -106,8 +106,8 @@ def test_reasons_are_in_the_words_of_the_command_line(run, site, tmp_path, monke
             reason="known only together; see identifiability(problem)"
         )
 
-    fitted = batch_fit_many.fit_many
-    monkeypatch.setattr(batch_fit_many, "fit_many", doubting)
+    fitted = ul.fit_many
+    monkeypatch.setattr(ul, "fit_many", doubting)
     assert run(*words, "--output", tmp_path, "--review")[0] == 0
     assert set(pd.read_csv(tmp_path / "map.csv")["reason"]) == {"known only together; see underlay identify"}
     assert "see underlay identify" in (tmp_path / "review.html").read_text()

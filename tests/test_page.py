@@ -137,7 +137,8 @@ def test_the_checks_see_what_is_wrong(tab, tmp_path):
 @opened
 @pytest.mark.parametrize("width", [820, 1280])
 def test_a_table_with_long_names_stays_within_the_page(tab, tmp_path, width):
-    style = (Path(labels.__file__).parent / "templates" / "page" / "sheet.css").read_text(encoding="utf-8")
+    styles = Path(labels.__file__).parent / "templates" / "page"
+    style = "".join((styles / f"{part}.css").read_text(encoding="utf-8") for part in ("frame", "sheet"))
     name = "knee_left_condyle_site_17_" * 12
     page = tmp_path / "long.html"
     page.write_text(

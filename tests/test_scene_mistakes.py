@@ -212,11 +212,10 @@ def test_formats_shows_the_signs_that_the_scene_turns(run, tmp_path):
     scene = write(tmp_path, SCENE.split("[noise]", maxsplit=1)[0] + '\n[curve]\nflip = ["force"]\n')
     code, out, err = run("formats", tmp_path / "c.csv")
     assert code == 0, err
-    assert "-0.29 uN" in out
+    assert "-290 to 0 nN" in out
     code, out, err = run("formats", tmp_path / "c.csv", "--scene", scene)
     assert code == 0, err
-    assert "-0.29 uN" not in out
-    assert "0.29 uN" in out
+    assert "0 to 290 nN" in out
 
 
 def test_a_starter_holds_what_the_file_knows_and_is_refused_until_filled_in(run, tmp_path):

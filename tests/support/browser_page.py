@@ -156,6 +156,8 @@ def drop(tab, *files):
 def choose(tab, *files):
     """Open the choice of files by Tab and Enter, and choose some."""
     tab.call("Page.setInterceptFileChooserDialog", enabled=True)
+    # The start page takes files too, and makes an analysis of its own of them.
+    until(tab, "location.pathname.startsWith('/analysis/')")
     until(tab, CONNECTED)
     tab_to(tab, "document.querySelector('.q-uploader input[type=file]')?.closest('a, button')")
     key(tab, "Enter")
