@@ -54,12 +54,28 @@ __all__ = [
 ]
 
 PathLike: TypeAlias = str | os.PathLike[str]
-
-
 _MB = 1_000_000
-
-
 _PIECE, _LEAST = 16 * _MB, 65_536
+# More members than any instrument archive of 256 MB holds (a JPK map has about 20 per point).
+_MAX_MEMBERS = 400_000
+_GZIP, _MOST_STREAMS = b"\x1f\x8b\x08", 8
+# Our own files nest about ten deep; what is walked by recursion later must stay far from Python's limit.
+_DEEPEST = 50
+# An empty list takes 60 bytes of memory for its two in the text, so their number is bounded too.
+_MOST_CONTAINERS = 2_000_000
+_LONGEST_INTEGER = 20  # digits: the largest of 64 bits has 20
+_LONGEST_KEY = (
+    16  # parts of a dotted key: a scene file has three, and the time of tomllib grows as their square
+)
+# Strings and comments of TOML, whose dots are no parts of a key. One without an end takes the rest, so that
+# no place is looked at twice: tomllib refuses it anyhow.
+_TOML_TEXT = re.compile(
+    r'"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)'
+    r'|"(?:[^"\\\n]|\\[^\n])*+"?|\'[^\'\n]*+\'?|#[^\n]*+',
+    re.DOTALL,
+)
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_LONGEST_KEY}}}")
+_LONG_NUMBER = re.compile(rf"(?<![\w.])\d[\d_]{{{_LONGEST_INTEGER},}}+(?![\w.])")
 
 
 @dataclass(frozen=True)
@@ -257,10 +273,6 @@ def _in_words(error: Exception) -> str:
     return told if told and isinstance(error, ValueError) else f"{type(error).__name__} {told}".strip()
 
 
-# More members than any instrument archive of 256 MB holds (a JPK map has about 20 per point).
-_MAX_MEMBERS = 400_000
-
-
 def open_zip(data: bytes, name: str, largest: int) -> zipfile.ZipFile:
     """Open an archive after checking what it claims to hold.
 
@@ -329,9 +341,6 @@ def read_member(archive: zipfile.ZipFile, name: str, largest: int | None = None)
     return data
 
 
-_GZIP, _MOST_STREAMS = b"\x1f\x8b\x08", 8
-
-
 def unpacked(data: bytes, name: str, largest: int) -> bytes:
     """Return what a file that gzip compressed (.gz) holds, or any other content as it is.
 
@@ -371,37 +380,6 @@ def unpacked(data: bytes, name: str, largest: int) -> bytes:
             f"{printable(name)} unpacks to more than the {largest // _MB} MB that are read; split it first"
         )
     return found
-
-
-# Our own files nest about ten deep; what is walked by recursion later must stay far from Python's limit.
-_DEEPEST = 50
-
-
-# An empty list takes 60 bytes of memory for its two in the text, so their number is bounded too.
-_MOST_CONTAINERS = 2_000_000
-
-
-_LONGEST_INTEGER = 20  # digits: the largest of 64 bits has 20
-
-
-_LONGEST_KEY = (
-    16  # parts of a dotted key: a scene file has three, and the time of tomllib grows as their square
-)
-
-
-# Strings and comments of TOML, whose dots are no parts of a key. One without an end takes the rest, so that
-# no place is looked at twice: tomllib refuses it anyhow.
-_TOML_TEXT = re.compile(
-    r'"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)'
-    r'|"(?:[^"\\\n]|\\[^\n])*+"?|\'[^\'\n]*+\'?|#[^\n]*+',
-    re.DOTALL,
-)
-
-
-_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_LONGEST_KEY}}}")
-
-
-_LONG_NUMBER = re.compile(rf"(?<![\w.])\d[\d_]{{{_LONGEST_INTEGER},}}+(?![\w.])")
 
 
 def parse_json(text: str) -> Any:

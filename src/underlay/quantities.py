@@ -49,6 +49,8 @@ Whole = TypeVar("Whole")
 
 _ANY = (-np.inf, np.inf)
 _POSITIVE = (0.0, np.inf)
+_INDEX = re.compile(r"\[(\d{1,6})\]")
+_LAST_INDEX = re.compile(r"^(?P<rest>.+)\[(?P<number>\d{1,6})\]$")
 
 
 @dataclass(frozen=True)
@@ -216,10 +218,6 @@ _UNKNOWN = Quantity("dimensionless")
 
 def _by_word(name: str) -> Quantity:
     return _WORDS.get(name.rpartition("_")[2], _UNKNOWN)
-
-
-_INDEX = re.compile(r"\[(\d{1,6})\]")
-_LAST_INDEX = re.compile(r"^(?P<rest>.+)\[(?P<number>\d{1,6})\]$")
 
 
 def declared(name: str) -> Quantity:

@@ -33,6 +33,61 @@ __all__ = [
     "unit_factor",
 ]
 
+# The units that scene files and instruments nearly always use are read by this small table: a decimal prefix, a
+# base unit, and at most one division. pint, which knows all others, takes longer to load than a fit takes.
+_PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
+_BASES = {
+    "m": "length",
+    "Pa": "pressure",
+    "N": "force",
+    "s": "time",
+    "Hz": "frequency",
+    "V": "voltage",
+    "A": "current",
+}
+_QUOTIENTS = {
+    ("force", "length"): "stiffness",
+    ("length", "force"): "compliance",
+    ("pressure", "length"): "stiffness per area",
+    ("length", "time"): "speed",
+    ("force", "time"): "loading rate",
+    ("length", "voltage"): "sensitivity",
+    ("length", "current"): "current sensitivity",
+}
+_SIMPLE = re.compile(r"([pnumkMG]?)(m|Pa|N|s|Hz|V|A)")
+_NAMED = {
+    "": ("dimensionless", 1.0),
+    "deg": ("angle", math.pi / 180.0),
+    "rad": ("angle", 1.0),
+    "J/m^2": ("surface energy", 1.0),
+    "mJ/m^2": ("surface energy", 1e-3),
+    "uJ/m^2": ("surface energy", 1e-6),
+    "m^2/s": ("diffusivity", 1.0),
+    "mm^2/s": ("diffusivity", 1e-6),
+    "um^2/s": ("diffusivity", 1e-12),
+    "m^4/(N s)": ("permeability", 1.0),
+    "mm^4/(N s)": ("permeability", 1e-12),
+}
+#: A kind whose units may be written as those of another: J/m^2 is N/m.
+_ALSO = {"surface energy": "stiffness"}
+# Sizes of a quantity, in SI, whose fifth powers (forces of profiles, products of moduli and lengths) still are
+# ordinary doubles. Nothing measured comes near either; a slip of an exponent does.
+_SMALLEST, _LARGEST = 1e-60, 1e60
+# What a unit may be written with. Everything else is refused before pint sees it: pint evaluates
+# expressions, and a file is not trusted with an expression.
+_UNIT = re.compile(r"[A-Za-z%°\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.DOTALL)
+# A number of a country that writes 1,5 for 1.5.
+_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+(?:[eE][+-]?\d{1,3})?(?:\s*[^\d\s,.][^,]*)?)\s*")
+# Exponents of a unit: one digit is more than any quantity here needs, and bounds pint's work.
+_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d+(?:\.\d+)?\)?")
+_SHORT_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d(?:\.\d{1,6})?\)?")
+_ANGLE_UNITS = frozenset({"degree", "radian", "turn", "arcminute", "arcsecond", "grade"})
+# Significant digits of a number for people, and of one that differs little from its neighbour.
+_DIGITS, _MOST_DIGITS = 4, 12
+# A typed micro before a unit, behind a number.
+_TYPED = re.compile(r"(?<=[\d.)] )u(?=[mNsVJ](?![A-Za-z]))")
+
 
 @dataclass(frozen=True)
 class Kind:
@@ -92,88 +147,12 @@ def kind_named(name: str) -> Kind:
         raise UnitError(f"no kind of quantity {name!r}; there are {', '.join(KINDS)}") from None
 
 
-# The units that scene files and instruments nearly always use are read by this small table: a decimal prefix, a
-# base unit, and at most one division. pint, which knows all others, takes longer to load than a fit takes.
-_PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
-
-
-_BASES = {
-    "m": "length",
-    "Pa": "pressure",
-    "N": "force",
-    "s": "time",
-    "Hz": "frequency",
-    "V": "voltage",
-    "A": "current",
-}
-
-
-_QUOTIENTS = {
-    ("force", "length"): "stiffness",
-    ("length", "force"): "compliance",
-    ("pressure", "length"): "stiffness per area",
-    ("length", "time"): "speed",
-    ("force", "time"): "loading rate",
-    ("length", "voltage"): "sensitivity",
-    ("length", "current"): "current sensitivity",
-}
-
-
 # The units of most columns, as they are written: a map asks for them in every file.
 _COLUMNS = {
     f"{prefix}{base}": (_BASES[base], float(f"1e{power}"))
     for base in ("m", "N", "s")
     for prefix, power in _PREFIXES.items()
 }
-
-
-_SIMPLE = re.compile(r"([pnumkMG]?)(m|Pa|N|s|Hz|V|A)")
-
-
-_NAMED = {
-    "": ("dimensionless", 1.0),
-    "deg": ("angle", math.pi / 180.0),
-    "rad": ("angle", 1.0),
-    "J/m^2": ("surface energy", 1.0),
-    "mJ/m^2": ("surface energy", 1e-3),
-    "uJ/m^2": ("surface energy", 1e-6),
-    "m^2/s": ("diffusivity", 1.0),
-    "mm^2/s": ("diffusivity", 1e-6),
-    "um^2/s": ("diffusivity", 1e-12),
-    "m^4/(N s)": ("permeability", 1.0),
-    "mm^4/(N s)": ("permeability", 1e-12),
-}
-
-
-#: A kind whose units may be written as those of another: J/m^2 is N/m.
-_ALSO = {"surface energy": "stiffness"}
-
-
-# Sizes of a quantity, in SI, whose fifth powers (forces of profiles, products of moduli and lengths) still are
-# ordinary doubles. Nothing measured comes near either; a slip of an exponent does.
-_SMALLEST, _LARGEST = 1e-60, 1e60
-
-
-# What a unit may be written with. Everything else is refused before pint sees it: pint evaluates
-# expressions, and a file is not trusted with an expression.
-_UNIT = re.compile(r"[A-Za-z%°\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
-
-
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.DOTALL)
-
-
-# A number of a country that writes 1,5 for 1.5.
-_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+(?:[eE][+-]?\d{1,3})?(?:\s*[^\d\s,.][^,]*)?)\s*")
-
-
-# Exponents of a unit: one digit is more than any quantity here needs, and bounds pint's work.
-_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d+(?:\.\d+)?\)?")
-
-
-_SHORT_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d(?:\.\d{1,6})?\)?")
-
-
-_ANGLE_UNITS = frozenset({"degree", "radian", "turn", "arcminute", "arcsecond", "grade"})
 
 
 def _registry() -> Any:
@@ -362,14 +341,6 @@ def _scaled(number: float, unit: str, kind: str) -> float:
     inverse = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
     exact = inverse and math.isclose(inverse * factor, 1.0, rel_tol=1e-15)
     return number / inverse if exact else number * factor
-
-
-# Significant digits of a number for people, and of one that differs little from its neighbour.
-_DIGITS, _MOST_DIGITS = 4, 12
-
-
-# A typed micro before a unit, behind a number.
-_TYPED = re.compile(r"(?<=[\d.)] )u(?=[mNsVJ](?![A-Za-z]))")
 
 
 def human_unit(value: float, kind: str) -> tuple[str, float]:

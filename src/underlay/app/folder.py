@@ -43,31 +43,23 @@ __all__ = [
 
 #: Bounds of what may be brought: bytes of one file, files of one analysis, bytes of all of them.
 LARGEST_FILE, MOST_FILES, _MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
-
-
 #: The files of a curve's results by what made them: what stands in their names behind the curve's.
 RESULTS: Mapping[str, tuple[str, ...]] = {
     "found": ("fit", "depth", "time", "drainage", "relaxation", "adhesion", "segments"),
     "sampled": ("corner", "predictive", "posterior"),
     "film": ("film", "film.depths"),
 }
-
-
 _TEXT = FileKind("a file of an analysis", 5_000_000, "start a new analysis")
-
-
 _ANY = FileKind("a file of an analysis", _MOST_BYTES, "start a new analysis")
-
-
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,60}")
-
-
 # A name of a file may not lead anywhere, hide itself, or mean something to a shell or a spreadsheet.
 _ODD = re.compile(r"[^\w.()+,= -]|^[.=+\s-]+")
-
-
 # Bytes of a curve's name and of its ending: with what results add, a system takes it.
 _LONGEST, _LONGEST_ENDING = 120, 40
+#: How the names of these files end; what is taken away leaves them out.
+_SHOWN = ".shown.json"
+_KIND = FileKind("a result of the page", 5_000_000, "press the button again that made it")
+_Shown = TypeVar("_Shown")
 
 
 class AnalysisFolder:
@@ -236,16 +228,6 @@ def new_analysis(home: Path) -> AnalysisFolder:
     while (home / f"{day}-{number}").exists():
         number += 1
     return AnalysisFolder(home / f"{day}-{number}")
-
-
-#: How the names of these files end; what is taken away leaves them out.
-_SHOWN = ".shown.json"
-
-
-_KIND = FileKind("a result of the page", 5_000_000, "press the button again that made it")
-
-
-_Shown = TypeVar("_Shown")
 
 
 def keep(folder: AnalysisFolder, stem: str, shown: Any) -> None:

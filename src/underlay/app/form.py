@@ -50,16 +50,12 @@ PRESETS: Mapping[str, str] = {
     "cell_on_glass": "Cell on glass",
     "film_on_wafer": "Film on a wafer",
 }
-
-
 #: What may lie under the layer, and what that is called.
 BASES: Mapping[str, str] = {
     "rigid": "a rigid substrate",
     "elastic": "an elastic substrate",
     "none": "none: the sample is deep (half-space)",
 }
-
-
 #: Sections that most tests do without, and what they are called.
 ADVANCED: Mapping[str, str] = {
     "curve": "Which part of the curve is fitted",
@@ -74,15 +70,11 @@ ADVANCED: Mapping[str, str] = {
     "noise": "Noise level, where it is known",
     "solver": "Contact model",
 }
-
-
 _FILES, _HANDLES, _TEXT = (
     "step 1, where the file is read",
     "step 3, the handles of the curve",
     "the test as text",
 )
-
-
 #: Keys that the form has no field for, and where the page has them.
 ELSEWHERE: Mapping[tuple[str, str], str] = {
     ("substrate", "rigid"): "the choice of what lies under the layer",
@@ -98,36 +90,21 @@ ELSEWHERE: Mapping[tuple[str, str], str] = {
     (TOP, "uncertainties"): _TEXT,
     ("uncertainties", "PATH"): "beside the number itself: 0.02 mm of 1 mm is 1 mm ± 0.02 mm",
 }
-
-
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
-
-
 _FOLDER = Path(__file__).parent / "presets"
-
-
 _CHOSEN_BY = {
     "indenter": "shape",
     "layer.relaxation": "model",
     "layer.stiffening": "model",
     "adhesion": "model",
 }
-
-
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
 _RATIO = "permeability_ratio"
-
-
 _INDEX = re.compile(r"\[(\d+)\]$")
-
-
 _AMOUNT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
-
-
 _LIST, _WHOLE = "a list of ", "a whole number"
-
-
 _ENDS = ("fit_from", "fit_to")
+_MISSING = re.compile(r"^scene\.toml: \[([\w.]+)\] needs '(\w+)'$")
 
 
 @dataclass(frozen=True)
@@ -445,9 +422,6 @@ def problem_with(text: str, key: SceneKey) -> str:
             "" if set(_parts(text)) <= set(allowed) else f"any of {', '.join(allowed)}, with commas between"
         )
     return f"one of {', '.join(key.words)}" if key.words and text not in key.words and "{" not in text else ""
-
-
-_MISSING = re.compile(r"^scene\.toml: \[([\w.]+)\] needs '(\w+)'$")
 
 
 def in_the_form(message: str) -> str:

@@ -30,6 +30,10 @@ __all__ = [
 
 # A comma with a digit on each side: of 0.45, of 45 thousand, or between 0 and 45.
 _COMMA = re.compile(r"\d*,\d+(?:,\d+)*")
+#: Columns that can be filled in on the page; a manifest that is brought may have others.
+LABELS = ("animal", "group", "region")
+_KIND = FileKind("a manifest (CSV)", 20_000_000, "it needs a row of names with 'file', and a row per curve")
+_MOST_COLUMNS, _LONGEST = 200, 80
 
 
 def comma_problem(text: str, *, may_list: bool = True) -> str:
@@ -72,16 +76,6 @@ def pairs_of(text: str) -> dict[str, str]:
             )
         pairs[name] = value
     return pairs
-
-
-#: Columns that can be filled in on the page; a manifest that is brought may have others.
-LABELS = ("animal", "group", "region")
-
-
-_KIND = FileKind("a manifest (CSV)", 20_000_000, "it needs a row of names with 'file', and a row per curve")
-
-
-_MOST_COLUMNS, _LONGEST = 200, 80
 
 
 def read_labels(folder: AnalysisFolder) -> dict[str, dict[str, str]]:

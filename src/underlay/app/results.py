@@ -38,6 +38,10 @@ from underlay.report.spoken import gathered_warnings
 
 __all__ = ["film_of", "film_rows", "sample_posterior", "tell_found"]
 
+_WALKERS, _EVERY = 64, 10
+_OPEN_NOISE = "looking for where to begin; no noise is stated, so it is averaged over, which takes longer"
+_UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on from there, or allow more steps."
+
 
 def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell) -> Found:
     """Tell the numbers of a fit, then its whole page; keep it, with the files that `underlay fit` writes.
@@ -67,15 +71,6 @@ def _exact(known: Answer) -> list[str]:
     """The numbers that are printed of a quantity: value, ends, and ends of the statistical part."""
     numbers = (known.value, known.low, known.high, known.statistical.low, known.statistical.high)
     return [repr(float(number)) for number in numbers]
-
-
-_WALKERS, _EVERY = 64, 10
-
-
-_OPEN_NOISE = "looking for where to begin; no noise is stated, so it is averaged over, which takes longer"
-
-
-_UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on from there, or allow more steps."
 
 
 def sample_posterior(

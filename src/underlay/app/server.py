@@ -26,6 +26,12 @@ _ICON = (
     "fill='#56b4e9'/><rect y='25' width='32' height='7' fill='#5a5a5a'/><circle cx='16' cy='10' r='9' "
     "fill='#0072b2'/></svg>"
 )
+_REDIRECT = (
+    '<!DOCTYPE html><meta charset="utf-8"><title>underlay</title>'
+    '<meta http-equiv="refresh" content="0; url={address}"><a href="{address}">open the page</a>'
+)
+# Seconds that the file stays for a slow browser, and that the server may take to listen.
+_KEPT, _LONGEST_START = 60.0, 30.0
 
 
 def serve(folder: Path, port: int = 0, *, show: bool = True, tell: Callable[[str], None] = print) -> None:
@@ -97,14 +103,6 @@ def _open_browser(home: Home, port: int) -> None:
         page.write_text(_REDIRECT.format(address=html.escape(home.new_address())), encoding="utf-8")
         webbrowser.open(page.as_uri())
         time.sleep(_KEPT)
-
-
-_REDIRECT = (
-    '<!DOCTYPE html><meta charset="utf-8"><title>underlay</title>'
-    '<meta http-equiv="refresh" content="0; url={address}"><a href="{address}">open the page</a>'
-)
-# Seconds that the file stays for a slow browser, and that the server may take to listen.
-_KEPT, _LONGEST_START = 60.0, 30.0
 
 
 def _listens(port: int) -> bool:

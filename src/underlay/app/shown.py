@@ -41,6 +41,14 @@ __all__ = [
 
 #: A row of a table: texts by column.
 Row: TypeAlias = dict[str, str]
+_SPANS = ("depth", "force")
+#: Numbers that a file of a curve may hold: key, what it is called, kind.
+_FACTS = (
+    ("spring_constant", "Spring constant", "stiffness"),
+    ("sensitivity", "Deflection sensitivity", "sensitivity"),
+    ("indenter_radius", "Tip radius", "length"),
+    ("instrument_reduced_modulus", "The instrument's own reduced modulus", "pressure"),
+)
 
 
 @dataclass(frozen=True)
@@ -306,9 +314,6 @@ class Sampled:
     notes: tuple[str, ...] = ()
 
 
-_SPANS = ("depth", "force")
-
-
 def spoken_once(*messages: str) -> tuple[str, ...]:
     """Each message once, in the words of the page."""
     return tuple(dict.fromkeys(map(spoken, messages)))
@@ -318,15 +323,6 @@ def quality_of(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:
     """Verdict on a curve, and what speaks against it."""
     quality = check_quality(curve, file.draft)
     return quality.verdict, list(quality.reasons)
-
-
-#: Numbers that a file of a curve may hold: key, what it is called, kind.
-_FACTS = (
-    ("spring_constant", "Spring constant", "stiffness"),
-    ("sensitivity", "Deflection sensitivity", "sensitivity"),
-    ("indenter_radius", "Tip radius", "length"),
-    ("instrument_reduced_modulus", "The instrument's own reduced modulus", "pressure"),
-)
 
 
 def facts_of(curve: Curve) -> dict[str, str]:

@@ -28,6 +28,19 @@ from underlay.scene.scene_file import SceneFile, scene_file_from_text
 __all__ = ["Home", "OpenAnalysis", "Snapshot", "changed", "said"]
 
 _NOTHING = "bring a file first, and pick the curve to look at"
+_CHANGED = {
+    "fit.": "what is fitted",
+    "curve.file": "the curve",
+    "curve.test": "the curve",
+    "curve.m": "fit range",
+    "instrument.contact_depth": "contact point",
+}
+# Changes that are remembered; seconds within which changes of one number are one.
+_MOST_UNDONE, _AT_ONCE = 50, 2.0
+_TASKS = "underlay.app.tasks:Analyst"
+# What is of one curve only: keys of its scene, and the contact point among what is fitted.
+_HANDLES = (("curve", "min_depth"), ("curve", "max_depth"), ("instrument", "contact_depth"))
+_CONTACT, _BOUNDS = "instrument.contact_depth", "bounds of the contact point"
 
 
 @dataclass(frozen=True)
@@ -122,27 +135,6 @@ def _numbers(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     for key, value in table.items():
         found |= _numbers(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
     return found
-
-
-_CHANGED = {
-    "fit.": "what is fitted",
-    "curve.file": "the curve",
-    "curve.test": "the curve",
-    "curve.m": "fit range",
-    "instrument.contact_depth": "contact point",
-}
-# Changes that are remembered; seconds within which changes of one number are one.
-_MOST_UNDONE, _AT_ONCE = 50, 2.0
-
-
-_TASKS = "underlay.app.tasks:Analyst"
-
-
-# What is of one curve only: keys of its scene, and the contact point among what is fitted.
-_HANDLES = (("curve", "min_depth"), ("curve", "max_depth"), ("instrument", "contact_depth"))
-
-
-_CONTACT, _BOUNDS = "instrument.contact_depth", "bounds of the contact point"
 
 
 class OpenAnalysis:

@@ -28,6 +28,7 @@ __all__ = ["analysis_archive", "crate", "fitted_test", "map_workbook", "report_p
 _KIND = FileKind("a file of an analysis", 4_000_000_000, "start a new analysis")
 # A date for every member, so that the same analysis is the same archive.
 _DATE = (1980, 1, 1, 0, 0, 0)
+_CRATE = "ro-crate-metadata.json"
 
 
 def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
@@ -135,9 +136,6 @@ def crate(tested: Snapshot, members: Collection[str]) -> bytes:
     return json.dumps(
         {"@context": "https://w3id.org/ro/crate/1.1/context", "@graph": graph}, indent=1
     ).encode()
-
-
-_CRATE = "ro-crate-metadata.json"
 
 
 def _moved(content: bytes, places: Mapping[Path, str]) -> bytes:

@@ -31,6 +31,21 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
+#: The commands as `--help` groups them: what it is about, and the commands of it by their names.
+_GROUPS: dict[str, dict[str, Callable[..., None]]] = {
+    "Start": {"demo": demo, "app": browser_page, "formats": formats, "keys": keys},
+    "Fit": {"fit": fit, "sample": sample, "compare": compare, "film": film},
+    "Many curves": {"map": map_curves, "population": population},
+    "Plan a test": {
+        "plan": plan,
+        "identify": identify,
+        "effects": effects,
+        "accuracy": accuracy,
+        "simulate": simulate,
+    },
+    "Share": {"report": report, "cite": cite},
+    "Measure this program": {"benchmark": benchmark},
+}
 
 
 def _say_version(asked: bool) -> None:
@@ -49,21 +64,6 @@ def _whole(
     """Take the options that go before any command."""
 
 
-#: The commands as `--help` groups them: what it is about, and the commands of it by their names.
-_GROUPS: dict[str, dict[str, Callable[..., None]]] = {
-    "Start": {"demo": demo, "app": browser_page, "formats": formats, "keys": keys},
-    "Fit": {"fit": fit, "sample": sample, "compare": compare, "film": film},
-    "Many curves": {"map": map_curves, "population": population},
-    "Plan a test": {
-        "plan": plan,
-        "identify": identify,
-        "effects": effects,
-        "accuracy": accuracy,
-        "simulate": simulate,
-    },
-    "Share": {"report": report, "cite": cite},
-    "Measure this program": {"benchmark": benchmark},
-}
 for group, commands in _GROUPS.items():
     for name, command in commands.items():
         app.command(name, rich_help_panel=group)(command)

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["noted", "say", "say_error", "say_table", "say_warnings", "write_out"]
 
-
 _FILE_WIDTH = 160
 # Letters of a cell from which on a column of words is broken into lines, as the last one is.
 _LONG = 40

@@ -49,6 +49,9 @@ RadiiOption = Annotated[
     str | None, typer.Option(help='Tip radii to consider, "from:to:count", e.g. "0.1 mm:2 mm:8".')
 ]
 DepthsOption = Annotated[str | None, typer.Option(help='Indentations to consider, e.g. "10 um:200 um:8".')]
+_NOISE_SHARE = 0.01
+# Share of the readings before contact, as `underlay plan` takes it.
+_APPROACH, _POINTS = 0.25, 200
 
 
 def plan(
@@ -360,11 +363,6 @@ def _command(
     words += [word for text in offset for word in ("--offset", text)]
     words += ["--sampling-rate", rate] if rate is not None else []
     return shlex.join(words)
-
-
-_NOISE_SHARE = 0.01
-# Share of the readings before contact, as `underlay plan` takes it.
-_APPROACH, _POINTS = 0.25, 200
 
 
 def measured_curve(file: SceneFile, option: Path | None) -> ul.Curve | None:

@@ -33,6 +33,11 @@ if TYPE_CHECKING:
 
 __all__ = ["compare", "demo", "film", "fit", "sample", "show_fit"]
 
+_SAMPLES = (
+    ("chiaro_cell_indentation.csv", "chiaro_cell.toml", "A real curve: a cell under an Optics11 Chiaro."),
+    ("cartilage_on_bone.csv", "cartilage_on_bone.toml", "Made data: a ball on cartilage on bone."),
+)
+
 
 def fit(
     curve: CurveFile,
@@ -119,12 +124,6 @@ def _show_details(result: ul.Fit, name: str) -> None:
     if len(pairs):
         say_table(pairs, "Correlations above 0.9")
     say(f"contact model: {spoken(result.law_reason)}")
-
-
-_SAMPLES = (
-    ("chiaro_cell_indentation.csv", "chiaro_cell.toml", "A real curve: a cell under an Optics11 Chiaro."),
-    ("cartilage_on_bone.csv", "cartilage_on_bone.toml", "Made data: a ball on cartilage on bone."),
-)
 
 
 def demo(

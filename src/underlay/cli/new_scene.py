@@ -22,8 +22,6 @@ _SHAPES = {
     "flat": "flat_punch",
     "cylinder": "flat_punch",
 }
-
-
 # What is written of a file that was not read, and how much of a line.
 _LINES, _LETTERS = 6, 90
 

@@ -45,6 +45,35 @@ __all__ = [
     "without_empty_folders",
 ]
 
+CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
+CurveOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--curve", help="Measured curve that gives depth and noise; else the one named by [curve] file."
+    ),
+]
+SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): your test as a file.")]
+ScenePath = Annotated[Path, typer.Argument(help="Scene file (TOML).")]
+Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same seed makes the same file.")]
+MaxDepth = Annotated[
+    str | None,
+    typer.Option(
+        "--max-depth",
+        help='Maximum indentation, e.g. "100 um"; else that of the curve or of [simulate].',
+    ),
+]
+SolverName = Annotated[
+    str | None,
+    typer.Option(
+        "--solver",
+        help="Contact model: auto, exact, asymptotic, halfspace or a published correction; else that of [solver].",
+    ),
+]
+Rtol = Annotated[
+    float | None,
+    typer.Option("--rtol", help="Relative error allowed; else that of [solver], else 1e-6."),
+]
+
 
 def named_quantities(option: str, given: Iterable[str], kinds: Mapping[str, str]) -> dict[str, float]:
     """Read the values of an option that may be repeated.
@@ -175,23 +204,6 @@ def _require_excel(path: Path | None) -> Path | None:
     return path
 
 
-CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
-
-
-CurveOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--curve", help="Measured curve that gives depth and noise; else the one named by [curve] file."
-    ),
-]
-
-
-SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): your test as a file.")]
-
-
-ScenePath = Annotated[Path, typer.Argument(help="Scene file (TOML).")]
-
-
 OutputFolder = Annotated[
     Path | None,
     typer.Option(
@@ -214,30 +226,3 @@ ExcelFile = Annotated[
 
 
 Details = Annotated[bool, typer.Option("--details", help="Print all that stands behind the numbers.")]
-
-
-Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same seed makes the same file.")]
-
-
-MaxDepth = Annotated[
-    str | None,
-    typer.Option(
-        "--max-depth",
-        help='Maximum indentation, e.g. "100 um"; else that of the curve or of [simulate].',
-    ),
-]
-
-
-SolverName = Annotated[
-    str | None,
-    typer.Option(
-        "--solver",
-        help="Contact model: auto, exact, asymptotic, halfspace or a published correction; else that of [solver].",
-    ),
-]
-
-
-Rtol = Annotated[
-    float | None,
-    typer.Option("--rtol", help="Relative error allowed; else that of [solver], else 1e-6."),
-]

@@ -19,6 +19,9 @@ from underlay.errors import FileAccessError, InputError, missing_extra
 
 __all__ = ["browser_page", "formats", "keys"]
 
+# What a scene file may say of how a file is read; which test of it is one more.
+_READING = ("format", "columns", "calibration")
+
 
 def browser_page(
     folder: Annotated[
@@ -45,10 +48,6 @@ def browser_page(
 def _tell(address: str) -> None:
     say("The page is at this address, which opens once; end it with Ctrl-C.")
     say(address)
-
-
-# What a scene file may say of how a file is read; which test of it is one more.
-_READING = ("format", "columns", "calibration")
 
 
 def formats(

@@ -52,58 +52,36 @@ __all__ = [
 
 #: Columns (n,) that a force is made of, of depths since contact (m), (n,).
 Shape = Callable[[FloatArray], tuple[FloatArray, ...]]
-
-
 # Work is bounded by thinning the foot; its neighbours are correlated anyway.
 _MAX_POINTS = 2000
-
-
 # Contact depths tried on means of neighbouring points, then between two steps on either side of the best, then the
 # same on all points; a parabola through the last three ends it.
 _COARSE, _FINER, _FINE, _BLOCKS = 41, 13, 5, 80
-
-
 # Depths at which a shape is asked for the former two: a step of theirs is twice as wide.
 _TABLE = 256
-
-
 _REACH = 2
-
-
 #: A curve that starts in contact has it in front of its first point, by up to this share of the foot.
 BEFORE = 1.0
-
-
 # Below this share of its square a column is a multiple of others, to rounding.
 _NOTHING = 1e-24
-
-
 # Correlation of neighbouring residuals above which they count as this much correlated: at 0.98 a standard
 # error is already widened tenfold.
 _MOST_CORRELATED = 0.98
-
-
 # By how much of a foot a parabola puts contact too late where the force rises with the power 1.5: 0.053, whatever
 # the length of the baseline; 0.025 for 1.2, 0.061 for 1.8, nothing for 1 and 2 (a test computes it).
 _PARABOLA_SHARE = 0.053
-
-
 # By how much the exponent of a foot may be off where its law is not the one it was given. Over 150 tests of users'
 # ranges whose law was given, and whose law was taken for a half-space's, the median |z| is 0.39 and 0.78, and 0 and
 # 1 % lie beyond two errors; the scatter of the three estimators had 0.10 and 0.92, 0 and 21 %.
 _EXPONENT_OFF = 0.2
-
-
 # Points in contact from which on four numbers can be told, and a logarithm of odds beyond which nothing changes.
 _LEAST_PRESSED, _CERTAIN = 4, 300.0
-
-
 # Three numbers are told from a foot: contact, size and baseline.
 _FEWEST_OF_FOOT = 4
-
-
 # Below this share of the largest eigenvalue a direction of normal equations is none.
 _SINGULAR = 1e-15
+#: Names of the estimators, the one used by default first.
+METHODS = ("foot", "change-point", "threshold")
 
 
 @dataclass(frozen=True)
@@ -364,10 +342,6 @@ def _widening(residual: FloatArray) -> float:
     # Anticorrelated residuals would narrow the interval; that is not claimed.
     held = min(max(correlation, 0.0), _MOST_CORRELATED)
     return (1.0 + held) / (1.0 - held)
-
-
-#: Names of the estimators, the one used by default first.
-METHODS = ("foot", "change-point", "threshold")
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,14 @@ from underlay.errors import CurveError, InputError
 
 __all__ = ["MIN_POINTS", "RECORDED", "Curve", "Metadata", "check_fittable", "recorded"]
 
+#: Fewer points than this are not fitted.
+MIN_POINTS = 8
+_LABELS = (LOADING, HOLD, UNLOADING)
+#: How a copy of a curve says it in a comment.
+RECORDED = "recorded: "
+# Entries of a file's header, in the order they are told; what a file calls them, in lower case.
+_ENTRIES = (("device", "instrument"), ("software version",), ("date",), ("time",))
+
 
 @final
 class Metadata(Mapping[str, Any]):
@@ -105,13 +113,6 @@ def _thaw(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_thaw(item) for item in value]
     return value
-
-
-#: Fewer points than this are not fitted.
-MIN_POINTS = 8
-
-
-_LABELS = (LOADING, HOLD, UNLOADING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -449,14 +450,6 @@ def _labels(values: ArrayLike, length: int) -> NDArray[np.str_]:
     labels: NDArray[np.str_] = array.astype("<U9")
     labels.flags.writeable = False
     return labels
-
-
-#: How a copy of a curve says it in a comment.
-RECORDED = "recorded: "
-
-
-# Entries of a file's header, in the order they are told; what a file calls them, in lower case.
-_ENTRIES = (("device", "instrument"), ("software version",), ("date",), ("time",))
 
 
 def recorded(curve: Curve) -> str:

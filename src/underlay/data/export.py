@@ -33,6 +33,13 @@ __all__ = ["HDF5_MARK", "METADATA_MARK", "curve_csv", "write_curves", "write_jso
 # Seven digits: a ten-thousandth of the finest noise, and the same text wherever the last bit of a force
 # comes out differently.
 _FORMAT = "{:.7g}"
+#: A comment line of a CSV that starts with this carries metadata and truth as JSON.
+METADATA_MARK = "underlay-metadata:"
+#: What the JSON and HDF5 files of curves say they are.
+HDF5_MARK = "underlay-curves"
+#: Columns of an exported curve and their units.
+UNITS = {"depth": "m", "force": "N", "time": "s"}
+_JSON_TEXT = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 
 def curve_csv(curve: Curve, comments: Iterable[str] = ()) -> str:
@@ -60,21 +67,6 @@ def curve_csv(curve: Curve, comments: Iterable[str] = ()) -> str:
     lines.append(",".join(name for name, _ in columns))
     lines += [",".join(row) for row in zip(*(cells for _, cells in columns), strict=True)]
     return "\n".join(lines) + "\n"
-
-
-#: A comment line of a CSV that starts with this carries metadata and truth as JSON.
-METADATA_MARK = "underlay-metadata:"
-
-
-#: What the JSON and HDF5 files of curves say they are.
-HDF5_MARK = "underlay-curves"
-
-
-#: Columns of an exported curve and their units.
-UNITS = {"depth": "m", "force": "N", "time": "s"}
-
-
-_JSON_TEXT = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 
 def write_curves(curves: Curve | Sequence[Curve], path: str | os.PathLike[str]) -> Path:

@@ -39,14 +39,40 @@ __all__ = [
 
 # Stairs repeat this share of their readings, on so many levels: fewer are the steps of a test.
 _REPEATED, _LEVELS = 0.25, 20
-
-
 # Reversals above this fraction of the range are never taken for vibration.
 _VIBRATION = 0.1
-
-
 # One small reversal is no vibration: a stiff sample comes back so little.
 _FEWEST_SWINGS = 3
+LOADING = "loading"
+HOLD = "hold"
+UNLOADING = "unloading"
+# A piece slower than this fraction of the speed of travel rests. Under a load ramp on a Hertz contact the
+# depth slows down as t**(-1/3), to a fifth of its speed at 1 % of the ramp: 0.1 keeps that as loading.
+_REST_SPEED = 0.1
+# Tolerance of the polyline, as a fraction of the range of the motion, and in steps of a motion in stairs. In noise
+# it grows with the number of readings.
+_TOLERANCE = 0.01
+_STEPS = 1.5
+# A change by fewer standard deviations of the noise is none.
+_NOISE = 4.0
+# White noise above the tolerance is averaged down over as many points as that takes, but never over more than
+# this part of the curve: corners would be rounded.
+_SMOOTHED = 20
+# A slow piece that goes back while the force falls by this fraction of its range is unloading. One that goes in
+# while it rises so, and by more than noise, is loading, as after an approach ten times as fast.
+_CHANGE = 0.05
+# Cycles of a stiff sample, as of KLA's tungsten and made ones: each lets go of this share of its force at least,
+# over so many readings, along lines to this share of it, and depth and force share this part of their variance.
+# Changes are told from noise by so many standard deviations.
+_LETS_GO, _FEWEST, _STRAIGHT, _SHARED, _CLEAR = 0.3, 5, 0.05, 0.5, 4.0
+# A rest changes neither by this share.
+_REST = 0.05
+# A hold of a file in which depth and force rise by this share of their ranges is a ramp: the one that was met rose
+# by two thirds, and the creep of gels under a held force leaves the force where it was.
+_RAMP = 0.05
+# More corners than any protocol has (two a cycle), and readings looked at for them, in two seconds; bounds the work
+# on a file of spikes.
+_MAX_PIECES, _LOOKED_AT = 10_000, 300_000_000
 
 
 def noise_of(motion: FloatArray) -> float:
@@ -98,62 +124,6 @@ def wobble_of(heights: FloatArray) -> float:
     if not first.size or len(reversals) - 1 - first[0] < _FEWEST_SWINGS:
         return 0.0
     return float(reversals[first[0] + 1])
-
-
-LOADING = "loading"
-
-
-HOLD = "hold"
-
-
-UNLOADING = "unloading"
-
-
-# A piece slower than this fraction of the speed of travel rests. Under a load ramp on a Hertz contact the
-# depth slows down as t**(-1/3), to a fifth of its speed at 1 % of the ramp: 0.1 keeps that as loading.
-_REST_SPEED = 0.1
-
-
-# Tolerance of the polyline, as a fraction of the range of the motion, and in steps of a motion in stairs. In noise
-# it grows with the number of readings.
-_TOLERANCE = 0.01
-
-
-_STEPS = 1.5
-
-
-# A change by fewer standard deviations of the noise is none.
-_NOISE = 4.0
-
-
-# White noise above the tolerance is averaged down over as many points as that takes, but never over more than
-# this part of the curve: corners would be rounded.
-_SMOOTHED = 20
-
-
-# A slow piece that goes back while the force falls by this fraction of its range is unloading. One that goes in
-# while it rises so, and by more than noise, is loading, as after an approach ten times as fast.
-_CHANGE = 0.05
-
-
-# Cycles of a stiff sample, as of KLA's tungsten and made ones: each lets go of this share of its force at least,
-# over so many readings, along lines to this share of it, and depth and force share this part of their variance.
-# Changes are told from noise by so many standard deviations.
-_LETS_GO, _FEWEST, _STRAIGHT, _SHARED, _CLEAR = 0.3, 5, 0.05, 0.5, 4.0
-
-
-# A rest changes neither by this share.
-_REST = 0.05
-
-
-# A hold of a file in which depth and force rise by this share of their ranges is a ramp: the one that was met rose
-# by two thirds, and the creep of gels under a held force leaves the force where it was.
-_RAMP = 0.05
-
-
-# More corners than any protocol has (two a cycle), and readings looked at for them, in two seconds; bounds the work
-# on a file of spikes.
-_MAX_PIECES, _LOOKED_AT = 10_000, 300_000_000
 
 
 def segments_from_motion(

@@ -64,6 +64,11 @@ BONDS = ("bonded", "slip", "unknown")
 #: How water leaves a draining layer at the tip: not through it, or freely; an unknown one is computed as solid,
 #: and a fit spans both.
 TIP_DRAINAGES = ("solid", "porous", "unknown")
+Real: TypeAlias = "float | FloatArray"
+#: A sample of finite width is round, or square.
+SHAPES = ("plug", "block", "ignored")
+#: Most layers of a body, the one on top included: graded materials want another method.
+MOST_LAYERS = 8
 
 
 @dataclass(frozen=True)
@@ -118,9 +123,6 @@ def as_bond(given: object) -> Bond:
     raise InputError(
         f'unknown bond {given!r:.60}: a layer\'s lower face is "bonded", "slip", "unknown" or a Spring'
     )
-
-
-Real: TypeAlias = "float | FloatArray"
 
 
 def magnitude(value: Real) -> Real:
@@ -346,10 +348,6 @@ class Stiffening(Part, ABC):
         """
 
 
-#: A sample of finite width is round, or square.
-SHAPES = ("plug", "block", "ignored")
-
-
 @dataclass(frozen=True)
 class Layer(Part):
     """A layer of uniform thickness.
@@ -457,10 +455,6 @@ def _check_relaxation(relaxation: Relaxation, material: Material) -> None:
             "constant one misses the force by 1 % (nu = 0.49, half of the shear modulus relaxing) to 30 % "
             '(nu = 0.3); take nu = 0.5, or relaxes = "shear_and_bulk"'
         )
-
-
-#: Most layers of a body, the one on top included: graded materials want another method.
-MOST_LAYERS = 8
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,14 @@ from underlay.units import format_quantity
 
 __all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState", "DeeperThanLayer", "OnLaw", "ScaledLaw"]
 
+#: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
+CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a larger max_depth"
+_LARGEST = float(np.finfo(float).max)
+# A depth that was computed exceeds the largest by its rounding: so much is the same depth.
+_ROUNDED = 1.0 + 4.0 * float(np.finfo(float).eps)
+# Points of the equilibria of a law.
+_DRAWN = 400
+
 
 @dataclass(frozen=True)
 class DeeperThanLayer:
@@ -63,19 +71,6 @@ class DeeperThanLayer:
             f"{format_quantity(self.thickness, 'length')} thick, where linear elasticity says nothing true: use "
             "less of the curve ([curve] max_depth), or check depth, thickness and their units"
         )
-
-
-#: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
-CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a larger max_depth"
-
-
-_LARGEST = float(np.finfo(float).max)
-# A depth that was computed exceeds the largest by its rounding: so much is the same depth.
-_ROUNDED = 1.0 + 4.0 * float(np.finfo(float).eps)
-
-
-# Points of the equilibria of a law.
-_DRAWN = 400
 
 
 class ContactState(NamedTuple):

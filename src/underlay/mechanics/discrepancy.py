@@ -51,6 +51,12 @@ __all__ = [
 #: ``"none"``: points slide freely. ``"stuck"``: they stick where they touch. ``"unknown"``: computed without, and
 #: what friction could do is said beside a fit. What real friction does lies between the two.
 FRICTIONS = ("unknown", "none", "stuck")
+_LEAST_NU, _MOST_DEPTH, _LEAST_THICKNESS, _MOST_DEPTH_IN_RADII = 0.3, 0.3, 0.5, 0.5
+# A depth read off a curve may exceed the end of the range by rounding.
+_ROUNDING = 1e-9
+# Relative step of the slope of what large strains add, second order, to smaller depths alone: the law ends at its
+# largest.
+_STEP = 1e-3
 
 
 def as_friction(given: object) -> str:
@@ -67,13 +73,6 @@ def as_friction(given: object) -> str:
         f"friction is one of {', '.join(FRICTIONS)}; got {given!r:.60}. A given coefficient lies between "
         '"none" and "stuck": compute both'
     )
-
-
-_LEAST_NU, _MOST_DEPTH, _LEAST_THICKNESS, _MOST_DEPTH_IN_RADII = 0.3, 0.3, 0.5, 0.5
-
-
-# A depth read off a curve may exceed the end of the range by rounding.
-_ROUNDING = 1e-9
 
 
 def finite_strain_excess(contact: Contact, depth: FloatArray, radius: FloatArray) -> FloatArray:
@@ -169,11 +168,6 @@ def why_unmeasured(contact: Contact, depth: float) -> str:
         ),
     )
     return next((f"measured for {words}" for beyond, words in ends if beyond), "")
-
-
-# Relative step of the slope of what large strains add, second order, to smaller depths alone: the law ends at its
-# largest.
-_STEP = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)

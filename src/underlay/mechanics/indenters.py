@@ -34,6 +34,16 @@ from underlay.quantities import Part, quantity
 
 __all__ = ["Cone", "FlatPunch", "Indenter", "Paraboloid", "PowerLaw", "Sphere", "plugged_indenters"]
 
+# Below this a/R the closed forms of (6.3) and (6.4) subtract nearly equal numbers; the series does not.
+# At 0.5 the 26-term series is exact to 0.5^54 and the closed forms lose 1.3 digits (5e-15).
+_SERIES_LIMIT = 0.5
+_TERM = np.arange(26)
+_FIRST = 1.0 / ((2 * _TERM + 1) * (2 * _TERM + 3))
+_STEEPEST = 0.9999
+_SECOND = 1.0 / ((2 * _TERM + 5) * (2 * _TERM + 1))
+# Cubic convergence: 3.2 % becomes 2e-6, and that nothing.
+_HALLEY_STEPS = 2
+
 
 class Indenter(Part, ABC):
     """A rigid, convex, axisymmetric indenter; all lengths in metres.
@@ -358,15 +368,6 @@ class PowerLaw(PowerLawShape):
         )
 
 
-# Below this a/R the closed forms of (6.3) and (6.4) subtract nearly equal numbers; the series does not.
-# At 0.5 the 26-term series is exact to 0.5^54 and the closed forms lose 1.3 digits (5e-15).
-_SERIES_LIMIT = 0.5
-_TERM = np.arange(26)
-_FIRST = 1.0 / ((2 * _TERM + 1) * (2 * _TERM + 3))
-_STEEPEST = 0.9999
-_SECOND = 1.0 / ((2 * _TERM + 5) * (2 * _TERM + 1))
-
-
 @dataclass(frozen=True)
 class Sphere(Indenter):
     """A true sphere, Phi = R - sqrt(R^2 - r^2) (6.1); `radius` R in metres, contact radius a < R."""
@@ -440,10 +441,6 @@ class Sphere(Indenter):
             slope = tanh + t * bent
             t = t - left * slope / (slope * slope - left * bent * (1.0 - t * tanh))
         return np.asarray(self.radius * np.tanh(t))
-
-
-# Cubic convergence: 3.2 % becomes 2e-6, and that nothing.
-_HALLEY_STEPS = 2
 
 
 def _first_moment(alpha: FloatArray) -> FloatArray:

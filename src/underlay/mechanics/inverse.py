@@ -23,6 +23,10 @@ __all__ = ["depth_at_loads", "invert_increasing"]
 # Newton takes 4 to 8 steps. At a turning point, where the slope vanishes, each step halves the error and
 # rounding of y leaves 1e-8 of x, which 30 steps reach: there x has no more digits to give.
 _MAX_STEPS = 80
+#: Depths (m), (n,), to forces (N) or stiffnesses (N/m), (n,).
+Primitive: TypeAlias = Callable[[FloatArray], FloatArray]
+# Quadratic after the first steps on a smooth law.
+_LAW_INVERSE_MAX_STEPS = 60
 
 
 def invert_increasing(
@@ -72,14 +76,6 @@ def invert_increasing(
             return np.asarray(np.exp(proposal))
         x = proposal
     return np.asarray(np.exp(x))
-
-
-#: Depths (m), (n,), to forces (N) or stiffnesses (N/m), (n,).
-Primitive: TypeAlias = Callable[[FloatArray], FloatArray]
-
-
-# Quadratic after the first steps on a smooth law.
-_LAW_INVERSE_MAX_STEPS = 60
 
 
 def depth_at_loads(

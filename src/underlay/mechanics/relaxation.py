@@ -32,6 +32,12 @@ RELAXES = ("shear_and_bulk", "shear")
 
 # Fractions of a fit may add up to one but for the rounding of their sum.
 _ROUNDING = 1e-12
+# Trapezoid rule in ln(1/time): its error falls as exp(-pi^2 / step), up to 2e-8 at 0.5 (a test measures it).
+_STEP = 0.5
+# The rule ends where the modes that are left out change e(t) by less than this part of it.
+_TAIL = 1e-9
+# Ends of the rule at exponents below and above these would lie beyond what floats hold.
+_EXPONENTS = (0.01, 0.7)
 
 
 @dataclass(frozen=True)
@@ -237,14 +243,6 @@ class Prony(Relaxation):
         return {f"fractions[{k}]": Modes(-1.0, row, none) for k, row in enumerate(unit)} | {
             f"times[{k}]": Modes(0.0, none, row) for k, row in enumerate(unit)
         }
-
-
-# Trapezoid rule in ln(1/time): its error falls as exp(-pi^2 / step), up to 2e-8 at 0.5 (a test measures it).
-_STEP = 0.5
-# The rule ends where the modes that are left out change e(t) by less than this part of it.
-_TAIL = 1e-9
-# Ends of the rule at exponents below and above these would lie beyond what floats hold.
-_EXPONENTS = (0.01, 0.7)
 
 
 @dataclass(frozen=True)

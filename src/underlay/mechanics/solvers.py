@@ -46,6 +46,9 @@ __all__ = [
     "solver_record",
 ]
 
+#: What a ``solver=`` takes: a `Solver`, a name, or any object with ``build(contact, max_depth)``.
+AnySolver: TypeAlias = Solver | PublishedCorrection | str | Any
+
 
 @dataclass(frozen=True)
 class Asymptotic(Solver):
@@ -144,9 +147,6 @@ class _Own(Solver):
         law: ContactLaw = self.builder.build(contact, max_depth)
         return law
 
-
-#: What a ``solver=`` takes: a `Solver`, a name, or any object with ``build(contact, max_depth)``.
-AnySolver: TypeAlias = Solver | PublishedCorrection | str | Any
 
 _NAMED: Mapping[str, type[Any]] = {
     "auto": Auto,

@@ -36,6 +36,11 @@ from underlay.mechanics.solvers import as_solver, contact_law
 
 __all__ = ["AreaFunction", "modulus_from_stiffness"]
 
+# kappa_inf from (a/h, layer material, substrate): the flat punch's factor of (9.5).
+_PunchFactor: TypeAlias = Callable[[float, Isotropic, Base], float]
+# The modulus is looked for within this factor of the half-space value either way.
+_WIDEST_RATIO = 1e8
+
 
 @dataclass(frozen=True)
 class AreaFunction:
@@ -131,14 +136,6 @@ def _exponents(terms: int) -> FloatArray:
 
 def _powers(depth: FloatArray, terms: int) -> FloatArray:
     return np.asarray(depth)[..., None] ** _exponents(terms)
-
-
-# kappa_inf from (a/h, layer material, substrate): the flat punch's factor of (9.5).
-_PunchFactor: TypeAlias = Callable[[float, Isotropic, Base], float]
-
-
-# The modulus is looked for within this factor of the half-space value either way.
-_WIDEST_RATIO = 1e8
 
 
 def modulus_from_stiffness(

@@ -21,6 +21,11 @@ __all__ = ["adhesion_frame", "adhesion_table", "halfspace_of", "halfspace_senten
 
 # Over pi R w, on a half-space.
 _HALF_SPACE = 1.5
+_HELD = {
+    "adhesion.pull_off_force": "a given load",
+    "adhesion.pull_off_depth": "a given depth",
+    "adhesion.zero_load_radius": "no load",
+}
 
 
 def adhesion_frame(result: Fit) -> pd.DataFrame:
@@ -73,13 +78,6 @@ def adhesion_table(result: Fit, curve: int = 0) -> pd.DataFrame:
             }
         )
     return labelled_table(rows)
-
-
-_HELD = {
-    "adhesion.pull_off_force": "a given load",
-    "adhesion.pull_off_depth": "a given depth",
-    "adhesion.zero_load_radius": "no load",
-}
 
 
 def halfspace_of(result: Fit, curve: int = 0) -> str:

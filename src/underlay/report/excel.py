@@ -52,21 +52,23 @@ __all__ = [
 
 #: Rows of a sheet under its header, as the format allows; and letters of a cell.
 MOST_ROWS, _LONGEST = 1_048_575, 32_767
-
-
 _WIDEST, _MARGIN = 60, 2
-
-
 # Rows of which the widths of columns are taken.
 _LOOKED_AT = 200
-
-
 _OPTIONS = {
     "in_memory": True,
     "strings_to_formulas": False,
     "strings_to_urls": False,
     "strings_to_numbers": False,
 }
+_CONTACT = "instrument.contact_depth"
+#: What an Excel file can hold: fits or the table of a map, and what was made of them.
+_Reported: TypeAlias = Fit | PointwiseModulus | Population | pd.DataFrame
+# Points of all curves together: a file of some 10 MB that a spreadsheet opens at once.
+_MOST_POINTS = 100_000
+# Columns of a map's table that say which curve a row is of.
+_WHICH = ("name", "path", "sha256", "x", "y", "status", "verdict", "reason", "decision", "decision_reason")
+_VERSION = pd.DataFrame({"setting": ["underlay", "units"], "value": [VERSION, "SI: m, N, Pa, s"]})
 
 
 def excel_library() -> ModuleType:
@@ -136,9 +138,6 @@ def _width(name: str, values: list[Any]) -> float:
     # A long name is wrapped, a long text runs on.
     longest = max([*(len(word) for word in words), min(len(name), _WIDEST // 4)], default=0)
     return float(min(_WIDEST, longest + _MARGIN))
-
-
-_CONTACT = "instrument.contact_depth"
 
 
 def result_rows(result: Fit) -> pd.DataFrame:
@@ -274,21 +273,6 @@ def _curve_rows(result: Fit, most: int) -> pd.DataFrame:
         }
         parts.append(pd.DataFrame(columns).iloc[::step])
     return pd.concat(parts, ignore_index=True)
-
-
-#: What an Excel file can hold: fits or the table of a map, and what was made of them.
-_Reported: TypeAlias = Fit | PointwiseModulus | Population | pd.DataFrame
-
-
-# Points of all curves together: a file of some 10 MB that a spreadsheet opens at once.
-_MOST_POINTS = 100_000
-
-
-# Columns of a map's table that say which curve a row is of.
-_WHICH = ("name", "path", "sha256", "x", "y", "status", "verdict", "reason", "decision", "decision_reason")
-
-
-_VERSION = pd.DataFrame({"setting": ["underlay", "units"], "value": [VERSION, "SI: m, N, Pa, s"]})
 
 
 def write_excel(

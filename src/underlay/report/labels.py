@@ -14,6 +14,10 @@ __all__ = ["is_of_the_sample", "label", "labelled", "start", "symbol"]
 # something to Markdown, or to the formulas of a picture.
 _FOREIGN = re.compile(r"[^\w.\[\]]", re.ASCII)
 _INDEX = re.compile(r"\[(\d{1,6})\]$")
+_PATHS = re.compile(
+    r"(?<![\w.])(?:layer|substrate|indenter|instrument|lever|adhesion|noise|discrepancy|history)"
+    r"\.[A-Za-z_]\w*(?:\.[A-Za-z_]\w*|\[\d+\])*"
+)
 
 
 def label(name: str) -> str:
@@ -31,12 +35,6 @@ def label(name: str) -> str:
 def labelled(text: str) -> str:
     """Return `text` with parameters called by their words: ``"layer.E is ..."`` -> ``"layer modulus is ..."``."""
     return _PATHS.sub(lambda found: label(found[0]), text)
-
-
-_PATHS = re.compile(
-    r"(?<![\w.])(?:layer|substrate|indenter|instrument|lever|adhesion|noise|discrepancy|history)"
-    r"\.[A-Za-z_]\w*(?:\.[A-Za-z_]\w*|\[\d+\])*"
-)
 
 
 def _words(path: str) -> str:

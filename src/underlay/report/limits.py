@@ -45,6 +45,11 @@ __all__ = [
     "rivals",
 ]
 
+_LEVEL = 0.95
+_ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
+# Differences of AIC that count for little, and for much (Burnham and Anderson 2002).
+_LITTLE, _MUCH = 2.0, 10.0
+
 
 @dataclass(frozen=True)
 class DistinctScene:
@@ -113,12 +118,6 @@ def _label(numbers: tuple[int, ...]) -> str:
     return f"curves {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
 
 
-_LEVEL = 0.95
-
-
-_ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
-
-
 def rivals(result: Fit) -> list[str]:
     """Return one sentence per other optimum that explains the data, or nearly does; most often none.
 
@@ -172,10 +171,6 @@ def _rival_sentence(result: Fit, other: Alternative, name: str) -> str:
         f"{other.delta_chi_square:.2g}. The intervals {reach}; a posterior shows how far they can "
         "be trusted."
     )
-
-
-# Differences of AIC that count for little, and for much (Burnham and Anderson 2002).
-_LITTLE, _MUCH = 2.0, 10.0
 
 
 def bonds_sentences(told: BondComparison) -> list[str]:

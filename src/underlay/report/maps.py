@@ -57,13 +57,11 @@ __all__ = [
 
 # More rows than this are looked up in the table itself.
 _LISTED = 50
-
-
 _MIDDLE = (0.5, 0.16, 0.84)
-
-
 # What follows from a fit with adhesion at every site; the table has no error of them.
 _FOLLOW = ("adhesion.pull_off_force", "adhesion.pull_off_depth")
+# Columns of a map that say whose a curve is, and of which group.
+_WHOSE, _GROUP = "animal", "group"
 
 
 def sample_parameters(table: pd.DataFrame) -> list[str]:
@@ -202,10 +200,6 @@ def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: 
     if "seconds" in table.columns:
         rows["time of all fits"] = f"{float(table['seconds'].sum()):.3g} s"
     return facts_table({**rows, **facts})
-
-
-# Columns of a map that say whose a curve is, and of which group.
-_WHOSE, _GROUP = "animal", "group"
 
 
 def of_map(table: pd.DataFrame) -> Population | str:

@@ -32,6 +32,10 @@ __all__ = ["Cell", "execute", "filled", "import_path", "make_notebook", "write_n
 _FENCE = re.compile(r"^```python\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
 # Letters: the longest file name has 255.
 _LONGEST = 300
+# A cell that takes longer than this hangs; the slowest cell of a template takes seconds.
+_LONGEST_CELL = 600
+# Variables that have a Python run something else first, or go on after its program.
+_NOT_HANDED_ON = frozenset({"PYTHONSTARTUP", "PYTHONINSPECT"})
 
 
 class Cell(NamedTuple):
@@ -127,10 +131,6 @@ def _cells(text: str) -> Iterator[Cell]:
     yield Cell(text[end:].strip())
 
 
-# A cell that takes longer than this hangs; the slowest cell of a template takes seconds.
-_LONGEST_CELL = 600
-
-
 def execute(notebook: Any, folder: Path) -> Any:
     """Run all cells of a notebook in `folder` and return it with its outputs.
 
@@ -157,10 +157,6 @@ def execute(notebook: Any, folder: Path) -> Any:
             f"a cell of the notebook ran longer than {_LONGEST_CELL} s; run the notebook by hand"
         ) from error
     return notebook
-
-
-# Variables that have a Python run something else first, or go on after its program.
-_NOT_HANDED_ON = frozenset({"PYTHONSTARTUP", "PYTHONINSPECT"})
 
 
 def _environment(own: str, folder: Path) -> dict[str, str]:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["posterior_diagnostics_table", "posterior_table", "prior_table"]
 
-
 # Ends farther apart than this have each a unit of its own.
 _ONE_UNIT = 1e-3
 

@@ -43,16 +43,16 @@ __all__ = ["Card", "Small", "review_cards", "small_picture", "write_review"]
 
 # Pixels: width, height of the curve, gap, height of the residuals; margins for the words.
 _WIDTH, _CURVE, _GAP, _STRIP = 250, 120, 30, 34
-
-
 _LEFT, _TOP, _BOTTOM = 8, 14, 16
-
-
 _MOST_POINTS = 160
-
-
 # Share of the contact that is drawn of the flat part before it.
 _BEFORE = 0.35
+# A picture of 120 pixels needs no finer law.
+_RTOL = 1e-3
+# Pieces of a curve over which residuals are averaged, so that noise is small beside misfit.
+_PIECES = 20
+_ORDER = {"refused": 0, "reject": 1, "check": 2, "good": 3}
+_LONGEST_REASON = 600
 
 
 class Small(NamedTuple):
@@ -135,20 +135,6 @@ def _scaled(values: FloatArray, low: float, high: float) -> FloatArray:
 
 
 _TEMPLATES = Path(__file__).parent / "templates"
-
-
-# A picture of 120 pixels needs no finer law.
-_RTOL = 1e-3
-
-
-# Pieces of a curve over which residuals are averaged, so that noise is small beside misfit.
-_PIECES = 20
-
-
-_ORDER = {"refused": 0, "reject": 1, "check": 2, "good": 3}
-
-
-_LONGEST_REASON = 600
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,16 @@ _SOURCES = {
     "layer.nu": "Poisson's ratio",
     "a tip that is a sphere, not a paraboloid": "tip shape",
 }
+#: Short names and letters of what is printed most, by the path's last part or the whole path.
+_SHORT = {
+    "layer.E": ("Layer modulus", "E"),
+    "layer.thickness": ("Layer thickness", "h"),
+    "layer.nu": ("Poisson's ratio", "nu"),
+    "substrate.E": ("Substrate", "E"),
+    "adhesion.work": ("Adhesion", "work"),
+    "layer.instantaneous_modulus": ("Instantaneous", "E0"),
+    "layer.equilibrium_modulus": ("Equilibrium", "E∞"),
+}
 
 
 def _line(name: str, text: str) -> str:
@@ -171,18 +181,6 @@ def name_of(parameter: str) -> tuple[str, str]:
     if short is None:
         return start(label(parameter)), _letter(parameter)
     return f"{short[0]}{'' if curve is None else f' {curve + 1}'}", short[1]
-
-
-#: Short names and letters of what is printed most, by the path's last part or the whole path.
-_SHORT = {
-    "layer.E": ("Layer modulus", "E"),
-    "layer.thickness": ("Layer thickness", "h"),
-    "layer.nu": ("Poisson's ratio", "nu"),
-    "substrate.E": ("Substrate", "E"),
-    "adhesion.work": ("Adhesion", "work"),
-    "layer.instantaneous_modulus": ("Instantaneous", "E0"),
-    "layer.equilibrium_modulus": ("Equilibrium", "E∞"),
-}
 
 
 def _letter(name: str) -> str:

@@ -70,9 +70,12 @@ _PYTHON_TO_COMMAND_LINE: tuple[tuple[str, str], ...] = (
         'give it bounds in [fit], { min = ..., max = ... }, or a prior = "normal" with mean and sd',
     ),
 )
-
-
 _RULES = tuple((re.compile(pattern), words) for pattern, words in _PYTHON_TO_COMMAND_LINE)
+# Marks of Markdown, of HTML and of addresses that become links by themselves. One underscore between letters,
+# as file names have it, marks nothing. A dollar or a backslash would still begin mathematics in a notebook
+# if it were written as an entity: only code is left alone there.
+_MARKS = re.compile(r"[`*\[\]<>&~!|#@]|(?<![^\W_])_|_(?![^\W_])|(?<=:)/|(?<=www)\.", re.IGNORECASE)
+_MATHEMATICS = re.compile(r"[$\\]+")
 
 
 def spoken(message: str) -> str:
@@ -86,15 +89,6 @@ def spoken(message: str) -> str:
     for pattern, words in _RULES:
         message = pattern.sub(words, message)
     return message
-
-
-# Marks of Markdown, of HTML and of addresses that become links by themselves. One underscore between letters,
-# as file names have it, marks nothing. A dollar or a backslash would still begin mathematics in a notebook
-# if it were written as an entity: only code is left alone there.
-_MARKS = re.compile(r"[`*\[\]<>&~!|#@]|(?<![^\W_])_|_(?![^\W_])|(?<=:)/|(?<=www)\.", re.IGNORECASE)
-
-
-_MATHEMATICS = re.compile(r"[$\\]+")
 
 
 def markdown_text(text: object, longest: int | None = None) -> str:

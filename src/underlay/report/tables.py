@@ -56,6 +56,11 @@ __all__ = [
 
 # Below this share of the largest it is what rounding leaves of zero.
 _NOTHING = 1e-9
+# Columns of tables of parameters that hold no value of the parameter.
+_BARE = frozenset({"ess", "rhat", "narrowing", "distance", "curves", "points", "units"})
+_SUFFIXES = (".stderr", ".low", ".high", ".expected", ".instrument")
+# Correlation above which two parameters are known together only; standard error of a logarithm that is badly known.
+_STRONG, _BADLY = 0.9, 0.05
 
 
 def amounts(values: Sequence[float], kind: str) -> list[str]:
@@ -76,13 +81,6 @@ def span(low: float, high: float, kind: str) -> str:
     """Return two SI values in one unit, so small that the larger is ten or more: ``"-15.8 to 124 um"``."""
     unit, factor = human_unit(0.1 * max(abs(low), abs(high)), kind)
     return f"{low / factor + 0.0:.4g} to {high / factor + 0.0:.4g} {unit}".rstrip()
-
-
-# Columns of tables of parameters that hold no value of the parameter.
-_BARE = frozenset({"ess", "rhat", "narrowing", "distance", "curves", "points", "units"})
-
-
-_SUFFIXES = (".stderr", ".low", ".high", ".expected", ".instrument")
 
 
 def with_units(table: pd.DataFrame) -> pd.DataFrame:
@@ -178,10 +176,6 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
         for first, second, value in _strong_pairs(result)
     ]
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
-
-
-# Correlation above which two parameters are known together only; standard error of a logarithm that is badly known.
-_STRONG, _BADLY = 0.9, 0.05
 
 
 def _strong_pairs(result: Fit) -> list[tuple[str, str, float]]:

@@ -24,12 +24,20 @@ _WORDS = (
     "stiffness can be fitted: with a cone as the tip (such as berkovich, step 2), and what is fitted of layer and "
     "substrate."
 )
-
-
 _PERFECT = "none: a perfect tip"
-
-
 _OLD = "The test was changed since: fit the stiffness again."
+_CONTACT = "instrument.contact_depth"
+_STEPS = 1000
+# What is held where no handle is near.
+_PAN = "pan"
+# Which way a wheel was turned, and where on the picture, as a share of its width.
+_WHEEL = """(event) => { event.preventDefault();
+  const box = event.currentTarget.getBoundingClientRect();
+  emit({up: event.deltaY < 0, at: (event.clientX - box.left) / box.width}); }"""
+# A handle is taken from this far (pixels of the picture): a finger covers twice that.
+_REACH = 20.0
+#: Of the handles: the contact point, and the ends of the range.
+GREEN, GREY = "#009e73", "#404040"
 
 
 class FilmPart:
@@ -98,26 +106,6 @@ class FilmPart:
                 ui.image(data_address(content)).classes("picture half").props(
                     'alt="contact stiffness and modulus by depth"'
                 )
-
-
-_CONTACT = "instrument.contact_depth"
-
-
-_STEPS = 1000
-
-
-# What is held where no handle is near.
-_PAN = "pan"
-# Which way a wheel was turned, and where on the picture, as a share of its width.
-_WHEEL = """(event) => { event.preventDefault();
-  const box = event.currentTarget.getBoundingClientRect();
-  emit({up: event.deltaY < 0, at: (event.clientX - box.left) / box.width}); }"""
-# A handle is taken from this far (pixels of the picture): a finger covers twice that.
-_REACH = 20.0
-
-
-#: Of the handles: the contact point, and the ends of the range.
-GREEN, GREY = "#009e73", "#404040"
 
 
 class FitStep(Step):

@@ -22,6 +22,11 @@ from underlay.report.plots.fit import Canvas
 
 __all__ = ["GalleryPart", "ManyStep", "PopulationPart", "RegionPart"]
 
+_NONE = "none"
+_OLD = "Curves were fitted or decided on since: press Mean and spread again."
+_CUT = "This run did not come to its end; what it finished is kept. Press Fit all curves to go on."
+_MANY_OLD = "Curves, labels or the test were changed since: fit all curves again. What was decided is kept."
+
 
 class GalleryPart:
     """A page of curves and what is decided of them.
@@ -125,12 +130,6 @@ class GalleryPart:
     async def _turn(self, page: int) -> None:
         self._page = int(page) - 1
         await self.show()
-
-
-_NONE = "none"
-
-
-_OLD = "Curves were fitted or decided on since: press Mean and spread again."
 
 
 class PopulationPart:
@@ -338,12 +337,6 @@ def open_curve(window: Window, name: str) -> None:
     if window.holds and any(path.name == name for path in window.analysis.folder.curve_files()):
         window.analysis.pick(name)
         window.go("Fit")
-
-
-_CUT = "This run did not come to its end; what it finished is kept. Press Fit all curves to go on."
-
-
-_MANY_OLD = "Curves, labels or the test were changed since: fit all curves again. What was decided is kept."
 
 
 class ManyStep(Step):

@@ -24,6 +24,18 @@ from underlay.report.page import style_of
 
 __all__ = ["COLOURS", "AnalysisPage", "StartPage", "add_pages"]
 
+#: What buttons, sliders and messages are painted with.
+COLOURS = {
+    "primary": "#0072b2",
+    "secondary": "#5a5a5a",
+    "accent": "#009e73",
+    "negative": "#b3400a",
+    "warning": "#b3400a",
+}
+# For a page to be built (s): what is too late is not shown at all, and a busy machine is slow.
+_PATIENCE = 60.0
+_CSS = FileKind("the style of the page", 1_000_000, "install underlay again")
+
 
 class AnalysisPage:
     """The page of an analysis in one window.
@@ -101,23 +113,6 @@ class AnalysisPage:
             ui.button("Close", on_click=dialog.close).props("flat no-caps")
         await dialog
         dialog.delete()
-
-
-#: What buttons, sliders and messages are painted with.
-COLOURS = {
-    "primary": "#0072b2",
-    "secondary": "#5a5a5a",
-    "accent": "#009e73",
-    "negative": "#b3400a",
-    "warning": "#b3400a",
-}
-
-
-# For a page to be built (s): what is too late is not shown at all, and a busy machine is slow.
-_PATIENCE = 60.0
-
-
-_CSS = FileKind("the style of the page", 1_000_000, "install underlay again")
 
 
 def add_pages(home: Home) -> None:

@@ -28,17 +28,22 @@ from underlay.units import KINDS, format_quantity, printed, printed_unit
 __all__ = ["FreeTable", "SceneStep", "SceneText"]
 
 _BOUNDS = ("min", "max")
-
-
 _OF_PRIOR = {"normal": ("mean", "sd"), "lognormal": ("median", "relative_sd"), "halfnormal": ("sd",)}
-
-
 # The contact point is held or fitted where the curve is seen.
 _ELSEWHERE = ("instrument.contact_depth",)
-
-
 # Where the bounds of a number lie that is freed without any, as shares of it.
 _WIDE = (1e-3, 1e3)
+_WORDS = (
+    'What has no field is written here: springs under a layer, bond = { normal = "1 GPa/m" }, and the prior '
+    '"found" of the contact point.'
+)
+_CHOOSES = ("shape", "model")
+# What every test says of a layer.
+_OF_A_LAYER = ("E", "nu", "thickness")
+# Keys that every sample says.
+_SAID = ("title", "rtol")
+# What a scene says of its curve that stays when another sample is begun with.
+_OF_THE_FILE = ("file", "test", "format", "columns", "flip", "calibration")
 
 
 def amount(
@@ -213,12 +218,6 @@ def _key_of(kind: str) -> SceneKey:
     return next(key for key in scene_keys() if key.section == "fit")._replace(kind=kind)
 
 
-_WORDS = (
-    'What has no field is written here: springs under a layer, bond = { normal = "1 GPa/m" }, and the prior '
-    '"found" of the contact point.'
-)
-
-
 class SceneText:
     """The text of the scene file, to be changed by hand.
 
@@ -252,21 +251,6 @@ class SceneText:
             analysis.draft = draft
             if self._window.keep():
                 await self._changed()
-
-
-_CHOOSES = ("shape", "model")
-
-
-# What every test says of a layer.
-_OF_A_LAYER = ("E", "nu", "thickness")
-
-
-# Keys that every sample says.
-_SAID = ("title", "rtol")
-
-
-# What a scene says of its curve that stays when another sample is begun with.
-_OF_THE_FILE = ("file", "test", "format", "columns", "flip", "calibration")
 
 
 class SceneStep(Step):

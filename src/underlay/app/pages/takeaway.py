@@ -15,23 +15,15 @@ _OF_FIT = (
     ("Spreadsheet (Excel)", "excel", "xlsx"),
     ("This analysis, to run again (ZIP, RO-Crate)", "archive", "analysis.zip"),
 )
-
-
 _OLD_FIT = (
     "The test was changed since it was fitted. What is exported is of the test as it was then; press Fit again for "
     "the test as it is now."
 )
-
-
 _OLD_MAP = (
     "Files, labels or the test were changed since all curves were fitted: the table is of what was fitted, and "
     "says with which test."
 )
-
-
 _OLD = "The test, the contact point or the range was changed since: sample again."
-
-
 _STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
 
 

@@ -44,6 +44,41 @@ __all__ = [
 
 # Rows left out that are named.
 _LISTED = 5
+# First bytes, what the file is, and what to do. No reader of these is maintained, or none is known to read forces.
+_KNOWN = (
+    (
+        b"MATLAB 7.3 MAT-file",
+        "a MATLAB file of version 7.3",
+        "save it in MATLAB with save(name, variables, '-v7'), which is read",
+    ),
+    (
+        b"\x01\xb0\x93\xff",
+        "an NT-MDT file (.mdt)",
+        "open it in NT-MDT's Nova or Image Analysis and export the curves as text (.txt), which is read",
+    ),
+    (
+        b"GWYP",
+        "a Gwyddion file (.gwy)",
+        "export the curves from Gwyddion as text with names and units in the first row",
+    ),
+    (
+        b"WIT_PR06",
+        "a WITec project (.wip)",
+        "export the curves from WITec's Project as text with names and units in the first row",
+    ),
+)
+_UNPACK = "unpack it, or pack the curves as a ZIP archive (.zip), which is read"
+_PACKED = (
+    (b"BZh", "compressed by bzip2 (.bz2)"),
+    (b"\xfd7zXZ\0", "compressed by xz (.xz)"),
+    (b"\x28\xb5\x2f\xfd", "compressed by Zstandard (.zst)"),
+    (b"7z\xbc\xaf\x27\x1c", "an archive of 7-Zip (.7z)"),
+    (b"Rar!\x1a\x07", "an archive of RAR (.rar)"),
+)
+# A TAR archive has its mark behind the first name.
+_TAR_AT, _TAR = 257, b"ustar"
+# Asylum's container of whole force maps writes its name behind a check sum and a size.
+_ARDF = b"ARDF"
 
 
 @dataclass(frozen=True)
@@ -260,51 +295,6 @@ def _contained(plugin: Plugin) -> Format:
         return curves
 
     return replace(own, sniff=sniff, read_all=read_all)
-
-
-# First bytes, what the file is, and what to do. No reader of these is maintained, or none is known to read forces.
-_KNOWN = (
-    (
-        b"MATLAB 7.3 MAT-file",
-        "a MATLAB file of version 7.3",
-        "save it in MATLAB with save(name, variables, '-v7'), which is read",
-    ),
-    (
-        b"\x01\xb0\x93\xff",
-        "an NT-MDT file (.mdt)",
-        "open it in NT-MDT's Nova or Image Analysis and export the curves as text (.txt), which is read",
-    ),
-    (
-        b"GWYP",
-        "a Gwyddion file (.gwy)",
-        "export the curves from Gwyddion as text with names and units in the first row",
-    ),
-    (
-        b"WIT_PR06",
-        "a WITec project (.wip)",
-        "export the curves from WITec's Project as text with names and units in the first row",
-    ),
-)
-
-
-_UNPACK = "unpack it, or pack the curves as a ZIP archive (.zip), which is read"
-
-
-_PACKED = (
-    (b"BZh", "compressed by bzip2 (.bz2)"),
-    (b"\xfd7zXZ\0", "compressed by xz (.xz)"),
-    (b"\x28\xb5\x2f\xfd", "compressed by Zstandard (.zst)"),
-    (b"7z\xbc\xaf\x27\x1c", "an archive of 7-Zip (.7z)"),
-    (b"Rar!\x1a\x07", "an archive of RAR (.rar)"),
-)
-
-
-# A TAR archive has its mark behind the first name.
-_TAR_AT, _TAR = 257, b"ustar"
-
-
-# Asylum's container of whole force maps writes its name behind a check sum and a size.
-_ARDF = b"ARDF"
 
 
 def way_out(source: Source) -> str:

@@ -43,14 +43,8 @@ __all__ = [
 
 #: First bytes of an HDF5 file.
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
-
-
 _MAX_OBJECTS = 500_000
-
-
 _BUFFER = 65_536
-
-
 # Numbers that files hold, by numpy's name for them on this machine and the library's.
 _NATIVE: Mapping[str, str] = {
     np.dtype("f8").str: "NATIVE_DOUBLE",

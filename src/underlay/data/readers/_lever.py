@@ -29,12 +29,12 @@ __all__ = ["Calibration", "Lever", "lever_curve", "sensor_note", "uncalibrated"]
 
 # What may be given, and the kinds of quantity it may be: detectors give a voltage or a current.
 _KINDS = {"spring_constant": ("stiffness",), "sensitivity": ("sensitivity", "current sensitivity")}
-
-
 _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
-
-
 _PER_CENT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*%\s*")
+# A piezo without closed loop is off by a few per cent, and 1.35 and 1.21 times were seen in files.
+_CLOSE = 0.1
+#: Kinds of quantity of a calibration, and what they are called in the metadata of a curve.
+_NAMES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 
 
 @dataclass(frozen=True)
@@ -127,14 +127,6 @@ def _is_of_kind(value: str | float, kind: str) -> bool:
     except UnitError:
         return False
     return True
-
-
-# A piezo without closed loop is off by a few per cent, and 1.35 and 1.21 times were seen in files.
-_CLOSE = 0.1
-
-
-#: Kinds of quantity of a calibration, and what they are called in the metadata of a curve.
-_NAMES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 
 
 @dataclass(frozen=True)

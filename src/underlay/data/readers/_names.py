@@ -38,8 +38,6 @@ _SENSITIVITY = re.compile(
     r"(?:defl\w*\.?\s?sens\w*|invols|sensitivity)[^\d\n]{0,12}([\d.]+(?:e[+-]?\d+)?)\s*([num]m/V|m/V)",
     re.IGNORECASE,
 )
-
-
 # "1: time 2: depth", "[1] time [2] depth".
 _COUNTED, _COUNT = re.compile(r"\W*1[\]:.)]\s*[^\W\d]"), re.compile(r"\[?\b\d{1,3}[\]:.)]\s*(?=[^\W\d])")
 

@@ -44,32 +44,30 @@ __all__ = [
 ]
 
 _END = b"\\*File list end"
-
-
 # Headers of 35 to 80 kB were seen.
 _LONGEST_HEADER = 1_000_000
-
-
 _LONGEST_COUNT = 12
-
-
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
-
-
 # "V [Sens. DeflSens] (0.0003750000 V/LSB) 2.500000 V", "V 21.90000 nm/V"
 _SCALE = re.compile(rf"V\s+(?:\[([^\]]*)\]\s*)?\(\s*({_NUMBER})\s*([^/\s]*)/LSB\)\s*({_NUMBER})?")
-
-
 _SENSITIVITY = re.compile(rf"V\s+({_NUMBER})\s*(?:([^/\s]+)/V)?")
-
-
 _PLAIN = re.compile(rf"({_NUMBER})\s*(\S*)")
-
-
 _METRES = {"m": 1.0, "um": 1e-6, "~m": 1e-6, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}
-
-
 _VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "~V": 1e-6}
+SCALE = ("@4:Z scale", "@4:Z Scale")
+TRIGGER = ("@4:Trig threshold Deflection", "@4:Trig Threshold Deflection")
+_SIGNAL = "@4:Image Data"
+_NUMBERS: Mapping[int, np.dtype[Any]] = {2: np.dtype("<i2"), 4: np.dtype("<i4")}
+# The drives of piezos, the widest of all signals, have 440 V over all numbers.
+_WIDEST = 1000.0
+# Between the overshoot of fast ramps (1.1 seen) and the least wrong power of two, 256, but wide of the first.
+_OVERSHOOT = 32.0
+_NEXT = (
+    "take the file from the microscope once more (a transfer as text, or an edit of the header, shifts the "
+    "numbers), or open it in NanoScope Analysis and export the curves as text"
+)
+# The turn of the drive: the first that is not zero.
+_TURNS = ("Sync Distance QNM", "Sync Distance New", "Sync Distance")
 
 
 class Scale(NamedTuple):
@@ -186,32 +184,6 @@ def read_header(source: Source) -> Header:
     return Header(source, tuple(sections))
 
 
-SCALE = ("@4:Z scale", "@4:Z Scale")
-
-
-TRIGGER = ("@4:Trig threshold Deflection", "@4:Trig Threshold Deflection")
-
-
-_SIGNAL = "@4:Image Data"
-
-
-_NUMBERS: Mapping[int, np.dtype[Any]] = {2: np.dtype("<i2"), 4: np.dtype("<i4")}
-
-
-# The drives of piezos, the widest of all signals, have 440 V over all numbers.
-_WIDEST = 1000.0
-
-
-# Between the overshoot of fast ramps (1.1 seen) and the least wrong power of two, 256, but wide of the first.
-_OVERSHOOT = 32.0
-
-
-_NEXT = (
-    "take the file from the microscope once more (a transfer as text, or an edit of the header, shifts the "
-    "numbers), or open it in NanoScope Analysis and export the curves as text"
-)
-
-
 def channel_numbers(
     header: Header, image: Section, shape: tuple[int, int], width: int, per_volt: float = 1.0
 ) -> Callable[[int], FloatArray]:
@@ -293,10 +265,6 @@ def check_trigger(header: Header, way_in: FloatArray) -> None:
             f"times the relative trigger of {trigger.volts:g} V that should have ended it: its numbers cannot be "
             f"on the scale that the header gives; {_NEXT}"
         )
-
-
-# The turn of the drive: the first that is not zero.
-_TURNS = ("Sync Distance QNM", "Sync Distance New", "Sync Distance")
 
 
 @dataclass(frozen=True)

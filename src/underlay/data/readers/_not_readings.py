@@ -40,10 +40,44 @@ _WORDS = frozenset(
         desviacion estandar, deviazione standard, somma"""
     )
 )
-
-
 # No word for a statistic is longer: who looks for brackets in a cell without end looks for long.
 _LONGEST = 60
+# What a whole test has once, in small letters: work, creep, recovery, values at the peak and after it.
+_OF_A_TEST = frozenset(
+    listed(
+        """wtot, welast, wplast, we, wp, nit, ηit, cit, rit, t rec, average of, hmax, fmax, pmax, hf, hp, hr,
+        max. force, max. depth, max force, max depth, maximum force, maximum depth, max load, maximum load,
+        peak load"""
+    )
+)
+# A reading may be named by its time, in words (8:00:16 AM, 26 Nov 2026), and have its unit beside each number.
+_CLOCK = re.compile(
+    r"(?:[\d\s:.,/+-]|[ap]\.?m\.?|[tz]|jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec|mon|tue|wed|thu|fri|sat|sun)*",
+    re.IGNORECASE,
+)
+_WITH_UNIT = re.compile(r"[+-]?[\d.,]+(?:e[+-]?\d+)?\s*[^\d\s_]{1,6}", re.IGNORECASE)
+_RESULTS_LONGEST = 200
+_FEWEST, _LOOKED_AT = 3, 200
+# A motion that passes over its range as often as a third of its rows allows leaps; one of many cycles has a dozen
+# readings a way.
+_LEAPS, _SHORTEST = 6.0, 8
+# Forces that differ by less are those of one load of many tests.
+_SAME = 0.02
+#: What a column that counts tests is called; one that counts readings is "point" or "no.".
+NUMBERED = frozenset(
+    listed(
+        """test, test no, test number, test id, indent, indent no, indent number, indentation no, measurement,
+        measurement no, specimen, specimen no, versuch, probe, messung, eindruck, essai, mesure, ensayo, prova"""
+    )
+)
+# A test has so many readings, and goes in by this share of the depths of all; a depth that goes on does not leap by
+# as much between two readings. The published tables in which this was met (public AFM and Instron exports) have 60
+# readings a test and more.
+_FEWEST_OF_A_TEST, _WAY = 8, 0.3
+# Where rows mark it, a leap is one of this many steps.
+_STEPS, _SMALL = 10.0, 0.1
+# Blank rows between all rows mark nothing.
+_DENSE = 0.25
 
 
 def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence[str]], tuple[str, ...]]:
@@ -77,50 +111,6 @@ def _is_statistic(cell: str) -> bool:
 
 def _plain(words: str) -> str:
     return words.rstrip(" .:=%()").strip()
-
-
-# What a whole test has once, in small letters: work, creep, recovery, values at the peak and after it.
-_OF_A_TEST = frozenset(
-    listed(
-        """wtot, welast, wplast, we, wp, nit, ηit, cit, rit, t rec, average of, hmax, fmax, pmax, hf, hp, hr,
-        max. force, max. depth, max force, max depth, maximum force, maximum depth, max load, maximum load,
-        peak load"""
-    )
-)
-
-
-# A reading may be named by its time, in words (8:00:16 AM, 26 Nov 2026), and have its unit beside each number.
-_CLOCK = re.compile(
-    r"(?:[\d\s:.,/+-]|[ap]\.?m\.?|[tz]|jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec|mon|tue|wed|thu|fri|sat|sun)*",
-    re.IGNORECASE,
-)
-
-
-_WITH_UNIT = re.compile(r"[+-]?[\d.,]+(?:e[+-]?\d+)?\s*[^\d\s_]{1,6}", re.IGNORECASE)
-
-
-_RESULTS_LONGEST = 200
-
-
-_FEWEST, _LOOKED_AT = 3, 200
-
-
-# A motion that passes over its range as often as a third of its rows allows leaps; one of many cycles has a dozen
-# readings a way.
-_LEAPS, _SHORTEST = 6.0, 8
-
-
-# Forces that differ by less are those of one load of many tests.
-_SAME = 0.02
-
-
-#: What a column that counts tests is called; one that counts readings is "point" or "no.".
-NUMBERED = frozenset(
-    listed(
-        """test, test no, test number, test id, indent, indent no, indent number, indentation no, measurement,
-        measurement no, specimen, specimen no, versuch, probe, messung, eindruck, essai, mesure, ensayo, prova"""
-    )
-)
 
 
 def require_readings(
@@ -222,16 +212,6 @@ def _leaping(values: FloatArray) -> bool:
 
 
 # --- several tests one below the other
-
-
-# A test has so many readings, and goes in by this share of the depths of all; a depth that goes on does not leap by
-# as much between two readings. The published tables in which this was met (public AFM and Instron exports) have 60
-# readings a test and more.
-_FEWEST_OF_A_TEST, _WAY = 8, 0.3
-# Where rows mark it, a leap is one of this many steps.
-_STEPS, _SMALL = 10.0, 0.1
-# Blank rows between all rows mark nothing.
-_DENSE = 0.25
 
 
 def beginnings(

@@ -40,6 +40,11 @@ _NOT_IN_TEXT = frozenset(range(32)) - frozenset(b"\t\n\r\f")
 # How an archive says it is something else than a folder of instrument files.
 _OFFICE_MEMBER = "[Content_Types].xml"
 _JPK_MEMBER = "header.properties"
+# What systems and people put beside curves: names of folders and files, and the first bytes of pictures.
+_NO_CURVES = frozenset(("thumbs.db", "desktop.ini"))
+_FOLDERS = frozenset(("__macosx", ".git", "__pycache__"))
+_PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF", b"II*\0", b"MM\0*", b"BM", b"{\\rtf")
+_TEXTS = (".md", ".rtf", ".html", ".htm", ".toml", ".py", ".m", ".doc", ".docx", ".xml", ".yml", ".yaml")
 
 
 @dataclass(frozen=True)
@@ -148,13 +153,6 @@ def open_zip(source: Source) -> zipfile.ZipFile:
         If it is damaged, or its members add up to more than `MAX_BYTES`.
     """
     return bounded_zip(source.data, source.name, MAX_BYTES)
-
-
-# What systems and people put beside curves: names of folders and files, and the first bytes of pictures.
-_NO_CURVES = frozenset(("thumbs.db", "desktop.ini"))
-_FOLDERS = frozenset(("__macosx", ".git", "__pycache__"))
-_PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF", b"II*\0", b"MM\0*", b"BM", b"{\\rtf")
-_TEXTS = (".md", ".rtf", ".html", ".htm", ".toml", ".py", ".m", ".doc", ".docx", ".xml", ".yml", ".yaml")
 
 
 def _is_beside(member: str, data: bytes) -> bool:

@@ -83,6 +83,14 @@ _WAYS = {
 _SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - frozenset(
     ("extension", "stroke", "travel", "position", "separation", "sep", "tip sample separation")
 )
+_MARKS = (
+    ("end of loading", HOLD),
+    ("end of hold", UNLOADING),
+    ("unload", UNLOADING),
+    ("hold", HOLD),
+    ("load", LOADING),
+    ("approach", LOADING),
+)
 
 
 @dataclass(frozen=True)
@@ -608,16 +616,6 @@ def _named_segments(segments: Sequence[tuple[int, str]], count: int) -> NDArray[
     for row, label in segments:
         labels[row:] = label
     return labels
-
-
-_MARKS = (
-    ("end of loading", HOLD),
-    ("end of hold", UNLOADING),
-    ("unload", UNLOADING),
-    ("hold", HOLD),
-    ("load", LOADING),
-    ("approach", LOADING),
-)
 
 
 def marked(markers: Sequence[str], motion: NDArray[np.str_] | None = None) -> NDArray[np.str_] | None:

@@ -52,13 +52,6 @@ _AFTER_SLASH = re.compile(r"(.*?\S)\s*/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
 _AFTER_WORD = re.compile(r"(.*?[^\s_:=-])(?:\s+in\s+|[\s_:=-]+)([^\W\d_]+)\.?\s*", re.IGNORECASE)
 # Letters of a unit without a sign in it; longer ones that are usual stand below.
 _LONGEST_WORD = 4
-
-
-def listed(text: str) -> tuple[str, ...]:
-    """Words of a list that a text holds, commas between."""
-    return tuple(" ".join(name.split()) for name in text.split(","))
-
-
 _PLAIN_UNITS = frozenset(
     "pm nm um µm μm mm cm m pN nN uN µN μN mN N kN gf kgf lbf s ms us µs μs V mV".split()  # noqa: SIM905
 )
@@ -78,6 +71,19 @@ _UNIT_STEMS = {
     "s": ("second", "seconds", "sekunden", "secondes"),
     "V": ("volt", "volts"),
 }
+_NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
+# Rows that show which decimal sign a table has.
+_SHOWN = 200
+_MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
+# Files of one kind ask for the same.
+_factor = lru_cache(maxsize=256)(unit_factor)
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """Words of a list that a text holds, commas between."""
+    return tuple(" ".join(name.split()) for name in text.split(","))
+
+
 _WORD_UNITS = {
     **{
         f"{word}{stem}": f"{prefix}{unit}"
@@ -93,10 +99,6 @@ _WORD_UNITS = {
     **dict.fromkeys(("lb", "lbs", "lbf", "pound", "pounds"), "lbf"),
     **dict.fromkeys(("minute", "minutes"), "min"),
 }
-_NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
-# Rows that show which decimal sign a table has.
-_SHOWN = 200
-_MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 
 
 @dataclass(frozen=True)
@@ -301,10 +303,6 @@ def _split_label(text: str) -> tuple[str, str]:
     if len(units) == 1:  # "Defl_nm_Ex"
         return "_".join(word for word in words if word != units[0]), units[0]
     return text, ""
-
-
-# Files of one kind ask for the same.
-_factor = lru_cache(maxsize=256)(unit_factor)
 
 
 def column_factor(unit: str, kind: str, column: str, where: str) -> float:

@@ -66,6 +66,15 @@ _READINGS = {
     )
 }
 _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
+_LISTED = 3
+# "segment: extend", as JPK's text export says it above each.
+_SEGMENTS = {
+    "extend": LOADING,
+    "approach": LOADING,
+    "retract": UNLOADING,
+    "withdraw": UNLOADING,
+    "pause": HOLD,
+}
 
 
 def _sniff(source: Source) -> bool:
@@ -264,17 +273,6 @@ class _Body:
         if title and len(self.notes) < _LISTED:
             self.notes.append(f"left out: the line {one_line(filled[0])!r:.60} between the rows of numbers")
         return title or (len(filled) > 1 and filled == [name for name in self.names if name])
-
-
-_LISTED = 3
-# "segment: extend", as JPK's text export says it above each.
-_SEGMENTS = {
-    "extend": LOADING,
-    "approach": LOADING,
-    "retract": UNLOADING,
-    "withdraw": UNLOADING,
-    "pause": HOLD,
-}
 
 
 def _row_of(first: int, gone: Sequence[int], at: int) -> int:

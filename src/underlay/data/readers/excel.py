@@ -32,24 +32,12 @@ __all__ = ["FORMAT", "OLE_MAGIC", "Sheet", "is_xls", "is_xlsx", "padded", "sheet
 
 #: First bytes of a compound file, the container of .xls.
 OLE_MAGIC = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
-
-
 _WORKBOOK = "xl/workbook.xml"
-
-
 _MAX_ROWS = 1_048_576
-
-
 # A sheet may name a cell in row 1048576 and nothing else. What comes after so many empty rows is left.
 _MAX_GAP = 10_000
-
-
 _MAX_CELLS = 8_000_000
-
-
 _MAX_COLUMNS = 256
-
-
 # What xlrd calls cells of .xls that are empty, text, a number, or blank.
 _PLAIN = bytes((0, 1, 2, 6))
 

@@ -34,15 +34,26 @@ _SIGNS = {
     "force": "as written, positive in compression",
     "segment": "from the motion",
 }
-
-
 # --- Optics11 Piuma and Chiaro, all three generations
-
-
 # Load = k * cantilever holds to the last digit written (3e-7 uN) in every file seen.
 _CLOSURE = 1e-3
 # An indentation that is zero at more of the points than this was cut by the software.
 _CUT_SHARE = 0.05
+_MEASURED = "Measured values"
+# "Linear load 20.00 uN ; 100.00 uN/min", "Pause in depth 120 s": a step has its numbers on its line.
+_STEP = re.compile(r"\s*(linear|pause in)\s+(?:load|depth)\b.*\d", re.IGNORECASE)
+# "Load Fit [10%,98%]": over which share of the force the first analysis was fitted.
+_FIT_RANGE = re.compile(r"\s*Load Fit \[\s*(\d+(?:\.\d+)?)\s*%\s*[,;]\s*(\d+(?:\.\d+)?)\s*%\s*\]\s*")
+_PROFILE = re.compile(r"\s*\+?\s*user defined profile", re.IGNORECASE)
+# The number of the pause in the automatic protocol "+ Advanced": load, pause, unload, retract.
+_PAUSE_OF_ADVANCED = 2
+# The section "Test Data Points" of a .hld is the curve; approach and drift stand before it.
+_POINTS = re.compile(r"^(?:Test Data Points:|Number of Points\s*=)\s*(\d{1,18})\s*$", re.MULTILINE)
+_DYNAMIC = "nanoDMA Text Export"
+# Approach and drift sections come before the test; they hold a few thousand rows.
+_HEAD = 1_000_000
+_BLOCK = re.compile(r"^Block\s*:\s*(\d{1,9})\s+Value\s*:\s*(\d{1,9})\s*$", re.MULTILINE)
+_PLACE = re.compile(r"^x=\s*([-+\d.,]+)\s+y=\s*([-+\d.,]+)")
 
 
 def _is_optics11(source: Source) -> bool:
@@ -122,16 +133,6 @@ OPTICS11 = TextFormat(
 # --- Anton Paar Bioindenter (UNHT Bio)
 
 
-_MEASURED = "Measured values"
-# "Linear load 20.00 uN ; 100.00 uN/min", "Pause in depth 120 s": a step has its numbers on its line.
-_STEP = re.compile(r"\s*(linear|pause in)\s+(?:load|depth)\b.*\d", re.IGNORECASE)
-# "Load Fit [10%,98%]": over which share of the force the first analysis was fitted.
-_FIT_RANGE = re.compile(r"\s*Load Fit \[\s*(\d+(?:\.\d+)?)\s*%\s*[,;]\s*(\d+(?:\.\d+)?)\s*%\s*\]\s*")
-_PROFILE = re.compile(r"\s*\+?\s*user defined profile", re.IGNORECASE)
-# The number of the pause in the automatic protocol "+ Advanced": load, pause, unload, retract.
-_PAUSE_OF_ADVANCED = 2
-
-
 def _is_bioindenter(source: Source) -> bool:
     head = source.head(65_536)
     return _MEASURED in head and "SegmentID" in head and "\tFn (" in head
@@ -194,13 +195,6 @@ BIOINDENTER = TextFormat(
 
 
 # --- Hysitron TriboScan: .hld, and the text export of load-controlled tests
-
-
-# The section "Test Data Points" of a .hld is the curve; approach and drift stand before it.
-_POINTS = re.compile(r"^(?:Test Data Points:|Number of Points\s*=)\s*(\d{1,18})\s*$", re.MULTILINE)
-_DYNAMIC = "nanoDMA Text Export"
-# Approach and drift sections come before the test; they hold a few thousand rows.
-_HEAD = 1_000_000
 
 
 def _is_hysitron(source: Source) -> bool:
@@ -273,10 +267,6 @@ HYSITRON = TextFormat(
 
 
 # --- Fischer (Picodentor, HM2000): blocks of one application; the units stand nowhere and are fixed
-
-
-_BLOCK = re.compile(r"^Block\s*:\s*(\d{1,9})\s+Value\s*:\s*(\d{1,9})\s*$", re.MULTILINE)
-_PLACE = re.compile(r"^x=\s*([-+\d.,]+)\s+y=\s*([-+\d.,]+)")
 
 
 def _is_fischer(source: Source) -> bool:

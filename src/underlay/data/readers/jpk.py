@@ -45,13 +45,30 @@ __all__ = [
 
 #: Entries ``lcd-info.3.channel...`` of the shared header, by ``lcd-info.3``.
 Shared: TypeAlias = Mapping[str, Mapping[str, str]]
-
-
 #: Most bytes that a header may claim.
 LONGEST_HEADER = 4_000_000
-
-
 _MOST_ENTRIES = 50_000
+_HEADER = "segment-header.properties"
+_SHARED = "shared-data/header.properties"
+_GENERAL = "header.properties"
+_SLOT = re.compile(r"(.+\.conversion-set)\.conversion\.([^.]+)\.base-calibration-slot")
+_SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/" + re.escape(_HEADER))
+_HEIGHTS = ("measuredHeight", "strainGaugeHeight", "capacitiveSensorHeight", "height")
+_INTEGERS = {
+    "signedshort": ">i2",
+    "unsignedshort": ">u2",
+    "signedinteger": ">i4",
+    "unsignedinteger": ">u4",
+    "signedlong": ">i8",
+}
+_FLOATS = "float-data"
+_STYLES = {"extend": LOADING, "pause": HOLD, "modulation": HOLD, "retract": UNLOADING}
+# From the base of the deflection to the force: what each step is multiplied by, and what a caller may give.
+_STEPS = {"distance": "sensitivity", "force": "stiffness"}
+# More points than a number of so many digits says are in no file.
+_DIGITS = 12
+# What is worth showing of the general header, by the end of its key.
+_ABOUT = {"instrument": ".description.instrument", "software version": ".description.source-software"}
 
 
 def properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
@@ -100,55 +117,10 @@ def with_shared(header: Mapping[str, str], shared: Shared) -> dict[str, str]:
     return found
 
 
-_HEADER = "segment-header.properties"
-
-
-_SHARED = "shared-data/header.properties"
-
-
-_GENERAL = "header.properties"
-
-
-_SLOT = re.compile(r"(.+\.conversion-set)\.conversion\.([^.]+)\.base-calibration-slot")
-
-
-_SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/" + re.escape(_HEADER))
-
-
-_HEIGHTS = ("measuredHeight", "strainGaugeHeight", "capacitiveSensorHeight", "height")
-
-
-_INTEGERS = {
-    "signedshort": ">i2",
-    "unsignedshort": ">u2",
-    "signedinteger": ">i4",
-    "unsignedinteger": ">u4",
-    "signedlong": ">i8",
-}
-
-
-_FLOATS = "float-data"
-
-
-_STYLES = {"extend": LOADING, "pause": HOLD, "modulation": HOLD, "retract": UNLOADING}
-
-
 # Where a segment says what it is, in files of different ages.
 _STYLE_KEYS = tuple(
     f"force-segment-header.{place}style" for place in ("settings.segment-settings.", "settings.", "")
 )
-
-
-# From the base of the deflection to the force: what each step is multiplied by, and what a caller may give.
-_STEPS = {"distance": "sensitivity", "force": "stiffness"}
-
-
-# More points than a number of so many digits says are in no file.
-_DIGITS = 12
-
-
-# What is worth showing of the general header, by the end of its key.
-_ABOUT = {"instrument": ".description.instrument", "software version": ".description.source-software"}
 
 
 @dataclass(frozen=True)

@@ -37,9 +37,27 @@ __all__ = ["FORMAT", "NidHeader"]
 
 # "D[2.72436]*[N/m]"
 _PROPERTY = re.compile(r"\w\[([^\]]*)\]\*\[([^\]]*)\]")
-
-
 _COUNT = re.compile(r"\d{1,9}")
+_START = b"[DataSet]"
+_END = b"#!"
+_INTEGERS: Mapping[str, np.dtype[Any]] = {"16": np.dtype("<i2"), "32": np.dtype("<i4")}
+_DEFLECTION = "Deflection"
+# Groups of a force curve in the order of time: name, label, whether it is stored against time, and where the
+# duration and the number of points of the whole of it are.
+_GROUPS = (
+    ("Spec forward", LOADING, False, "FwMod"),
+    ("Spec fwd pause", HOLD, False, "FwPause"),
+    ("Spec backward", UNLOADING, True, "BwMod"),
+)
+# 18 groups of 8 channels and 256 lines were seen.
+_MOST_GROUPS, _MOST_CHANNELS, _MOST_LINES = 1000, 64, 20_000
+# What is worth showing, by its name in the section of the measurement.
+_ABOUT = {"instrument": "Head type", "software version": "Software ver.", "date": "Date", "time": "Time"}
+_CANTILEVER = r"DataSet\Calibration\Cantilever"
+_SCANHEAD = r"DataSet\Calibration\Scanhead"
+_TIMES = r"DataSet\Parameters\Spectroscopy"
+# The axis of a modulation is measured where it has a sensor.
+_SENSOR = "sensor"
 
 
 class NidHeader:
@@ -110,48 +128,6 @@ def _finite(text: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) else None
-
-
-_START = b"[DataSet]"
-
-
-_END = b"#!"
-
-
-_INTEGERS: Mapping[str, np.dtype[Any]] = {"16": np.dtype("<i2"), "32": np.dtype("<i4")}
-
-
-_DEFLECTION = "Deflection"
-
-
-# Groups of a force curve in the order of time: name, label, whether it is stored against time, and where the
-# duration and the number of points of the whole of it are.
-_GROUPS = (
-    ("Spec forward", LOADING, False, "FwMod"),
-    ("Spec fwd pause", HOLD, False, "FwPause"),
-    ("Spec backward", UNLOADING, True, "BwMod"),
-)
-
-
-# 18 groups of 8 channels and 256 lines were seen.
-_MOST_GROUPS, _MOST_CHANNELS, _MOST_LINES = 1000, 64, 20_000
-
-
-# What is worth showing, by its name in the section of the measurement.
-_ABOUT = {"instrument": "Head type", "software version": "Software ver.", "date": "Date", "time": "Time"}
-
-
-_CANTILEVER = r"DataSet\Calibration\Cantilever"
-
-
-_SCANHEAD = r"DataSet\Calibration\Scanhead"
-
-
-_TIMES = r"DataSet\Parameters\Spectroscopy"
-
-
-# The axis of a modulation is measured where it has a sensor.
-_SENSOR = "sensor"
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,40 @@ from underlay.units import format_quantity, kind_of
 
 __all__ = ["NANOSUITE", "TESTXPERT"]
 
+_MARKER = "Segment Type"
+_OF_A_TEST = {
+    "depth": Channel("length", ("displacement into surface", "displacement", "indentation depth", "depth")),
+    "force": Channel("force", ("load on sample", "load", "force")),
+    "contact_stiffness": Channel(
+        "stiffness", ("harmonic contact stiffness", "contact stiffness"), needed=False
+    ),
+    "time": Channel("time", ("time on sample", "time"), needed=False),
+}
+_SPECIMEN = {
+    "time": Channel(
+        "time", ("temps d'essai", "temps", "prüfzeit", "zeit", "test time", "time"), needed=False
+    ),
+    "force": Channel("force", ("force standard", "force", "standardkraft", "kraft", "standard force")),
+    "depth": Channel(
+        "length",
+        (
+            *("allongement", "déformation", "standardweg", "weg", "verformung"),
+            *("standard travel", "deformation"),
+        ),
+    ),
+    "gap": Channel(
+        "length",
+        ("ecartement entre outils", "écartement entre outils", "werkzeugabstand", "tool separation"),
+        needed=False,
+    ),
+}
+_PARAMETER_SHEETS = ("Paramètres", "Parameter", "Parameters", "Parámetros", "Parametri")
+# Beside the parameters stand results, or specimens alone, with names of columns such as these.
+_RESULT_SHEETS = ("Résultats", "Ergebnisse", "Results", "Resultados", "Risultati")
+_TEST_COLUMNS = ("Temps d'essai", "Ecartement entre outils", "Prüfzeit", "Werkzeugabstand", "Tool separation")
+# Gap plus travel is constant to the digits written where both describe one test.
+_CLOSURE = 1e-3
+
 
 def _in_bytes(source: Source, *words: str) -> bool:
     # Texts in .xls are stored with one or with two bytes per letter.
@@ -54,15 +88,6 @@ def _sheet_part(
 # --- NanoSuite
 
 
-_MARKER = "Segment Type"
-_OF_A_TEST = {
-    "depth": Channel("length", ("displacement into surface", "displacement", "indentation depth", "depth")),
-    "force": Channel("force", ("load on sample", "load", "force")),
-    "contact_stiffness": Channel(
-        "stiffness", ("harmonic contact stiffness", "contact stiffness"), needed=False
-    ),
-    "time": Channel("time", ("time on sample", "time"), needed=False),
-}
 _SCATTER = {
     f"{role}_scatter": Channel(
         channel.kind, tuple(f"standard deviation ({name})" for name in channel.names), needed=False
@@ -152,32 +177,6 @@ NANOSUITE = TextFormat(
 
 
 # --- testXpert
-
-
-_SPECIMEN = {
-    "time": Channel(
-        "time", ("temps d'essai", "temps", "prüfzeit", "zeit", "test time", "time"), needed=False
-    ),
-    "force": Channel("force", ("force standard", "force", "standardkraft", "kraft", "standard force")),
-    "depth": Channel(
-        "length",
-        (
-            *("allongement", "déformation", "standardweg", "weg", "verformung"),
-            *("standard travel", "deformation"),
-        ),
-    ),
-    "gap": Channel(
-        "length",
-        ("ecartement entre outils", "écartement entre outils", "werkzeugabstand", "tool separation"),
-        needed=False,
-    ),
-}
-_PARAMETER_SHEETS = ("Paramètres", "Parameter", "Parameters", "Parámetros", "Parametri")
-# Beside the parameters stand results, or specimens alone, with names of columns such as these.
-_RESULT_SHEETS = ("Résultats", "Ergebnisse", "Results", "Resultados", "Risultati")
-_TEST_COLUMNS = ("Temps d'essai", "Ecartement entre outils", "Prüfzeit", "Werkzeugabstand", "Tool separation")
-# Gap plus travel is constant to the digits written where both describe one test.
-_CLOSURE = 1e-3
 
 
 def _is_testxpert(source: Source) -> bool:

@@ -34,11 +34,10 @@ _TINY = float(np.sqrt(np.finfo(float).tiny))
 # Depth at which sets are asked that go deeper than stiffening is known, over the largest known one: a stand-in
 # whose answer is not used.
 _SAFE = 0.01
-
-
 # Laws through which those of sets that differ in one ratio are read, and the widest span of its logarithm: over a
 # factor of 2 in thickness, h from 3 to 80 R, force and slope are within 4e-9 of laws right to 1e-8.
 _NODES, _WIDEST = 6, float(np.log(2.0))
+_TINY = float(np.sqrt(np.finfo(float).tiny))
 
 
 @dataclass(frozen=True)
@@ -220,9 +219,6 @@ def _of(values: Values, rows: NDArray[np.intp]) -> Values:
     if len(rows) == 1:
         return values_of(values, int(rows[0]))
     return {path: v[rows] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-
-
-_TINY = float(np.sqrt(np.finfo(float).tiny))
 
 
 def _linear(asked: ParameterSets, deepest: FloatArray, upright: Any) -> _Similar | None:

@@ -49,21 +49,19 @@ __all__ = [
 
 #: Radii (m), (n,), to (y, dy/da).
 Curve: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-
-
 #: Radii (m), (n,), to further columns that are to be interpolated too, (n, k).
 Columns: TypeAlias = Callable[[FloatArray], FloatArray]
-
-
 # Knots per unit of ln a, at a relative error of 1e-6: cubic splines of functions whose scale is one.
 _DENSITY, _DENSITY_RTOL = 60.0, 1e-6
-
-
 _FEWEST = 24
-
-
 # Points of Chebyshev between two points of the grid, at which the slope there is asked.
 _NODES = 10
+# Points of the search for minima, per decade of the radius.
+_PER_DECADE = 60
+#: Which states a law takes: see `JKR`.
+STATES = ("separating", "approaching", "cycle")
+# Points of the equilibria that a picture draws.
+_DRAWN = 600
 
 
 class Jump(NamedTuple):
@@ -216,10 +214,6 @@ def _crossing(curve: Curve, level: float, low: float, high: float) -> float:
     return float(brentq(excess, low, high, xtol=1e-15 * high, rtol=1e-14))
 
 
-# Points of the search for minima, per decade of the radius.
-_PER_DECADE = 60
-
-
 class BranchPoint(NamedTuple):
     """States of given contact radii, each (n,): w (m), P (N), dw/da (dimensionless), dP/da (N/m)."""
 
@@ -276,14 +270,6 @@ class AdhesiveBranch(ABC):
             return np.asarray(np.arcsinh(self.at(radius).force / self.force_scale)[:, None])
 
         return stable_path(curve, grid, column, rtol)
-
-
-#: Which states a law takes: see `JKR`.
-STATES = ("separating", "approaching", "cycle")
-
-
-# Points of the equilibria that a picture draws.
-_DRAWN = 600
 
 
 def in_touch(states: str, travel: FloatArray, end: float | FloatArray) -> NDArray[np.bool_]:

@@ -86,9 +86,24 @@ __all__ = [
 
 # 40 nodes reach 12 digits at a/h = 0.5 and 1; twice as many for wide contacts.
 _NODES, _WIDE_NODES, _WIDE = 40, 80, 3.0
-
-
 _RTOL = 1e-12
+# Rings searched; one of the radius itself is far beyond what JKR could stand for.
+_NARROWEST, _WIDEST = 1e-7, 1.0
+# To which ln of the ring and of the stress are found: a thousandth, and far below that.
+_RING_CLOSE, _STRESS_CLOSE = 1e-3, 1e-9
+_STEP = 2.0  # of the search for the stress, in its logarithm
+#: Declaration of a work of adhesion.
+WORK = quantity("surface energy", "work of adhesion", symbol=r"\Delta\gamma", bounds=(0.0, np.inf))
+# The half-space is a closed form: only interpolation has an error.
+_HALFSPACE_RTOL = 1e-9
+# Of the reference radius: the branch's end is at 0.3 of it and more for every shape tried.
+_SMALLEST = 1e-3
+# What is said of the range of the attraction: to this accuracy, for this share of the force.
+_RANGE_RTOL, _RANGE_SHARE = 1e-4, 0.05
+# The radius ends at one of so many steps of an octave of the thickness, and is widened by this until the contact is
+# wide enough.
+_PER_OCTAVE = 4
+_WIDEN = 2.0**0.5
 
 
 class MaugisState(NamedTuple):
@@ -126,17 +141,6 @@ def maugis_state(contact: Contact, radius: float, outer: float, stress: float) -
     gap = known - ring @ (depth * of_unit + of_rest + of_ring) - depth + contact.indenter.abel(s)
     separation = (2.0 / np.pi) * float(np.sqrt(span) * ((gauss / s) @ gap))
     return MaugisState(float(depth), force, separation, outer)
-
-
-# Rings searched; one of the radius itself is far beyond what JKR could stand for.
-_NARROWEST, _WIDEST = 1e-7, 1.0
-
-
-# To which ln of the ring and of the stress are found: a thousandth, and far below that.
-_RING_CLOSE, _STRESS_CLOSE = 1e-3, 1e-9
-
-
-_STEP = 2.0  # of the search for the stress, in its logarithm
 
 
 class RangeLimit(NamedTuple):
@@ -194,30 +198,6 @@ def _stress(contact: Contact, work: float, radius: float, outer: float) -> float
     while excess(high) < 0.0:
         high += _STEP
     return float(np.exp(brentq(excess, low, high, xtol=_STRESS_CLOSE)))
-
-
-#: Declaration of a work of adhesion.
-WORK = quantity("surface energy", "work of adhesion", symbol=r"\Delta\gamma", bounds=(0.0, np.inf))
-
-
-# The half-space is a closed form: only interpolation has an error.
-_HALFSPACE_RTOL = 1e-9
-
-
-# Of the reference radius: the branch's end is at 0.3 of it and more for every shape tried.
-_SMALLEST = 1e-3
-
-
-# What is said of the range of the attraction: to this accuracy, for this share of the force.
-_RANGE_RTOL, _RANGE_SHARE = 1e-4, 0.05
-
-
-# The radius ends at one of so many steps of an octave of the thickness, and is widened by this until the contact is
-# wide enough.
-_PER_OCTAVE = 4
-
-
-_WIDEN = 2.0**0.5
 
 
 @dataclass(frozen=True)

@@ -47,10 +47,13 @@ from underlay.mechanics.indenters import PowerLawShape
 __all__ = ["Columns", "JKRTable", "PunchNodes", "Quantity", "Span"]
 
 _OCTAVES, _PER_OCTAVE = 12, 20
-
-
 # Spans of the ratio, with edges at no round number; at 11 points the polynomial is good to 9^-11 = 3e-11.
 _SPAN, _EDGE, _POINTS = float(np.log(4.0)), float(np.log(1.37)), 11
+# Of the radius at zero depth on a half-space: a set whose table does not reach this far down is left out.
+_LOWEST = 0.03
+# Newton from the chord, or from the parabola at the end of the branch, takes three or four steps. One of less than
+# _CLOSE in ln a squares to below the rounding of the next.
+_STEPS, _CLOSE = 40, 1e-8
 
 
 class Quantity(IntEnum):
@@ -196,15 +199,6 @@ def _weights(x: FloatArray, points: FloatArray) -> FloatArray:
             if other != column:
                 weights[:, column] *= differences[:, other] / (point - apart)
     return weights
-
-
-# Of the radius at zero depth on a half-space: a set whose table does not reach this far down is left out.
-_LOWEST = 0.03
-
-
-# Newton from the chord, or from the parabola at the end of the branch, takes three or four steps. One of less than
-# _CLOSE in ln a squares to below the rounding of the next.
-_STEPS, _CLOSE = 40, 1e-8
 
 
 @dataclass(frozen=True)

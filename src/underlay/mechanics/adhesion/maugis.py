@@ -46,22 +46,12 @@ __all__ = ["DMT", "DMTLaw", "Maugis", "MaugisState", "maugis_state"]
 
 # The curve of a law: solved at so many radii in each decade, and interpolated to about 1e-6.
 _PER_DECADE = 24
-
-
 _CURVE_RTOL = 1e-6
-
-
 # Of JKR's reference radius; the branch of a short range ends at 0.3 of it and more.
 _SMALLEST = 0.1
-
-
 # Annuli searched, as (c - a)/a, and the step of the search in its logarithm.
 _NARROWEST, _WIDEST = 1e-12, 1e3
-
-
 _STEP = 0.7
-
-
 _NEAR = 1e-2  # where the first search begins
 
 

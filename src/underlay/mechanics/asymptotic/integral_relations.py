@@ -57,6 +57,8 @@ __all__ = [
     "polar_moment_from_pressure",
 ]
 
+_UNIT = Sphere(1.0)
+
 
 class PressedLayer(NamedTuple):
     """The layer as the integrals see it: theta (Pa), thickness h (m), nodes u and weights times 1 - L(u)."""
@@ -177,9 +179,6 @@ def polar_moment_from_pressure(
 def _sinc(z: FloatArray) -> FloatArray:
     """sin(z)/z, 1 at zero."""
     return np.asarray(np.sinc(z / np.pi))
-
-
-_UNIT = Sphere(1.0)
 
 
 def halfspace_load(alpha: FloatArray) -> FloatArray:

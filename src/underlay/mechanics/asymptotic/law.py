@@ -75,6 +75,12 @@ __all__ = [
 
 #: (a_0, a_1, a_2) of (1.8).
 Moments: TypeAlias = tuple[float, float, float]
+# The error can pass through zero on its way up; four depths see it on either side.
+_FRACTIONS = np.array([0.25, 0.5, 0.75, 1.0])
+# The half-space radius at the depth, times this, is where the compliance curve's parameter is looked for: on
+# a base 1e8 times softer a cone's is 1e-4 of it, on a rigid one twice it.
+_SEARCH = np.geomspace(1e-6, 8.0, 81)
+FORMS = ("auto", "explicit", "parametric", "compliance")
 
 
 def fifth_coefficient(exponent: Real, a_2: Real) -> Real:
@@ -143,15 +149,6 @@ def force_error(
     return float(np.max(distance + own))
 
 
-# The error can pass through zero on its way up; four depths see it on either side.
-_FRACTIONS = np.array([0.25, 0.5, 0.75, 1.0])
-
-
-# The half-space radius at the depth, times this, is where the compliance curve's parameter is looked for: on
-# a base 1e8 times softer a cone's is 1e-4 of it, on a rigid one twice it.
-_SEARCH = np.geomspace(1e-6, 8.0, 81)
-
-
 def _sampled(compliance: ContactSeries, depth: float) -> FloatArray | None:
     """Parameters of the compliance curve at fractions of `depth` (m), to 0.5 %; None beyond its end.
 
@@ -176,9 +173,6 @@ def _exponent_and_depth(curve: ContactSeries, s: FloatArray) -> tuple[FloatArray
     shape = curve.shape
     H = shape.abel(s)
     return s * shape.abel_slope(s) / H, H
-
-
-FORMS = ("auto", "explicit", "parametric", "compliance")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,6 +51,11 @@ from underlay.mechanics.inverse import invert_increasing
 
 __all__ = ["ContactSeries", "PowerLawSeries", "PunchSeries", "ShapeSeries", "power_law_series"]
 
+# Neighbours of the first grid are 11 % apart, closer than two turning points can be; six divisions of a step
+# leave 2e-13 of s.
+_STEPS = 88
+_DIVISIONS = 7
+
 
 class ContactSeries(ABC):
     """A curve (w, P, a)(s); s is positive and all arrays are 1-D."""
@@ -409,11 +414,3 @@ class ShapeSeries(ContactSeries):
         if self.by_force:
             return depth_rate
         return np.minimum(depth_rate, self.force(s)[1] / (4.0 * self.theta * s * slope))
-
-
-# Neighbours of the first grid are 11 % apart, closer than two turning points can be; six divisions of a step
-# leave 2e-13 of s.
-_STEPS = 88
-
-
-_DIVISIONS = 7

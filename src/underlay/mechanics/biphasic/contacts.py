@@ -40,6 +40,16 @@ __all__ = [
 
 # Forces above minus this share of the largest are what the noise of a depth record makes of none.
 _RIPPLED = 1e-3
+# Of the depth: what a hold may fall back by.
+_RIPPLE = 3e-3
+_ELASTIC_RTOL = 1e-8
+# a0/R up to which a sphere is read off the table of paraboloids: what it is wrong by goes as the square, 8e-4 here.
+_FLAT_ENOUGH = 0.2
+# Of a0^2/c: of the water that leaves while a single ramp is this short (4 % of the fall under its peak) nothing is
+# left to see a decade later, and steps of time that resolve it would cost minutes.
+_QUICKEST = 1e-3
+# For the rounding of depths in other units.
+_ROOM = 1e-9
 
 
 class PunchTable(Protocol):
@@ -183,18 +193,6 @@ class DrainingPunch:
 def comes_off(force: FloatArray) -> NDArray[np.bool_]:
     """Whether a punch comes off, (...), by its forces (N), (..., n)."""
     return np.asarray(force.min(axis=-1) < -_RIPPLED * np.abs(force).max(axis=-1))
-
-
-# Of the depth: what a hold may fall back by.
-_RIPPLE = 3e-3
-_ELASTIC_RTOL = 1e-8
-# a0/R up to which a sphere is read off the table of paraboloids: what it is wrong by goes as the square, 8e-4 here.
-_FLAT_ENOUGH = 0.2
-# Of a0^2/c: of the water that leaves while a single ramp is this short (4 % of the fall under its peak) nothing is
-# left to see a decade later, and steps of time that resolve it would cost minutes.
-_QUICKEST = 1e-3
-# For the rounding of depths in other units.
-_ROOM = 1e-9
 
 
 class Ramped(Protocol):

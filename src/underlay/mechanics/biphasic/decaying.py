@@ -56,6 +56,14 @@ _TAYLOR = 1.0
 _TERMS = 20
 # Below this x the series of (1 - e^-x)/x to x^2 is exact to x^3/24 < 1e-16.
 _SMALL = 1e-5
+_NEWTON_STEPS = 3
+# A Newton step longer than this share of the root is not taken: the start is that near a multiple root, where the
+# slope is rounding, or the step is noise.
+_LONGEST_STEP = 0.1
+_UNITY = np.exp(2j * np.pi / 3.0 * np.arange(3))
+# Below this |sh| the first solution is taken from the fluid family; both were measured to keep 1e-13 at the switch.
+_FLUID_BELOW = 0.3
+_DEGREE = 5
 
 
 class Exponentials(NamedTuple):
@@ -136,13 +144,6 @@ def homogeneous_sums(m: ComplexArray, degree: int) -> ComplexArray:
         for k in range(j + 1, degree + 1):
             sums[j, k] = sums[j - 1, k - 1] + m[j] * sums[j, k - 1]
     return sums
-
-
-_NEWTON_STEPS = 3
-# A Newton step longer than this share of the root is not taken: the start is that near a multiple root, where the
-# slope is rounding, or the step is noise.
-_LONGEST_STEP = 0.1
-_UNITY = np.exp(2j * np.pi / 3.0 * np.arange(3))
 
 
 def decay_roots(skeleton: Skeleton, sh: ComplexArray) -> ComplexArray:
@@ -250,11 +251,6 @@ class IsotropicDecaying(Decaying):
             [share, share - fluid, 2.0 * (fluid - share), -2.0 * share, M * slow, -M * q * slow]
         ).T
         return rows
-
-
-# Below this |sh| the first solution is taken from the fluid family; both were measured to keep 1e-13 at the switch.
-_FLUID_BELOW = 0.3
-_DEGREE = 5
 
 
 class TransverseDecaying(Decaying):

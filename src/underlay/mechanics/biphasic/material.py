@@ -36,6 +36,8 @@ __all__ = [
     "Skeleton",
 ]
 
+_PERMEABILITY = "m^4/(N s)"
+
 
 @dataclass(frozen=True)
 class Skeleton:
@@ -87,9 +89,6 @@ class Skeleton:
     def seepage(self) -> float:
         """sqrt(k_r/k_z): surface flux over (wavenumber times pressure) at short waves."""
         return sqrt(self.permeability_ratio)
-
-
-_PERMEABILITY = "m^4/(N s)"
 
 
 class BiphasicMaterial(Material):

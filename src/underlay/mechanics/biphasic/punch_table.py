@@ -41,6 +41,11 @@ __all__ = [
     "shipped",
 ]
 
+#: Largest error of g anywhere in the table, and of the ends, relative.
+STATED_ERROR, STATED_ERROR_OF_ENDS = 1e-4, 1e-9
+_SPAN = (1e-4, 100.0)
+_TABULATED = ("solid", "porous")
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -133,14 +138,9 @@ class ResponseTable:
         return np.asarray(np.logical_and.reduce(np.broadcast_arrays(*inside)))
 
 
-#: Largest error of g anywhere in the table, and of the ends, relative.
-STATED_ERROR, STATED_ERROR_OF_ENDS = 1e-4, 1e-9
-
-_SPAN = (1e-4, 100.0)
 _AXES = (Axis(0.0, 0.8, 24), Axis(0.0, 0.48, 11))
 # Of the ends: a/h as above, A44/A33 from incompressible to nu = 0. What is left is 1e-10, at the widest contact.
 _AXES_OF_ENDS = (Axis(0.0, 0.8, 36), Axis(0.0, 0.5, 16))
-_TABULATED = ("solid", "porous")
 _FILE = Path(__file__).with_name("isotropic_punch.npz")
 
 

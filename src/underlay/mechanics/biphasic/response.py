@@ -41,6 +41,9 @@ __all__ = [
 # Decades of time that one contour serves, and what an end is kept off the open interval of its angle.
 _DECADES = 1.5
 _OFF = 1e-3
+_PER_DECADE = 12
+# The power below the table is that over its first half decade.
+_EARLY = 3.0
 
 
 @dataclass(frozen=True)
@@ -95,11 +98,6 @@ def windows(start: float, end: float, count: int) -> list[Contour]:
     number = max(int(np.ceil(np.log10(end / start) / _DECADES - 1e-9)), 1)
     ends = np.geomspace(start, end, number + 1)
     return [Contour.of(float(low), float(high), count) for low, high in pairwise(ends)]
-
-
-_PER_DECADE = 12
-# The power below the table is that over its first half decade.
-_EARLY = 3.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,6 +44,13 @@ __all__ = [
 _ABOVE = 24
 # Below this argument the recurrences divide by next to nothing; j_n is its first two terms to 1e-17.
 _SMALL = 1e-4
+# Nodes solved at once: their matrices stay in the cache.
+_AT_ONCE = 4096
+# exp(-37) is the rounding of 1: a wave that comes back from the base with less is not felt.
+_FORGOTTEN = 37.0
+_MIRRORED = np.array([1.0, -1.0, -1.0, 1.0, 1.0, -1.0])[:, None]
+_BASE = [0, 1, 5]
+_SHOWN = [1, 5]
 
 
 def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
@@ -172,15 +179,6 @@ class BesselRule:
     def odd(self) -> FloatArray:
         """j_2n+1, (terms, nodes)."""
         return np.ascontiguousarray(self._all[1::2])
-
-
-# Nodes solved at once: their matrices stay in the cache.
-_AT_ONCE = 4096
-# exp(-37) is the rounding of 1: a wave that comes back from the base with less is not felt.
-_FORGOTTEN = 37.0
-_MIRRORED = np.array([1.0, -1.0, -1.0, 1.0, 1.0, -1.0])[:, None]
-_BASE = [0, 1, 5]
-_SHOWN = [1, 5]
 
 
 @dataclass(frozen=True)

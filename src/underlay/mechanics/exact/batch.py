@@ -43,6 +43,10 @@ __all__ = ["CurveBatch", "ExactBatch", "curves_through", "thickness_derivative"]
 
 # Depths times sets evaluated at a time: fewer cost more in calls, more leave the processor's second cache.
 _CHUNK = 16384
+# Products of cosines that a batch may ask for, at some 0.1 s a set, and up to which they are kept, 16 MB, for every
+# set to share: more take longer to make and to read again than a set takes that forms its own sums.
+_MOST_PRODUCTS, _KEPT_PRODUCTS = 50_000_000, 2_000_000
+_MARGIN = 1.06
 
 
 @dataclass(frozen=True)
@@ -273,14 +277,6 @@ def curves_through(
         errors,
         tables[:, factors:],
     )
-
-
-# Products of cosines that a batch may ask for, at some 0.1 s a set, and up to which they are kept, 16 MB, for every
-# set to share: more take longer to make and to read again than a set takes that forms its own sums.
-_MOST_PRODUCTS, _KEPT_PRODUCTS = 50_000_000, 2_000_000
-
-
-_MARGIN = 1.06
 
 
 @dataclass(frozen=True)

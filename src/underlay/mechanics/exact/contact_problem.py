@@ -61,21 +61,35 @@ __all__ = [
 
 #: Largest contact radius over thickness that is solved for.
 LARGEST_EPS = 20.0
-
-
 # Towards a sphere's equator the coefficients fall unevenly, and a pole is near: up to 8 times the
 # estimate was measured, over layers of R/3 to 10 R on bases of 0.03 of the layer's modulus to rigid.
 UNEVEN = 8.0
-
-
 # Gauss nodes of int H p dx for a shape that is not a power law: the sphere's H is analytic, a measured tip's
 # has corners in its derivatives.
 _SMOOTH_NODES, _MEASURED_NODES = 40, 240
-
-
 # Cosines beyond which contacts are solved for octave by octave of their radii, at most so many: a film on a base
 # 1e6 times softer takes 79 x 440 for each of a hundred radii at a/h = 20, and 10 x 60 at a/h = 2.
 _MUCH, _MOST_OCTAVES = 500_000, 5.0
+# The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
+# tightest, three tenths claimed.
+SHARE_OF_NODES = 0.3
+SHARE_OF_CURVE = 0.6
+# What a stored curve may leave out: six tenths led one search of 500 past the optimum.
+_SHARE_OF_TAIL = 0.1
+# Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
+_SHORT = 0.99
+# Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
+SOFT = 0.3
+# There a coarse solution comes first.
+_COARSE = 1e-2
+_MOST_SERIES_TERMS = 400
+# So many more terms of a series, as a share of those it has, at least: where node counts were not fitted to the
+# body, its terms fall late, and a solution too few costs more than a few terms too many.
+_FEW_MORE, _MANY_MORE = 0.1, 0.4
+# Beyond this growth of errors, at a fold, the radius is not asked for more digits; below this the solution is
+# rounding.
+_LARGEST_GAIN = 30.0
+_FINEST = 1e-12
 
 
 @dataclass(frozen=True)
@@ -256,46 +270,6 @@ def _shape_rule(nodes: int, rule: EvenRule) -> tuple[FloatArray, FloatArray]:
     weights = 15.0 * weights * (s * (1.0 - s)) ** 2
     project = even_legendre(fine, rule.nodes.size) @ rule.projection
     return read_only(fine), read_only(weights[:, None] * project)
-
-
-# The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
-# tightest, three tenths claimed.
-SHARE_OF_NODES = 0.3
-
-
-SHARE_OF_CURVE = 0.6
-
-
-# What a stored curve may leave out: six tenths led one search of 500 past the optimum.
-_SHARE_OF_TAIL = 0.1
-
-
-# Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
-_SHORT = 0.99
-
-
-# Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
-SOFT = 0.3
-
-
-# There a coarse solution comes first.
-_COARSE = 1e-2
-
-
-_MOST_SERIES_TERMS = 400
-
-
-# So many more terms of a series, as a share of those it has, at least: where node counts were not fitted to the
-# body, its terms fall late, and a solution too few costs more than a few terms too many.
-_FEW_MORE, _MANY_MORE = 0.1, 0.4
-
-
-# Beyond this growth of errors, at a fold, the radius is not asked for more digits; below this the solution is
-# rounding.
-_LARGEST_GAIN = 30.0
-
-
-_FINEST = 1e-12
 
 
 @dataclass(frozen=True)

@@ -84,6 +84,22 @@ __all__ = [
 
 #: Logarithms of the factors of all curves at varpi (n,), shape (curves, 3, n).
 Logarithms: TypeAlias = Callable[[FloatArray], FloatArray]
+# Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
+_RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
+_RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
+#: Number of the span of all bases from that of `_STIFF` on to a rigid one. What they add is analytic in 1/k there:
+#: five terms do where ln k takes seven in each of a dozen spans (twelve under an incompressible layer at a/h = 20).
+STIFF_END, _STIFF = 10_000, 5
+_SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
+# Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,
+# and the terms in varpi that are dropped.
+_SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
+_SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
+_NARROWEST = 0.3  # of a piece in z: eight pieces at most
+_DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
+_MOST_RATIOS = 24
+# From this rtol on a table of so many ranges takes little longer than that of one.
+_LOOSE, _WIDE = 1e-3, 4
 
 
 class SolvedCurves(NamedTuple):
@@ -184,42 +200,6 @@ def _one_by_one(bodies: Sequence[Kernel], exponent: float, top: float, rtol: flo
         max(one.eps for one in solved),
         worst.error_estimate,
     )
-
-
-# Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
-_RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
-
-
-_RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
-
-
-#: Number of the span of all bases from that of `_STIFF` on to a rigid one. What they add is analytic in 1/k there:
-#: five terms do where ln k takes seven in each of a dozen spans (twelve under an incompressible layer at a/h = 20).
-STIFF_END, _STIFF = 10_000, 5
-
-
-_SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
-
-
-# Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,
-# and the terms in varpi that are dropped.
-_SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
-
-
-_SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
-
-
-_NARROWEST = 0.3  # of a piece in z: eight pieces at most
-
-
-_DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
-
-
-_MOST_RATIOS = 24
-
-
-# From this rtol on a table of so many ranges takes little longer than that of one.
-_LOOSE, _WIDE = 1e-3, 4
 
 
 class IsotropicPair(NamedTuple):

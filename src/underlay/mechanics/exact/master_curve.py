@@ -47,6 +47,12 @@ __all__ = [
 _BLOCK = 4
 # Depths evaluated at a time: the powers of so many fit the processor's cache.
 _CHUNK = 2048
+# Powers of z lose (1 + sqrt 2)^n / rho^n of relative accuracy against Chebyshev polynomials, rho > 1.8 the
+# rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
+MOST_TERMS = 24
+#: Most terms that are told in powers at all. The widest contacts of spheres take so many at 1e-6, where rho is 1.7
+#: and 2e-9 is lost.
+MOST_IN_POWERS = 44
 
 
 class Factor(IntEnum):
@@ -135,12 +141,6 @@ def _monomial_table(count: int) -> FloatArray:
     return table
 
 
-# Powers of z lose (1 + sqrt 2)^n / rho^n of relative accuracy against Chebyshev polynomials, rho > 1.8 the
-# rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
-MOST_TERMS = 24
-#: Most terms that are told in powers at all. The widest contacts of spheres take so many at 1e-6, where rho is 1.7
-#: and 2e-9 is lost.
-MOST_IN_POWERS = 44
 _MONOMIALS = _monomial_table(MOST_IN_POWERS)
 
 

@@ -44,6 +44,14 @@ __all__ = [
 ]
 
 Table = TypeVar("Table")
+# The starting points are off by 4 % of a node's distance from the end of the interval at most: there the terms of
+# P_n fall as 0.06^k / k!^2, and ten of them, and four steps on their sum, reach rounding for every even count.
+_TERMS, _NEWTON_STEPS = 10, 4
+#: Most nodes in x = r/a times those in u: the cosines of one contact radius, 8 MB of them. An isotropic layer
+#: at a/h = 20 and 1e-12 takes 110 x 288, on a base 1e8 times softer 110 x 752.
+MOST_NODES = 1_000_000
+# Each step moves the scale by less: after six the node count stands still.
+_GRADING_STEPS = 6
 
 
 class TableStore:
@@ -124,11 +132,6 @@ class EvenRule(NamedTuple):
         return np.multiply.accumulate(moments) @ self.projection
 
 
-# The starting points are off by 4 % of a node's distance from the end of the interval at most: there the terms of
-# P_n fall as 0.06^k / k!^2, and ten of them, and four steps on their sum, reach rounding for every even count.
-_TERMS, _NEWTON_STEPS = 10, 4
-
-
 def _legendre(*counts: int) -> dict[int, tuple[FloatArray, FloatArray]]:
     """Nodes by Newton's method on P_n, weights 2/((1 - x^2) P_n'^2), for even counts, which increase.
 
@@ -205,11 +208,6 @@ _EVEN = {count: _even(count) for count in range(1, 21)}
 def even_rule(count: int) -> EvenRule:
     """Return the rule of `count` nodes on (0, 1) for even integrands."""
     return _EVEN[count] if count in _EVEN else TABLES.get(("even rule", count), lambda: _even(count))
-
-
-#: Most nodes in x = r/a times those in u: the cosines of one contact radius, 8 MB of them. An isotropic layer
-#: at a/h = 20 and 1e-12 takes 110 x 288, on a base 1e8 times softer 110 x 752.
-MOST_NODES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -318,10 +316,6 @@ def curve_terms(scales: Scales, varpi: float, exponent: float, rtol: float) -> i
         length = 0.42 * (asinh(varpi) + log1p(scales.softness * varpi)) * (1.0 + 0.25 / exponent)
     # What an error is estimated from is four terms.
     return max(4, ceil(digits * (0.8 + length) + 0.6))
-
-
-# Each step moves the scale by less: after six the node count stands still.
-_GRADING_STEPS = 6
 
 
 def _graded(scales: Scales, wide: float, digits: float, reach: float) -> tuple[float, float]:

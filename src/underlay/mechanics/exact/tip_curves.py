@@ -78,19 +78,28 @@ __all__ = ["PunchCell", "PunchFamily", "TipContacts", "TipCurves", "punch_family
 # there was no table, after 1 s of trying; at 0.005 there are, but for soft bases; at 0.0005, with 7 % more nodes,
 # also for a base a thirtieth as stiff as the layer up to a/h = 20.
 _SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.0005, 0.3, 0.3
-
-
 _MOST_RATIOS, _MOST_RADII = 24, 96
-
-
 _NARROW = 4.0  # a/h: narrower contacts take so few nodes that sorting them gains nothing
-
-
 _FINER = 0.03  # of the tolerance of the widest: where nodes change the solution jumps by what they leave out
-
-
 # What a series leaves out is read off its last four coefficients.
 _FEWEST_TERMS = 4
+# No further than this share of the end of the shape: there the solution of each contact knows better; and nearly
+# to where nothing is solved for: searches stand at that edge.
+_SHARE_OF_SHAPE, _SHARE_OF_EPS = 0.97, 1.0 - 1e-6
+_PLACED = 1e-2  # the radii are placed as well as this
+# The radii are placed this much wider than the power law would have them: too near a curve would end too soon.
+_WIDER = 1.03
+_MORE_TERMS = 4  # where an estimate says that a curve is too coarse
+# A sphere's contact ten thicknesses wide takes 28 at 1e-6; beside a solution of its own they cost next to nothing.
+_MOST_TERMS = MOST_IN_POWERS
+# On a softer base a curve that should take more than these errs by too much with the most there may be, and to find
+# that out takes a table. On others it may also be too wide, which the tables say sooner than a solution.
+_HOPELESS = _MOST_TERMS + _MORE_TERMS
+_RANGES_BELOW = 5
+# Of ln k and ln h: a difference of polynomials, whose truncation is 1e-7 of the derivative and rounding 1e-9.
+_STEP = 1e-7
+# A contact, one a step further in ln k, and one in ln h.
+_BESIDE = _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 class PunchCell(NamedTuple):
@@ -262,41 +271,6 @@ def _told_of(body: Kernel, group: _Group) -> FloatArray:
         ),
         axis=1,
     )
-
-
-# No further than this share of the end of the shape: there the solution of each contact knows better; and nearly
-# to where nothing is solved for: searches stand at that edge.
-_SHARE_OF_SHAPE, _SHARE_OF_EPS = 0.97, 1.0 - 1e-6
-
-
-_PLACED = 1e-2  # the radii are placed as well as this
-
-
-# The radii are placed this much wider than the power law would have them: too near a curve would end too soon.
-_WIDER = 1.03
-
-
-_MORE_TERMS = 4  # where an estimate says that a curve is too coarse
-
-
-# A sphere's contact ten thicknesses wide takes 28 at 1e-6; beside a solution of its own they cost next to nothing.
-_MOST_TERMS = MOST_IN_POWERS
-
-
-# On a softer base a curve that should take more than these errs by too much with the most there may be, and to find
-# that out takes a table. On others it may also be too wide, which the tables say sooner than a solution.
-_HOPELESS = _MOST_TERMS + _MORE_TERMS
-
-
-_RANGES_BELOW = 5
-
-
-# Of ln k and ln h: a difference of polynomials, whose truncation is 1e-7 of the derivative and rounding 1e-9.
-_STEP = 1e-7
-
-
-# A contact, one a step further in ln k, and one in ln h.
-_BESIDE = _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 class TipContacts(NamedTuple):

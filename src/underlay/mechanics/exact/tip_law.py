@@ -31,6 +31,8 @@ _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
 _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
+#: A tip in its unit, number of the span in ln k, number of the range of varpi.
+_Group: TypeAlias = tuple[Indenter, int | None, int]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,10 +146,6 @@ def tip_laws(
                 row = members[member]
                 laws[row] = _law(contacts[row], found, place, depths[row], rtol)
     return laws
-
-
-#: A tip in its unit, number of the span in ln k, number of the range of varpi.
-_Group: TypeAlias = tuple[Indenter, int | None, int]
 
 
 def _law(

@@ -29,6 +29,14 @@ _MATTERS = 0.01
 
 #: Force (N) and dP/dw (N/m) of the law without sides at depths (m), (..., n), in contact.
 Inner = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+# What a test may not have beside its sides.
+_BESIDE = {
+    "relaxation": "layers that do not relax",
+    "history": "samples without a history",
+    "adhesion": "tips without adhesion",
+    "friction": "tips without friction",
+    "discrepancy": "laws without a discrepancy",
+}
 
 
 class Sprung(NamedTuple):
@@ -217,16 +225,6 @@ class NarrowLaw(ContactLaw):
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
         return np.asarray(self.inner.contact_radius(self.own_depth(depth)))
-
-
-# What a test may not have beside its sides.
-_BESIDE = {
-    "relaxation": "layers that do not relax",
-    "history": "samples without a history",
-    "adhesion": "tips without adhesion",
-    "friction": "tips without friction",
-    "discrepancy": "laws without a discrepancy",
-}
 
 
 def sides_of(layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> Sides:

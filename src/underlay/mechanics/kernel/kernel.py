@@ -35,10 +35,17 @@ __all__ = ["MOST_NODES", "SOFTEST", "Compliance", "Family", "Kernel", "Layers", 
 # The node counts were fitted to roots that decay without turning, and hold where they turn up to this share of the
 # rate at which they decay: beyond, the poles of L stand too near to the real axis (measured on 6000 materials).
 _MOST_TURN = 0.5
-
-
 #: Smallest theta of a part over that of the layer: below, the layer bends in the rounding of 1 - L.
 SOFTEST = 1e-20
+_MOST_COEFFICIENTS = 12
+_LARGEST_ORDER = 40
+#: Most nodes of a rule: a hundred times those of any pair of real materials at a/h = 20.
+MOST_NODES = 100_000
+_ORDERS = np.arange(1.0, _LARGEST_ORDER + 1.0)
+_GROWTH = 3.0
+# n nodes leave rho^(-2 n), rho the Bernstein ellipse through the nearest pole: 3.85 in a tripling panel with
+# a pole at 60 degrees, 3.7 in [0, 1] with the pole at 0.74i of nu = 0.5 on a rigid base.
+_PER_NODE = log(3.7)
 
 
 def lowest(value: Any) -> float:
@@ -111,9 +118,6 @@ class Scales:
     def softness(self) -> float:
         """Inverse of the a/h at which a softer substrate is first felt; 0 for a stiffer one."""
         return 0.0 if self.ratio >= 1.0 else self.ratio ** (-2.0 / 3.0) - 1.0
-
-
-_MOST_COEFFICIENTS = 12
 
 
 class Layers(NamedTuple):
@@ -279,28 +283,10 @@ class Family(Protocol):
     def __hash__(self) -> int: ...
 
 
-_LARGEST_ORDER = 40
-
-
-#: Most nodes of a rule: a hundred times those of any pair of real materials at a/h = 20.
-MOST_NODES = 100_000
-
-
-_ORDERS = np.arange(1.0, _LARGEST_ORDER + 1.0)
-
-
 _GAUSS = tuple(
     tuple(read_only(array) for array in np.polynomial.legendre.leggauss(n))
     for n in range(1, _LARGEST_ORDER + 1)
 )
-
-
-_GROWTH = 3.0
-
-
-# n nodes leave rho^(-2 n), rho the Bernstein ellipse through the nearest pole: 3.85 in a tripling panel with
-# a pole at 60 degrees, 3.7 in [0, 1] with the pole at 0.74i of nu = 0.5 on a rigid base.
-_PER_NODE = log(3.7)
 
 
 def u_rule(

@@ -28,12 +28,8 @@ __all__ = ["StackKernel", "joined", "relative_effect", "sheets_of"]
 
 # Radius and stiffness move by up to twice as much as the force; the rest is margin, as for `Auto`.
 _MARGIN = 4.0
-
-
 # First order holds below this.
 _LARGEST_SHALLOW = 0.02
-
-
 # Only a layer this thin and alike, for its depth, or this deep for the contact, is worth a look.
 _THIN, _DEEP = 1e-2, 5.0
 

@@ -18,6 +18,12 @@ from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 
 __all__ = ["LayerKernel", "SubstrateKernel", "is_isotropic", "material_contrast"]
 
+# On softer bases, in shear, the closed form loses digits: at the switch it errs by 1e-14 of L, the recursion by
+# 3e-15. Where 1 - L decays it keeps 1e-14 of it, at any ratio down to there.
+_SOFTEST_BASE = 1e-3
+# How far p and sigma of an isotropic material are from 1 and 2 by rounding.
+_ROUNDING = 8.0 * float(np.finfo(float).eps)
+
 
 class _OneLayer(Kernel):
     """One layer bonded to a base, however it is described."""
@@ -140,13 +146,6 @@ class SubstrateKernel(_OneLayer):
     def uniform(self) -> bool:
         """Whether the substrate continues the layer: the kernel is zero."""
         return self.substrate == self.layer
-
-
-# On softer bases, in shear, the closed form loses digits: at the switch it errs by 1e-14 of L, the recursion by
-# 3e-15. Where 1 - L decays it keeps 1e-14 of it, at any ratio down to there.
-_SOFTEST_BASE = 1e-3
-# How far p and sigma of an isotropic material are from 1 and 2 by rounding.
-_ROUNDING = 8.0 * float(np.finfo(float).eps)
 
 
 def isotropic_formula(

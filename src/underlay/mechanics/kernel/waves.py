@@ -48,6 +48,7 @@ _BLOCKS = 6
 _APART = 0.5
 # |d^2|/p below which roots that turn count as real: twice what the rounding of isotropic constants leaves.
 _ROUNDING = 4.0 * np.finfo(float).eps
+_POWERS = read_only(np.arange(_TERMS, dtype=np.float64))
 
 
 def _sums() -> FloatArray:
@@ -67,7 +68,6 @@ def _sums() -> FloatArray:
 
 
 _SUMS = read_only(_sums())
-_POWERS = read_only(np.arange(_TERMS, dtype=np.float64))
 
 
 def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:

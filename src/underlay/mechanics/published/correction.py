@@ -67,6 +67,10 @@ KINDS = {
     "cone": (Cone,),
     "flat punch": (FlatPunch,),
 }
+RIGID_BONDED = "rigid, layer bonded"
+FRICTIONLESS = "rigid, layer free to slip"
+ELASTIC = "elastic, layer bonded"
+MEASURED_RANGE = "measured: within 5 % of the exact contact law there"
 
 
 def kind_of(indenter: Indenter) -> str | None:
@@ -389,18 +393,6 @@ class MeasuredError:
             end = float(row[column])
             estimates.append(end if share == 1.0 or not np.isfinite(end) else start + share * (end - start))
         return max(estimates)
-
-
-RIGID_BONDED = "rigid, layer bonded"
-
-
-FRICTIONLESS = "rigid, layer free to slip"
-
-
-ELASTIC = "elastic, layer bonded"
-
-
-MEASURED_RANGE = "measured: within 5 % of the exact contact law there"
 
 
 @dataclass(frozen=True, kw_only=True)

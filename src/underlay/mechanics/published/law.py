@@ -64,9 +64,11 @@ _CORRECTIONS = (
     gao1992.PUNCH,
     hay2011.PUNCH,
 )
-
-
 _NAMES = tuple(dict.fromkeys(correction.name for correction in _CORRECTIONS))
+# Where a formula is watched for a force that stops growing. The factors are smooth in the contact size.
+_WATCHED_DEPTHS = 200
+# The paraboloid that stands for a true sphere has a contact as wide as the sphere at d = R, and wider below.
+_WITHIN_RADIUS = Limit(DEPTH_OVER_RADIUS, 0.0, 1.0)
 
 
 def published_corrections() -> tuple[PublishedCorrection, ...]:
@@ -110,14 +112,6 @@ def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> P
             'the solver "exact" takes every shape'
         )
     return named[kind]
-
-
-# Where a formula is watched for a force that stops growing. The factors are smooth in the contact size.
-_WATCHED_DEPTHS = 200
-
-
-# The paraboloid that stands for a true sphere has a contact as wide as the sphere at d = R, and wider below.
-_WITHIN_RADIUS = Limit(DEPTH_OVER_RADIUS, 0.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,6 +34,14 @@ _ROUNDING = 1.0 + 1e-9
 # Share of a refused depth from which on the largest is looked for: z, t and X end at depths 1e6 times smaller
 # only of layers that are refused as too thin, G of s above 1e5.
 _SHALLOWEST = 1e-6
+# What a test may not have beside it, and why.
+_BESIDE = {
+    "friction": 'tips without friction: take friction = "none" or leave out stiffening',
+    "adhesion": "tips without adhesion (the contact radius is not known): leave out one of them",
+    "history": "samples without a history: leave out one of them",
+    "small strains": "large strains: leave out finite_strain = false, or stiffening",
+    "discrepancy": "laws without a discrepancy: its own is layer.stiffening.form; leave out one of them",
+}
 
 
 def require_known(
@@ -104,16 +112,6 @@ def _require_sphere(indenter: Indenter, *, layered: bool) -> None:
         )
     name = "a flat punch" if isinstance(indenter, FlatPunch) else type(indenter).__name__
     raise _refusal(f"true spheres; {name} was not measured")
-
-
-# What a test may not have beside it, and why.
-_BESIDE = {
-    "friction": 'tips without friction: take friction = "none" or leave out stiffening',
-    "adhesion": "tips without adhesion (the contact radius is not known): leave out one of them",
-    "history": "samples without a history: leave out one of them",
-    "small strains": "large strains: leave out finite_strain = false, or stiffening",
-    "discrepancy": "laws without a discrepancy: its own is layer.stiffening.form; leave out one of them",
-}
 
 
 class Reach(NamedTuple):

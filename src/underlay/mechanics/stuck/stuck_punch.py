@@ -68,27 +68,22 @@ __all__ = [
 ]
 
 ComplexArray = NDArray[np.complex128]
-
-
 # V_n falls as exp(-n alpha), y = cosh(alpha), and P_n grows so: where n alpha is more than this for the last n it
 # is found by ratios from above, elsewhere by P_n. Error at the switch, of V_n up to 20: 2e-14 for 12 functions,
 # 4e-13 for 40, 6e-12 for 140 by P_n, and 1e-14 by the ratios.
 _SWITCH = 4.0
 # Ratios are started where exp(-2 n alpha) has fallen by so many natural logarithms from the last n wanted.
 _SETTLED = 28.0
-
-
 # Orders of a transform: half of rho, where Bessel functions of that order begin to fall, so many cube roots of rho
 # over which they fall, and so many more. Right to 4e-12 for rho up to 150.
 _FALL, _BEYOND = 2.0, 5
-
-
 # Nodes of the rule inside the contact and orders of the Legendre polynomials beside them that are ready-made: their
 # products with 24 functions are integrated to 1e-12.
 _READY_NODES, _READY_ORDERS = 128, 32
-
-
 _READY_REACH = 3.0
+# The error is what the last sixth of the terms of D in s does, two at least. Against growths of twice the terms, at
+# a/h of 1 to 20 on rigid, stiff and soft bases, this is from 0.5 to 30 times the error.
+_LAST = 6
 
 
 class EndRule(NamedTuple):
@@ -109,11 +104,6 @@ def end_rule(count: int, reach: float = 3.2) -> EndRule:
     nodes = 1.0 / (1.0 + far)
     rest = far * nodes
     return EndRule(nodes, rest, (k[1] - k[0]) * pi * np.cosh(k) * nodes * rest)
-
-
-# The error is what the last sixth of the terms of D in s does, two at least. Against growths of twice the terms, at
-# a/h of 1 to 20 on rigid, stiff and soft bases, this is from 0.5 to 30 times the error.
-_LAST = 6
 
 
 #: Rules of a growth's integral by their counts, for errors of 1e-3 to 1e-6.

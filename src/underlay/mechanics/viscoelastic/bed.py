@@ -45,12 +45,10 @@ __all__ = ["Bed", "Creep", "crept", "depth_under"]
 
 # Two cycles of a paraboloid, relative to the largest force against four times as many of both: see the tests.
 _SPRINGS = 400
-
-
 _STEPS = 1600
-
-
 _LAST_DIGITS = 1e-13
+# A rise of the force after its fall by less than this part of the largest is a rounding.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -151,10 +149,6 @@ def _stepped(path: FloatArray, modes: Modes, clock: FloatArray, springs: FloatAr
         parts += even[:, n, None] * change
         forces[n + 1] = np.maximum(standing + rate * change, 0.0)
     return forces
-
-
-# A rise of the force after its fall by less than this part of the largest is a rounding.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,13 @@ __all__ = ["EqualRadius", "Search", "at", "equal_radius", "share_of"]
 # Points of the way out that are compared with all of the way in, by a product of matrices, and how many lie between
 # two of which the step is known.
 _KNOWN, _APART = 24, 64
+# Rounds of Newton's method, far beyond need, and the last of its steps over that of the record: what is left after
+# it is the square of that, times half a step of the record over the shortest relaxation time.
+_ROUNDS = 60
+_LAST_STEP = 1e-6
+# A step of the record over the shortest relaxation time below which its exponential does not overflow beside what
+# is left of older loads.
+_LONG_STEP = 300.0
 
 
 def at(values: FloatArray, number: NDArray[np.intp]) -> FloatArray:
@@ -153,19 +160,6 @@ class Search:
         high = np.maximum((levels < self.target[..., None]).argmin(axis=-1), 1)[..., None]
         at_low, at_high = (np.take_along_axis(levels, high - back, axis=-1)[..., 0] for back in (1, 0))
         return np.asarray(high[..., 0] - 1 + share_of(self.target - at_low, at_high - at_low))
-
-
-# Rounds of Newton's method, far beyond need, and the last of its steps over that of the record: what is left after
-# it is the square of that, times half a step of the record over the shortest relaxation time.
-_ROUNDS = 60
-
-
-_LAST_STEP = 1e-6
-
-
-# A step of the record over the shortest relaxation time below which its exponential does not overflow beside what
-# is left of older loads.
-_LONG_STEP = 300.0
 
 
 @dataclass(frozen=True)

@@ -43,13 +43,11 @@ __all__ = [
 #: none, then the noise of a depth reading. The springs that lift off there hold less than the square of it:
 #: measured against the bed, whose own error is 1e-5, 3e-5 of the largest force at ripples of up to 2.8e-3.
 RIPPLES = (0.0, 3e-3)
-
-
 _ROUNDING = 1e-9
-
-
 #: A sudden step as a share of the first one: what relaxes within it is as small a part of the force.
 SUDDEN = 1e-7
+#: Elastic forces (N), (rows, q), of the sets `rows` at depths (m), (rows, q).
+ElasticOfSets: TypeAlias = Callable[[NDArray[np.intp], FloatArray], FloatArray]
 
 
 def times_told(time: FloatArray) -> tuple[float, float]:
@@ -217,10 +215,6 @@ def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloa
     way = np.concatenate((np.maximum(depth[: turn + 1], 0.0), depth[turn + 1 :]))
     found = equal_radius(way, memory, turn)
     return Unloading(depth, turn, memory, found) if found.regrowth <= allowed else None
-
-
-#: Elastic forces (N), (rows, q), of the sets `rows` at depths (m), (rows, q).
-ElasticOfSets: TypeAlias = Callable[[NDArray[np.intp], FloatArray], FloatArray]
 
 
 def forces_of_sets(

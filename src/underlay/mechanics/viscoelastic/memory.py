@@ -28,28 +28,16 @@ __all__ = ["Clock", "LastMemory", "Memory", "curved", "even"]
 
 # Below, the closed form of g2 loses digits: 3e-15 at 0.3; the series of 12 terms leaves 1e-17 there.
 _SERIES_BELOW = 0.3
-
-
 #: g2(x) = sum_{n >= 1} (-x)^n / n! [2 / (n + 2) - 1 / (n + 1)], the highest power first.
 _SERIES = [(2.0 / (n + 2) - 1.0 / (n + 1)) / math.factorial(n) for n in range(12, -1, -1)]
-
-
 # Of steps this short as many terms of it leave 1e-14.
 _SHORT = ((0.03, 8), (0.12, 10))
-
-
 # Steps that differ by less than this part are one: it moves e(t) by no more.
 _EQUAL = 1e-9
-
-
 # Products of decays smaller than this no longer show beside 1.
 _FORGOTTEN = 1e-18
-
-
 # Relaxation times in a record up to which exp(t / tau) and its inverse stay far inside of what floats hold.
 _LONG = 500.0
-
-
 # Powers of one number are products of two shorter rows of them.
 _ROW = 32
 

@@ -35,12 +35,21 @@ __all__ = ["accuracy_cost", "answer_cost", "label_points", "posterior_cost", "wh
 
 # Of the axes' height: the least distance of two names. Of its width: where the column begins.
 _APART, _COLUMN = 0.045, 0.56
-
-
 _MARGIN = 0.06
-
-
 _PASSES = 500
+# Errors below these are those of the reference, and those that no measurement tells.
+_FLOOR, _FLOOR_OF_ANSWERS = 1e-12, 1e-6
+_COLOURS = {
+    "explicit": REFERENCE,
+    "parametric": PURPLE,
+    "compliance": YELLOW,
+    "exact": FIT,
+    "auto": "black",
+    "halfspace": ACCENT,
+}
+_HEIGHT = 3.8
+# Of the exact law's tolerances: the others lie between.
+_NAMED, _NAMED_AUTO = (1e-1, 1e-2, 1e-4, 1e-6, 1e-10), 1e-4
 
 
 def label_points(
@@ -87,27 +96,6 @@ def _apart(heights: FloatArray) -> FloatArray:
         placed[1:] += push
         placed = np.clip(placed, 0.02, 0.98)
     return placed
-
-
-# Errors below these are those of the reference, and those that no measurement tells.
-_FLOOR, _FLOOR_OF_ANSWERS = 1e-12, 1e-6
-
-
-_COLOURS = {
-    "explicit": REFERENCE,
-    "parametric": PURPLE,
-    "compliance": YELLOW,
-    "exact": FIT,
-    "auto": "black",
-    "halfspace": ACCENT,
-}
-
-
-_HEIGHT = 3.8
-
-
-# Of the exact law's tolerances: the others lie between.
-_NAMED, _NAMED_AUTO = (1e-1, 1e-2, 1e-4, 1e-6, 1e-10), 1e-4
 
 
 def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None = None) -> Axes:

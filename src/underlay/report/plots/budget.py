@@ -35,6 +35,12 @@ _WORDS = {
     "assumed": "assumed: state yours",
     "model": "left out of the model",
 }
+_BESIDE: dict[str, Any] = {
+    "xytext": (3.0, 0.0),
+    "textcoords": "offset points",
+    "va": "center",
+    "fontsize": 7.5,
+}
 
 
 def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
@@ -92,14 +98,6 @@ def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
             borderaxespad=0.0,
         )
     return panel
-
-
-_BESIDE: dict[str, Any] = {
-    "xytext": (3.0, 0.0),
-    "textcoords": "offset points",
-    "va": "center",
-    "fontsize": 7.5,
-}
 
 
 def _named(row: Contribution) -> str:

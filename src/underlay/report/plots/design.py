@@ -43,14 +43,16 @@ __all__ = ["correlations", "draw_matrix", "identifiability", "plan"]
 
 # Above this the colour is dark and the number on it white.
 _DARK = 0.6
-
-
 # A name of more words than this, one below the other, runs into its neighbours: a column then has the letter.
 _MOST_WORDS = 3
-
-
 # Letters on a line of a name beside its row.
 _WIDE = 30
+_COLOURS = {"fixed": ACCENT, "weakly fixed": YELLOW, "not fixed": REFERENCE}
+# The axis of the bars: from a hundredth of a per cent to a factor of e, where nothing is fixed any more.
+_LEAST, _MOST = 1e-4, 1.0
+_SMALL_POWER = 0.05
+# Relative errors beyond these are as good, or as useless, as these.
+_BEST, _WORST = 1e-3, 1.0
 
 
 def draw_matrix(ax: Axes, frame: pd.DataFrame) -> None:
@@ -100,16 +102,6 @@ def correlations(result: Fit, *, ax: Axes | None = None) -> Axes:
             ax.text(0.5, 0.5, "no parameter has an error bar", ha="center", va="center")
             ax.set_axis_off()
     return ax
-
-
-_COLOURS = {"fixed": ACCENT, "weakly fixed": YELLOW, "not fixed": REFERENCE}
-
-
-# The axis of the bars: from a hundredth of a per cent to a factor of e, where nothing is fixed any more.
-_LEAST, _MOST = 1e-4, 1.0
-
-
-_SMALL_POWER = 0.05
 
 
 def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
@@ -173,10 +165,6 @@ def _formula(powers: object) -> str:
         letter = symbol(name)
         parts.append(letter if abs(power - 1.0) < 5e-3 else f"{{{letter}}}^{{{power:.2g}}}")
     return f"${' '.join(parts)}$"
-
-
-# Relative errors beyond these are as good, or as useless, as these.
-_BEST, _WORST = 1e-3, 1.0
 
 
 def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:

@@ -47,6 +47,19 @@ if TYPE_CHECKING:
 
 __all__ = ["Canvas", "canvas", "drainage", "fit", "fit_in_time", "fit_log", "laws", "relaxation", "segments"]
 
+# More points than the picture has pixels only make the file heavy.
+_MOST_POINTS = 1500
+# Share of the contact that is shown of the flat part before it; share of the depth from which logarithms are drawn.
+_BEFORE, _SHALLOWEST = 0.35, 3e-3
+# Points over which the residual of a comparison is averaged, as a share of the curve.
+_SMOOTHED = 0.015
+# Of a picture on a page: crisp enough, and drawn in half the time of one for print.
+_DPI = 130
+_LINES = ((FIT, "-"), (REFERENCE, "--"))
+_CURVE_POINTS = 60
+_COLOURS = {LOADING: FIT, HOLD: DATA, UNLOADING: REFERENCE}
+_MARKS = {LOADING: ".", HOLD: "s", UNLOADING: "x"}
+
 
 @dataclass(frozen=True)
 class Canvas:
@@ -77,16 +90,6 @@ class Canvas:
     high: float
     floor: float = 0.0
     ceiling: float = 1.0
-
-
-# More points than the picture has pixels only make the file heavy.
-_MOST_POINTS = 1500
-
-
-# Share of the contact that is shown of the flat part before it; share of the depth from which logarithms are drawn.
-_BEFORE, _SHALLOWEST = 0.35, 3e-3
-# Points over which the residual of a comparison is averaged, as a share of the curve.
-_SMOOTHED = 0.015
 
 
 def fit(
@@ -336,13 +339,6 @@ def _measured(
     return upper, lower, newton, offset
 
 
-# Of a picture on a page: crisp enough, and drawn in half the time of one for print.
-_DPI = 130
-
-
-_LINES = ((FIT, "-"), (REFERENCE, "--"))
-
-
 def laws(
     curve: Curve,
     used: Curve,
@@ -416,9 +412,6 @@ def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0
     )
     # Plain floats: what numpy's write of themselves is no number to anyone else.
     return Canvas(data, width, height, *map(float, (left, right, top, bottom, *across, *up)))
-
-
-_CURVE_POINTS = 60
 
 
 def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
@@ -517,12 +510,6 @@ def _modulus(layer: Layer, time: FloatArray) -> FloatArray:
     if layer.relaxation is None:
         return np.full(len(time), layer.material.E)
     return np.asarray(layer.material.E * layer.relaxation.modulus(time))
-
-
-_COLOURS = {LOADING: FIT, HOLD: DATA, UNLOADING: REFERENCE}
-
-
-_MARKS = {LOADING: ".", HOLD: "s", UNLOADING: "x"}
 
 
 def segments(curve: Curve, *, title: str = "", ax: Axes | None = None) -> Axes:

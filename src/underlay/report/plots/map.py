@@ -46,6 +46,15 @@ from underlay.scene.parameters import kind_of
 __all__ = ["boxes", "histogram", "map", "map_unit", "survey", "verdicts"]
 
 _SHOWN = (0.005, 0.995)
+# Drawn over their own edges, neighbours leave no white lines between them.
+_NO_GAPS: Any = {"edgecolors": "face", "lw": 0.2}
+_ALONE = 1e-6  # m; a single site has no neighbour to measure its square by
+_VERDICTS = (
+    ("good", ACCENT, "o"),
+    ("check", YELLOW, "^"),
+    ("reject", REFERENCE, "x"),
+    ("refused", REFERENCE, "x"),
+)
 
 
 def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None = None) -> Axes:
@@ -90,13 +99,6 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
         ax.set_ylabel("curves")
         ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     return ax
-
-
-# Drawn over their own edges, neighbours leave no white lines between them.
-_NO_GAPS: Any = {"edgecolors": "face", "lw": 0.2}
-
-
-_ALONE = 1e-6  # m; a single site has no neighbour to measure its square by
 
 
 def map(  # noqa: A001  the public name; the builtin is not used here
@@ -231,14 +233,6 @@ def _squares(across: FloatArray, up: FloatArray) -> FloatArray:
     half = 0.5 * float(np.median(apart)) if apart.size else _ALONE
     corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     return np.asarray(sites[:, None, :] + corners)
-
-
-_VERDICTS = (
-    ("good", ACCENT, "o"),
-    ("check", YELLOW, "^"),
-    ("reject", REFERENCE, "x"),
-    ("refused", REFERENCE, "x"),
-)
 
 
 def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:

@@ -26,6 +26,8 @@ __all__ = ["film", "pointwise_modulus"]
 _HEADROOM, _USUAL = 1.15, 0.95
 # Share of the width that words take.
 _WORDS = 0.6
+# Standard deviations to the ends of 95 %.
+_WIDTH = 1.96
 
 
 def pointwise_modulus(
@@ -119,10 +121,6 @@ def _widest_gap(found: PointwiseModulus, shown: FloatArray, top: float) -> float
     rungs = np.sort(values[(values >= 0.0) & (values <= top)])
     place = int(np.argmax(np.diff(rungs)))
     return float(0.5 * (rungs[place] + rungs[place + 1]) / top)
-
-
-# Standard deviations to the ends of 95 %.
-_WIDTH = 1.96
 
 
 def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:

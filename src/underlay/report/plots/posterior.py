@@ -46,24 +46,15 @@ if TYPE_CHECKING:
 __all__ = ["corner", "predictive", "profile"]
 
 _BINS = 32
-
-
 # A cell is as wide as so many letters; a longer label would run into its neighbour.
 _LETTERS = 15
-
-
 _MASSES = (0.95, 0.68)
-
-
 # Standard deviation, in bins, of the smoothing that makes contours of a finite number of draws.
 _SMOOTHING = 1.0
-
-
 # Ratio of the ends of a positive quantity above which its axis is in decades.
 _DECADES = 20.0
-
-
 _MARGIN = 0.003  # share of the draws left out of the picture on either side
+_LEVELS = ((0.68, ":"), (0.95, "--"))
 
 
 def corner(posterior: Posterior, *, names: Sequence[str] | None = None, ax: Axes | None = None) -> Axes:
@@ -244,9 +235,6 @@ def predictive(posterior: Posterior, *, curve: int = 0, ax: Axes | None = None) 
         lower.set_xlabel(f"depth ({length})")
         lower.set_ylabel(f"less the median ({small})")
     return upper
-
-
-_LEVELS = ((0.68, ":"), (0.95, "--"))
 
 
 def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:

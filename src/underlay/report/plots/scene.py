@@ -35,25 +35,18 @@ __all__ = ["effects", "material_words", "scene"]
 # The picture is at least this many contact radii wide on either side, and a thickness deeper than so many
 # contact radii is cut off at the bottom, and said so.
 _WIDTH, _DEEPEST = 2.6, 5.0
-
-
 _POINTS = 400
-
-
 # A layer thinner than this share of the picture has no room for words.
 _THIN = 0.2
-
-
 # Deeper layers in turn, so that neighbours differ.
 _SHADES = ("#d9e5c3", "#efd9b8")
-
-
 # What is said of a lower face.
 _BONDS = {"bonded": "", "slip": ",\nfree to slip", "unknown": ",\nbond unknown"}
-
-
 # Inches: room for names beside the picture, the picture without it, and the least between two lines of names.
 _BESIDE, _PICTURE, _LINE = 2.3, (2.8, 2.0), 0.17
+_EFFECTS_POINTS = 120
+# Three decades of depth show where an effect sets in.
+_SHALLOWEST = 1e-3
 
 
 def scene(
@@ -245,13 +238,6 @@ def material_words(material: Base | None) -> str:
 
 def _mirrored(r: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([-r[:0:-1], r]), np.concatenate([values[:0:-1], values])
-
-
-_EFFECTS_POINTS = 120
-
-
-# Three decades of depth show where an effect sets in.
-_SHALLOWEST = 1e-3
 
 
 def effects(

@@ -107,6 +107,10 @@ _STYLE: Any = {
     "axes.prop_cycle": cycler(color=list(CYCLE)),
 }
 _FORMATS = {"png", "svg", "pdf"}
+# What a picture says of who made it and when, and names of groups that nothing refers to.
+_PREAMBLE = re.compile(r"^.*?(?=<svg)|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
+_SIZE = re.compile(r'<svg[^>]*viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>')
+_GROUP = re.compile(r'<g id="[^"]*"')
 
 
 @contextmanager
@@ -179,12 +183,6 @@ def save(ax: Axes, path: str | os.PathLike[str]) -> Path:
     if format_ not in _FORMATS:
         raise InputError(f"a picture is written as .png, .svg or .pdf; got {target.name!r}")
     return write_atomic(target, drawn(ax, format_))
-
-
-# What a picture says of who made it and when, and names of groups that nothing refers to.
-_PREAMBLE = re.compile(r"^.*?(?=<svg)|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
-_SIZE = re.compile(r'<svg[^>]*viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>')
-_GROUP = re.compile(r'<g id="[^"]*"')
 
 
 def inline_svg(ax: Axes, name: str, alt: str) -> str:
