@@ -287,7 +287,11 @@ class Problem:
         A density in q: that of the physical parameter times |dx/dq|.
         """
         q = np.asarray(vectors, dtype=np.float64)
-        return self.space.log_prior(q, self.space.physical(q))
+        # What lies far outside the bounds has perhaps no value that a float holds.
+        low, high = self.bounds.T
+        near = ((q >= low - 1.0) & (q <= high + 1.0)).all(axis=-1)
+        inside = np.where(near[..., None], q, self.start)
+        return np.where(near, self.space.log_prior(inside, self.space.physical(inside)), -np.inf)
 
     def log_likelihood(self, vectors: FloatArray) -> FloatArray:
         """Logarithm of the probability density of the data at scaled vectors (..., k), (...).

@@ -83,9 +83,10 @@ class SampledReading(Reading):
     def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
         """As `Reading.interval`."""
         shares = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
-        ends = weighted_quantiles(self.draws[:, index], self.weights, shares)
+        drawn = weighted_quantiles(self.draws[:, index], self.weights, shares)
+        ends = self.read.with_profile(float(drawn[0]), float(drawn[1]), index, level)
         known = self.read.interval(index, level)
-        low, high = (a if np.isinf(a) else float(b) for a, b in zip(known, ends, strict=True))
+        low, high = (a if np.isinf(a) else b for a, b in zip(known, ends, strict=True))
         return low, high
 
     @property

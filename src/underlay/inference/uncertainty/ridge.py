@@ -37,6 +37,55 @@ _HELD = 1e-9  # deviation below which an entry was held, on a bound
 
 
 @dataclass(frozen=True, eq=False)
+class RidgePath:
+    """Places along a ridge, the other entries as the heaviest hypothesis has them.
+
+    Parameters
+    ----------
+    vectors : FloatArray
+        Scaled, (p, k), in order of the coordinate.
+    levels : FloatArray
+        `Density.log` there, (p,).
+    deviations : FloatArray
+        Standard deviations of the other entries while the coordinate is held, (p, k).
+    """
+
+    vectors: FloatArray
+    levels: FloatArray
+    deviations: FloatArray
+
+    @classmethod
+    def of(cls, density: Density, proposal: Proposal) -> RidgePath:
+        """Path of the ridge that a proposal follows."""
+        low, high = density.likelihood.fit.problem.bounds.T
+        vectors = np.tile(proposal.rest, (len(proposal.nodes), 1))
+        deviations = np.zeros_like(vectors)
+        for vector, deviation, node in zip(vectors, deviations, proposal.nodes, strict=True):
+            heaviest = int(np.argmax(node.evidence))
+            vector[proposal.coordinate] = node.place
+            vector[proposal.entries] = node.middles[heaviest]
+            deviation[proposal.entries] = np.sqrt(np.square(node.factors[heaviest]).sum(axis=1))
+        vectors = np.clip(vectors, low, high)
+        return cls(vectors, density.log(vectors), np.minimum(deviations, high - low))
+
+    def within(self, index: int, top: float, drop: float) -> FloatArray:
+        """Values (m,) of entry `index` at the ends of what lies no more than `drop` below `top`.
+
+        Across the ridge the density is normal. Along it, between a place within and one beyond, the root of what is
+        lost goes straight, as for a parabola.
+        """
+        values, lost = self.vectors[:, index], top - self.levels
+        inside = lost <= drop
+        across = np.sqrt(2.0 * (drop - lost[inside])) * self.deviations[inside, index]
+        found = [values[inside] - across, values[inside] + across]
+        root = np.sqrt(lost)
+        for i in np.flatnonzero((inside[1:] != inside[:-1]) & np.isfinite(root[1:] + root[:-1])):
+            share = (drop**0.5 - root[i]) / (root[i + 1] - root[i])
+            found.append(values[i : i + 1] + share * (values[i + 1] - values[i]))
+        return np.concatenate(found)
+
+
+@dataclass(frozen=True, eq=False)
 class Ridge:
     """Weighted draws along a ridge.
 
@@ -62,6 +111,8 @@ class Ridge:
         Draws inside the bounds for which there was no law.
     source : Source
         What the first draws came from.
+    paths : sequence of RidgePath
+        One a ridge.
     """
 
     draws: FloatArray
@@ -76,6 +127,14 @@ class Ridge:
     rounds: int
     failed: int
     source: Source
+    paths: Sequence[RidgePath]
+
+    def profiled(self, index: int, level: float) -> tuple[float, float]:
+        """Ends of entry `index` over all that is within the level's drop of the highest place on the ridges."""
+        drop = 0.5 * float(chdtri(1.0, 1.0 - level))
+        top = max(float(path.levels.max()) for path in self.paths)
+        ends = np.concatenate([path.within(index, top, drop) for path in self.paths])
+        return float(ends.min()), float(ends.max())
 
     def open_ends(self, index: int, level: float) -> tuple[bool, bool]:
         """Whether the likelihood at the ends of entry `index` is within the level's drop of its top.
@@ -186,6 +245,7 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
         rounds=rounds,
         failed=int((inside & ~np.isfinite(pool.levels)).sum()),
         source=source,
+        paths=[RidgePath.of(density, proposal) for proposal in proposals],
     )
 
 

@@ -43,6 +43,8 @@ _FARTHEST = 6.0
 _FROM_ZERO = ("layer.stiffening.inverse_limit",)
 # Step of central differences in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
+# Logarithm of a ratio beyond which a float holds no number.
+_HIGHEST = 700.0
 # First places at which quantities are asked: the answer's value, and that of least squares.
 _VALUE, _PLAIN, _FIRST_MOVE = 0, 1, 2
 
@@ -188,7 +190,8 @@ class Statement:
         unit = KINDS[kind_of(name)].si
 
         def physical(q: float) -> float:
-            return float(coordinate.physical(np.asarray(q)))
+            is_beyond = coordinate.scale is None and q > _HIGHEST
+            return math.inf if is_beyond else float(coordinate.physical(np.asarray(q)))
 
         if coordinate.path not in _FROM_ZERO:
             return _Scale(name, unit, low, high, places, physical)
@@ -213,7 +216,7 @@ class Statement:
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
         low, high = weighted_quantiles(draws, self.reading.weights, tails)
         unit = KINDS[kind_of_quantity(name)].si
-        return _Scale(name, unit, float(low), float(high), places, math.exp if positive else float)
+        return _Scale(name, unit, float(low), float(high), places, _exponential if positive else float)
 
     def _found(self, scale: _Scale, level: float) -> Answer:
         """Both parts in quadrature on the scale, and what each source has of them."""
@@ -301,6 +304,10 @@ class Statement:
                 f"{taken_out or 'a disturbance'} is taken out; with it in, {scale.physical(plain):.6g}"
             )
         return tuple(notes)
+
+
+def _exponential(logarithm: float) -> float:
+    return math.exp(logarithm) if logarithm <= _HIGHEST else math.inf
 
 
 def _quantities(of: Follows, physical: FloatArray) -> FloatArray:
