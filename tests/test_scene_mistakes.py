@@ -57,6 +57,7 @@ def write(tmp_path, text):
         ('radius = "0.5 mm"', 'R = "1 mm"', ul.InputError, r"did you mean radius\?"),
         ("compliance =", "spring_constant =", ul.InputError, r"did you mean compliance \(its inverse\)\?"),
         ("rigid = true", "Rigid = true", ul.InputError, r"did you mean rigid\?"),
+        ('min = "1 kPa"', "min = []", ul.InputError, r"min: must be pressure, .*got \[\]"),
         ("[noise]", "[nose]", ul.InputError, r"unknown section \[nose\]; did you mean noise\?"),
         ("layer.E =", "layer.modulus =", ul.ParameterError, r"did you mean 'layer\.E'\?"),
         ("layer.E =", "layer.poisson =", ul.ParameterError, r"did you mean 'layer\.nu'\?"),

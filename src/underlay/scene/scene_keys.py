@@ -111,11 +111,14 @@ class Key:
         What stands for it where a file leaves it out; an ellipsis where it must be given.
     meaning : str
         A sentence for people; empty where a docstring says it.
+    several : bool
+        Whether a list of numbers is one value.
     """
 
     takes: Any
     default: Any = ...
     meaning: str = ""
+    several: bool = False
 
     def read(self, value: Any) -> Any:
         """Return what a file says, checked; numbers in SI.
@@ -125,13 +128,13 @@ class Key:
         InputError
             If it is not what the key takes.
         """
-        if isinstance(self.takes, Quantity):
+        if isinstance(self.takes, Quantity) and (self.several or not isinstance(value, list)):
             return _amount(value, self.takes)
         if self.takes is Mark:
             return str(Mark.parse(value))
         if self.takes is SEGMENTS:
             return _segment(value)
-        if not self._allows(value):
+        if isinstance(self.takes, Quantity) or not self._allows(value):
             raise InputError(f"must be {self._asked}; got {value!r:.60}")
         return value
 
@@ -200,10 +203,17 @@ def _shown(default: Any) -> str:
 def keys_of(kind: type[Any]) -> dict[str, Key]:
     """The keys of a section, from the dataclass it describes and what that declares of its fields."""
     return {
-        entry.name: Key(_taken_by(entry), ... if entry.default is MISSING else entry.default)
+        entry.name: Key(
+            _taken_by(entry), ... if entry.default is MISSING else entry.default, several=_is_of_many(entry)
+        )
         for entry in fields(kind)
         if not entry.metadata.get("inlined")
     }
+
+
+def _is_of_many(entry: Any) -> bool:
+    """Whether a field of a dataclass holds several numbers."""
+    return any(word in str(entry.type) for word in ("tuple", "Array", "Sequence"))
 
 
 def _taken_by(entry: Any) -> Any:
