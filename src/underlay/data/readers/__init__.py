@@ -1,4 +1,9 @@
-"""Readers: one file per instrument format, and the table of formats."""
+"""Readers of instrument files: one file per format, the order in which they are tried, and `read`.
+
+A format is recognised by the content of a file, never by the ending of its name. What comes out is a `Curve`
+in SI, with depth growing into the sample and force positive in compression, whose metadata say which rule of
+sign was used and where the file came from.
+"""
 
 from __future__ import annotations
 

@@ -1,14 +1,17 @@
-"""Which column of a table is what, in which unit: by its name, its number, or a sum or product of several.
+"""Which column of a table is depth, force, time or segment: by name, number, or a sum or product of columns.
 
-What a column mapping says is read by a small grammar and never evaluated::
+The names that are known (`KNOWN`) are those of instruments and spreadsheets in English, German, French,
+Spanish and Italian, compared in small letters without accents.
+
+What a column mapping of the caller says is read by a small grammar and never evaluated as Python::
 
     sum     = product { ("+" | "-") product }
     product = factor { ("*" | "/") factor }
     factor  = "-" factor | "(" sum ")" | column | number [unit]
     column  = a name of the table, with or without its unit, or "#" and its number from 1
 
-as in ``"ramp - deflection"`` or ``"volts * 41 nm/V * 0.06 N/m"``. Units are carried along: what comes out must be a
-length, a force or a time.
+as in ``"ramp - deflection"`` or ``"volts * 41 nm/V * 0.06 N/m"``. Units are carried along as exponents of
+metre, newton, second, volt and ampere: what comes out must be a length, a force or a time.
 """
 
 from __future__ import annotations
@@ -113,7 +116,7 @@ _DIMS: dict[str, Dims] = {
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table, and the unit that is asked for in place of its own."""
+    """One column of a table, by its index, and the unit that a mapping gives in place of the file's own."""
 
     index: int
     unit: str = ""
@@ -127,7 +130,7 @@ class _Number:
 
 @dataclass(frozen=True)
 class Mix:
-    """Two parts and what is done with them: one of ``+ - * /``."""
+    """A sum, difference, product or quotient in a mapping: its two parts and one of ``+ - * /``."""
 
     sign: str
     left: Node
@@ -138,7 +141,13 @@ Node: TypeAlias = Column | _Number | Mix
 
 
 def check_mapping(mapping: Mapping[str, str | int] | None) -> None:
-    """Refuse a column mapping with another role, or with nothing in it."""
+    """Refuse a column mapping of the caller that cannot be one.
+
+    Raises
+    ------
+    InputError
+        If it names something else than a role (`ROLES`), or a role is given nothing.
+    """
     for role, name in (mapping or {}).items():
         if role not in ROLES:
             raise InputError(f"a column mapping has no {role!r}; it takes {', '.join(ROLES)}")
@@ -155,7 +164,7 @@ def name_of(label: str) -> str:
 
 
 def bare_name(name: str) -> str:
-    """Name without the words beside it that change nothing."""
+    """Name without words that do not change what it is, such as "axial", "measured" or "corrected"."""
     words = [word for word in name.split() if word not in _BESIDE]
     return " ".join(words) or name
 
@@ -403,13 +412,13 @@ class _Parser:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """Values (n,) in SI and what they are."""
+    """Values (n,) in SI of a part of a mapping, and their dimension."""
 
     values: FloatArray | float
     dims: Dims
 
     def joined(self, sign: str, other: Evaluated) -> Evaluated:
-        """What comes of the two."""
+        """Apply one of ``+ - * /`` to this and another part; the dimension follows."""
         if sign in "+-":
             values = self.values + other.values if sign == "+" else self.values - other.values
             return Evaluated(values, self.dims)
@@ -452,7 +461,7 @@ def _told(dims: Dims) -> str:
 
 
 def require_kind(found: Evaluated, kind: str, what: str) -> FloatArray:
-    """Values of a sum that must be of this kind."""
+    """Values (n,) in SI of a mapping, refused with an `InputError` where their dimension is not that of `kind`."""
     if found.dims != _DIMS[kind]:
         raise UnitError(
             f"{what} gives {_told(found.dims)}, but a {kind} is needed; check its columns and units"

@@ -1,11 +1,11 @@
-"""HDF5 in memory or by group of a file on the disk, and files of many curves.
+"""HDF5 files of curves: read from memory, or from the disk one group at a time.
 
-HDF5 in memory, or a group of a file on the disk: nothing is taken that leads out of it or claims too much.
+Nothing is taken that leads out of the file or the group (links, references), or that claims more than
+`MAX_BYTES` together with what was taken before: `Checked` looks before it reads.
 
-HDF5 files of many curves, curve by curve: a list of what the file holds, and each curve as a source of its own.
-
-Such a file may be larger than memory. Its root is listed once; whoever then reads a curve opens the file, or has it
-open from the curve before, and reads the group of that curve alone, in place, checked as any file is.
+A file of many curves may be larger than memory. Its root is listed once; whoever then reads a curve opens the
+file, or has it open from the curve before (`KeptOpen`), and reads the group of that curve alone, in place,
+checked as any file is.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Where the numbers of a table begin, and what its columns are called."""
+"""Where the numbers of a plain table begin, and what its columns are called.
+
+A file may begin with pages of settings, a table of results or comments. `layout_of` finds the first long run
+of rows of numbers; `find_names` then looks for as many names in the rows above it, else in the comments.
+"""
 
 from __future__ import annotations
 

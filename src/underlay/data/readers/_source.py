@@ -1,4 +1,4 @@
-"""The bytes of an instrument file, taken in once, bounded and never from anything but a regular file."""
+"""The bytes of an instrument file: taken in once, of bounded size, and from a regular file only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""From a table with labelled columns to curves: which column is which, and how many tests there are."""
+"""From a table with labelled columns to curves: which column is which, in which unit, and how many tests.
+
+Every reader of plain tables, text or workbook, ends here. Tests may stand side by side, approach and way back
+too, or one test below the other; a height or a scanner's travel with a lever's deflection becomes depth and
+force. A column whose commas may be of thousands or of decimals is refused rather than guessed.
+"""
 
 from __future__ import annotations
 

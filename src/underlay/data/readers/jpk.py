@@ -1,19 +1,16 @@
-"""JPK force archives: curves, maps and quantitative imaging.
+"""JPK force archives: curves, maps and quantitative imaging, with any number and order of segments.
 
-Headers of JPK archives: Java properties, bounded before they are unpacked, and what they share.
+A file is a ZIP archive of Java property files and big-endian numbers. The properties of a channel lead from
+integers to volts (encoder), from volts to a distance (sensitivity) and from there to a force (spring
+constant); newer files keep them in ``shared-data/header.properties`` and point there by number. A channel of
+type ``float-data`` holds the unit at which its conversions begin. What a segment is stands in its own header.
 
-A hundred kilobytes of archive can claim a header of 200 MB, of which every line would become an entry. Headers of
-up to 60 kB and a thousand entries were seen; they grow with the channels, not with the points.
+Headers are bounded before they are unpacked: a hundred kilobytes of archive can claim a header of 200 MB, of
+which every line would become an entry. Headers of up to 60 kB and a thousand entries were seen; they grow
+with the channels, not with the points.
 
-JPK force archives: curves, maps and quantitative imaging, with any number and order of segments.
-
-A ZIP archive of Java property files and big-endian numbers. The properties of a channel lead from integers
-to volts (encoder), from volts to a distance (sensitivity) and from there to a force (spring constant); newer
-files keep them in ``shared-data/header.properties`` and point there by number. A channel of type ``float-data``
-holds the unit at which its conversions begin. What a segment is stands in its own header.
-
-Why not through afmformats (0.18): it refuses pauses at constant height, several pauses and floats, and numbers
-segments without saying what they are. Where it reads a file, the numbers are the same to the last bit
+Why not through afmformats (0.18): it refuses pauses at constant height, several pauses and floats, and
+numbers segments without saying what they are. Where it reads a file, the numbers are the same to the last bit
 (`tests/test_real_files.py`).
 """
 

@@ -1,13 +1,12 @@
-"""Biomomentum Mach-1 Motion text files.
+"""Biomomentum Mach-1 Motion text files: each test in a file becomes a curve.
 
 ``<Mach-1 File>``, then blocks: ``<INFO>`` lines, the function (``<Find Contact>``, ``<Stress Relaxation>``,
-...) with its settings, and ``<DATA>`` with one row of names. ``<divider>`` ends each ramp of a block. Each
-block that is a test becomes a curve; searches for contact and zeroing become part of what is known about
-the test that follows them.
+...) with its settings, and ``<DATA>`` with one row of names. ``<divider>`` ends each ramp of a block.
+Searches for contact and zeroing become part of what is known about the test that follows them.
 
-Rules of sign: the stage position grows into the sample. A single-axis cell (gf) reads compression positive;
-a multi-axis cell (N) reads compression negative, so its force is turned. Depth is the position less that at
-the first row of the block, which is where the search for contact stopped.
+Rules of sign: the stage position grows into the sample. A single-axis cell (gf) reads compression positive; a
+multi-axis cell (N) reads compression negative, so its force is turned. Depth is the position less that at the
+first row of the block, which is where the search for contact stopped.
 """
 
 from __future__ import annotations

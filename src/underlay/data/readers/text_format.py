@@ -1,4 +1,8 @@
-"""A text format is data: what tells it, where its tests stand, what its columns are, and what its head says."""
+"""A text format said as data: what tells it, where its tests stand, what columns and head it has.
+
+An instrument's reader is then a `TextFormat`: a few functions that find the tests (`Part`) and one table of
+its columns (`Channel`). Units, signs, numbers and errors are the same code for all.
+"""
 
 from __future__ import annotations
 
