@@ -1,4 +1,4 @@
-"""Tables and sentences on a contact that sticks."""
+"""Tables and sentences on a contact that sticks: pull-off, jumps, and what the half-space's formula would say."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""A map of many curves, and a population, in words and tables.
+"""A map of many curves, and the population that it is of, in words and tables.
 
-A map of many curves in words and tables; `table` is the result of `fit_many`, or what `read_map` read.
-
-A population in sentences and tables that a person reads.
+`table` is the result of `fit_many`, or what `read_map` read, in SI; what is returned is text for people.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a page is made of: words, tables and pictures as HTML in which everything that was read is shown as text.
+"""What a page is made of: words, tables and pictures as HTML that shows everything that was read as text.
 
 A page is one file: pictures inside, no script, nothing fetched.
 """

@@ -1,7 +1,7 @@
 """The short text of a result: number first, one verdict, one next step; at most twelve lines of eighty columns.
 
-Every surface prints these numbers: a value and its expanded uncertainty at 95 %, both ending at the same digit, two
-digits of uncertainty; a range where one arm is far longer; an inequality where an end is open.
+Every surface prints these numbers: a value and its expanded uncertainty at 95 %, both ending at the same
+digit, two digits of uncertainty; a range where one arm is far longer; an inequality where an end is open.
 """
 
 from __future__ import annotations
