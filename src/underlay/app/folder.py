@@ -1,15 +1,14 @@
-"""An analysis is a folder of plain files, which the command line reads as they are.
+"""An analysis of the browser page: a folder of plain files, which the command line reads as they are.
 
 ::
 
     scene.toml       what was tested, what is fitted, which curve is looked at: `underlay fit --scene`
     curves/          the files that were brought, unchanged
     decisions.csv    which curves were set aside by hand, and why
-    results/         what was found
+    results/         what was found, so that a reopened analysis shows it again
 
-Every file is written whole or not at all, and every name in it is made here: nothing that a page says is a path.
-
-What was found, kept as plain files, so that a reopened analysis shows it again.
+Every file is written whole or not at all, and every name in it is made here: nothing that a page says is a
+path.
 """
 
 from __future__ import annotations
@@ -83,7 +82,7 @@ class AnalysisFolder:
 
     @property
     def name(self) -> str:
-        """By which the page is found again."""
+        """Name of the folder, by which the page is found again."""
         return self.path.name
 
     @property

@@ -1,4 +1,4 @@
-"""Many curves: the map, what was decided of single curves, and the population, by calls of the library."""
+"""Many curves: the map, decisions on single curves, and the population, by calls of the library."""
 
 from __future__ import annotations
 

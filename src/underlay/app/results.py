@@ -1,10 +1,7 @@
-"""What was found on one curve, its posterior, or a film, as the page shows it.
+"""What was found on one curve, its posterior, or a film, as the page shows it: words, tables, pictures.
 
-What was found on one curve, as the page shows it: words, tables, pictures; kept as plain files.
-
-The posterior of the curve that is looked at: with progress, a stop, and a chain that goes on from there.
-
-A film by its contact stiffness S(h): what `underlay film` finds, for the page.
+All of it is kept as plain files. The posterior is sampled with progress and a stop, and its chain goes on
+from there; a film is fitted by its contact stiffness S(h), as `underlay film` does.
 """
 
 from __future__ import annotations

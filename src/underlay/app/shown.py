@@ -1,8 +1,7 @@
-"""What the page shows of work that was done beside it.
+"""What the page shows of work that was done in another process: plain values, which travel through a pipe.
 
-What the page shows of work that was done beside it: plain values, which travel through a pipe.
-
-What is said of a curve before anything is fitted to it: how it was read, how good it is, what its file found.
+Beside them stands what is said of a curve before anything is fitted to it: how it was read, how good it is
+(`quality_of`), and what its file says of the instrument (`facts_of`).
 """
 
 from __future__ import annotations

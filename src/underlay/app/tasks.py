@@ -1,4 +1,4 @@
-"""What is done in a process beside the page: reading, drawing, fitting. Each is a call of the library.
+"""The tasks of a process beside the page: reading, drawing, fitting. Each is a call of the library.
 
 Results are plain values, so that they travel through a pipe: texts, numbers, and the bytes of pictures.
 """
