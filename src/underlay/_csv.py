@@ -79,7 +79,7 @@ def csv_text(table: pd.DataFrame) -> str:
 
 
 def unguarded(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table that was read from such text with the words that were written."""
+    """Return a table read from the text of `csv_text`, with the words as they were before they were guarded."""
     return _mapped(table, unguarded_cell)
 
 

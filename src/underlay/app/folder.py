@@ -230,12 +230,12 @@ def new_analysis(home: Path) -> AnalysisFolder:
 
 
 def keep(folder: AnalysisFolder, stem: str, shown: Any) -> None:
-    """Write what is shown, a dataclass of plain values, among the results of a curve or of all."""
+    """Write what the page shows, a dataclass of plain values, among the results under `stem` and its class."""
     write_atomic(folder.result(_name(stem, type(shown))), json.dumps(asdict(shown), indent=1))
 
 
 def kept(folder: AnalysisFolder, stem: str, kind: type[_Shown]) -> _Shown | None:
-    """Read what was shown; None where nothing was, or the file is not what was written."""
+    """Read what `keep` wrote for this class; None where nothing was, or the file is not what was written."""
     path = folder.result(_name(stem, kind))
     if not path.is_file():
         return None

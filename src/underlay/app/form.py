@@ -195,7 +195,7 @@ class Draft:
         return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
 
     def put(self, section: str, key: SceneKey, text: str) -> None:
-        """Write a text at a key; nothing removes it."""
+        """Write a text at a key; an empty one removes the key."""
         if not text.strip():
             self._take_out(section, key.name)
             return
@@ -423,7 +423,7 @@ def problem_with(text: str, key: SceneKey) -> str:
 
 
 def in_the_form(message: str) -> str:
-    """What a scene file is told, as the form says it.
+    """Return a message about a scene file in the words of the form.
 
     Examples
     --------

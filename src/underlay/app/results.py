@@ -73,7 +73,21 @@ def _exact(known: Answer) -> list[str]:
 def sample_posterior(
     folder: AnalysisFolder, tested: Snapshot, curve: Curve, most: int, tell: Tell
 ) -> Sampled:
-    """Sample until the chain has converged, `most` steps are done or a stop was asked for; keep what came of it."""
+    """Sample until the chain has converged, `most` steps are done or a stop was asked for; keep what came of it.
+
+    Parameters
+    ----------
+    folder : AnalysisFolder
+        Where the chain and the posterior are kept; a chain of the same test and `most` is gone on with.
+    tested : Snapshot
+        The test that is sampled.
+    curve : Curve
+        Its points.
+    most : int
+        Most steps of the chain.
+    tell : callable
+        Given a `Progress` on the way.
+    """
     file, stem, of = tested.file, tested.stem, tested.of
     chain = folder.result(f"{stem}.chain.h5")
     mark = f"{of} {most}".encode()

@@ -171,7 +171,7 @@ class Progress:
     done, total : int
         Curves, or steps.
     words : str
-        The same for people.
+        Both in words, as the page shows them.
     """
 
     done: int
@@ -319,7 +319,7 @@ def spoken_once(*messages: str) -> tuple[str, ...]:
 
 
 def quality_of(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:
-    """Verdict on a curve, and what speaks against it."""
+    """Return the verdict on a curve before its fit, and the sentences that speak against it."""
     quality = check_quality(curve, file.draft)
     return quality.verdict, list(quality.reasons)
 

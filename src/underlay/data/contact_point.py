@@ -121,7 +121,10 @@ def _parabola(pressed: FloatArray) -> tuple[FloatArray, ...]:
 
 
 class Points(NamedTuple):
-    """Points of a foot without those pulled below the baseline, thinned, and means of neighbouring ones."""
+    """Points of a foot that are fitted, and means of neighbouring ones for the coarse scan.
+
+    Depth (m) and force (N), (n,), without the points pulled below the baseline, and thinned.
+    """
 
     depth: FloatArray
     force: FloatArray
@@ -129,7 +132,7 @@ class Points(NamedTuple):
 
     @classmethod
     def of(cls, foot: Foot) -> Points:
-        """Take them from a foot."""
+        """Points of a foot."""
         x, force = _fitted_points(foot)
         return cls(x, force, _in_blocks(x, force))
 
@@ -142,7 +145,24 @@ class Scanned(NamedTuple):
 
 
 def scan(method: str, foot: Foot, points: Points, shape: Shape) -> Scanned | None:
-    """Contact depth with the least sum of squares; None if no contact depth gives a rise."""
+    """Find the contact depth with the least sum of squares: coarse on block means, then fine on all points.
+
+    Parameters
+    ----------
+    method : str
+        Name of the estimator, which the estimate bears.
+    foot : Foot
+        Its baseline is adjusted with the rest where it was measured, else kept.
+    points : Points
+        Points of that foot.
+    shape : Shape
+        What the force is made of after contact.
+
+    Returns
+    -------
+    Scanned or None
+        None if no contact depth gives a rise, or the sum of squares has no bottom between the depths tried.
+    """
     x, force, blocks = points
     low = x[0] - (0.0 if foot.has_baseline else BEFORE * np.ptp(x))
     high = x[-2]

@@ -76,7 +76,7 @@ class Disturbances(Part):
 
     @property
     def numbers(self) -> dict[str, float]:
-        """What it holds, by name (SI)."""
+        """The four numbers by name (SI)."""
         return {name: getattr(self, name) for name in field_quantities(type(self))}
 
     def on(self, force: FloatArray, clock: FloatArray | None, rng: np.random.Generator) -> FloatArray:

@@ -197,7 +197,7 @@ def _about(result: Fit, number: int) -> dict[str, Any]:
 
 
 def _common(told: list[dict[str, Any]]) -> dict[str, Any]:
-    """What all curves have in common; empty where they differ."""
+    """What all curves have in common, by column; empty in columns where they differ."""
     return {
         key: value if all(_same(value, other[key]) for other in told) else None
         for key, value in told[0].items()

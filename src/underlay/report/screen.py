@@ -95,7 +95,7 @@ class _Written(NamedTuple):
 
 
 def written(known: Answer) -> _Written:
-    """Write a number whose ends are closed, a range where an arm is much longer."""
+    """Return a number with its interval, whose ends must be closed, in the parts that are printed."""
     unit, factor = human_unit(known.value, kind_of(path_of(known.name)))
     own = [
         _two_digits(max(known.value - part.low, part.high - known.value) / factor)

@@ -190,7 +190,13 @@ def _strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
 
 
 def known_together(result: Fit) -> list[tuple[str, str, float]]:
-    """Those of `_strong_pairs` that are badly known one by one, and well if the other were known."""
+    """Return pairs of strongly correlated parameters that are badly known apart, and well once one is known.
+
+    Returns
+    -------
+    list of (str, str, float)
+        Names of both, and their correlation.
+    """
     index = {name: i for i, name in enumerate(result.names)}
     pairs = []
     for first, second, value in _strong_pairs(result):

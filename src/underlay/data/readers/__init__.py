@@ -185,7 +185,10 @@ def read_from_map(
 
 
 def kept_open(place: MapCurve, kept: KeptOpen) -> MapCurve:
-    """The same curve, whose file `kept` holds open for the next one of it; one of JPK stays as it is."""
+    """Return the curve of a map on the disk with `kept` to hold its file open for the next one.
+
+    It is for HDF5 files; a curve of a JPK map comes back as it is.
+    """
     return replace(place, kept=kept) if isinstance(place, Hdf5MapCurve) else place
 
 

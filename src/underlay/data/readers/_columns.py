@@ -170,14 +170,20 @@ def bare_name(name: str) -> str:
 
 
 def find_columns(labels: Sequence[str], mapping: Mapping[str, str | int] | None = None) -> dict[str, int]:
-    """Index of the column of each role that is there, by name; of a sum, of the first column in it.
+    """Index of the column of each role that the table has; for a sum or product, of the first column in it.
 
     Parameters
     ----------
     labels : sequence of str
         The header, names with or without units.
     mapping : mapping of role to name, optional
-        As ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here.
+        As ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here. Roles that it leaves out are found
+        by the names that are known.
+
+    Raises
+    ------
+    InputError
+        If a sum or product in the mapping cannot be read.
     """
     known = _known_columns(tuple(label[:_LONGEST] for label in labels))
     found = {role: index for role, index in known.items() if role not in (mapping or {})}
@@ -263,7 +269,20 @@ def columns_of(node: Node) -> list[Column]:
 
 
 def parse_column(text: str, labels: Sequence[str]) -> tuple[Node, bool] | None:
-    """What a mapping asks for, and whether with the sign turned; None if the table has no such column.
+    """Read what a mapping asks for: a column, or a sum or product of several.
+
+    Parameters
+    ----------
+    text : str
+        As a caller wrote it: a name, ``"2 (nm)"`` for a number, or ``"ramp - deflection"``.
+    labels : sequence of str
+        The header, names with or without units.
+
+    Returns
+    -------
+    (node, turned) or None
+        The expression, and whether a minus sign in front of a single column turns it. None if the table has no
+        such column.
 
     Raises
     ------
@@ -431,12 +450,25 @@ class Evaluated:
 def evaluate(
     node: Node, column: Callable[[Column], FloatArray], unit_of: Callable[[Column], str], what: str
 ) -> Evaluated:
-    """Values of a sum or product of columns.
+    """Work out a sum or product of columns, with its units.
+
+    Parameters
+    ----------
+    node : Node
+        What `parse_column` returned.
+    column : callable
+        Values (n,) of a column as written.
+    unit_of : callable
+        Unit of a column; empty for a bare number.
+    what : str
+        What is worked out, for messages.
 
     Raises
     ------
     InputError
         If lengths are added to forces, or something is divided by zero.
+    UnitError
+        If the unit of a column is not known.
     """
     if isinstance(node, _Number):
         return Evaluated(node.value, node.dims)
@@ -461,7 +493,13 @@ def _told(dims: Dims) -> str:
 
 
 def require_kind(found: Evaluated, kind: str, what: str) -> FloatArray:
-    """Values (n,) in SI of a mapping, refused with an `InputError` where their dimension is not that of `kind`."""
+    """Return the values (n,) in SI of a mapping that must be of one kind.
+
+    Raises
+    ------
+    UnitError
+        If what it works out to is of another kind.
+    """
     if found.dims != _DIMS[kind]:
         raise UnitError(
             f"{what} gives {_told(found.dims)}, but a {kind} is needed; check its columns and units"

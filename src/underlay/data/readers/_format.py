@@ -193,7 +193,13 @@ def _kept(values: FloatArray, chosen: NDArray[np.bool_] | slice) -> FloatArray:
 
 
 def require(condition: object, source: Source, message: str) -> None:
-    """Refuse a file whose content is not what the format promises."""
+    """Refuse a file whose content is not what the format promises.
+
+    Raises
+    ------
+    FileFormatError
+        With the name of the file and `message`, unless `condition` holds.
+    """
     if not condition:
         raise FileFormatError(f"{source.name}: {message}")
 
@@ -232,7 +238,7 @@ def read_parts(parts: Sequence[tuple[str, Callable[[], list[Curve]]]]) -> list[C
 
 
 def with_note(curves: list[Curve], notes: Sequence[str]) -> list[Curve]:
-    """The same curves, with notes on what was left out of the file in the first of them."""
+    """Return the curves with notes on what was left out of their file; the first of them carries them."""
     if not (notes and curves):
         return curves
     more = (f"and {len(notes) - _LISTED} more parts",) if len(notes) > _LISTED else ()

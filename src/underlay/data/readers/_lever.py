@@ -245,7 +245,15 @@ def lever_curve(
 
 
 def sensor_note(sensor: FloatArray, driven: float) -> tuple[str, ...]:
-    """What to say where a height sensor (m), (n,), moved otherwise than the piezo was driven (m)."""
+    """Return a note that the height sensor and the drive disagree, or () where they agree.
+
+    Parameters
+    ----------
+    sensor : ndarray (n,)
+        Readings of the height sensor (m); NaN are left out.
+    driven : float
+        How far the piezo was driven (m); zero if not known.
+    """
     moved = sensor[np.isfinite(sensor)]
     if not (moved.size and driven > 0.0) or abs(np.ptp(moved) / driven - 1.0) <= _CLOSE:
         return ()

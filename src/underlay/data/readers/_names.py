@@ -275,7 +275,7 @@ def _units(text: str, layout: Layout) -> list[str]:
 
 
 def stated_lever(lines: Sequence[str]) -> dict[str, float]:
-    """The calibration of a lever that the head of an export states, in SI."""
+    """The calibration of a lever that the head of an export states: ``stiffness`` (N/m), ``sensitivity`` (m/V)."""
     found: dict[str, float] = {}
     for line in lines:
         spring, sensitivity = _SPRING.search(line), _SENSITIVITY.search(line)

@@ -239,7 +239,12 @@ def _bits(image: Section, scale: Scale, width: int) -> int:
 
 
 def check_trigger(header: Header, way_in: FloatArray) -> None:
-    """Refuse a way in (V), in the order of time, that goes on far above the trigger that should have ended it.
+    """Refuse a way in that goes on far above the trigger that should have ended it: its scale is wrong.
+
+    Parameters
+    ----------
+    way_in : ndarray (n,)
+        Deflection (V), in the order of time.
 
     Raises
     ------

@@ -70,7 +70,7 @@ class Source:
 
     @cached_property
     def name(self) -> str:
-        """What to call it in a message."""
+        """Name of the file, and of the member inside it, for messages."""
         return printable(f"{self.path.name}!{self.member}" if self.member else self.path.name)
 
     @property

@@ -136,7 +136,7 @@ class Table:
     stated: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, indices: Sequence[int], labels: Sequence[str]) -> Table:
-        """Some of its columns under other names, without the rows that are empty there."""
+        """The table of some of the columns under other names, without the rows in which all of them are empty."""
         rows = [[row[at] if at < len(row) else "" for at in indices] for row in self.rows]
         units = [self.units[at] for at in indices] if self.units else ()
         kept = [row for row in rows if any(cell.strip() for cell in row)]

@@ -51,7 +51,13 @@ class _Block:
         return {"time": "Time", "stage": axis, "force": cell, "x": "Position (x)", "y": "Position (y)"}
 
     def part(self, where: str, name: str = "") -> Part:
-        """Its table, of which the columns are found by the names of the axes."""
+        """The table of the block, with its columns found by the names of the axes.
+
+        Raises
+        ------
+        FileFormatError
+            If it has no numbers, or no column of the time, the stage or the load cell.
+        """
         if len(self.rows) < 2:
             raise FileFormatError(f"{where} has no rows of numbers")
         labels = [split_label(label) for label in self.rows[0]]
@@ -62,7 +68,7 @@ class _Block:
         return Part([], labels, self.rows[1:], name, found)
 
     def sign(self, unit: str) -> float:
-        """What makes compression positive: a multi-axis cell, which reads newtons, has it negative."""
+        """Factor, 1 or -1, that makes compression positive; -1 for multi-axis cells, which read newtons."""
         kind = self.settings.get("Load Cell Type", "").lower()
         turned = kind.startswith("multi") or unit == "N"
         return -1.0 if turned and not kind.startswith("single") else 1.0

@@ -99,7 +99,10 @@ def _read_one(source: Source, options: Options, number: int) -> Curve:
 
 
 def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | None], int]:
-    """What makes a curve of its number, counted from 0, and how many there are; None where one is not recorded."""
+    """Return what makes a curve of its number (from 0), and how many there are.
+
+    The callable gives None for a curve that was not recorded.
+    """
     header = read_header(source)
     deflection = next((image for image in header.images if "[Deflection" in image.text(_SIGNAL)), None)
     if deflection is None:

@@ -394,7 +394,15 @@ def _wide_axes() -> Axes:
 
 
 def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0, 1.0)) -> Canvas:
-    """Return the picture of `ax` with the place of its axes, whose ends (SI) are given."""
+    """Return the picture of `ax` with the place of its axes, and close it.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        What is drawn, in a figure of its own.
+    across, up : (float, float)
+        Ends (SI) of the horizontal and of the vertical axis.
+    """
     data = drawn(ax, dpi=_DPI)
     # 24 bytes in, a PNG says its size.
     width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
