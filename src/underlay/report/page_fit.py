@@ -203,7 +203,7 @@ class FitPage:
 
     @property
     def name(self) -> str:
-        """What the page is of."""
+        """Title of the page: the name of the first curve, and how many more there are."""
         more = len(self.fit.curves) - 1
         name = str(self.fit.curves[0].metadata.get("name") or "one curve")
         return f"{name} and {more} more" if more else name

@@ -47,7 +47,7 @@ _COUNTED, _COUNT = re.compile(r"\W*1[\]:.)]\s*[^\W\d]"), re.compile(r"\[?\b\d{1,
 
 
 class Layout(NamedTuple):
-    """Where the rows of numbers begin, how many cells they have, and up to which there are numbers."""
+    """Where a table stands: first row of numbers, cells of a row, and up to which cell there are numbers."""
 
     first: int
     cells: int
@@ -63,7 +63,7 @@ class Row(NamedTuple):
 
     @classmethod
     def of(cls, cells: Sequence[str]) -> Row:
-        """Look at every cell."""
+        """Count the cells of a row and the numbers among them."""
         numeric = [at for at, cell in enumerate(cells, start=1) if is_number(cell)]
         return cls(len(cells), len(numeric), numeric[-1] if numeric else 0)
 

@@ -109,7 +109,7 @@ class Source:
 
 
 def curve_name(path: Path, number: int) -> str:
-    """What a curve of a file of many is called, by its number from 1."""
+    """Return the name of a curve in a file of many, from the file's and its number (from 1)."""
     return path.stem if number == 1 else f"{path.stem}, curve {number}"
 
 

@@ -69,7 +69,7 @@ _ABOUT = {"instrument": ".description.instrument", "software version": ".descrip
 
 
 def properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
-    """Java properties: ``key=value`` in Latin-1, with escaped colons.
+    """Read a member of Java properties: ``key=value`` in Latin-1, with escaped colons.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
 
 
 def shared_properties(archive: zipfile.ZipFile, name: str) -> Shared:
-    """Entries that segments point to, grouped by what these call them."""
+    """Read the entries that segments point to, by ``kind.number`` and then by the rest of their names."""
     groups: dict[str, dict[str, str]] = {}
     for key, value in properties(archive, name).items():
         parts = key.split(".", 2)
@@ -95,7 +95,9 @@ def shared_properties(archive: zipfile.ZipFile, name: str) -> Shared:
 
 
 def with_shared(header: Mapping[str, str], shared: Shared) -> dict[str, str]:
-    """Follow ``channel.X.lcd-info.*=3`` to the entries ``lcd-info.3....`` of the shared properties.
+    """Return a segment's header with what it points to among the shared properties.
+
+    ``channel.X.lcd-info.*=3`` points to the entries ``lcd-info.3....``.
 
     Raises
     ------

@@ -87,7 +87,19 @@ class Part:
 
 
 def table_below(lines: Sequence[str], at: int, rows: slice = slice(None), **about: Any) -> Part:
-    """The table whose names stand in a line, tabs between, and all lines above it as its head."""
+    """Return the table below a line of names, tabs between cells, with all lines above the names as its head.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The file.
+    at : int
+        Number of the line of names, from 0.
+    rows : slice, optional
+        Which of the lines below it are rows; all by default.
+    **about
+        What is known of the test besides.
+    """
     labels = [split_label(label) for label in lines[at].split("\t")]
     return Part(lines[:at], labels, Lines(list(lines[at + 1 :][rows]), "\t"), about=about)
 
