@@ -1,7 +1,8 @@
 """Labels of the curves, such as animal and group, and the commas that people type.
 
 The labels are kept in a manifest of plain text, which `underlay map --manifest` reads as it is. A comma may
-stand between numbers or in one, so `comma_problem` and `pairs_of` refuse what can be taken in two ways.
+stand between numbers or in one: what can be taken in two ways is found by `comma_problem` and refused by
+`pairs_of`.
 """
 
 from __future__ import annotations

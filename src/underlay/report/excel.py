@@ -1,8 +1,8 @@
 """Results as one Excel file: results, settings, curves, depths and groups, each a sheet.
 
-The rows are numbers in SI that can be repeated, with all that says what they are of and how they were found.
-In the file nothing that came from another file is a formula or a link: every cell is written by its kind, and
-no text is looked at for what it might mean.
+The rows are numbers, with all that says what they are of and how they were found, so that a fit can be
+repeated. In the file nothing that came from another file is a formula or a link: every cell is written by its
+kind, and no text is looked at for what it might mean.
 """
 
 from __future__ import annotations

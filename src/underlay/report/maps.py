@@ -1,6 +1,6 @@
-"""A map of many curves, and the population that it is of, in words and tables.
+"""A map of many curves, and the population that it is of, in words and tables for people.
 
-`table` is the result of `fit_many`, or what `read_map` read, in SI; what is returned is text for people.
+`table` is the result of `fit_many`, or what `read_map` read, in SI.
 """
 
 from __future__ import annotations
