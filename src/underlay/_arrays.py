@@ -23,7 +23,13 @@ ArrayLike: TypeAlias = float | Sequence[float] | NDArray[Any] | Any
 
 
 def as_finite(values: ArrayLike, name: str) -> FloatArray:
-    """Return `values` as a float array, or say which entry is not a finite number."""
+    """Return `values` as a float array of their shape.
+
+    Raises
+    ------
+    InputError
+        If they are no numbers, or one is NaN or infinite; says which, by its index.
+    """
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -38,7 +44,13 @@ def as_finite(values: ArrayLike, name: str) -> FloatArray:
 
 
 def positive(value: float, name: str, unit: str) -> float:
-    """Return `value` as a float if it is finite and above zero."""
+    """Return `value` as a float; `name` and `unit` are for the message.
+
+    Raises
+    ------
+    InputError
+        If it is no number, not above zero, or infinite.
+    """
     number = _number(value, name)
     if not (0.0 < number < np.inf):
         raise InputError(f"{name} must be positive and finite ({unit}); got {value!r}")
@@ -46,9 +58,14 @@ def positive(value: float, name: str, unit: str) -> float:
 
 
 def physical_length(length: float, name: str) -> float:
-    """Return a length (m) that a file or a user gave, unless nothing is so small; zero is left to others.
+    """Return a length (m) that a file or a user gave; zero and less are judged elsewhere.
 
     For the border alone: inside, lengths may be in any unit.
+
+    Raises
+    ------
+    InputError
+        If it is above zero and below `SMALLEST_LENGTH`.
     """
     if 0.0 < length < SMALLEST_LENGTH:
         raise InputError(f"{name} of {length!r} m is not physical: at least {SMALLEST_LENGTH:g} m is needed")
@@ -63,7 +80,13 @@ def _number(value: float, name: str) -> float:
 
 
 def finite(value: float, name: str, unit: str) -> float:
-    """Return `value` as a float if it is finite."""
+    """Return `value` as a float; `name` and `unit` are for the message.
+
+    Raises
+    ------
+    InputError
+        If it is no number, NaN or infinite.
+    """
     number = _number(value, name)
     if not math.isfinite(number):
         raise InputError(f"{name} must be finite ({unit}); got {value!r}")
@@ -78,7 +101,7 @@ def read_only(array: FloatArray) -> FloatArray:
 
 
 def median(values: FloatArray) -> float:
-    """Return the median of finite numbers (n,): what numpy's own says, without its calls."""
+    """Return the median of finite numbers (n,): numpy's own number, without the overhead of its calls."""
     half = len(values) // 2
     if len(values) % 2:
         return float(np.partition(values, half)[half])

@@ -1,10 +1,7 @@
-"""Tables as CSV text: rows counted before a parser is let near, and written so that a spreadsheet may open them.
+"""Tables as CSV text: rows counted before a parser takes them, and written so that a spreadsheet may open them.
 
-The rows of a text with commas, counted before a parser that trusts them is let near.
-
-One row with a hundred thousand cells takes pandas minutes: it makes an index of the cells that have no name.
-
-A table as the text of a CSV file that a spreadsheet may open.
+Counted, because one row with a hundred thousand cells takes pandas minutes: it makes an index of the cells
+that have no name. Written so, because a cell that begins like a formula would be run as one.
 """
 
 from __future__ import annotations
@@ -82,7 +79,7 @@ def csv_text(table: pd.DataFrame) -> str:
 
 
 def unguarded(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table that was read from such text with the words that were written."""
+    """Return a table read from the text of `csv_text`, with the words as they were before they were guarded."""
     return _mapped(table, unguarded_cell)
 
 

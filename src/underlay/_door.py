@@ -1,6 +1,4 @@
-"""The one door through which every file comes in: files, archives, JSON and TOML, all bounded.
-
-The one door through which every file comes in: curves, scenes, tables, results, chains.
+"""The one door through which every file comes in: curves, scenes, tables, results, chains.
 
 A file may come from anybody. Here it is opened only if it is a regular file, so that no pipe is waited for
 and no device read without end; it is taken in up to a size that its kind states; and whatever the parser
@@ -8,12 +6,10 @@ behind the door makes of its content (a number of 5000 digits, lists in lists, a
 points) becomes one error of ours that names the file and says what to do. No other module opens a file to
 read it.
 
-Archives in memory, bounded by what they claim and held to it.
-
-JSON and TOML from files: neither nested nor filled beyond reason, and no integer beyond 64 bits.
-
-Python's parsers take a hundred thousand brackets, keys of twenty thousand parts and integers of four thousand
-digits, and whoever walks, prints or converts the result later fails on them.
+Archives in memory are bounded by what they claim and held to it. JSON and TOML may be neither nested nor
+filled beyond reason, and hold no integer beyond 64 bits: Python's parsers take a hundred thousand brackets,
+keys of twenty thousand parts and integers of four thousand digits, and whoever walks, prints or converts the
+result later fails on them.
 """
 
 from __future__ import annotations

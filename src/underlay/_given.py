@@ -1,4 +1,4 @@
-"""What a caller hands in where an object of ours is wanted: checked at the door, with the way to make one."""
+"""Checks of a caller's arguments: a wrong one is refused with what is wanted and how to get it."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def require_count(count: object, name: str, least: int) -> None:
 
 
 def require_share(share: object, name: str, *, what: str, zero: bool = False, one: bool = False) -> None:
-    """Refuse what is no share: a number between 0 and 1, these left out unless said.
+    """Refuse what is no share, a number between 0 and 1; the ends are allowed only with `zero` and `one`.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def require_share(share: object, name: str, *, what: str, zero: bool = False, on
 
 
 def columns_given(columns: object, name: str, example: str) -> tuple[str, ...]:
-    """Names of columns, given as a list of them or as the one that there is.
+    """Return names of columns, given as a list or as a single name.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Text that came from a file or a name, made fit for the place where it is shown."""
+"""Text from a file or a name, made fit for where it is shown: one printable line, or a cell of a spreadsheet."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def guarded_cell(text: str) -> str:
 
 
 def unguarded_cell(text: str) -> str:
-    """Return what `guarded_cell` was given."""
+    """Return the text that `guarded_cell` was given."""
     return _GUARD.sub(lambda found: found[0][:-1], text)
 
 

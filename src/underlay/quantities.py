@@ -119,7 +119,7 @@ def one_of(*words: str) -> dict[str, Any]:
 
 
 def takes(what: Any) -> Mapping[str, Any]:
-    """Metadata of a field that is a list of some words, a whole number of a range, or another type of its own."""
+    """Metadata of a field that takes a list of these words, a whole number of this range, or this type."""
     return {"takes": what}
 
 

@@ -1,10 +1,8 @@
-"""Numbers with units, at the borders only: ``"1.5 mm"`` <-> ``1.5e-3``.
+"""Numbers with units, at the borders only: ``"1.5 mm"`` is read as ``1.5e-3``, and written from it for people.
 
-The kinds of quantity, and the units that people write them in.
-
-From numbers with units to SI floats: ``"1.5 mm"`` -> ``1.5e-3``.
-
-From SI floats to numbers with units, for people: ``1.5e-3`` -> ``"1.5 mm"``.
+Inside the library every number is an SI float. Each kind of quantity (`KINDS`) has the units that people
+write it in. The usual ones are read from a small table, all others by pint; a unit of the wrong kind is
+refused with those that would do.
 """
 
 from __future__ import annotations

@@ -1,15 +1,14 @@
-"""An analysis is a folder of plain files, which the command line reads as they are.
+"""An analysis of the browser page: a folder of plain files, which the command line reads as they are.
 
 ::
 
     scene.toml       what was tested, what is fitted, which curve is looked at: `underlay fit --scene`
     curves/          the files that were brought, unchanged
     decisions.csv    which curves were set aside by hand, and why
-    results/         what was found
+    results/         what was found, so that a reopened analysis shows it again
 
-Every file is written whole or not at all, and every name in it is made here: nothing that a page says is a path.
-
-What was found, kept as plain files, so that a reopened analysis shows it again.
+Every file is written whole or not at all, and every name in it is made here: nothing that a page says is a
+path.
 """
 
 from __future__ import annotations
@@ -83,7 +82,7 @@ class AnalysisFolder:
 
     @property
     def name(self) -> str:
-        """By which the page is found again."""
+        """Name of the folder, by which the page is found again."""
         return self.path.name
 
     @property
@@ -231,12 +230,12 @@ def new_analysis(home: Path) -> AnalysisFolder:
 
 
 def keep(folder: AnalysisFolder, stem: str, shown: Any) -> None:
-    """Write what is shown, a dataclass of plain values, among the results of a curve or of all."""
+    """Write what the page shows, a dataclass of plain values, among the results under `stem` and its class."""
     write_atomic(folder.result(_name(stem, type(shown))), json.dumps(asdict(shown), indent=1))
 
 
 def kept(folder: AnalysisFolder, stem: str, kind: type[_Shown]) -> _Shown | None:
-    """Read what was shown; None where nothing was, or the file is not what was written."""
+    """Read what `keep` wrote for this class; None where nothing was, or the file is not what was written."""
     path = folder.result(_name(stem, kind))
     if not path.is_file():
         return None

@@ -1,11 +1,9 @@
 """The form of a scene, made from the declarations that check a scene file.
 
-What the form of a scene calls its parts, and which keys stand elsewhere on the page.
-
-The form of a scene, made from the declarations that check a scene file: there is no second list of its keys.
-
-A `Draft` is a scene file on its way: sections, keys and the texts that stand for them. It knows no physics: what
-may stand where is said by `scene_keys`, and whether a whole is possible by `read_scene_file`.
+There is no second list of its keys: here stand only what the form calls its parts (`ADVANCED`, `BASES`) and
+which keys stand elsewhere on the page (`ELSEWHERE`). A `Draft` is a scene file on its way: sections, keys and
+the texts that stand for them. It knows no physics: what may stand where is said by `scene_keys`, and whether
+a whole is possible by `read_scene_file`.
 """
 
 from __future__ import annotations
@@ -150,7 +148,7 @@ class Field:
 
 
 class Draft:
-    """A scene file on its way.
+    """A scene file on its way: sections, keys, and texts that need not be complete or right yet.
 
     Parameters
     ----------
@@ -197,7 +195,7 @@ class Draft:
         return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
 
     def put(self, section: str, key: SceneKey, text: str) -> None:
-        """Write a text at a key; nothing removes it."""
+        """Write a text at a key; an empty one removes the key."""
         if not text.strip():
             self._take_out(section, key.name)
             return
@@ -381,7 +379,7 @@ def empty() -> Draft:
 
 
 def preset(name: str) -> Draft:
-    """Return one of the samples to begin with; see `underlay.app.form`."""
+    """Return one of the tests to begin with, by the name of its file in ``presets``."""
     return Draft.of(read_text(_FOLDER / f"{name}.toml", _KIND))
 
 
@@ -425,7 +423,7 @@ def problem_with(text: str, key: SceneKey) -> str:
 
 
 def in_the_form(message: str) -> str:
-    """What a scene file is told, as the form says it.
+    """Return a message about a scene file in the words of the form.
 
     Examples
     --------

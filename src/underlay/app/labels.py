@@ -1,8 +1,8 @@
-"""Whose each curve is, and what people type that can be taken in two ways.
+"""Labels of the curves, such as animal and group, and the commas that people type.
 
-What people type that can be taken in two ways: commas between numbers and in them.
-
-Whose each curve is: a manifest of plain text, which `underlay map --manifest` reads as it is.
+The labels are kept in a manifest of plain text, which `underlay map --manifest` reads as it is. A comma may
+stand between numbers or in one: what can be taken in two ways is found by `comma_problem` and refused by
+`pairs_of`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Many curves: the map, what was decided of single curves, and the population, by calls of the library."""
+"""Many curves: the map, decisions on single curves, and the population, by calls of the library."""
 
 from __future__ import annotations
 
@@ -51,7 +51,17 @@ _TOGETHER = "population"
 
 
 def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
-    """Fit every curve; what was done before with the same files and scene is not done again."""
+    """Fit every curve of an analysis, and keep table, scene and journal among its results.
+
+    With the same files, labels and scene nothing is done again, and a run that was stopped goes on.
+
+    Parameters
+    ----------
+    folder : AnalysisFolder
+        The analysis.
+    tell : callable
+        Given a `Progress` on the way.
+    """
     text = _scene_of_all(folder)
     of = _fingerprint(folder, text)
     table = folder.results / "map.csv"
@@ -139,7 +149,16 @@ def gallery(folder: AnalysisFolder, page: int) -> Gallery:
 
 
 def decide(folder: AnalysisFolder, names: Sequence[str], word: str, reason: str) -> None:
-    """Keep a decision on curves, on the disk when this returns; an empty word takes one back.
+    """Keep a decision on curves, on the disk when this returns.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Curves, as the table of the map calls them.
+    word : str
+        ``"accept"`` or ``"refuse"``; an empty one takes a decision back.
+    reason : str
+        Why; a refusal needs one.
 
     Raises
     ------
@@ -161,7 +180,22 @@ def decide(folder: AnalysisFolder, names: Sequence[str], word: str, reason: str)
 
 
 def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
-    """Say what the curves tell of a population."""
+    """Say what the curves that were not refused tell of a population, and keep it.
+
+    Parameters
+    ----------
+    folder : AnalysisFolder
+        The analysis, with a map.
+    by : str
+        Column of the label by which curves belong together, such as the animal; empty for none.
+    group : str
+        Column of the groups that are compared; empty for none.
+
+    Raises
+    ------
+    InputError
+        If no curves were fitted yet.
+    """
     of = _judged(folder)
     table = judged_table(folder)
     result = population(table, [by] if by else [], parameter=_parameter(folder), group=group or None)
@@ -172,7 +206,7 @@ def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
 
 
 def population_before(folder: AnalysisFolder) -> tuple[Together | None, bool]:
-    """What the curves told of a population before, and whether map and decisions are still the same."""
+    """The population that was told before, and whether map and decisions are still those it is of."""
     before = kept(folder, _TOGETHER, Together)
     return before, before is not None and before.of == _judged(folder)
 

@@ -1,10 +1,7 @@
-"""What was found on one curve, its posterior, or a film, as the page shows it.
+"""What was found on one curve, its posterior, or a film, as the page shows it: words, tables, pictures.
 
-What was found on one curve, as the page shows it: words, tables, pictures; kept as plain files.
-
-The posterior of the curve that is looked at: with progress, a stop, and a chain that goes on from there.
-
-A film by its contact stiffness S(h): what `underlay film` finds, for the page.
+All of it is kept as plain files. The posterior is sampled with progress and a stop, and its chain goes on
+from there; a film is fitted by its contact stiffness S(h), as `underlay film` does.
 """
 
 from __future__ import annotations
@@ -76,7 +73,21 @@ def _exact(known: Answer) -> list[str]:
 def sample_posterior(
     folder: AnalysisFolder, tested: Snapshot, curve: Curve, most: int, tell: Tell
 ) -> Sampled:
-    """Sample until the chain has converged, `most` steps are done or a stop was asked for; keep what came of it."""
+    """Sample until the chain has converged, `most` steps are done or a stop was asked for; keep what came of it.
+
+    Parameters
+    ----------
+    folder : AnalysisFolder
+        Where the chain and the posterior are kept; a chain of the same test and `most` is gone on with.
+    tested : Snapshot
+        The test that is sampled.
+    curve : Curve
+        Its points.
+    most : int
+        Most steps of the chain.
+    tell : callable
+        Given a `Progress` on the way.
+    """
     file, stem, of = tested.file, tested.stem, tested.of
     chain = folder.result(f"{stem}.chain.h5")
     mark = f"{of} {most}".encode()

@@ -1,8 +1,7 @@
-"""What the page shows of work that was done beside it.
+"""What the page shows of work that was done in another process: plain values, which travel through a pipe.
 
-What the page shows of work that was done beside it: plain values, which travel through a pipe.
-
-What is said of a curve before anything is fitted to it: how it was read, how good it is, what its file found.
+Beside them stands what is said of a curve before anything is fitted to it: how it was read, how good it is
+(`quality_of`), and what its file says of the instrument (`facts_of`).
 """
 
 from __future__ import annotations
@@ -172,7 +171,7 @@ class Progress:
     done, total : int
         Curves, or steps.
     words : str
-        The same for people.
+        Both in words, as the page shows them.
     """
 
     done: int
@@ -320,7 +319,7 @@ def spoken_once(*messages: str) -> tuple[str, ...]:
 
 
 def quality_of(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:
-    """Verdict on a curve, and what speaks against it."""
+    """Return the verdict on a curve before its fit, and the sentences that speak against it."""
     quality = check_quality(curve, file.draft)
     return quality.verdict, list(quality.reasons)
 

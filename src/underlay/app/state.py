@@ -1,8 +1,7 @@
-"""What the server keeps of an open analysis, and the test at one moment.
+"""What the server keeps of an open analysis: its folder, the scene as it is written, and two processes.
 
-The test at one moment: what a task began with is what its results are of, whatever the form says since.
-
-What the server keeps of an open analysis: its folder, the scene as it is written, and two processes.
+A task works on a `Snapshot`, the test at one moment: what a task began with is what its results are of,
+whatever the form says since.
 """
 
 from __future__ import annotations
@@ -105,7 +104,7 @@ class Snapshot:
 
 
 def said(text: str) -> str:
-    """What the text of a scene file says: the same for the same keys in another order, or with other comments."""
+    """What the text of a scene file says, to compare: the same for other comments or another order of its keys."""
     try:
         return json.dumps(parse_toml(text), sort_keys=True, default=str)
     except ValueError:
@@ -143,7 +142,7 @@ class OpenAnalysis:
     Parameters
     ----------
     folder : AnalysisFolder
-        Its files: all there is to it, beside what can be made again.
+        Its files: all there is to it, besides what can be made again.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is taken away: the analysis as files that repeat it, a page, a spreadsheet."""
+"""What is taken away from the page: the analysis as files that repeat it, a report, a spreadsheet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is done in a process beside the page: reading, drawing, fitting. Each is a call of the library.
+"""The tasks of a process beside the page: reading, drawing, fitting. Each is a call of the library.
 
 Results are plain values, so that they travel through a pipe: texts, numbers, and the bytes of pictures.
 """
@@ -178,7 +178,7 @@ class Analyst:
         return tell_found(self._folder, tested, result, tell)
 
     def before(self, kind: type[_Of], _tell: Tell) -> tuple[_Of | None, bool]:
-        """What of this kind was found on this curve before, and whether the scene is still the same."""
+        """A result of this kind that was found on the curve before, and whether it is of the scene as it is now."""
         tested = Snapshot.now(self._folder)
         found = kept(self._folder, tested.stem, kind)
         return found, found is not None and found.of == tested.of
@@ -205,19 +205,19 @@ class Analyst:
         return many.gallery(self._folder, page)
 
     def decide(self, names: list[str], word: str, reason: str, _tell: Tell) -> None:
-        """Keep a decision."""
+        """Keep a decision on curves; see `underlay.app.many.decide`."""
         many.decide(self._folder, names, word, reason)
 
     def labels(self, _tell: Tell) -> dict[str, dict[str, str]]:
-        """Whose each curve is."""
+        """Labels of every curve, by file and column."""
         return read_labels(self._folder)
 
     def set_label(self, files: list[str], column: str, label: str, _tell: Tell) -> None:
-        """Say whose curves are."""
+        """Give curves a label in a column such as animal or group."""
         set_label(self._folder, files, column, label)
 
     def take_manifest(self, content: bytes, _tell: Tell) -> None:
-        """Keep a manifest."""
+        """Keep a manifest that was brought, with its labels."""
         take_manifest(self._folder, content)
 
     def population(self, by: str, group: str, _tell: Tell) -> Together:
@@ -239,7 +239,7 @@ class Analyst:
         return Taken(found.scene, script, found.of != now.of, is_map_old)
 
     def archive(self, _tell: Tell) -> bytes:
-        """The analysis as files that repeat it."""
+        """The analysis as files that repeat it, in a ZIP archive."""
         return takeaway.analysis_archive(self._folder, *self._of_fit())
 
     def excel(self, _tell: Tell) -> bytes:

@@ -72,7 +72,7 @@ class Worker:
 
     @property
     def process_id(self) -> int | None:
-        """Of the process, where there is one."""
+        """Number that the system gives the process; None where there is none."""
         return None if self._process is None else self._process.pid
 
     async def call(self, task: str, *arguments: Any, heard: Tell | None = None) -> Any:

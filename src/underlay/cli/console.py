@@ -1,4 +1,4 @@
-"""What the commands say, and how tables look on a terminal."""
+"""What the commands print: lines, tables on a terminal, files written, warnings."""
 
 from __future__ import annotations
 

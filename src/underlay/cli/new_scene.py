@@ -1,4 +1,4 @@
-"""A starter scene file: what a measured curve says is filled in, the rest is marked and must be."""
+"""A starter scene file: what a measured curve says is filled in; the rest is marked and must be given."""
 
 from __future__ import annotations
 

@@ -1,14 +1,9 @@
-"""Arguments that several commands share, and the folder that results go into.
+"""Arguments that several commands share, spelled once, and the folder that results go into.
 
-Options that are given as NAME=VALUE, any number of times: ``--noise force="2 uN" --noise relative=0.5%``.
-
-By which solver a command looks at a scene: from its options, else from the scene file.
-
-The option --excel: refused before the work where it could not be met after it.
-
-The folder that a command writes its results into: made before it computes, and gone if nothing was written.
-
-Arguments that several commands share, spelled once.
+Options of the form NAME=VALUE may be repeated: ``--noise force="2 uN" --noise relative=0.5%``. The solver by
+which a command looks at a scene comes from its options, else from the scene file. What would fail after the
+work fails before it: the folder is made before a command computes, and gone if nothing was written, and
+--excel is refused where it could not be met.
 """
 
 from __future__ import annotations

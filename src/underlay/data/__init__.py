@@ -1,1 +1,1 @@
-"""Floor 3: measured and made curves."""
+"""Measured and made curves: reading, contact point, segments, and whether they can be fitted."""

@@ -1,16 +1,13 @@
-"""Where the indenter first touches: three estimators, each with an uncertainty.
-
-The contact depth at which a baseline turns into a shape: a scan, its error, and that of a doubtful shape.
-
-The linear coefficients are solved for at every contact depth tried, so nothing has to be started or to converge.
+"""Where the indenter first touches: three estimators of the contact depth, each with an uncertainty.
 
 * ``foot``: the baseline turns into the foot of a contact law with free stiffness.
 * ``change-point``: the baseline turns into a parabola with free coefficients; no contact law.
 * ``threshold``: the depth of the last passage through 3 standard deviations of the noise, carried back by
   the rise that follows to where it starts.
 
-The first two scan the contact depth and solve for the linear coefficients, so nothing has to be started or
-to converge; the uncertainty is the curvature of the sum of squares, widened for correlated residuals.
+The first two scan the contact depth and solve for the linear coefficients at every depth tried, so nothing
+has to be started or to converge; the uncertainty is the curvature of the sum of squares, widened for
+correlated residuals. That of the foot also holds that its law may be the wrong one (`with_a_doubtful_shape`).
 Forces below the baseline right before the rise (adhesion) are left out of these fits.
 """
 
@@ -102,7 +99,7 @@ class ContactEstimate:
 
 
 def power_law(exponent: float) -> Shape:
-    """The force of a half-space, to a factor."""
+    """Shape of a half-space's contact: depth since contact to the power `exponent`; its factor is fitted."""
 
     def shape(pressed: FloatArray) -> tuple[FloatArray, ...]:
         return (pressed**exponent,)
@@ -111,7 +108,7 @@ def power_law(exponent: float) -> Shape:
 
 
 def shape_of(law: ContactLaw) -> Shape:
-    """The force of a law."""
+    """Shape of a contact law: its force (N) at depths since contact (m), scaled by a factor that is fitted."""
 
     def shape(pressed: FloatArray) -> tuple[FloatArray, ...]:
         return (np.asarray(law.force(pressed)),)
@@ -124,7 +121,10 @@ def _parabola(pressed: FloatArray) -> tuple[FloatArray, ...]:
 
 
 class Points(NamedTuple):
-    """Points of a foot without those pulled below the baseline, thinned, and means of neighbouring ones."""
+    """Points of a foot that are fitted, and means of neighbouring ones for the coarse scan.
+
+    Depth (m) and force (N), (n,), without the points pulled below the baseline, and thinned.
+    """
 
     depth: FloatArray
     force: FloatArray
@@ -132,20 +132,37 @@ class Points(NamedTuple):
 
     @classmethod
     def of(cls, foot: Foot) -> Points:
-        """Take them from a foot."""
+        """Points of a foot."""
         x, force = _fitted_points(foot)
         return cls(x, force, _in_blocks(x, force))
 
 
 class Scanned(NamedTuple):
-    """What a scan found: the estimate, and what the shape leaves of the force there (n,), in N."""
+    """What a scan found: the estimate, and the residuals (N) of the best shape at the foot's points (n,)."""
 
     estimate: ContactEstimate
     residual: FloatArray
 
 
 def scan(method: str, foot: Foot, points: Points, shape: Shape) -> Scanned | None:
-    """Contact depth with the least sum of squares; None if no contact depth gives a rise."""
+    """Find the contact depth with the least sum of squares: coarse on block means, then fine on all points.
+
+    Parameters
+    ----------
+    method : str
+        Name of the estimator, which the estimate bears.
+    foot : Foot
+        Its baseline is adjusted with the rest where it was measured, else kept.
+    points : Points
+        Points of that foot.
+    shape : Shape
+        What the force is made of after contact.
+
+    Returns
+    -------
+    Scanned or None
+        None if no contact depth gives a rise, or the sum of squares has no bottom between the depths tried.
+    """
     x, force, blocks = points
     low = x[0] - (0.0 if foot.has_baseline else BEFORE * np.ptp(x))
     high = x[-2]
@@ -175,7 +192,7 @@ def scan(method: str, foot: Foot, points: Points, shape: Shape) -> Scanned | Non
 
 
 def change_point(foot: Foot, points: Points) -> ContactEstimate | None:
-    """Contact by a parabola, with the error that a parabola makes of a foot that is none."""
+    """Contact where the baseline turns into a parabola, its error widened for a foot that is no parabola."""
     scanned = scan("change-point", foot, points, _parabola)
     if scanned is None:
         return None
@@ -426,17 +443,28 @@ def find_contact(
 
 
 def reach_of(foot: Foot) -> float:
-    """Depth (m) that a law must reach to shape a foot."""
+    """Depth (m) to which a law must be known to shape a foot."""
     return (1.0 + BEFORE) * float(np.ptp(foot.depth))
 
 
 def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, exponent: float) -> ContactPoint:
-    """`find_contact` of a curve's foot, which a law shapes, or without one a power law.
+    """Estimate the contact of a curve of which the foot is already found; see `find_contact`.
+
+    Parameters
+    ----------
+    foot : Foot
+        The baseline and the beginning of the rise.
+    law : ContactLaw or None
+        Shapes the foot, as deep as `reach_of` says; without one a power law does.
+    method : str
+        One of `METHODS`; "auto" takes the first that gives an estimate.
+    exponent : float
+        Of that power law.
 
     Raises
     ------
     CurveError
-        If the method gives none.
+        If the method gives no estimate.
     """
     shape = power_law(exponent) if law is None else shape_of(law)
     points = Points.of(foot)

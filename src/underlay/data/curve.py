@@ -1,10 +1,8 @@
-"""A measured or made curve: depth, force, time and segments in SI, with where they came from.
+"""A measured or made curve: depth, force, time and segments in SI, read-only, with where they came from.
 
-An immutable mapping for what is known about a curve: where it came from and what was done to it.
-
-A measured or made curve: depth, force, time and segments in SI, read-only, with where they came from.
-
-Which instrument recorded a curve, and when, in the words of its file.
+A `Curve` never changes: what selects points or adds to its metadata returns a new one, so that arrays can be
+shared between the steps of an analysis. `Metadata` holds what is known of it, its file and what was done to
+it, as plain values that can be written to JSON and sent to other processes.
 """
 
 from __future__ import annotations

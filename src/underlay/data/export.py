@@ -1,11 +1,7 @@
-"""Curves to files: CSV, JSON and HDF5, each written whole or not at all, and each read back.
+"""Curves written to CSV, JSON and HDF5 files that `read` takes back.
 
-A curve as the text of a plain table that `read` takes back.
-
-Curves to files: CSV, JSON and HDF5, each written whole or not at all, and each read back by `read`.
-
-Numbers are written with all their digits, in SI, with the unit in the header. Metadata and truth travel
-along, so what is read back knows where it came from.
+Each file is written whole or not at all. Numbers have all their digits, in SI, with the unit in the header.
+Metadata and truth travel along, so what is read back knows where it came from.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The foot of a curve: the baseline in front of contact and the beginning of the rise.
 
-What counts as the rise is the *last* climb of the force out of the baseline before the peak, so a dip by
-adhesion or a bump in front of it is not taken for contact. The baseline is a line fitted in front of the
-rise, near enough that a bent baseline (drag, interference of light) is straight there.
+It decides where contact is. What counts as the rise is the *last* climb of the force out of the baseline
+before the peak, so a dip by adhesion or a bump in front of it is not taken for contact. The baseline is a
+line fitted in front of the rise, near enough that a bent baseline (drag, interference of light) is straight
+there.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Can this curve be fitted, and what speaks against it? A verdict with reasons.
+"""Can this curve be fitted, and what speaks against it? A verdict with reasons, before any fit.
 
-``good``: nothing speaks against it. ``doubtful``: a fit is possible and should be looked at. ``refused``:
-no contact law can be fitted, and why.
+``good``: nothing speaks against it. ``doubtful``: a fit is possible and should be looked at. ``refused``: no
+contact law can be fitted, and why.
 """
 
 from __future__ import annotations

@@ -1,11 +1,13 @@
-"""Segments of a test from its motion: approach, hold, retract.
-
-What keeps a motion from being a line: noise and how far it reaches, vibration, the stairs of a few digits.
+"""Segments of a test from its motion: loading, hold, unloading.
 
 The motion is replaced by the polyline that stays within a tolerance of it (Douglas & Peucker 1973,
-doi:10.3138/FM57-6770-U75U-7727, here splitting the worst piece first). Each piece of the polyline then
-moves or rests, by its speed against the speed at which most of the travel is done. A tolerance above the
-noise makes this blind to noise, and a polyline needs no uniform sampling.
+doi:10.3138/FM57-6770-U75U-7727, here splitting the worst piece first). Each piece of the polyline then moves
+or rests, by its speed against the speed at which most of the travel is done. A polyline needs no uniform
+sampling, and a tolerance above what keeps a motion from being smooth makes it blind to that: noise
+(`noise_of`, `reach`), vibration (`wobble_of`) and the stairs of few digits (`step_of`).
+
+Depth alone does not tell the holds of a stiff sample from its slow ways in and out; where there is a force,
+that it changes together with the depth does (`segments_from_motion`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Is the depth positive into the sample, and the force in compression? If not, say so; turn what is asked."""
+"""Whether depth grows into the sample and force is positive in compression, and how a curve is turned.
+
+Here nothing is turned unasked: a reversed curve gets a note, or is refused with the key of a scene file that
+turns it.
+"""
 
 from __future__ import annotations
 

@@ -1,14 +1,10 @@
-"""Curves made from a scene, with noise and with their truth.
+"""Curves made from a scene: `simulate` as a perfect reading, `synthesize` with noise and disturbances.
 
-What an instrument does to a force reading beside its noise: drift, outliers, and the steps of its load cell.
-
-Curves made from a scene: `simulate` without noise, `synthesize` with it and with their truth.
-
-The order is that of an instrument: the tip goes to its depth, the contact answers with a force, the
-instrument adds its baseline, then come noise, drift and outliers, and the load cell rounds last. Every
-effect is off unless named. Each draws from a stream of its own, spawned from the seed, so switching one on
-or off leaves the others bit for bit as they were. Contact offset, tilted baseline and compliance belong to
-the scene's instrument.
+Both keep their truth, the numbers they were made from. The order is that of an instrument: the tip goes to
+its depth, the contact answers with a force, the instrument adds its baseline, then come noise, drift and
+outliers, and the load cell rounds last. Every effect is off unless named. Each draws from a stream of its
+own, spawned from the seed, so switching one on or off leaves the others bit for bit as they were. Contact
+offset, tilted baseline and compliance belong to the scene's instrument.
 """
 
 from __future__ import annotations
@@ -32,7 +28,9 @@ __all__ = ["Disturbances", "simulate", "synthesize"]
 
 @dataclass(frozen=True)
 class Disturbances(Part):
-    """What else disturbs a made curve; every part is off unless named.
+    """What an instrument does to a force besides its noise: drift, outliers, and steps of its load cell.
+
+    Every part is off unless named.
 
     Parameters
     ----------
@@ -78,7 +76,7 @@ class Disturbances(Part):
 
     @property
     def numbers(self) -> dict[str, float]:
-        """What it holds, by name (SI)."""
+        """The four numbers by name (SI)."""
         return {name: getattr(self, name) for name in field_quantities(type(self))}
 
     def on(self, force: FloatArray, clock: FloatArray | None, rng: np.random.Generator) -> FloatArray:

@@ -1,9 +1,9 @@
-"""What the way out of a curve says: of adhesion, by its lowest force, and of an imprint that a sharp tip left.
+"""What the way out of a curve says: its lowest force, of adhesion, and the imprint that a sharp tip has left.
 
-An elastic contact springs back along the curve it went in by. Three readings say how far a test is from that: how
-far the way out from the deepest point lies beyond the way in; the stiffness at which the sample springs back, over
-the slope of the loading curve (one where it is elastic); and the exponent of the loading, which a cone has as 2
-either way.
+An elastic contact springs back along the curve it went in by. Three readings (`Imprint`) say how far a test
+is from that: how far the way out from the deepest point lies beyond the way in; the stiffness at which the
+sample springs back, over the slope of the loading curve (one where it is elastic); and the exponent of the
+loading, which a cone has as 2 either way.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _MAD = 1.4826 / 2.0**0.5
 
 @dataclass(frozen=True)
 class Imprint:
-    """What a test leaves.
+    """Signs that a test has deformed its sample for good.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def remembering_withdrawal(part: Curve, whole: Curve) -> Curve:
 def lowest_of(curve: Curve) -> Lowest | None:
     """Lowest point of a curve's way out, or of that of the curve it is a part of; None where it has none.
 
-    Nor has a curve that only comes back: its force is judged as it stands.
+    A curve that only comes back has none either: its force is judged as it stands.
     """
     kept = curve.metadata.get(_KEY)
     return Lowest(*kept) if kept is not None else _of_the_points(curve)

@@ -1,4 +1,4 @@
-"""Floor 5: what people look at."""
+"""What people look at: results as sentences, tables, pictures, pages and files."""
 
 import lazy_loader
 

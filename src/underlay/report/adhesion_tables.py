@@ -1,4 +1,4 @@
-"""Tables and sentences on a contact that sticks."""
+"""Tables and sentences on a contact that sticks: pull-off, jumps, and what the half-space's formula would say."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def adhesion_table(result: Fit, curve: int = 0) -> pd.DataFrame:
 
 
 def halfspace_of(result: Fit, curve: int = 0) -> str:
-    """Return `halfspace_sentence` of what a fit states of one curve; empty where nothing sticks."""
+    """Return `halfspace_sentence` for the pull-off force that a fit states of a curve; empty where none sticks."""
     force = next((known.value for known in adhesive_estimates(result, curve)), math.nan)
     path = "adhesion.work"
     own = next((name for name in (path, f"{path}[{curve}]") if name in result.names), "")

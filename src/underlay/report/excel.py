@@ -1,10 +1,8 @@
-"""Results as one Excel file, and the rows of it.
+"""Results as one Excel file: results, settings, curves, depths and groups, each a sheet.
 
-Tables as the sheets of one Excel file, in which nothing that came from a file is a formula or a link.
-
-A fit as rows of numbers that can be repeated: what goes into CSV files and spreadsheets.
-
-Results as one Excel file: results, settings, curves, depths and groups, each a sheet.
+The rows are numbers, with all that says what they are of and how they were found, so that a fit can be
+repeated. In the file nothing that came from another file is a formula or a link: every cell is written by its
+kind, and no text is looked at for what it might mean.
 """
 
 from __future__ import annotations
@@ -199,7 +197,7 @@ def _about(result: Fit, number: int) -> dict[str, Any]:
 
 
 def _common(told: list[dict[str, Any]]) -> dict[str, Any]:
-    """What all curves have in common; empty where they differ."""
+    """What all curves have in common, by column; empty in columns where they differ."""
     return {
         key: value if all(_same(value, other[key]) for other in told) else None
         for key, value in told[0].items()

@@ -1,8 +1,6 @@
-"""A film's moduli as a table, what they stand on, and the files of them.
+"""The moduli of a film by its contact stiffness: their table, what they stand on, and the files of them.
 
-A film's moduli as a table, and what they stand on.
-
-The files that the fit of a film leaves in a folder: its moduli, what was measured at each depth, its picture.
+`write_film` leaves in a folder the moduli, what was measured at each depth, and the picture.
 """
 
 from __future__ import annotations

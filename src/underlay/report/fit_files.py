@@ -1,7 +1,4 @@
-"""The files that a fit leaves in a folder, the modulus depth by depth among them.
-
-The files that a fit leaves in a folder: its table, its full result, its pictures.
-"""
+"""The files that a fit leaves in a folder: its table, its full result, its pictures, and the modulus by depth."""
 
 from __future__ import annotations
 

@@ -1,14 +1,9 @@
-"""What a result leaves open, and what the law of a fit leaves out, in sentences.
+"""What a result leaves open, and what speaks against it, in sentences.
 
-The distinct scenes behind the curves of a result: what a report draws and lists once each.
-
-What the law of a fit leaves out, in sentences: friction, finite strain, a paraboloid for a ball.
-
-What a result leaves open, in sentences: other optima, and the second test that would tell.
-
-What a curve says with a face bonded, and with it free to slip, in words.
-
-What speaks against a result: its curve, its fit and its laws.
+Left open are other optima that explain the data as well (`rivals`), numbers that only a second test would fix
+(`advice`), and whether a face is bonded or free to slip (`bonds_sentences`). Against a result speak its curve
+(`quality_doubts`), and what the reader of the file, the fit and the laws report (`reservations`).
+`distinct_scenes` groups the curves of a joint fit, so that a report draws and lists each scene once.
 """
 
 from __future__ import annotations

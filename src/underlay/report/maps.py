@@ -1,8 +1,6 @@
-"""A map of many curves, and a population, in words and tables.
+"""A map of many curves, and the population that it is of, in words and tables for people.
 
-A map of many curves in words and tables; `table` is the result of `fit_many`, or what `read_map` read.
-
-A population in sentences and tables that a person reads.
+`table` is the result of `fit_many`, or what `read_map` read, in SI.
 """
 
 from __future__ import annotations
@@ -86,7 +84,7 @@ def columns_to_draw(table: pd.DataFrame) -> list[str]:
 
 
 def errors_in_words(table: pd.DataFrame) -> str:
-    """What the errors of a map allow for."""
+    """Say what the ± of a curve in a map stands for: the whole uncertainty, or white noise alone."""
     if not any(str(column).endswith(".stat.low") for column in table.columns):
         return "± of a curve is the standard error of white noise alone; without --quick it is what a fit prints."
     return "± of a curve is at 95 %, statistical and systematic parts together, as of a single fit."
@@ -203,7 +201,7 @@ def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: 
 
 
 def of_map(table: pd.DataFrame) -> Population | str:
-    """What the curves of a map say of their animals, of its first parameter; or in words why nothing is said."""
+    """Return the population of a map's first parameter, by animal; or in words why there is none."""
     parameters = sample_parameters(table)
     if _WHOSE not in table.columns or not parameters:
         return (

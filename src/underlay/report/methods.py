@@ -43,13 +43,13 @@ _NAMED, _SMALL = 4, 0.01
 
 
 def tip_words(scene: Scene) -> str:
-    """``"sphere, radius 1 mm"``."""
+    """Return the tip in words: ``"sphere, radius 1 mm"``."""
     numbers = [f"{row['quantity']} {row['value']}" for row in number_rows("", scene.indenter)]
     return ", ".join([scene.indenter.shape.replace("_", " "), *numbers[:2]])
 
 
 def sample_words(scene: Scene) -> str:
-    """``"a layer bonded to a rigid substrate"``."""
+    """Return the sample in words: ``"a layer bonded to a rigid substrate"``."""
     if scene.substrate is None:
         return "a half-space"
     what = "a layer" if len(scene.layers) == 1 else f"{len(scene.layers)} layers"
@@ -59,17 +59,24 @@ def sample_words(scene: Scene) -> str:
 
 
 def references(fit: Fit) -> list[Work]:
-    """What a methods paragraph of a fit cites, this program first."""
+    """Return the works that the methods paragraph of a fit cites, this program first."""
     return cited_works(fit.used)
 
 
 def cited_works(used: Mapping[str, str]) -> list[Work]:
-    """Of what an analysis used, what its methods paragraph cites."""
+    """Return the works to cite of an analysis.
+
+    Parameters
+    ----------
+    used : mapping of str to str
+        Keys of works, and what each was used for. What every analysis uses (arrays, numerics, ...) is left out:
+        `underlay cite` lists it.
+    """
     return [work(key) for key, why in used.items() if not why.startswith(_COMMON)]
 
 
 def listed(names: Sequence[str]) -> str:
-    """``"a, b and c"``."""
+    """Return names as a list in a sentence: ``"a, b and c"``."""
     *first, last = names or ("nothing",)
     return f"{', '.join(first)} and {last}" if first else last
 

@@ -1,4 +1,4 @@
-"""What a page is made of: words, tables and pictures as HTML in which everything that was read is shown as text.
+"""What a page is made of: words, tables and pictures as HTML that shows everything that was read as text.
 
 A page is one file: pictures inside, no script, nothing fetched.
 """
@@ -80,7 +80,7 @@ def pixels(ax: Axes, alt: str, title: str = "") -> str:
 
 
 def number_block(title: str, number: str, unit: str, under: str, kind: str = "") -> str:
-    """Return a number of the headline: its name above it, its parts below."""
+    """Return a number of the headline as HTML: its name above it, both parts of its uncertainty below."""
     value = tag("div", words(number), f" <small>{words(unit)}</small>", kind="v")
     return tag(
         "div",
@@ -92,7 +92,15 @@ def number_block(title: str, number: str, unit: str, under: str, kind: str = "")
 
 
 def verdict_block(word: str, reason: str, cause: str = "", step: str = "", more: str = "") -> str:
-    """Return a verdict with cause and next step; `more` is one further sentence."""
+    """Return a verdict as HTML.
+
+    Parameters
+    ----------
+    word : str
+        ``"good"``, ``"check"`` or ``"reject"``: gives colour and shape.
+    reason, cause, step, more : str
+        Why; the likely cause, the next step and one further sentence, each left out where empty.
+    """
     shape = f'<i aria-hidden="true">{_SHAPES.get(word, "")}</i> '
     clause = reason[:1].upper() + reason[1:]
     lines = [tag("p", shape, f"<b>{words(word.capitalize())}.</b> {words(clause)}.")]
@@ -104,7 +112,7 @@ def verdict_block(word: str, reason: str, cause: str = "", step: str = "", more:
 
 
 def details(parts: Iterable[Detail], *, opened: bool = False) -> str:
-    """Return what is folded behind the page."""
+    """Return what is folded behind the page as HTML; parts without a block are left out."""
     state = " open" if opened else ""
     folded = [
         f"<details{state}><summary>{words(title)} <span>{words(note)}</span></summary>{''.join(blocks)}</details>"

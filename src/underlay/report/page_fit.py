@@ -73,7 +73,7 @@ _LONG = 15
 
 
 def sized(millimetres: tuple[float, float], draw: Callable[[Axes], object]) -> Axes:
-    """Axes of that size, drawn."""
+    """Return axes of the given width and height (mm), with the picture drawn into them."""
     width, height = millimetres
     with style():
         panel = axes(None, width=width / _INCH, height=height / _INCH)
@@ -82,7 +82,7 @@ def sized(millimetres: tuple[float, float], draw: Callable[[Axes], object]) -> A
 
 
 def drawing(test: DistinctScene, solver: Solver, where: str) -> str:
-    """The test to scale, without axes; its numbers are in the caption, where they have room."""
+    """Return the test to scale as HTML, without axes: its numbers are in the caption, where they have room."""
     ax = sized(_DRAWING, lambda panel: plots.scene(test.scene, depth=test.reading, solver=solver, ax=panel))
     size = ax.get_title()
     ax.set_title("")
@@ -109,7 +109,7 @@ def _thickness(layer: Layer) -> str:
 
 
 def masthead(day: str, name: str, about: str) -> str:
-    """The head of every page: whose it is, when it was made, what it is of."""
+    """Return the head of a page: its day, its title, and a line on what it is of."""
     return (
         f"<header><span><b>underlay</b> indentation report</span><span>{words(day)}</span></header>"
         f'<h1>{words(name)}</h1><p class="sub">{words(about)}</p>'
@@ -117,7 +117,7 @@ def masthead(day: str, name: str, about: str) -> str:
 
 
 def headline(answers: list[Answer], verdict: Advice, more: str = "") -> str:
-    """Numbers with their two parts, the first large, beside the verdict with cause and next step."""
+    """Return the numbers, each with both parts of its uncertainty, beside verdict, cause and next step."""
     numbers = [_number(known, place, str(verdict.word)) for place, known in enumerate(answers[:_NUMBERS])]
     told = verdict_block(
         verdict.word, labelled(verdict.reason), labelled(verdict.cause), next_step(verdict), more
@@ -151,7 +151,7 @@ def _one_end(known: Answer, letter: str) -> str:
 
 
 def footer(*facts: str, command: str = "") -> str:
-    """Where the page comes from, in a line or two."""
+    """Return the foot of a page: where it comes from, and the command that repeats it."""
     own = [*facts, f"underlay {VERSION}", f"Python {platform.python_version()}"]
     again = f" · same numbers again: <code>{words(command)}</code>" if command else ""
     return tag("footer", words(" · ".join(fact for fact in own if fact)), again)
@@ -203,7 +203,7 @@ class FitPage:
 
     @property
     def name(self) -> str:
-        """What the page is of."""
+        """Title of the page: the name of the first curve, and how many more there are."""
         more = len(self.fit.curves) - 1
         name = str(self.fit.curves[0].metadata.get("name") or "one curve")
         return f"{name} and {more} more" if more else name

@@ -186,9 +186,18 @@ class MapPage:
 
 
 def together_block(found: Population | str, curves: pd.DataFrame, label: str, shared: str = "") -> str:
-    """What the sites say together, of animals and groups; why nothing is said where they carry no labels.
+    """Return what the sites say together as HTML: the population, its picture and its tables.
 
-    Where the `curves` have the column `label`, a box plot by it stands below the population.
+    Parameters
+    ----------
+    found : Population or str
+        The population, or in words why there is none.
+    curves : DataFrame
+        The map; where it has the column `label`, a box plot by it stands below the population.
+    label : str
+        Column by which the curves are grouped.
+    shared : str
+        A sentence on errors that all curves share.
     """
     sentences = [found] if isinstance(found, str) else maps.population_sentences(found)
     told = [tag("p", words(text)) for text in (*sentences, shared) if text]

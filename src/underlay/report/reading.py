@@ -1,8 +1,7 @@
-"""How a file was read, and what was measured besides the points that were used.
+"""How a file was read, as a table: tests, points, spans in units for people, segments.
 
-What was measured besides the points that were used: shown in a report, not fitted.
-
-How a file was read, as a table: tests, points, spans in units for people, segments.
+`beyond_loading` finds what was measured besides the points that were used: a report shows it, though it was
+not fitted.
 """
 
 from __future__ import annotations

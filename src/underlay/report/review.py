@@ -1,8 +1,7 @@
-"""A gallery of the curves of a map, worst first, to accept or refuse by hand.
+"""A gallery of the curves of a map, worst first, to accept or refuse by hand: pages without a script, and a CSV.
 
-Pictures of a few kilobytes for pages with hundreds of them: a curve, its fit, and what is left over, as SVG.
-
-A gallery of the curves of a map, worst first, to accept or refuse by hand: pages without a script, and a CSV.
+The pages hold hundreds of curves, each with its fit and what is left over, so a picture is a few kilobytes of
+SVG made here (`small_picture`), not by the library of the other pictures.
 """
 
 from __future__ import annotations
@@ -56,7 +55,17 @@ _LONGEST_REASON = 600
 
 
 class Small(NamedTuple):
-    """What is drawn: readings (m, N), (n,); the fit (N), (n,), and the contact point (m) where there is a fit."""
+    """What a small picture shows.
+
+    Parameters
+    ----------
+    depth, force : ndarray (n,)
+        Readings (m, N).
+    fit : ndarray (n,) or None
+        Force of the fit (N).
+    contact : float
+        Contact point (m); NaN without a fit.
+    """
 
     depth: FloatArray
     force: FloatArray

@@ -1,7 +1,7 @@
 """The short text of a result: number first, one verdict, one next step; at most twelve lines of eighty columns.
 
-Every surface prints these numbers: a value and its expanded uncertainty at 95 %, both ending at the same digit, two
-digits of uncertainty; a range where one arm is far longer; an inequality where an end is open.
+Every surface prints these numbers: a value and its expanded uncertainty at 95 %, both ending at the same
+digit, two digits of uncertainty; a range where one arm is far longer; an inequality where an end is open.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class _Written(NamedTuple):
 
 
 def written(known: Answer) -> _Written:
-    """Write a number whose ends are closed, a range where an arm is much longer."""
+    """Return a number with its interval, whose ends must be closed, in the parts that are printed."""
     unit, factor = human_unit(known.value, kind_of(path_of(known.name)))
     own = [
         _two_digits(max(known.value - part.low, part.high - known.value) / factor)

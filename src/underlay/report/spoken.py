@@ -1,14 +1,12 @@
-"""Messages of the library for people who do not program, and words of unknown origin.
-
-Messages of the library for people who do not program: TOML keys and flags for Python's arguments.
+"""Messages of the library in the words of scene files and commands, for people who do not program.
 
 The library speaks to whoever calls it from Python. What a command prints and the browser page shows goes
-through `spoken`, which is the one place where the two languages meet; tests/test_wording.py reads every message
-of the library and holds that no Python argument is left.
+through `spoken`, which says TOML keys and flags for Python's arguments and is the one place where the two
+languages meet; tests/test_wording.py reads every message of the library and holds that no Python argument is
+left.
 
-Words of unknown origin inside Markdown.
-
-Our own warnings, kept until the result that they belong to is shown.
+`markdown_text` does the same service to words of unknown origin inside Markdown, and `gathered_warnings`
+keeps our own warnings until the result that they belong to is shown.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""Tables of results, in units for people.
+"""Tables of a result for people: every number in the unit of its size.
 
-Amounts side by side as text: zero has no unit of its own, and takes the one of what stands beside it.
-
-A table of numbers in SI as people read it: each number in the unit of its size.
-
-The table of `accuracy_cost` for people: one line per method, times in units of the formula.
+Numbers side by side share units where that helps to compare them: zero has no unit of its own and takes the
+one of what stands beside it (`amounts`). Beside the tables of a fit are those of what accuracy costs, one
+line per method, with times as multiples of a known one's (`accuracy_summary`, `answer_summary`).
 """
 
 from __future__ import annotations
@@ -192,7 +190,13 @@ def _strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
 
 
 def known_together(result: Fit) -> list[tuple[str, str, float]]:
-    """Those of `_strong_pairs` that are badly known one by one, and well if the other were known."""
+    """Return pairs of strongly correlated parameters that are badly known apart, and well once one is known.
+
+    Returns
+    -------
+    list of (str, str, float)
+        Names of both, and their correlation.
+    """
     index = {name: i for i, name in enumerate(result.names)}
     pairs = []
     for first, second, value in _strong_pairs(result):

@@ -1,1 +1,1 @@
-"""The page, step by step."""
+"""The page that the browser shows, step by step."""

@@ -1,8 +1,6 @@
-"""Step 3: the curve, its contact point and range, both laws at once; then the fit.
+"""Step 3: the curve with its contact point and fit range, both laws at once; then the fit and what it says.
 
-A film by its contact stiffness: for curves of a test with continuous stiffness.
-
-Step 3: the curve, its contact point and range, both laws at once; then the fit and what it says.
+Of a curve with continuous stiffness it offers the fit of a film as well (`FilmPart`).
 """
 
 from __future__ import annotations
@@ -41,7 +39,7 @@ GREEN, GREY = "#009e73", "#404040"
 
 
 class FilmPart:
-    """Fields and outcome of the fit of a film.
+    """Fields and outcome of the fit of a film, for curves of a test with continuous stiffness.
 
     Parameters
     ----------

@@ -1,10 +1,7 @@
-"""Step 4: all curves: the map, the gallery, groups and the population.
+"""Step 4: all curves: the map, the gallery with what is decided by hand, groups and the population.
 
-The gallery of a map: worst curves first, to accept or refuse by hand.
-
-Whose the curves are, and what they say together.
-
-Step 4: all curves. The map, the gallery with what is decided by hand, groups and the population.
+The gallery shows the worst curves first, to accept or refuse them (`GalleryPart`); labels say whose the
+curves are, and what they say together (`PopulationPart`); boxes on the map name regions (`RegionPart`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Addresses of the page: the list of analyses, and one page for each.
-
-One analysis: a head, and the steps from left to right.
-"""
+"""Addresses of the page: the list of analyses, and a page for each, with its steps from left to right."""
 
 from __future__ import annotations
 

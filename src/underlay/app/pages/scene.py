@@ -1,10 +1,8 @@
-"""Step 2: the test, what is fitted, and the scene as text.
+"""Step 2: the test as a form with its drawing to scale, what is fitted, and the scene as text.
 
-What is fitted: a line for each number of the test, with its bounds and what is known of it before.
-
-The scene as text, for what the form has no field for: all that a scene file can say can be said here.
-
-Step 2: the test. A form made from the scene's declarations, and the drawing to scale beside it.
+The form is made from the scene's declarations (`underlay.app.form`). `FreeTable` has a line for each number
+of the test, with its bounds and what is known of it before. `SceneText` is for what the form has no field
+for: all that a scene file can say can be said there.
 """
 
 from __future__ import annotations

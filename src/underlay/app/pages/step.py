@@ -1,9 +1,4 @@
-"""What the steps of the page share, and a long task with its button.
-
-What the steps of the page share: the window they are in, and small pieces of it.
-
-A long task: the button that begins it, how far it is, and the button that stops it.
-"""
+"""What the steps of the page share: the window they are in, and a long task with its buttons and progress."""
 
 from __future__ import annotations
 
@@ -116,7 +111,7 @@ class Step(ABC):
 
 
 def data_address(picture: bytes) -> str:
-    """Return a picture as an address of itself."""
+    """Return a picture as a ``data:`` address, which holds it."""
     return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
 
 

@@ -1,4 +1,9 @@
-"""Readers: one file per instrument format, and the table of formats."""
+"""Readers of instrument files: one file per format, the order in which they are tried, and `read`.
+
+A format is recognised by the content of a file, never by the ending of its name. What comes out is a `Curve`
+in SI, with depth growing into the sample and force positive in compression, whose metadata say which rule of
+sign was used and where the file came from.
+"""
 
 from __future__ import annotations
 
@@ -180,7 +185,10 @@ def read_from_map(
 
 
 def kept_open(place: MapCurve, kept: KeptOpen) -> MapCurve:
-    """The same curve, whose file `kept` holds open for the next one of it; one of JPK stays as it is."""
+    """Return the curve of a map on the disk with `kept` to hold its file open for the next one.
+
+    It is for HDF5 files; a curve of a JPK map comes back as it is.
+    """
     return replace(place, kept=kept) if isinstance(place, Hdf5MapCurve) else place
 
 

@@ -1,14 +1,17 @@
-"""Which column of a table is what, in which unit: by its name, its number, or a sum or product of several.
+"""Which column of a table is depth, force, time or segment: by name, number, or a sum or product of columns.
 
-What a column mapping says is read by a small grammar and never evaluated::
+The names that are known (`KNOWN`) are those of instruments and spreadsheets in English, German, French,
+Spanish and Italian, compared in small letters without accents.
+
+What a column mapping of the caller says is read by a small grammar and never evaluated as Python::
 
     sum     = product { ("+" | "-") product }
     product = factor { ("*" | "/") factor }
     factor  = "-" factor | "(" sum ")" | column | number [unit]
     column  = a name of the table, with or without its unit, or "#" and its number from 1
 
-as in ``"ramp - deflection"`` or ``"volts * 41 nm/V * 0.06 N/m"``. Units are carried along: what comes out must be a
-length, a force or a time.
+as in ``"ramp - deflection"`` or ``"volts * 41 nm/V * 0.06 N/m"``. Units are carried along as exponents of
+metre, newton, second, volt and ampere: what comes out must be a length, a force or a time.
 """
 
 from __future__ import annotations
@@ -113,7 +116,7 @@ _DIMS: dict[str, Dims] = {
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table, and the unit that is asked for in place of its own."""
+    """One column of a table, by its index, and the unit that a mapping gives in place of the file's own."""
 
     index: int
     unit: str = ""
@@ -127,7 +130,7 @@ class _Number:
 
 @dataclass(frozen=True)
 class Mix:
-    """Two parts and what is done with them: one of ``+ - * /``."""
+    """A sum, difference, product or quotient in a mapping: its two parts and one of ``+ - * /``."""
 
     sign: str
     left: Node
@@ -138,7 +141,13 @@ Node: TypeAlias = Column | _Number | Mix
 
 
 def check_mapping(mapping: Mapping[str, str | int] | None) -> None:
-    """Refuse a column mapping with another role, or with nothing in it."""
+    """Refuse a column mapping of the caller that cannot be one.
+
+    Raises
+    ------
+    InputError
+        If it names something else than a role (`ROLES`), or a role is given nothing.
+    """
     for role, name in (mapping or {}).items():
         if role not in ROLES:
             raise InputError(f"a column mapping has no {role!r}; it takes {', '.join(ROLES)}")
@@ -155,20 +164,26 @@ def name_of(label: str) -> str:
 
 
 def bare_name(name: str) -> str:
-    """Name without the words beside it that change nothing."""
+    """Name without words that do not change what it is, such as "axial", "measured" or "corrected"."""
     words = [word for word in name.split() if word not in _BESIDE]
     return " ".join(words) or name
 
 
 def find_columns(labels: Sequence[str], mapping: Mapping[str, str | int] | None = None) -> dict[str, int]:
-    """Index of the column of each role that is there, by name; of a sum, of the first column in it.
+    """Index of the column of each role that the table has; for a sum or product, of the first column in it.
 
     Parameters
     ----------
     labels : sequence of str
         The header, names with or without units.
     mapping : mapping of role to name, optional
-        As ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here.
+        As ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here. Roles that it leaves out are found
+        by the names that are known.
+
+    Raises
+    ------
+    InputError
+        If a sum or product in the mapping cannot be read.
     """
     known = _known_columns(tuple(label[:_LONGEST] for label in labels))
     found = {role: index for role, index in known.items() if role not in (mapping or {})}
@@ -254,7 +269,20 @@ def columns_of(node: Node) -> list[Column]:
 
 
 def parse_column(text: str, labels: Sequence[str]) -> tuple[Node, bool] | None:
-    """What a mapping asks for, and whether with the sign turned; None if the table has no such column.
+    """Read what a mapping asks for: a column, or a sum or product of several.
+
+    Parameters
+    ----------
+    text : str
+        As a caller wrote it: a name, ``"2 (nm)"`` for a number, or ``"ramp - deflection"``.
+    labels : sequence of str
+        The header, names with or without units.
+
+    Returns
+    -------
+    (node, turned) or None
+        The expression, and whether a minus sign in front of a single column turns it. None if the table has no
+        such column.
 
     Raises
     ------
@@ -403,13 +431,13 @@ class _Parser:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """Values (n,) in SI and what they are."""
+    """Values (n,) in SI of a part of a mapping, and their dimension."""
 
     values: FloatArray | float
     dims: Dims
 
     def joined(self, sign: str, other: Evaluated) -> Evaluated:
-        """What comes of the two."""
+        """Apply one of ``+ - * /`` to this and another part; the dimension follows."""
         if sign in "+-":
             values = self.values + other.values if sign == "+" else self.values - other.values
             return Evaluated(values, self.dims)
@@ -422,12 +450,25 @@ class Evaluated:
 def evaluate(
     node: Node, column: Callable[[Column], FloatArray], unit_of: Callable[[Column], str], what: str
 ) -> Evaluated:
-    """Values of a sum or product of columns.
+    """Work out a sum or product of columns, with its units.
+
+    Parameters
+    ----------
+    node : Node
+        What `parse_column` returned.
+    column : callable
+        Values (n,) of a column as written.
+    unit_of : callable
+        Unit of a column; empty for a bare number.
+    what : str
+        What is worked out, for messages.
 
     Raises
     ------
     InputError
         If lengths are added to forces, or something is divided by zero.
+    UnitError
+        If the unit of a column is not known.
     """
     if isinstance(node, _Number):
         return Evaluated(node.value, node.dims)
@@ -452,7 +493,13 @@ def _told(dims: Dims) -> str:
 
 
 def require_kind(found: Evaluated, kind: str, what: str) -> FloatArray:
-    """Values of a sum that must be of this kind."""
+    """Return the values (n,) in SI of a mapping that must be of one kind.
+
+    Raises
+    ------
+    UnitError
+        If what it works out to is of another kind.
+    """
     if found.dims != _DIMS[kind]:
         raise UnitError(
             f"{what} gives {_told(found.dims)}, but a {kind} is needed; check its columns and units"

@@ -1,10 +1,10 @@
-"""What a format is, readers that other packages add, and files that are known and not read.
+"""What a format is: how a reader tells its files and hands over their curves; and files that nobody reads.
 
-What a format is, and how a reader hands over what it read.
-
-Readers that other packages add, with their failures contained.
-
-Files that are known and not read, of microscopes and of programs that pack, and what to do with them.
+A `Format` pairs a test of a file's content with what reads it, and `make_curve` is the one way from SI
+columns to a curve. Formats of other packages (`underlay.plugins`) are wrapped, so that an error in one of
+them names the package and costs no other reader its file. `way_out` tells what to do with a file that is
+known and not read, because no maintained reader exists, none is known to read forces, or a program has packed
+it.
 """
 
 from __future__ import annotations
@@ -193,7 +193,13 @@ def _kept(values: FloatArray, chosen: NDArray[np.bool_] | slice) -> FloatArray:
 
 
 def require(condition: object, source: Source, message: str) -> None:
-    """Refuse a file whose content is not what the format promises."""
+    """Refuse a file whose content is not what the format promises.
+
+    Raises
+    ------
+    FileFormatError
+        With the name of the file and `message`, unless `condition` holds.
+    """
     if not condition:
         raise FileFormatError(f"{source.name}: {message}")
 
@@ -232,7 +238,7 @@ def read_parts(parts: Sequence[tuple[str, Callable[[], list[Curve]]]]) -> list[C
 
 
 def with_note(curves: list[Curve], notes: Sequence[str]) -> list[Curve]:
-    """The same curves, with notes on what was left out of the file in the first of them."""
+    """Return the curves with notes on what was left out of their file; the first of them carries them."""
     if not (notes and curves):
         return curves
     more = (f"and {len(notes) - _LISTED} more parts",) if len(notes) > _LISTED else ()
@@ -256,7 +262,11 @@ def plugged_readers(known: Sequence[Format]) -> tuple[Plugin, ...]:
 
 
 def added_formats(known: Sequence[Format]) -> tuple[Format, ...]:
-    """The usable ones: an error in one of them names the package, and costs no other reader its file."""
+    """Formats of other packages that can be used, each wrapped so that its failures stay its own.
+
+    An error while a file is recognised becomes a warning and a no; one while it is read becomes a
+    `FileFormatError` that names the package.
+    """
     return tuple(_contained(entry) for entry in plugged_readers(known) if not entry.fault)
 
 

@@ -1,11 +1,11 @@
-"""HDF5 in memory or by group of a file on the disk, and files of many curves.
+"""HDF5 files of curves: read from memory, or from the disk one group at a time.
 
-HDF5 in memory, or a group of a file on the disk: nothing is taken that leads out of it or claims too much.
+Nothing is taken that leads out of the file or the group (links, references), or that claims more than
+`MAX_BYTES` together with what was taken before: `Checked` looks before it reads.
 
-HDF5 files of many curves, curve by curve: a list of what the file holds, and each curve as a source of its own.
-
-Such a file may be larger than memory. Its root is listed once; whoever then reads a curve opens the file, or has it
-open from the curve before, and reads the group of that curve alone, in place, checked as any file is.
+A file of many curves may be larger than memory. Its root is listed once; whoever then reads a curve opens the
+file, or has it open from the curve before (`KeptOpen`), and reads the group of that curve alone, in place,
+checked as any file is.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ class Checked:
         return bool(self._h5py.h5a.exists(self._group.id, _encoded(name)))
 
     def said(self) -> dict[str, Any]:
-        """All that is said of the group, as the library's `attrs` give it, at a third of their time."""
+        """All attributes of the group by name, as the library's `attrs` give them, at a third of their time."""
         h5py, here = self._h5py, self._group.id
         names: list[bytes] = []
         h5py.h5a.iterate(here, names.append)
@@ -195,9 +195,10 @@ class Checked:
 
 
 def _in_memory(h5py: Any, dtype: np.dtype[Any]) -> Any:
-    """What the library calls a type of number in memory; it finds it itself for longer than a curve is read.
+    """Return the library's own type for a number in memory, or None where the library must find it itself.
 
-    None leaves it to the library, which knows more of some types than numpy compares (names of numbers).
+    Finding it takes the library longer than reading a curve; but it knows more of some types than numpy
+    compares (names of numbers).
     """
     name = _NATIVE.get(dtype.str) if dtype.metadata is None else None
     return None if name is None else getattr(h5py.h5t, name)
@@ -278,7 +279,7 @@ class Hdf5MapCurve:
     kept: KeptOpen | None = None
 
     def source(self) -> GroupSource:
-        """What the readers take for a file of this curve alone."""
+        """The group of this curve as a source, which readers take for a file of its own."""
         known = HDF5_MAGIC if self.name else HDF5_MAGIC + HDF5_MARK.encode()
         return GroupSource(self.path, known, self.sha256, group=self.group, kept=self.kept)
 

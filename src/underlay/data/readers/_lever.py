@@ -1,11 +1,12 @@
-"""What turns the signals of an AFM into a curve, and the calibration of its lever.
+"""From the signals of an AFM to a curve, and the calibration of its cantilever.
 
-The calibration of a cantilever as a person gives it: a number, how well it is known, or both.
+Volts V times the sensitivity s (m/V) are the bending of the cantilever, and that times its spring constant k
+(N/m) the force, F = k s V. The tip goes as deep as the scanner travels, less what the cantilever bends: w = z
+- F / k.
 
-What turns the signals of an AFM into a curve.
-
-Volts times the sensitivity s are the bending of the lever, and that times its spring constant k the force,
-F = k s V. The tip goes as deep as the scanner travels, less what the lever bends: w = z - F / k.
+A person may give a calibration as a number, as how well the file's own number is known, or as both
+(`Calibration.of`); what is used, and what the file itself had, is kept in the metadata of the curve
+(`Lever`).
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ _NAMES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 
 @dataclass(frozen=True)
 class Calibration:
-    """What is given beside a file.
+    """The calibration of a cantilever that a caller gives beside a file.
 
     Parameters
     ----------
     values : mapping of str to float
-        SI numbers by kind of quantity: ``stiffness``, ``sensitivity``, ``current sensitivity``.
+        SI numbers by kind of quantity: ``stiffness`` (N/m), ``sensitivity`` (m/V), ``current sensitivity`` (m/A).
     uncertainties : mapping of str to float
         Relative standard uncertainties by name: ``spring_constant``, ``sensitivity``.
     """
@@ -185,7 +186,7 @@ class Lever:
 
 
 def uncalibrated(source: Source) -> InputError:
-    """What to say of a file that lacks what its curve needs."""
+    """The error for a file that lacks the spring constant or sensitivity its curve needs; says how to give them."""
     return InputError(
         f"{source.name} does not hold its calibration; give calibration={{'spring_constant': '0.04 N/m', "
         "'sensitivity': '60 nm/V'} with your numbers"
@@ -244,7 +245,15 @@ def lever_curve(
 
 
 def sensor_note(sensor: FloatArray, driven: float) -> tuple[str, ...]:
-    """What to say where a height sensor (m), (n,), moved otherwise than the piezo was driven (m)."""
+    """Return a note that the height sensor and the drive disagree, or () where they agree.
+
+    Parameters
+    ----------
+    sensor : ndarray (n,)
+        Readings of the height sensor (m); NaN are left out.
+    driven : float
+        How far the piezo was driven (m); zero if not known.
+    """
     moved = sensor[np.isfinite(sensor)]
     if not (moved.size and driven > 0.0) or abs(np.ptp(moved) / driven - 1.0) <= _CLOSE:
         return ()

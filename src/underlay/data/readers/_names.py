@@ -1,4 +1,8 @@
-"""Where the numbers of a table begin, and what its columns are called."""
+"""Where the numbers of a plain table begin, and what its columns are called.
+
+A file may begin with pages of settings, a table of results or comments. `layout_of` finds the first long run
+of rows of numbers; `find_names` then looks for as many names in the rows above it, else in the comments.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +47,7 @@ _COUNTED, _COUNT = re.compile(r"\W*1[\]:.)]\s*[^\W\d]"), re.compile(r"\[?\b\d{1,
 
 
 class Layout(NamedTuple):
-    """Where the rows of numbers begin, how many cells they have, and up to which there are numbers."""
+    """Where a table stands: first row of numbers, cells of a row, and up to which cell there are numbers."""
 
     first: int
     cells: int
@@ -59,7 +63,7 @@ class Row(NamedTuple):
 
     @classmethod
     def of(cls, cells: Sequence[str]) -> Row:
-        """Look at every cell."""
+        """Count the cells of a row and the numbers among them."""
         numeric = [at for at, cell in enumerate(cells, start=1) if is_number(cell)]
         return cls(len(cells), len(numeric), numeric[-1] if numeric else 0)
 
@@ -271,7 +275,7 @@ def _units(text: str, layout: Layout) -> list[str]:
 
 
 def stated_lever(lines: Sequence[str]) -> dict[str, float]:
-    """The calibration of a lever that the head of an export states, in SI."""
+    """The calibration of a lever that the head of an export states: ``stiffness`` (N/m), ``sensitivity`` (m/V)."""
     found: dict[str, float] = {}
     for line in lines:
         spring, sensitivity = _SPRING.search(line), _SENSITIVITY.search(line)

@@ -1,17 +1,14 @@
-r"""The header, the numbers and the taps of a NanoScope file.
+r"""The header of a NanoScope file, the numbers of its channels as volts or metres, and the taps of PeakForce.
 
-The header of a NanoScope file: sections of lines ``\name: value``, and the scales that they write.
+The header is sections of lines ``\name: value``. A channel's volts are its numbers times the hard scale,
+``(0.0003750000 V/LSB)``. From version 9.20 on every number takes 4 bytes, but "Bytes/pixel" still says whose
+LSB the scale counts (Gwyddion's ``nanoscope.c`` has this from Bruker): 0.000375 V of 2 bytes and 5.72205e-9 V
+of 4 are both 24.576 V over all numbers.
 
-The numbers of a NanoScope channel as volts or metres, and whether they can be on the scale of the header.
-
-Volts are the number times the hard scale, ``(0.0003750000 V/LSB)``. From version 9.20 on every number takes
-4 bytes, but "Bytes/pixel" still says whose LSB the scale counts (Gwyddion's ``nanoscope.c`` has this from Bruker):
-0.000375 V of 2 bytes and 5.72205e-9 V of 4 are both 24.576 V over all numbers. Numbers of 24 or 32 bits on a scale
-for 16, or data that a byte too many in the header has shifted, make forces 256 or 65536 times too large and look
-like curves. One such file is public (PyFMReader, ``20200903_Egel2.0_00023.spm``). So numbers that have more bits
-than their scale are refused, and a way in that rises far above the trigger that should have ended it.
-
-The taps of a PeakForce capture: the drive is a sine, of which the file holds the amplitude and the turn.
+Numbers of 24 or 32 bits on a scale for 16, or data that a byte too many in the header has shifted, make
+forces 256 or 65536 times too large and still look like curves. One such file is public (PyFMReader,
+``20200903_Egel2.0_00023.spm``). So numbers that have more bits than their scale are refused, and so is a way
+in that rises far above the trigger that should have ended it (`check_trigger`).
 """
 
 from __future__ import annotations
@@ -242,7 +239,12 @@ def _bits(image: Section, scale: Scale, width: int) -> int:
 
 
 def check_trigger(header: Header, way_in: FloatArray) -> None:
-    """Refuse a way in (V), in the order of time, that goes on far above the trigger that should have ended it.
+    """Refuse a way in that goes on far above the trigger that should have ended it: its scale is wrong.
+
+    Parameters
+    ----------
+    way_in : ndarray (n,)
+        Deflection (V), in the order of time.
 
     Raises
     ------
@@ -269,7 +271,7 @@ def check_trigger(header: Header, way_in: FloatArray) -> None:
 
 @dataclass(frozen=True)
 class Tap:
-    """One period of the drive.
+    """One period of a PeakForce capture's drive, a sine of which the file holds the amplitude and the turn.
 
     Parameters
     ----------

@@ -1,16 +1,8 @@
-"""What a table holds beside the readings of one test: statistics, results, further tests.
+"""What a table holds besides the readings of one test: rows of statistics, tables of results, further tests.
 
-Rows of statistics that a spreadsheet leaves below the readings: a mean is no reading.
-
-Tables of results, one row for each test, which look like the curve of one test: ASMEC, Fischer, typed ones. A row
-holds the force and the depth at the peak of a test, its modulus and its hardness. Read as a curve, 220 tests of a
-public file (TriDiMap, ``ASMEC_example_20x11.xlsx``) were 220 points. What tells them: a name in every row, words
-for what only a whole test has (its work, its creep, its final depth), or a modulus beside depths and forces that
-leap from row to row. A curve that carries its modulus point by point, as of a continuous stiffness, does none.
-
-Several tests one below the other: blank rows, a row of names that is repeated, a clock that is set back or a leap
-of the depth mark where a test may begin; that the depth begins again there, and goes in again, tells it from the
-next segment of one test.
+Each looks like readings, and a curve of it could be fitted. Statistics that a spreadsheet leaves below the
+readings are left out with a note (`without_statistics`), a table with one row for each test is refused
+(`require_readings`), and several tests one below the other are told apart (`beginnings`).
 """
 
 from __future__ import annotations
@@ -121,7 +113,14 @@ def require_readings(
     depth: FloatArray,
     force: FloatArray,
 ) -> None:
-    """Refuse a table of results.
+    """Refuse a table of results, with one row for each test, that looks like the curve of one test.
+
+    ASMEC and Fischer write such tables, and people type them: a row holds the force and the depth at the peak
+    of a test, its modulus and its hardness. Read as a curve, 220 tests of a public file (TriDiMap,
+    ``ASMEC_example_20x11.xlsx``) were 220 points. What tells them: a name in every row, words for what only a
+    whole test has (its work, its creep, its final depth), or a modulus beside depths and forces that leap
+    from row to row. A curve that carries its modulus point by point, as of a continuous stiffness, does none
+    of these.
 
     Parameters
     ----------
@@ -221,6 +220,10 @@ def beginnings(
     clocks: Callable[[], Iterable[FloatArray]],
 ) -> list[int]:
     """Rows at which a test begins, the first among them: ``[0]`` for a table of one.
+
+    A test may begin after blank rows or a row of names that is repeated, where a clock is set back, or where
+    the depth leaps. That the depth begins again there, and goes in again, tells it from the next segment of
+    one test.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The bytes of an instrument file, taken in once, bounded and never from anything but a regular file."""
+"""The bytes of an instrument file: taken in once, of bounded size, and from a regular file only."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Source:
 
     @cached_property
     def name(self) -> str:
-        """What to call it in a message."""
+        """Name of the file, and of the member inside it, for messages."""
         return printable(f"{self.path.name}!{self.member}" if self.member else self.path.name)
 
     @property
@@ -109,7 +109,7 @@ class Source:
 
 
 def curve_name(path: Path, number: int) -> str:
-    """What a curve of a file of many is called, by its number from 1."""
+    """Return the name of a curve in a file of many, from the file's and its number (from 1)."""
     return path.stem if number == 1 else f"{path.stem}, curve {number}"
 
 

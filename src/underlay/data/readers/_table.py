@@ -1,4 +1,9 @@
-"""From a table with labelled columns to curves: which column is which, and how many tests there are."""
+"""From a table with labelled columns to curves: which column is which, in which unit, and how many tests.
+
+Every reader of plain tables, text or workbook, ends here. Tests may stand side by side, approach and way back
+too, or one test below the other; a height or a scanner's travel with a lever's deflection becomes depth and
+force. A column whose commas may be of thousands or of decimals is refused rather than guessed.
+"""
 
 from __future__ import annotations
 
@@ -131,7 +136,7 @@ class Table:
     stated: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, indices: Sequence[int], labels: Sequence[str]) -> Table:
-        """Some of its columns under other names, without the rows that are empty there."""
+        """The table of some of the columns under other names, without the rows in which all of them are empty."""
         rows = [[row[at] if at < len(row) else "" for at in indices] for row in self.rows]
         units = [self.units[at] for at in indices] if self.units else ()
         kept = [row for row in rows if any(cell.strip() for cell in row)]

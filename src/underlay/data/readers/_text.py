@@ -1,4 +1,4 @@
-"""Text of instrument files: decoding, lines, units in headers, and numbers in cells."""
+"""Text of instrument files: decoding, lines, units in the names of columns, and numbers in cells."""
 
 from __future__ import annotations
 
@@ -207,7 +207,13 @@ def lines_of(source: Source) -> list[str]:
 
 
 def lines_and_gaps(source: Source) -> tuple[list[str], list[int]]:
-    """The same, and the lines before which a blank one stands, by number from 0."""
+    """Return the lines that hold something, and the numbers (from 0) of those that come after a blank line.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no such line, or the file is not text.
+    """
     text = decode(source)
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\n\r", "\n").replace("\r", "\n")
@@ -395,7 +401,7 @@ def _all_good(rows: Sequence[Sequence[str]], indices: Sequence[int], *, comma: b
 
 
 def _all_lines(rows: Lines, indices: Sequence[int]) -> FloatArray | None:
-    """The same by numpy's own reader, which takes plain decimal numbers alone, as Python reads them."""
+    """Convert plain decimal numbers (n, m) by numpy's own reader; None where a cell is anything else."""
     try:
         return np.loadtxt(
             rows.lines,

@@ -1,13 +1,16 @@
-"""Plain CSV and TSV: a row of names with units, then numbers.
+"""Plain CSV and TSV tables: a row of names with units, then numbers.
 
-Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``, ``load_N``), in a row below the names, in a
-comment, or in the column mapping. Separators are tab, semicolon, comma or blanks; a decimal comma is understood
-where the separator is not a comma, or the cells stand in quotes. What stands above the longest run of rows of
-numbers (results, settings) is passed over. Lines that start with ``#`` are kept as comments; the names are looked
-for there where there are no others. Names and cells must be as many: a label in front of the names
-(``# columns:``) is none. A table without names is read by the numbers of its columns (``depth = "2 (nm)"``). Signs
-are taken as written: depth grows into the sample and force is positive in compression, unless the mapping says
-``-name``.
+Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``, ``load_N``), in a row below the names,
+in a comment, or in the column mapping. Separators are tab, semicolon, comma or blanks; a decimal comma is
+understood where the separator is not a comma, or the cells stand in quotes.
+
+What stands above the first long run of rows of numbers (results, settings) is passed over. Lines that start with
+``#`` are kept as comments; the names are looked for there where there are no others. Names and cells must be
+as many: a label in front of the names (``# columns:``) is none. A table without names is read by the numbers
+of its columns (``depth = "2 (nm)"``).
+
+Signs are taken as written: depth grows into the sample and force is positive in compression, unless the
+mapping says ``-name``.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
-"""Sheets of workbooks as rows of text, and plain tables in them.
+"""Sheets of .xls and .xlsx workbooks as rows of text, and plain tables in them, the spreadsheet form of a CSV.
 
-Sheets of .xls and .xlsx workbooks as rows of text cells, bounded.
-
-Plain tables in .xlsx and .xls workbooks: the spreadsheet form of a CSV.
-
-A sheet is read if it has a row that names a depth and a force, with units in it or in the row below, or
-the columns a mapping names. Each such sheet is one test. Signs are taken as written.
+Other readers of workbooks take the sheets from here (`sheets_of`), bounded in size. As a plain table, a sheet
+is read if it has a row that names a depth and a force, with units in it or in the row below, or the columns
+that a mapping names. Each such sheet is one test. Signs are taken as written.
 """
 
 from __future__ import annotations

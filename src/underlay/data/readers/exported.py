@@ -1,4 +1,8 @@
-"""Curves that underlay wrote to JSON and HDF5 files."""
+"""Curves that underlay itself wrote, read back from JSON and HDF5 (`underlay.data.export`).
+
+A file that says it is ours may have been changed: of what it says about its curve, only what is of the right
+kind is taken (`restored`).
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Text files of indenters: Optics11, Anton Paar Bioindenter, Hysitron and Fischer, each said as data.
+"""Text files of indenters, each format said as data: Optics11, Anton Paar Bioindenter, Hysitron and Fischer.
 
-Depth grows into the sample and force is positive in compression as they are written, but where a format says
-otherwise; no file marks contact.
+Depth grows into the sample and force is positive in compression as they are written, except where a format
+says otherwise; no file marks contact.
 """
 
 from __future__ import annotations

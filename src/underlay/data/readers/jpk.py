@@ -1,19 +1,16 @@
-"""JPK force archives: curves, maps and quantitative imaging.
+"""JPK force archives: curves, maps and quantitative imaging, with any number and order of segments.
 
-Headers of JPK archives: Java properties, bounded before they are unpacked, and what they share.
+A file is a ZIP archive of Java property files and big-endian numbers. The properties of a channel lead from
+integers to volts (encoder), from volts to a distance (sensitivity) and from there to a force (spring
+constant); newer files keep them in ``shared-data/header.properties`` and point there by number. A channel of
+type ``float-data`` holds the unit at which its conversions begin. What a segment is stands in its own header.
 
-A hundred kilobytes of archive can claim a header of 200 MB, of which every line would become an entry. Headers of
-up to 60 kB and a thousand entries were seen; they grow with the channels, not with the points.
+Headers are bounded before they are unpacked: a hundred kilobytes of archive can claim a header of 200 MB, of
+which every line would become an entry. Headers of up to 60 kB and a thousand entries were seen; they grow
+with the channels, not with the points.
 
-JPK force archives: curves, maps and quantitative imaging, with any number and order of segments.
-
-A ZIP archive of Java property files and big-endian numbers. The properties of a channel lead from integers
-to volts (encoder), from volts to a distance (sensitivity) and from there to a force (spring constant); newer
-files keep them in ``shared-data/header.properties`` and point there by number. A channel of type ``float-data``
-holds the unit at which its conversions begin. What a segment is stands in its own header.
-
-Why not through afmformats (0.18): it refuses pauses at constant height, several pauses and floats, and numbers
-segments without saying what they are. Where it reads a file, the numbers are the same to the last bit
+Why not through afmformats (0.18): it refuses pauses at constant height, several pauses and floats, and
+numbers segments without saying what they are. Where it reads a file, the numbers are the same to the last bit
 (`tests/test_real_files.py`).
 """
 
@@ -72,7 +69,7 @@ _ABOUT = {"instrument": ".description.instrument", "software version": ".descrip
 
 
 def properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
-    """Java properties: ``key=value`` in Latin-1, with escaped colons.
+    """Read a member of Java properties: ``key=value`` in Latin-1, with escaped colons.
 
     Raises
     ------
@@ -88,7 +85,7 @@ def properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
 
 
 def shared_properties(archive: zipfile.ZipFile, name: str) -> Shared:
-    """Entries that segments point to, grouped by what these call them."""
+    """Read the entries that segments point to, by ``kind.number`` and then by the rest of their names."""
     groups: dict[str, dict[str, str]] = {}
     for key, value in properties(archive, name).items():
         parts = key.split(".", 2)
@@ -98,7 +95,9 @@ def shared_properties(archive: zipfile.ZipFile, name: str) -> Shared:
 
 
 def with_shared(header: Mapping[str, str], shared: Shared) -> dict[str, str]:
-    """Follow ``channel.X.lcd-info.*=3`` to the entries ``lcd-info.3....`` of the shared properties.
+    """Return a segment's header with what it points to among the shared properties.
+
+    ``channel.X.lcd-info.*=3`` points to the entries ``lcd-info.3....``.
 
     Raises
     ------

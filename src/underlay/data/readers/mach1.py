@@ -1,13 +1,12 @@
-"""Biomomentum Mach-1 Motion text files.
+"""Biomomentum Mach-1 Motion text files: each test in a file becomes a curve.
 
 ``<Mach-1 File>``, then blocks: ``<INFO>`` lines, the function (``<Find Contact>``, ``<Stress Relaxation>``,
-...) with its settings, and ``<DATA>`` with one row of names. ``<divider>`` ends each ramp of a block. Each
-block that is a test becomes a curve; searches for contact and zeroing become part of what is known about
-the test that follows them.
+...) with its settings, and ``<DATA>`` with one row of names. ``<divider>`` ends each ramp of a block.
+Searches for contact and zeroing become part of what is known about the test that follows them.
 
-Rules of sign: the stage position grows into the sample. A single-axis cell (gf) reads compression positive;
-a multi-axis cell (N) reads compression negative, so its force is turned. Depth is the position less that at
-the first row of the block, which is where the search for contact stopped.
+Rules of sign: the stage position grows into the sample. A single-axis cell (gf) reads compression positive; a
+multi-axis cell (N) reads compression negative, so its force is turned. Depth is the position less that at the
+first row of the block, which is where the search for contact stopped.
 """
 
 from __future__ import annotations
@@ -52,7 +51,13 @@ class _Block:
         return {"time": "Time", "stage": axis, "force": cell, "x": "Position (x)", "y": "Position (y)"}
 
     def part(self, where: str, name: str = "") -> Part:
-        """Its table, of which the columns are found by the names of the axes."""
+        """The table of the block, with its columns found by the names of the axes.
+
+        Raises
+        ------
+        FileFormatError
+            If it has no numbers, or no column of the time, the stage or the load cell.
+        """
         if len(self.rows) < 2:
             raise FileFormatError(f"{where} has no rows of numbers")
         labels = [split_label(label) for label in self.rows[0]]
@@ -63,7 +68,7 @@ class _Block:
         return Part([], labels, self.rows[1:], name, found)
 
     def sign(self, unit: str) -> float:
-        """What makes compression positive: a multi-axis cell, which reads newtons, has it negative."""
+        """Factor, 1 or -1, that makes compression positive; -1 for multi-axis cells, which read newtons."""
         kind = self.settings.get("Load Cell Type", "").lower()
         turned = kind.startswith("multi") or unit == "N"
         return -1.0 if turned and not kind.startswith("single") else 1.0

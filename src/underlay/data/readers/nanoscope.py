@@ -1,18 +1,18 @@
-r"""Bruker NanoScope: force curves (.spm, .000, .001, ...), force volumes, and PeakForce captures (.pfc).
+"""Bruker NanoScope: force curves (.spm, .000, .001, ...), force volumes, and PeakForce captures (.pfc).
 
-After the header (`_nanoscope_header.py`) come numbers of 2 or 4 bytes, little-endian. Each section "Ciao force
-image list" is one channel of all curves; of each curve it holds the way in, *stored backwards from the turn*,
-then the way out, then the hold at the turn. Volts are the number times the hard scale (`_nanoscope_numbers.py`),
-and metres volts times the sensitivity that the scale names.
-
-Why by a reader of our own: pyfmreader 0.1.3 (MIT, its last release is of 2023) opens a path of its own without
-bounds, knows neither height sensor nor hold, and shifts the baseline; pySPM reads images; Bruker's own
-``nanoscope`` needs a library of Windows.
+After the header come numbers of 2 or 4 bytes, little-endian. Each section "Ciao force image list" is one
+channel of all curves; of each curve it holds the way in, *stored backwards from the turn*, then the way out,
+then the hold at the turn. Volts are the number times the hard scale (`_nanoscope_channels.py`), and metres
+volts times the sensitivity that the scale names.
 
 What was seen in public files (`tests/test_public_afm.py`): from version 9.20 on every number takes 4 bytes,
-whatever "Bytes/pixel" says; the least number marks points of the way in that were not recorded; the deflection
-reaches the file's own trigger at the turn; a PeakForce tap turns where its "Sync Distance" says. Two ways of
-unequal length and scripts of several ramps were not seen whole and are refused.
+whatever "Bytes/pixel" says; the least number marks points of the way in that were not recorded; the
+deflection reaches the file's own trigger at the turn; a PeakForce tap turns where its "Sync Distance" says.
+Two ways of unequal length and scripts of several ramps were not seen whole and are refused.
+
+Why by a reader of our own: pyfmreader 0.1.3 (MIT, its last release is of 2023) opens a path of its own
+without bounds, knows neither height sensor nor hold, and shifts the baseline; pySPM reads images; Bruker's
+own ``nanoscope`` needs a library of Windows.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class _Layout:
         return 2 * self.way + self.hold
 
     def stored(self, in_time: FloatArray, held: FloatArray | None = None) -> FloatArray:
-        """What belongs to the points of both ways in the order of time, in the order of the file."""
+        """Signals of the points in the order of time, put into the order of the file."""
         parts = (in_time[: self.way][::-1], in_time[self.way :], *(() if held is None else (held,)))
         return np.concatenate(parts)
 
@@ -99,7 +99,10 @@ def _read_one(source: Source, options: Options, number: int) -> Curve:
 
 
 def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | None], int]:
-    """What makes a curve of its number, counted from 0, and how many there are; None where one is not recorded."""
+    """Return what makes a curve of its number (from 0), and how many there are.
+
+    The callable gives None for a curve that was not recorded.
+    """
     header = read_header(source)
     deflection = next((image for image in header.images if "[Deflection" in image.text(_SIGNAL)), None)
     if deflection is None:

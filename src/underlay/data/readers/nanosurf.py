@@ -1,16 +1,14 @@
 """Nanosurf .nid: force curves and maps of the C3000 and easyScan controllers.
 
-The text of a Nanosurf .nid file: sections of ``key=value``.
+A file is text in sections, ``[DataSet-0:0]`` with ``key=value``, up to ``#!``; then every channel in the
+order of its group, lines of 16- or 32-bit integers, little-endian. A number is a share of the channel's
+range, ``Dim2Min`` and ``Dim2Range``, in ``Dim2Unit``. A line is a curve of ``LineDim<i>Points`` points; the
+rest of it is padding. Both ways of the modulation are stored *along the axis*, from far to near: the way back
+is turned round here. Pauses are stored in time.
 
-Text in sections, ``[DataSet-0:0]`` with ``key=value``, up to ``#!``; then every channel in the order of its group,
-lines of 16- or 32-bit integers, little-endian. A number is a share of the channel's range, ``Dim2Min`` and
-``Dim2Range``, in ``Dim2Unit``. A line is a curve of ``LineDim<i>Points`` points; the rest of it is padding. Both
-ways of the modulation are stored *along the axis*, from far to near: the way back is turned round here. Pauses
-are stored in time.
-
-Why by a reader of our own: Nanosurf's NSFopen 2.2.4 (MIT, 2024) opens a path of its own, trusts every size in the
-header, and knows no pause by line. Its numbers are ours to rounding (`tests/test_public_afm.py`). What is not
-read: .nhf of Nanosurf Studio, of which no public force curve was found.
+Why by a reader of our own: Nanosurf's NSFopen 2.2.4 (MIT, 2024) opens a path of its own, trusts every size in
+the header, and knows no pause by line. Its numbers are ours to rounding (`tests/test_public_afm.py`). What is
+not read: .nhf of Nanosurf Studio, of which no public force curve was found.
 """
 
 from __future__ import annotations
@@ -61,7 +59,7 @@ _SENSOR = "sensor"
 
 
 class NidHeader:
-    """Entries by section and key.
+    """The text in front of the numbers of a .nid file: entries by section and key.
 
     Parameters
     ----------

@@ -1,4 +1,8 @@
-"""A text format is data: what tells it, where its tests stand, what its columns are, and what its head says."""
+"""A text format said as data: what tells it, where its tests stand, what columns and head it has.
+
+An instrument's reader is then a `TextFormat`: a few functions that find the tests (`Part`) and one table of
+its columns (`Channel`). Units, signs, numbers and errors are the same code for all.
+"""
 
 from __future__ import annotations
 
@@ -83,7 +87,19 @@ class Part:
 
 
 def table_below(lines: Sequence[str], at: int, rows: slice = slice(None), **about: Any) -> Part:
-    """The table whose names stand in a line, tabs between, and all lines above it as its head."""
+    """Return the table below a line of names, tabs between cells, with all lines above the names as its head.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The file.
+    at : int
+        Number of the line of names, from 0.
+    rows : slice, optional
+        Which of the lines below it are rows; all by default.
+    **about
+        What is known of the test besides.
+    """
     labels = [split_label(label) for label in lines[at].split("\t")]
     return Part(lines[:at], labels, Lines(list(lines[at + 1 :][rows]), "\t"), about=about)
 

@@ -1,8 +1,6 @@
-"""Pictures of what accuracy costs.
+"""Pictures of what accuracy costs: the error of force, answer and posterior against the time they take.
 
-Names in a column beside the points they belong to: one look instead of a legend.
-
-Pictures of what accuracy costs: the error of force, answer and posterior against their time.
+The names of methods stand in a column beside their points: one look instead of a legend.
 """
 
 from __future__ import annotations
@@ -85,7 +83,7 @@ def label_points(
 
 
 def _apart(heights: FloatArray) -> FloatArray:
-    """The same heights (n,), ascending, moved as little as keeps them apart and inside."""
+    """Heights (n,), ascending, moved as little as keeps them apart and inside the axes."""
     placed, apart = heights.astype(float), min(_APART, 0.96 / max(len(heights) - 1, 1))
     for _ in range(_PASSES):
         close = np.diff(placed) < apart - 1e-6

@@ -1,4 +1,4 @@
-"""A contact that sticks: all its states, the stable ones, and its jumps."""
+"""The picture of a contact that sticks: all its states against depth, the stable ones, and its jumps."""
 
 from __future__ import annotations
 

@@ -1,12 +1,8 @@
-"""Pictures of what a test can tell, and of which test would tell.
+"""Pictures of what a test can tell, and of which test would tell more.
 
-A correlation matrix as numbers and colours; shared by the pictures that show one.
-
-Correlations of the parameters of a fit.
-
-What a test can tell: how the errors hang together, and which products of parameters it fixes.
-
-Which test would tell: the expected error over tip radius and depth.
+Correlations of the parameters of a fit (`correlations`); how the errors of a planned test hang together and
+which products of parameters it fixes (`identifiability`); and the expected error over tip radius and depth
+(`plan`).
 """
 
 from __future__ import annotations

@@ -1,14 +1,9 @@
-"""Pictures of a curve, its fit, its segments and its relaxation.
+"""Pictures of a curve and its fit: against depth, in logarithms, against time, and by segments.
 
-A picture and where its axes lie in it, for pages that draw over it.
-
-Pictures of a fit against indentation and against time: data, fit, the half-space's best fit, residuals.
-
-A curve before it is fitted, with what two laws make of it where its contact point is held.
-
-The relaxation that a fit found: modulus of the layer against time.
-
-The segments of a curve: where it goes in, rests and comes back.
+`fit` shows data, fit, the half-space's best fit and residuals; `laws` a curve before it is fitted, with what
+two laws make of it where its contact point is held; `relaxation` and `drainage` the time course that a fit
+found; `segments` where a curve goes in, rests and comes back. `canvas` gives a picture with the place of its
+axes, for pages that draw over it.
 """
 
 from __future__ import annotations
@@ -399,7 +394,15 @@ def _wide_axes() -> Axes:
 
 
 def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0, 1.0)) -> Canvas:
-    """Return the picture of `ax` with the place of its axes, whose ends (SI) are given."""
+    """Return the picture of `ax` with the place of its axes, and close it.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        What is drawn, in a figure of its own.
+    across, up : (float, float)
+        Ends (SI) of the horizontal and of the vertical axis.
+    """
     data = drawn(ax, dpi=_DPI)
     # 24 bytes in, a PNG says its size.
     width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))

@@ -1,10 +1,6 @@
-"""A map at a glance.
+"""Pictures of a map of many curves: a quantity by position, its distribution, and both at a glance.
 
-How a quantity is distributed over the curves of a map.
-
-A quantity by position: what a map of many curves shows.
-
-A map at a glance: modulus, its standard error, thickness and verdict by position, and a histogram.
+`survey` shows modulus, its standard error, thickness and verdict by position, and a histogram.
 """
 
 from __future__ import annotations
@@ -279,7 +275,21 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
 
 
 def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None = None) -> Axes:
-    """Draw the verdict on every curve by position, by colour and by shape."""
+    """Draw the verdict on every curve by position, by colour and by shape.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        One row per curve, such as the result of `fit_many`: ``verdict``, and positions `x`, `y` (m).
+    x, y : str
+        Names of the position columns.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
     length, scale = unit_of(float(max(np.ptp(across), np.ptp(up))), "length")
     with style():

@@ -1,8 +1,6 @@
-"""The modulus depth by depth, of a fit and of a film.
+"""The modulus depth by depth: of a fit, with the layer in the model and by the half-space; and of a film.
 
-The picture of the modulus depth by depth: with the layer in the model, and by the half-space.
-
-The picture of a film: its modulus depth by depth, with the base in the model and without.
+That of a film comes from its contact stiffness, with the base in the model and without.
 """
 
 from __future__ import annotations

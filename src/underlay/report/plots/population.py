@@ -1,4 +1,4 @@
-"""A population: every unit with its curves, the groups' means over them."""
+"""The picture of a population: every unit with its curves, and the means of the groups below them."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
-"""Pictures of a posterior and of a profile likelihood.
+"""Pictures of a posterior, and of a profile likelihood.
 
-A posterior parameter by parameter and pair by pair.
-
-The posterior predictive band over the data.
-
-A profile likelihood: how the fit worsens as one parameter is moved.
+A posterior is shown parameter by parameter and pair by pair (`corner`), and as the predictive band over the
+data (`predictive`); a profile as how the fit worsens while one parameter is moved (`profile`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""The test drawn to scale, and how large each of its effects is.
+"""The test drawn to scale at one depth, and how large each of its effects is at every depth.
 
-The test drawn to scale: indenter, layer, substrate and contact at one depth.
-
-The picture of a scene's effects: how large each one is at every depth, beside the accuracy asked.
+The drawing shows indenter, layer, substrate and contact; the effects stand beside the accuracy that is asked.
 """
 
 from __future__ import annotations

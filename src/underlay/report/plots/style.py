@@ -127,14 +127,25 @@ def style() -> Iterator[None]:
 
 
 def axes(ax: Axes | None, *, width: float = PAGE, height: float = 2.9) -> Axes:
-    """Return `ax`, or new axes of `width` by `height` inches: as wide as a page."""
+    """Return `ax`, or new axes of `width` by `height` inches where it is None; the width is that of a page."""
     if ax is not None:
         return ax
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
 
 
 def with_strip(ax: Axes, share: float = 0.3) -> tuple[Axes, Axes]:
-    """Give the lower `share` of `ax` to a strip with the same x axis; return the upper axes and the strip."""
+    """Give the lower `share` of `ax` to a strip with the same x axis.
+
+    Returns
+    -------
+    (Axes, Axes)
+        The upper axes, which are `ax`, and the strip.
+
+    Raises
+    ------
+    InputError
+        If `ax` belongs to no figure.
+    """
     figure = ax.get_figure(root=False)
     spec = ax.get_subplotspec()
     if figure is None:
@@ -161,7 +172,15 @@ def unit_of(value: float, kind: str) -> tuple[str, float]:
 
 
 def in_words(value: float, kind: str, uncertainty: float | None = None, *, digits: int = 0) -> str:
-    """Return an SI value in a unit of its size, as it is printed, with that many digits; see `format_quantity`."""
+    """Return an SI value in a unit of its size, as it is printed.
+
+    Parameters
+    ----------
+    value, kind, uncertainty
+        As in `format_quantity`.
+    digits : int, default 0
+        Significant digits; 0 leaves them to `format_quantity`.
+    """
     if digits:
         unit, factor = unit_of(value, kind)
         return f"{float(f'{value / factor:.{digits}g}'):g} {unit}".rstrip()
@@ -210,7 +229,13 @@ def inline_svg(ax: Axes, name: str, alt: str) -> str:
 
 
 def drawn(ax: Axes, format_: str = "png", *, dpi: float | None = None) -> bytes:
-    """Return the figure of `ax` as the bytes of a PNG, SVG or PDF file, and close it."""
+    """Return the figure of `ax` as the bytes of a PNG, SVG or PDF file, and close it.
+
+    Raises
+    ------
+    InputError
+        If `ax` belongs to no figure.
+    """
     figure = ax.get_figure(root=True)
     if figure is None:
         raise InputError("these axes belong to no figure")
