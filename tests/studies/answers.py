@@ -3,6 +3,7 @@
     python tests/studies/answers.py worlds [--curves 200] [--free E] [--seed 1]
     python tests/studies/answers.py scenes [--curves 100] [--free E h E2] [--seed 1]
     python tests/studies/answers.py verdicts [--curves 2000] [--seed 1]
+    python tests/studies/answers.py hard [--curves 30] [--seed 1]
     python tests/studies/answers.py pages    # writes the tables of the pages again
 
 `worlds` are disturbances of one scene (`tests/support/worlds.py`), `scenes` clean tests of a user's range. A row of
@@ -11,6 +12,8 @@ of white noise (median and geometric mean), the Winkler score and white's (both 
 intervals of white noise hold the truth (the control: it must fail where noise is not white), and the cost in
 milliseconds of processor (median, 90 %). In worlds in which the law is wrong the truth is what the law makes of the
 curve without its white noise. `verdicts` counts what is called check or reject of clean and of correlated curves.
+`hard` counts what holds of contacts made gradually and of levers softer than the sample, how many misfits above
+three noises are named, and how many answers of one record at 500 and at 5000 points overlap.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -160,11 +164,84 @@ def verdicts(count, seed):
         yield {"kind": kind, "curves": len(words), "not good": len(alarms), "for a misfit": len(misfit)}
 
 
+def gradual(seed):
+    """Contacts of heights that scatter by 0.3 to 2.5 um in 15 um: does the answer hold E, and is it within 10 %?"""
+    scene = ul.Scene(ul.Sphere(0.15e-3), ul.Layer(ul.Isotropic(0.75e6, 0.46), 1e-3), ul.RIGID)
+    law, (heights, weights) = scene.contact_law(6e-5), np.polynomial.hermite_e.hermegauss(40)
+    free = {PATHS["E"]: (1e4, 1e8), CONTACT: (-6e-6, 1e-5), BASELINE: None}
+    for spread in (0.3e-6, 0.7e-6, 1.5e-6, 2.5e-6):
+        for points in (142, 1180):
+            depth = np.linspace(-6e-6, 1.5e-5, points)
+            parts = [law.force(np.maximum(depth - spread * height, 0.0)) for height in heights]
+            force = weights @ np.array(parts) / weights.sum()
+            rng = np.random.default_rng([seed, points, int(spread * 1e7)])
+            force = force + 0.003 * force.max() * rng.standard_normal(points)
+            bare = ul.Problem(replace(scene, uncertainties="none"), ul.Curve(depth, force), free)
+            known = ul.fit(bare).answer(PATHS["E"])
+            yield 0.75e6 in known.interval and abs(known.value / 0.75e6 - 1.0) < 0.1
+
+
+def levers(count, seed):
+    """Levers 2 to 20 times softer than the contact, whose noise is in depth and force: does the answer hold E?"""
+    scene = ul.Scene(ul.Paraboloid(2e-6), ul.Layer(ul.Isotropic(3e6, 0.5)), uncertainties="none")
+    law, depths, k = scene.contact_law(1e-5), np.linspace(0.0, 1e-6, 4000), 0.2
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        ratio, noise, points = np.exp(rng.uniform(np.log([2.0, 1e-10, 300.0]), np.log([20.0, 5e-10, 2000.0])))
+        deepest = depths[np.searchsorted(law.stiffness(depths[1:]), ratio * k)]
+        w = np.linspace(-0.5 * deepest, deepest, int(points))
+        shake = rng.normal(0.0, noise, len(w))
+        curve = ul.Curve(w - shake, law.force(np.maximum(w, 0.0)) + k * shake)
+        yield (
+            3e6
+            in ul.fit(ul.Problem(scene, curve, [PATHS["E"], CONTACT, BASELINE])).answer(PATHS["E"]).interval
+        )
+
+
+def named(count, seed):
+    """Law-like worlds whose misfit exceeds three noises: is the verdict check or reject?"""
+    clean = Clean.of(ONE, 1.5e-4, 240)
+    for number, world in enumerate(LAW_LIKE):
+        for k in range(count):
+            curve, quiet = world_curves(clean, world, np.random.default_rng([seed, 98, number, k]))
+            free = free_of(("E",), 2.5e-4, ONE)
+            misfit = ul.fit(ul.Problem(ONE, quiet, free)).residuals[0]
+            if np.abs(misfit).max() > 3.0 * 0.003 * clean.top:
+                yield ul.fit(ul.Problem(ONE, curve, free)).verdict != "good"
+
+
+def thinned(count, seed):
+    """One record at 5000 points and at every tenth: do the statistical parts overlap, the longer's the shorter?"""
+    clean = Clean.of(ONE, 1.5e-4, 5000)
+    for k in range(count):
+        curve, _ = world_curves(clean, "clean", np.random.default_rng([seed, 97, k]))
+        few = ul.Curve(curve.depth[::10], curve.force[::10], time=curve.time[::10])
+        a, b = (
+            ul.fit(ul.Problem(ONE, own, free_of(("E",), 2.5e-4, ONE))).interval(
+                PATHS["E"], part="statistical"
+            )
+            for own in (curve, few)
+        )
+        yield a.low <= b.high and b.low <= a.high and a.high - a.low < 0.5 * (b.high - b.low)
+
+
+def hard(count, seed):
+    """Counts of all four."""
+    for kind, held in (
+        ("gradual contact", gradual(seed)),
+        ("soft lever", levers(count, seed)),
+        ("misfit above three noises named", named(count, seed)),
+        ("500 and 5000 points", thinned(count, seed)),
+    ):
+        every = [bool(one) for one in held]
+        yield {"kind": kind, "curves": len(every), "as it should": sum(every)}
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("kind", choices=["worlds", "scenes", "verdicts", "pages"])
+    parser.add_argument("kind", choices=["worlds", "scenes", "verdicts", "hard", "pages"])
     parser.add_argument("--curves", type=int, default=200)
     parser.add_argument("--free", nargs="+", default=["E"], choices=list(PATHS))
     parser.add_argument("--seed", type=int, default=1)
@@ -172,9 +249,9 @@ def main():
     if asked.kind == "pages":
         write()
         return
-    if asked.kind == "verdicts":
-        table = pd.DataFrame(verdicts(asked.curves, asked.seed))
-        path = RESULTS / "answers_verdicts.csv"
+    if asked.kind in {"verdicts", "hard"}:
+        table = pd.DataFrame({"verdicts": verdicts, "hard": hard}[asked.kind](asked.curves, asked.seed))
+        path = RESULTS / f"answers_{asked.kind}.csv"
     else:
         made = {"worlds": worlds, "scenes": scenes}[asked.kind](asked.free, asked.curves, asked.seed)
         table = pd.DataFrame(summed(pd.DataFrame(made)))

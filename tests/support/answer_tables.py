@@ -9,7 +9,7 @@ import pandas as pd
 
 RESULTS = Path(__file__).resolve().parents[1] / "studies" / "results"
 PAGES = Path(__file__).resolve().parents[2] / ".reference" / "pages"
-HOLDERS = {"uncertainty.md": ("worlds", "scenes", "verdicts")}
+HOLDERS = {"uncertainty.md": ("worlds", "scenes", "verdicts", "hard")}
 _NAMES = {"layer.E": "E", "layer.thickness": "h", "substrate.E": "E of the substrate"}
 
 
@@ -81,7 +81,15 @@ def verdicts() -> str:
     return markdown(["simulated curves", "curves", "not good", "for a misfit"], rows)
 
 
-_TABLES = {"worlds": worlds, "scenes": scenes, "verdicts": verdicts}
+def hard() -> str:
+    """How many of hard curves come out as they should."""
+    rows = [
+        [row["kind"], f"{row['curves']}", f"{row['as it should']}"] for _, row in stored("hard").iterrows()
+    ]
+    return markdown(["hard curves", "curves", "as they should"], rows)
+
+
+_TABLES = {"worlds": worlds, "scenes": scenes, "verdicts": verdicts, "hard": hard}
 
 
 def filled(page: str) -> str:
