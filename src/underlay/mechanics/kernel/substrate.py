@@ -1,4 +1,4 @@
-"""The kernel of one layer bonded to a base, as an object: see `recursion` for the formula."""
+"""The kernel of one layer bonded to a base: the formula of `recursion`, in closed form where both are isotropic."""
 
 from __future__ import annotations
 
@@ -54,16 +54,16 @@ class _OneLayer(Kernel):
 
     @property
     def coupling(self) -> float:
-        """Gamma of the layer."""
+        """Coupling gamma of the layer, as `Kernel.coupling`."""
         return self.constants[0].coupling
 
     @cached_property
     def scales(self) -> Scales:
-        """Where it bends."""
+        """Wavenumbers at which the kernel bends, from the constants of layer and base."""
         return Scales.of(*self.constants)
 
     def rule(self, eps_max: float, rtol: float, *, power: int = 0) -> tuple[FloatArray, FloatArray]:
-        """See `u_rule`."""
+        """Nodes and weights as `Kernel.rule`, by `u_rule`."""
         return u_rule(*self.constants, eps_max, rtol, power=power)
 
     @property
