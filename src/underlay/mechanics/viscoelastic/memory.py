@@ -1,14 +1,8 @@
-"""Integrals over the past for all points of a record, in units of every relaxation time.
+"""Integrals over the past, z_k(t) = int exp(-(t - s) / tau_k) dF(s), for all points of a record at once.
 
-The clock of a record in units of every relaxation time: what integrals over the past need of the times alone.
-
-Arrays have the exponentials first and the points last; between them, where many parameter sets are asked at once,
-the sets.
-
-Integrals over the past, z_k(t) = int exp(-(t - s) / tau_k) dF(s), for all points of a record at once.
-
-Arrays have the exponentials first and the points last; between them, where many parameter sets are asked at once,
-the sets.
+`Clock` is the record's clock in units of every relaxation time tau_k: what such integrals need of the times alone.
+`Memory` adds the weights of a relaxation, and integrates functions F given at the points of the record. Arrays have
+the exponentials first and the points last; between them, where many parameter sets are asked at once, the sets.
 """
 
 from __future__ import annotations
@@ -52,7 +46,7 @@ def even(x: FloatArray) -> FloatArray:
 
 
 def curved(x: FloatArray, g1: FloatArray) -> FloatArray:
-    """g2(x) = 2 [1 - e^-x (1 + x)] / x^2 - g1(x): the same of the part quadratic in time."""
+    """g2(x) = 2 [1 - e^-x (1 + x)] / x^2 - g1(x): what is left of the part of a load quadratic in time."""
     near = x < _SERIES_BELOW
     if near.all():
         longest = float(x.max(initial=0.0))
@@ -213,7 +207,7 @@ class Memory:
 
     @classmethod
     def of(cls, modes: Modes | ModesOfSets, time: FloatArray) -> Self:
-        """Along a record of these times (s), (n,), increasing."""
+        """Memory along a record of these times (s), (n,), increasing."""
         return cls(modes, Clock(modes.times, time))
 
     @property
