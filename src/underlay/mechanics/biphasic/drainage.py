@@ -144,7 +144,7 @@ class Drainage(WholeHistory):
 
     @property
     def material(self) -> BiphasicMaterial:
-        """What drains."""
+        """Material of the layer, which drains."""
         if not isinstance(self.layer.material, BiphasicMaterial):
             raise InputError(f"this layer does not drain: {self.layer.material!r:.80}")
         return self.layer.material
@@ -170,7 +170,7 @@ class Drainage(WholeHistory):
 
     # --- forces -------------------------------------------------------------------------------------------
     def answer(self, depth: FloatArray, time: FloatArray) -> FloatArray:
-        """See `WholeHistory.answer`."""
+        """Force (N), (n,), of depths since contact (m) at times (s), (n,) each; the last answers are kept."""
         key = (tuple(numbers_of(self).values()), depth.tobytes(), time.tobytes())
         return self.kept.answer(key, lambda: self._answered(depth, time))
 
@@ -185,7 +185,10 @@ class Drainage(WholeHistory):
     def answers(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
-        """See `WholeHistory.answers`: isotropic layers off the shipped tables, others off one of their own."""
+        """Forces (N), (sets, n), of many sets of numbers, and which sets are answered; see `WholeHistory.answers`.
+
+        Isotropic layers go off the shipped tables, others off one of their own.
+        """
         tip, thickness = self.indenter, values.get(_THICKNESS, self.layer.thickness)
         if not (depth > 0.0).any():
             return None
@@ -239,7 +242,10 @@ class Drainage(WholeHistory):
         return self.contact.depth(followed(force, time), time)
 
     def stiffness(self, depth: FloatArray, force: FloatArray) -> FloatArray:
-        """See `WholeHistory.stiffness`: the force of a punch is linear in depth, of another tip as when drained."""
+        """dP/dw (N/m), (n,), as `WholeHistory.stiffness`.
+
+        The force of a punch is linear in depth; that of another tip is taken to grow with depth as when drained.
+        """
         touching = depth > 0.0
         w, found = depth[touching], np.zeros_like(depth)
         if isinstance(self.contact, DrainingPunch) or not touching.any():
@@ -297,7 +303,7 @@ class Drainage(WholeHistory):
         return found
 
     def doubts(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> Sequence[Doubt]:
-        """See `WholeHistory.doubts`: section 9 of the note."""
+        """What a record cannot tell at the fitted numbers, in the words of `judgement`."""
         line, deepest = ramps_and_holds(depth, time).in_contact, float(depth.max())
         radius = self._radius(deepest)
         unit, eps = self.material.drainage_time(radius), radius / self.layer.thickness

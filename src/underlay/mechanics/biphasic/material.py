@@ -1,12 +1,8 @@
-"""The drained skeleton without units: what an axisymmetric indentation of a biphasic layer sees of it.
-
-Moduli are in units of the shear modulus A44 and permeabilities in units of the axial one, k_z. With times in
-units of a^2/c, c = k_z A33, and lengths in units of a, four numbers remain.
-
-Biphasic materials: an elastic skeleton filled with water that drains through it.
+"""Biphasic materials: an elastic skeleton filled with water that drains through it.
 
 Linear theory of incompressible constituents (Biot 1941, doi 10.1063/1.1712886; Mow, Kuei, Lai and Armstrong
-1980, doi 10.1115/1.3138202): total stress = stress of the skeleton - p, and div(k grad p) = d(div u)/dt. Not
+1980, doi 10.1115/1.3138202): total stress = stress of the skeleton - p, and div(k grad p) = d(div u)/dt, with the
+water pressure p, the permeability k and the displacement u. Not
 in the model: permeability that changes with strain, finite strain, a skeleton stiffer in tension than in
 compression (the in-plane modulus of a transversely isotropic one is then an effective number).
 
@@ -41,7 +37,10 @@ _PERMEABILITY = "m^4/(N s)"
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Stiffnesses A11, A13, A33 over A44, and k_r/k_z.
+    """The drained skeleton without units: what an axisymmetric indentation of a biphasic layer sees of it.
+
+    Moduli are in units of the shear modulus A44 and permeabilities in units of the axial one, k_z. With times in
+    units of a^2/c, c = k_z A33, and lengths in units of a, four numbers remain.
 
     Parameters
     ----------
@@ -82,7 +81,7 @@ class Skeleton:
 
     @cached_property
     def theta_undrained(self) -> float:
-        """The same undrained: sqrt((A11 + A33 - 2 A13)/A44)."""
+        """Half the indentation modulus while no water has moved, over A44: sqrt((A11 + A33 - 2 A13)/A44)."""
         return float(self.undrained.theta)
 
     @property
