@@ -1,6 +1,6 @@
-"""A layer that stiffens: its numbers, and the law of its contact with a sphere.
+"""A layer that stiffens: its numbers (`Gent`), and the law of its contact with a sphere (`StiffeningLaw`).
 
-With `limits` all that this folder knows of the tree; `factors` and `gradual` know arrays.
+With `limits` all that this folder knows of layers, tips and laws; `factors` and `gradual` know arrays.
 """
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ class StiffeningLaw(ContactLaw):
 
     @property
     def nodes(self) -> int | None:
-        """Those of the linear law."""
+        """Radial nodes of the linear law."""
         return self.linear.nodes
 
     @property
@@ -360,7 +360,13 @@ class Gent(Stiffening):
         return replace(self, inverse_limit=0.0)
 
     def on(self, indenter: Any, layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> StiffLayer:
-        """See `Stiffening.on`."""
+        """Factors on the law of an indenter on a layer on a base; refuses what was not measured.
+
+        Raises
+        ------
+        InputError
+            With the number that is beyond, the end of what is known, and what to do.
+        """
         medium = require_known(indenter, layer, base, beside)
         thickness = layer.thickness if base is not None else np.inf
         return StiffLayer(

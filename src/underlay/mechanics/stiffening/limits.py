@@ -1,6 +1,6 @@
-"""Where the factors hold, and what is refused: each limit is the end of what was measured.
+"""Where the stiffening factors hold, and what is refused: each limit is the end of what was measured.
 
-Ranges of the finite elements of shared/design/stiffening.md, sections 1 and 6.
+The ranges are those of the finite elements of the design study of stiffening layers, its sections 1 and 6.
 """
 
 from __future__ import annotations
