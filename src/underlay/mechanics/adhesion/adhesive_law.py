@@ -82,7 +82,7 @@ class _Piece:
         return np.arcsinh(np.sqrt((y - self.end) / self.scale))
 
     def rate(self, x: FloatArray) -> FloatArray:
-        """dy/dx."""
+        """Derivative of y in the variable x of the splines."""
         return np.asarray(self.scale * np.sinh(2.0 * x))
 
 

@@ -332,7 +332,7 @@ class JKRBranch(AdhesiveBranch):
 
     @property
     def nodes(self) -> int | None:  # type: ignore[override]  # as above
-        """Those of the elastic solution."""
+        """Radial nodes of the elastic solution; None on a half-space."""
         return self.relation.nodes
 
     def at(self, radius: FloatArray) -> BranchPoint:
@@ -427,7 +427,7 @@ def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: f
 
 
 def _too_wide(branch: JKRBranch, contact: Contact, asked: float) -> RangeError:
-    """What is named when no contact is wide enough: the largest depth, or the largest work of adhesion."""
+    """The error where no contact is wide enough: it names the largest depth, or the largest work of adhesion."""
     edge = np.array([branch.end])
     last, elastic = branch.at(edge), branch.relation.at(edge)
     shape = contact.indenter.max_radius <= largest_radius(contact)

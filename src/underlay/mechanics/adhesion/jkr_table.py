@@ -227,7 +227,7 @@ class _Sets:
         return Columns(self.nodes, self.table, log_radius)
 
     def force(self, here: Columns) -> tuple[FloatArray, FloatArray]:
-        """P and dP/d ln a."""
+        """Force P (N) and dP/d ln a (N) without regard to the spring."""
         force, pull, stiffness = (here.at(i) for i in (Quantity.FORCE, Quantity.PULL, Quantity.STIFFNESS))
         product = stiffness[0] * pull[0]
         slope = stiffness[1] * pull[0] + stiffness[0] * pull[1]

@@ -155,7 +155,7 @@ class _MaugisBranch(AdhesiveBranch):
     nodes: int | None = None
 
     def at(self, radius: FloatArray) -> BranchPoint:
-        """See `AdhesiveBranch`."""
+        """States at radii (m), (n,), inside the branch, interpolated."""
         place = np.log(radius)
         values, slopes = self.spline(place), self.spline(place, 1) / radius[:, None]
         return BranchPoint(values[:, 0], values[:, 1], slopes[:, 0], slopes[:, 1])
@@ -204,7 +204,7 @@ class DMTLaw(ContactLaw):
 
     @property
     def nodes(self) -> int | None:
-        """Those of the elastic law."""
+        """Radial nodes of the elastic law."""
         return self.elastic.nodes
 
     @property

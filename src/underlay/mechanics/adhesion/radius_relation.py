@@ -110,7 +110,7 @@ class HalfspaceRelation(RadiusRelation):
         return self.indenter.max_radius
 
     def at(self, radius: FloatArray) -> AtRadius:
-        """See `RadiusRelation`; closed forms."""
+        """Contact at radii (m), (n,), positive and at most `end`, in closed form."""
         depth, one = self.indenter.abel(radius), np.ones_like(radius)
         work = self.indenter.halfspace_force(depth, radius)
         slope = self.indenter.abel_slope(radius)
@@ -154,7 +154,7 @@ class LayerRelation(RadiusRelation):
         return self.halfspace.theta
 
     def at(self, radius: FloatArray) -> AtRadius:
-        """See `RadiusRelation`."""
+        """Contact at radii (m), (n,), positive and at most `end`, by the series."""
         eps = radius / self.thickness
         # The last radius may round to beyond 1. Cosines: the recursion of the polynomials would take a step a term.
         angle = np.arccos(np.minimum(self.series.stretch.z(eps), 1.0))
@@ -199,7 +199,7 @@ def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelati
 
 @dataclass(frozen=True)
 class _Series:
-    """What a relation adds to that on a half-space, over eps; the same for tips of one exponent of any size.
+    """Factors of a layer's relation over that on a half-space, over eps = a/h; one series for tips of any size.
 
     Parameters
     ----------

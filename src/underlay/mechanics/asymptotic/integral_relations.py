@@ -191,13 +191,13 @@ def halfspace_alpha(load: FloatArray) -> FloatArray:
 
 
 def parametric_load(alpha: FloatArray, mu: Real, a_1: Real) -> FloatArray:
-    """P/(theta R^2) of (6.3)."""
+    """P/(theta R^2) of (6.3) at alpha = a/R."""
     c = kernel_terms(0.0, a_1)[1]
     return halfspace_load(alpha) * (1.0 - c * (mu * alpha) ** 3)
 
 
 def parametric_depth(alpha: FloatArray, mu: Real, a_0: Real, a_1: Real) -> FloatArray:
-    """w/R of (6.4)."""
+    """w/R of (6.4), a sphere's depth over its radius, at alpha = a/R."""
     b, c = kernel_terms(a_0, a_1)
     H, load = _UNIT.abel(alpha), halfspace_load(alpha)
     third = 0.5 * alpha**3 * H - 1.5 * _UNIT.abel_moments(alpha)[1] + 0.375 * alpha**2 * load
@@ -212,7 +212,7 @@ def england_radius(alpha_0: FloatArray, mu: Real, a_1: Real) -> FloatArray:
 
 
 def england_depth(alpha_0: FloatArray, mu: Real, a_0: Real, a_1: Real) -> FloatArray:
-    """w/R of (6.11)."""
+    """w/R of (6.11) from alpha_0, the half-space radius at the force over R."""
     b, c = kernel_terms(a_0, a_1)
     first, second = _UNIT.abel_moments(alpha_0)
     H = _UNIT.abel(alpha_0)

@@ -106,15 +106,15 @@ class PunchSeries(ContactSeries):
 
     @property
     def radius_end(self) -> float:
-        """No end."""
+        """Infinite: the contact radius never changes."""
         return np.inf
 
     def start(self, depth: FloatArray) -> FloatArray:
-        """The depth itself."""
+        """The depth itself (m), which is the parameter."""
         return depth
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The parameter itself."""
+        """Depth (m), which is the parameter itself, and its derivative, one."""
         return s, np.ones_like(s)
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -123,7 +123,7 @@ class PunchSeries(ContactSeries):
         return stiffness * s, np.full_like(s, stiffness)
 
     def radius(self, s: FloatArray) -> FloatArray:
-        """The punch's radius."""
+        """Contact radius (m), that of the punch."""
         return np.full_like(s, self.shape.max_radius)
 
 

@@ -110,17 +110,17 @@ class DrainingPunch:
 
     @property
     def eps(self) -> float:
-        """a/h."""
+        """Contact radius over thickness, a/h."""
         return self.radius / self.thickness
 
     @cached_property
     def unit_time(self) -> float:
-        """a^2/c (s)."""
+        """Unit of time of the contact, a^2/c (s)."""
         return self.material.drainage_time(self.radius)
 
     @cached_property
     def unit_stiffness(self) -> float:
-        """4 theta_d a (N/m)."""
+        """Unit of stiffness of the contact, 4 theta_d a (N/m)."""
         return 4.0 * float(self.material.plane_constants.theta) * self.radius
 
     @cached_property
@@ -337,7 +337,7 @@ class DrainingTip:
         return lambda time: found.at((time - ramped.start) / unit)
 
     def record(self, depth: Polyline, end: float) -> TipRecord:
-        """Solve up to a time (s)."""
+        """Solve for the moving contact up to a time (s)."""
         depth = depth.in_contact
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         law = self.undrained(deepest)

@@ -231,7 +231,10 @@ class IsotropicDecaying(Decaying):
         self.slowest = np.minimum(self._q.real, 1.0)
 
     def at(self, z: FloatArray, where: NDArray[np.bool_]) -> ComplexArray:
-        """See `Decaying.at`; A = (e^-z - e^-qz)/(q - 1), the pressure's share in the displacement."""
+        """Rows of the solutions as `Decaying.at` has them.
+
+        A = (e^-z - e^-qz)/(q - 1) is the pressure's share in the displacement.
+        """
         M, q, gap = self._M, self._q[where], self._gap[where]
         e, slow = np.exp(-z), np.exp(-q * z)
         # From the root that falls more slowly: left of the imaginary axis of s that may be q.

@@ -68,7 +68,7 @@ _RAMP_KNOTS = 8
 
 
 class Kept:
-    """What one problem has solved for: the last responses and answers."""
+    """The last responses and answers that one problem has solved for, kept so as not to solve again."""
 
     def __init__(self) -> None:
         self._responses: OrderedDict[Hashable, Response] = OrderedDict()
@@ -209,7 +209,7 @@ class Drainage(WholeHistory):
     def _on_a_lattice(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
-        """The same of other layers; None where a lattice would cost more than one set after another."""
+        """Answers of other layers than `answers` has tables for, off a lattice; None where that would cost more."""
         own = numbers_of(self)
         vary = {path: v for path, v in values.items() if path in own and isinstance(v, np.ndarray)}
         modulus = np.broadcast_to(values[_E], sets)
@@ -257,7 +257,7 @@ class Drainage(WholeHistory):
 
     # --- derivatives --------------------------------------------------------------------------------------
     def slopes(self, paths: Sequence[str], depth: FloatArray, time: FloatArray) -> Mapping[str, FloatArray]:
-        """See `WholeHistory.slopes`."""
+        """d force / d number (SI), (n,), at `paths`, by differences; see `WholeHistory.slopes`."""
         smooth = self._is_smooth(depth, time)
         return {path: self._slope(path, depth, time, smooth=smooth) for path in paths}
 
@@ -291,7 +291,7 @@ class Drainage(WholeHistory):
 
     # --- what follows, and what is doubtful ---------------------------------------------------------------
     def derived(self) -> Mapping[str, float]:
-        """See `WholeHistory.derived`."""
+        """Quantities (SI) that follow from its numbers, by name."""
         material = self.material
         found = {
             "layer.aggregate_modulus": material.aggregate_modulus,
@@ -352,7 +352,13 @@ class Drainage(WholeHistory):
 
     # --- a search -----------------------------------------------------------------------------------------
     def require_record(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> None:
-        """See `WholeHistory.require_record`: there must be a hold, in which the force falls."""
+        """Refuse a record of depths (m), forces (N) and times (s), (n,) each, without a falling hold.
+
+        Raises
+        ------
+        InputError
+            With what to do instead.
+        """
         line = ramps_and_holds(depth, time)
         rises = np.flatnonzero(np.diff(line.value) > 0.0)
         if not rises.size:
@@ -365,7 +371,10 @@ class Drainage(WholeHistory):
     def starts(
         self, free: Mapping[str, tuple[float, float]], depth: FloatArray, force: FloatArray, time: FloatArray
     ) -> Sequence[Mapping[str, float]]:
-        """See `WholeHistory.starts`: over times a^2/c and shapes of the material, the moduli by least squares."""
+        """Values (SI) to begin a search from, best first; see `WholeHistory.starts`.
+
+        Times a^2/c and shapes of the material are tried, with the moduli by least squares.
+        """
         seen = _thinned(time.size)
         depth, force, time = depth[seen], force[seen], time[seen]
         found = []
@@ -378,7 +387,7 @@ class Drainage(WholeHistory):
         return [values for _, values in found[:_STARTS]]
 
     def _like(self, values: Mapping[str, float]) -> Drainage:
-        """The same with numbers of its own, by path."""
+        """The same drainage with the numbers of `values`, by path."""
         return replace_values(self, values) if values else self
 
     def _shapes(self, free: Mapping[str, tuple[float, float]]) -> list[dict[str, float]]:

@@ -50,12 +50,12 @@ class Layers:
 
     @cached_property
     def shear_modulus(self) -> FloatArray:
-        """G (Pa), (sets,)."""
+        """Shear modulus G (Pa), (sets,)."""
         return 0.5 * self.E / (1.0 + self.nu)
 
     @property
     def softness(self) -> FloatArray:
-        """A44/A33, (sets,)."""
+        """Ratio A44/A33 = (1 - 2 nu)/(2 (1 - nu)), (sets,)."""
         return (0.5 - self.nu) / (1.0 - self.nu)
 
     def drainage_time(self, length: float | FloatArray) -> FloatArray:

@@ -66,12 +66,15 @@ class Skeleton:
 
     @cached_property
     def drained(self) -> PlaneConstants:
-        """What an indentation sees when the water has gone; moduli in units of A44."""
+        """Plane constants when the water has gone; moduli in units of A44."""
         return PlaneConstants(self.A13 / self.A33, 1.0 / self.A33, self.A11 - self.A13**2 / self.A33, 1.0)
 
     @cached_property
     def undrained(self) -> PlaneConstants:
-        """What it sees while no water has moved (section 1 of the note): q = 1, c = 0, g = A11 + A33 - 2 A13."""
+        """Plane constants while no water has moved (section 1 of the note): q = 1, c = 0, g = A11 + A33 - 2 A13.
+
+        Moduli are in units of A44.
+        """
         return PlaneConstants(1.0, 0.0, self.A11 + self.A33 - 2.0 * self.A13, 1.0)
 
     @cached_property
@@ -91,7 +94,7 @@ class Skeleton:
 
 
 class BiphasicMaterial(Material):
-    """What drains: a skeleton, its permeability, and the two elastic materials between which it relaxes."""
+    """A material that drains: a skeleton, its permeability, and the two elastic materials it relaxes between."""
 
     drains: ClassVar[bool] = True
 
@@ -129,7 +132,7 @@ class BiphasicMaterial(Material):
 
     @property
     def plane_constants(self) -> PlaneConstants:
-        """What an indentation sees of the drained skeleton."""
+        """Plane constants of the drained skeleton, which is what an indentation sees in the long run."""
         return self.drained.plane_constants
 
     def drainage_time(self, length: float) -> float:
@@ -192,7 +195,7 @@ class Biphasic(BiphasicMaterial):
 
     @cached_property
     def drained(self) -> Isotropic:
-        """The skeleton alone."""
+        """The elastic material of the skeleton, E and nu of its own."""
         return Isotropic(self.E, self.nu)
 
     @cached_property
@@ -212,12 +215,12 @@ class Biphasic(BiphasicMaterial):
 
     @property
     def aggregate_modulus(self) -> float:
-        """H_A = E (1 - nu)/((1 + nu)(1 - 2 nu)) (Pa)."""
+        """Aggregate modulus H_A = E (1 - nu)/((1 + nu)(1 - 2 nu)) (Pa)."""
         return self.E * (1.0 - self.nu) / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
 
     @property
     def in_plane(self) -> Self:
-        """Itself."""
+        """The material itself."""
         return self
 
 
@@ -301,7 +304,7 @@ class BiphasicTransverse(BiphasicMaterial):
 
     @cached_property
     def drained(self) -> TransverselyIsotropic:
-        """The skeleton alone."""
+        """The elastic material of the skeleton."""
         return TransverselyIsotropic(self.E, self.E_axial, self.nu, self.nu_axial, self.G_axial)
 
     @cached_property
@@ -326,12 +329,12 @@ class BiphasicTransverse(BiphasicMaterial):
 
     @property
     def shear_modulus(self) -> float:
-        """A44 = G_axial (Pa)."""
+        """Shear modulus A44 = G_axial (Pa) in planes through the axis."""
         return self.G_axial
 
     @property
     def aggregate_modulus(self) -> float:
-        """H_A = A33 (Pa)."""
+        """Aggregate modulus H_A = A33 (Pa)."""
         return self._stiffness["A33"]
 
     @property

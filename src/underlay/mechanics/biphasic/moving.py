@@ -105,12 +105,12 @@ class MovingContact:
 
     @cached_property
     def rule(self) -> WavenumberRule:
-        """Over wavenumbers, fine enough for radii up to 1.1 l."""
+        """Quadrature over wavenumbers, fine enough for radii up to 1.1 l."""
         return WavenumberRule(self.reach * float(np.sqrt(FIRST_RATE / self.step)) + 45.0, width=2.0, points=6)
 
     @cached_property
     def weights(self) -> StepWeights:
-        """Of the history."""
+        """Convolution weights of the history."""
         kernel = SurfaceKernel(self.skeleton, self.thickness)
         sealed = self.drainage == "sealed"
         return StepWeights(kernel, self.rule.nodes, self.step, self.count, sealed, self.modes)

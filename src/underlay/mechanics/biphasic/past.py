@@ -122,7 +122,7 @@ class Past:
     radii: FloatArray
 
     def tail(self, radius: float) -> FloatArray:
-        """What was taken off, tested on the present disc, (terms,).
+        """What was taken off the settlement, tested on the present disc, (terms,).
 
         j_2n(xi a) is the cosine transform of (-1)^n P_2n(x/a)/a on (0, a), so that the integral over all xi of a
         product of two is pi/2 times that of the polynomials over the smaller disc: exact.
@@ -172,7 +172,7 @@ class Steps:
         return found
 
     def before(self, index: int) -> Past:
-        """What the steps before number `index` do in it."""
+        """Settlement and flux that the steps before number `index` cause in it."""
         then = slice(index, 0, -1)
         pairs = ((0, self._sigma), (1, self._water)) if self._wet else ((0, self._sigma),)
         both = [

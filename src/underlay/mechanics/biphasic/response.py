@@ -104,7 +104,7 @@ def windows(start: float, end: float, count: int) -> list[Contour]:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What follows from a unit step, from `start` at once to `end` in the long run; of one layer, or of many.
+    """Response to a unit step, from `start` at once to `end` in the long run, of one layer or of many.
 
     Parameters
     ----------

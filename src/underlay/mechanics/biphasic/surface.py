@@ -147,7 +147,7 @@ class WavenumberRule:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Weights, (n,)."""
+        """Weights of the nodes, (n,)."""
         _, w = np.polynomial.legendre.leggauss(self.points)
         return np.asarray((0.5 * np.diff(self._panels)[:, None] * w).ravel())
 
@@ -169,12 +169,12 @@ class BesselRule:
 
     @cached_property
     def even(self) -> FloatArray:
-        """j_2n, (terms, nodes)."""
+        """Functions j_2n of the pressures, (terms, nodes)."""
         return np.ascontiguousarray(self._all[0::2])
 
     @cached_property
     def odd(self) -> FloatArray:
-        """j_2n+1, (terms, nodes)."""
+        """Functions j_2n+1 of the water, (terms, nodes)."""
         return np.ascontiguousarray(self._all[1::2])
 
 

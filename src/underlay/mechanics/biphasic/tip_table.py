@@ -94,14 +94,14 @@ def _depth_of_unit_radius(material: Biphasic, thickness: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class RampedTip:
-    """What has not drained yet, q, for one ramp and hold.
+    """Share q of the undrained excess that has not drained yet, for one ramp and hold.
 
     Parameters
     ----------
     ramp : float
         Duration of the ramp, in a0^2/c.
     kept : FloatArray
-        At the table's times, (times,).
+        q at the table's times, (times,).
     """
 
     ramp: float

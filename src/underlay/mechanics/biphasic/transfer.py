@@ -58,7 +58,7 @@ class Transfer(Protocol):
 
     @property
     def eps(self) -> float:
-        """a/h, zero on a half-space."""
+        """Contact radius over thickness, a/h; zero on a half-space."""
 
     def __call__(self, s: ComplexArray) -> ComplexArray:
         """Transfer function at Laplace variables (c/a^2), (n,)."""
@@ -97,7 +97,7 @@ class Relaxing:
 
     @property
     def eps(self) -> float:
-        """a/h."""
+        """Contact radius over thickness, a/h."""
         return self.elastic.eps
 
     def __call__(self, s: ComplexArray) -> ComplexArray:
@@ -191,7 +191,7 @@ class PunchTransfer:
 
     @cached_property
     def kernel(self) -> SurfaceKernel:
-        """Of the layer."""
+        """Surface kernel of the layer."""
         return SurfaceKernel(self.skeleton, np.inf if self.eps == 0.0 else 1.0 / self.eps)
 
     def end(self, s: complex) -> float:

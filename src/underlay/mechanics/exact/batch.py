@@ -77,7 +77,7 @@ class CurveBatch:
     slopes: FloatArray | None = None
 
     def part(self, rows: slice | list[int]) -> Self:
-        """Some of the sets."""
+        """Curves of some of the sets."""
         return type(self)(
             self.measure,
             self.top[rows] if isinstance(self.top, np.ndarray) else self.top,

@@ -123,7 +123,7 @@ class ContactProblem:
     def of(
         cls, indenter: Indenter, thickness: float, kernel: Kernel, beside: tuple[Beside, ...] = ()
     ) -> Self:
-        """Build the problem."""
+        """Build the problem of a tip over a layer of `thickness` (m) on the body of `kernel`."""
         return cls(indenter, indenter.power_law, thickness, kernel, kernel.scales, beside)
 
     @property
@@ -360,7 +360,7 @@ class RadiusGuess:
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
     def radius(self, varpi: FloatArray) -> FloatArray:
-        """Chi at `varpi`."""
+        """Contact radius chi at `varpi`, a little too large."""
         share = self.rate * varpi
         return varpi * (1.0 + self.gain * share / (1.0 + share))
 

@@ -216,7 +216,7 @@ class RigidBase(NamedTuple):
     layer_nu: float
 
     def kernel(self, ratio: float) -> LayerKernel:
-        """The kernel."""
+        """Kernel of the layer, whatever the ratio."""
         del ratio
         return LayerKernel(isotropic_constants(1.0, self.layer_nu), None)
 
@@ -251,12 +251,12 @@ class Cell(NamedTuple):
 
     @property
     def log_ratios(self) -> RatioSpan:
-        """The span, which is its ends in ln k."""
+        """Span of the cell in ln k."""
         return ratio_span(self.ratio)
 
     @property
     def top(self) -> float:
-        """Largest varpi."""
+        """Largest varpi of the cell."""
         return range_end(self.range)
 
 

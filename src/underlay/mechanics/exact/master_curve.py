@@ -57,7 +57,7 @@ MOST_IN_POWERS = 44
 
 
 class Factor(IntEnum):
-    """Column of the curve."""
+    """Columns of the curve: the three factors."""
 
     RADIUS = 0
     FORCE = 1

@@ -75,7 +75,7 @@ class StoredSeries(NamedTuple):
 
 
 class StoredCurves(NamedTuple):
-    """What the file holds.
+    """The stored curves as the file holds them.
 
     Parameters
     ----------

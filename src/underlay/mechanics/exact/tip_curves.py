@@ -118,7 +118,7 @@ class PunchCell(NamedTuple):
 
     @property
     def top(self) -> float:
-        """Largest eps."""
+        """Largest eps of the cell."""
         return min(range_end(self.range), LARGEST_EPS)
 
 

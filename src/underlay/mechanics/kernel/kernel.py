@@ -51,7 +51,7 @@ def lowest(value: Any) -> float:
 
 @dataclass(frozen=True)
 class Scales:
-    """What the node counts need to know of a body (of the worst of a batch).
+    """Scales of a body on which node counts depend (of the worst of a batch).
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ class Kernel(ABC):
 
     @property
     def description(self) -> str:
-        """What the body is, for messages."""
+        """The body in words, for messages."""
         return repr(self)
 
     @property

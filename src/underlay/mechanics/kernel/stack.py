@@ -222,7 +222,7 @@ class StackKernel(Kernel):
 
     @property
     def description(self) -> str:
-        """Every layer and the base."""
+        """Every layer and the base in words, for messages."""
         layers = (f"{layer.material!r} ({layer.thickness:.4g} m, {layer.bond})" for layer in self.layers)
         return " on ".join((*layers, repr(self.base)))
 

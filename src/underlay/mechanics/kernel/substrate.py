@@ -31,7 +31,7 @@ class _OneLayer(Kernel):
     @property
     @abstractmethod
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """What is seen of the layer and of the base; None where it is rigid."""
+        """Plane constants of layer and base; None for a rigid base."""
 
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,); (nodes,) or (batch, nodes)."""
@@ -87,7 +87,7 @@ class LayerKernel(_OneLayer):
 
     @property
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """As given."""
+        """Plane constants of layer and base, as given."""
         return self.layer, self.base
 
     @property
@@ -134,12 +134,12 @@ class SubstrateKernel(_OneLayer):
 
     @property
     def description(self) -> str:
-        """Layer and substrate."""
+        """Layer and substrate in words, for messages."""
         return f"{self.layer!r} on {self.substrate!r}"
 
     @cached_property
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """What is seen of the layer and of the substrate; None where it is rigid."""
+        """Plane constants of layer and substrate; None for a rigid one."""
         return self.layer.plane_constants, self.substrate.plane_constants
 
     @property

@@ -106,7 +106,7 @@ def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:
 
 
 class _Roots(NamedTuple):
-    """Of one layer, floats, or of several, (rows, 1)."""
+    """Numbers made of the decay roots of one layer, floats, or of several, (rows, 1)."""
 
     p: Real
     sigma: Real
@@ -146,7 +146,7 @@ class Waves:
         self._series = (pairs.reshape(len(p), -1) @ _SUMS).reshape(len(p), -1, 4)
 
     def __call__(self, v: FloatArray) -> FloatArray:
-        """At `v` (rows, nodes), wavenumber times thickness, zero or more: (rows, 5, nodes)."""
+        """E_0 to E_4, (rows, 5, nodes), at `v` (rows, nodes), wavenumber times thickness, zero or more."""
         found = np.empty((len(v), WAVES, v.shape[1]))
         for rows, formula, roots in self._kinds:
             if len(v) == 1:

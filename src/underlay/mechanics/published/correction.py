@@ -316,7 +316,7 @@ class ConstantFactor(Factor):
         return np.full_like(u, self.number)
 
     def slope(self, u: FloatArray) -> FloatArray:
-        """Give zero."""
+        """Derivative of the factor, zero at every `u`."""
         return np.zeros_like(u)
 
 

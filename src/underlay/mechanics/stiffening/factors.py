@@ -92,7 +92,7 @@ _ERROR_OF_STIFFENING, _ERROR_OF_NEO_HOOKEAN = 0.03, (0.004, 0.007)
 
 @dataclass(frozen=True)
 class Medium:
-    """What of a layer on a rigid base the factors see.
+    """A layer on a rigid base as the factors see it.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class LogFactor(NamedTuple):
 
     @property
     def value(self) -> FloatArray:
-        """The factor."""
+        """The factor itself, (..., n)."""
         return np.asarray(np.exp(self.log))
 
     def times(self, other: LogFactor) -> LogFactor:

@@ -123,7 +123,7 @@ class Reach(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Of what is known; above 1 it is not."""
+        """Quantity over the end of what is known of it; above 1 it is beyond."""
         return self.value / self.end
 
 

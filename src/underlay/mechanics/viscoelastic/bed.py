@@ -64,7 +64,7 @@ class Bed:
         return cls(springs, np.diff(forces, axis=1) / np.diff(springs))
 
     def __call__(self, elastic: Elastic) -> FloatArray:
-        """Force (N), (n,)."""
+        """Force (N), (n,), that the bed makes of an elastic force."""
         return np.asarray(self.slopes @ -np.diff(elastic(self.springs)))
 
 

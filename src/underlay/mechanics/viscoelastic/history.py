@@ -55,7 +55,7 @@ def times_told(time: FloatArray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Viscoelastic(History):
-    """What a relaxing layer remembers.
+    """Memory of a relaxing layer, as the history of a law.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class Clock:
 
     @cached_property
     def decay(self) -> FloatArray:
-        """What is left after each step, of the shape of `steps`."""
+        """Share of an exponential that is left after each step, of the shape of `steps`."""
         return np.exp(-self.steps)
 
     @cached_property
@@ -116,7 +116,7 @@ class Clock:
 
     @cached_property
     def _decays(self) -> FloatArray:
-        """What is left after any number of equal steps, (K, ..., n)."""
+        """Share that is left after any number of equal steps, (K, ..., n)."""
         count = len(self.time)
         inner = np.exp(-self.steps * np.arange(_ROW))
         outer = np.exp(-self.steps * np.arange(0, count, _ROW))
@@ -124,7 +124,7 @@ class Clock:
         return powers.reshape(*self.steps.shape[:-1], -1)[..., :count]
 
     def since(self, number: int) -> FloatArray:
-        """What is left at every later point of what was there at point `number`, (K, ..., n - number - 1)."""
+        """Share left at every later point of what was there at point `number`, (K, ..., n - number - 1)."""
         later = slice(number + 1, None)
         if self._gaps.size == 1:
             return np.asarray(self._decays[..., 1 : len(self.time) - number])
