@@ -137,7 +137,7 @@ def tip_forces(
     """
 
     def contact(softness: float) -> DrainingTip:
-        """On a layer of shear modulus 1."""
+        """Tip on a layer of shear modulus 1 and this A44/A33."""
         nu = (0.5 - softness) / (1.0 - softness)
         return DrainingTip(tip, Biphasic(2.0 * (1.0 + nu), nu, 1.0), thickness, drainage)
 

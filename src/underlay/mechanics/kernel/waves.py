@@ -1,4 +1,4 @@
-"""The passage of the minors through one layer, by divided differences, free of equal roots and of cancellation.
+"""The passage of the minors through one layer, by divided differences, free of equal roots and cancellation.
 
 The minors of `recursion` obey y' = A y upwards, v = xi t the way (wavenumber times thickness). A has the
 eigenvalues 0, +-2d and +-sigma, with p and sigma the product and the sum of the layer's decay roots and d^2 =
