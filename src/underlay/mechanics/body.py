@@ -1,8 +1,7 @@
-"""What a tip is pressed into: layers, how they hold to one another, a base, and what an indentation sees of them.
+"""What a tip is pressed into: layers, how they hold together, a base, and what an indentation sees of them.
 
-How a layer holds to what is under it: bonded, free to slip, by springs, or nobody knows.
-
-What an indentation sees of an elastic material: four combinations of its constants.
+A `Layer` stands on a `Body`: a half-space (`Base`) of a `Material` or `RIGID`, or a `Stack` of further layers
+on one. It holds to what is under it bonded, free to slip, or by springs (`Spring`), or nobody knows.
 
 A transversely isotropic material (axis along the indentation) has five constants, but a frictionless
 axisymmetric indentation sees only four combinations of them (`PlaneConstants`), finite at nu = 0.5:
@@ -13,10 +12,6 @@ axisymmetric indentation sees only four combinations of them (`PlaneConstants`),
 
 From them p = sqrt(q^2 + c g), sigma = sqrt(S g - 2q + 2p), and theta = g/(p sigma), which is the paper's
 1/(2 pi H): half the indentation modulus. Isotropic: p = 1, sigma = 2, theta = E/(2(1-nu^2)).
-
-What a tip is pressed into: a layer on a body, which is a half-space or further layers on one.
-
-Further layers under the one on top, on a base: what may stand where a substrate stands.
 """
 
 from __future__ import annotations
@@ -111,12 +106,12 @@ Bond: TypeAlias = str | Spring
 
 
 def as_bond(given: object) -> Bond:
-    """Return a bond as it is.
+    """Return a bond that is one: ``"bonded"``, ``"slip"``, ``"unknown"`` or a `Spring`.
 
     Raises
     ------
     InputError
-        If it is none.
+        If it is none of these.
     """
     if isinstance(given, Spring) or (isinstance(given, str) and given in BONDS):
         return given
@@ -237,17 +232,17 @@ class Base(Body):
 
     @property
     def base(self) -> Self:
-        """Itself."""
+        """The half-space itself."""
         return self
 
     def on(self, base: Base) -> Base:
-        """Return the other half-space."""
+        """Return `base` in place of this half-space."""
         return base
 
     @property
     @abstractmethod
     def in_plane(self) -> Base:
-        """The isotropic material of its in-plane E and nu."""
+        """The isotropic material of the in-plane E and nu."""
 
 
 class Material(Base):
@@ -265,7 +260,7 @@ class Material(Base):
 
     @property
     def drained(self) -> Material:
-        """The elastic material when no water is left that could drain: itself."""
+        """The elastic material when no water is left that could drain: the material itself, unless it drains."""
         return self
 
     @property
@@ -297,17 +292,17 @@ class Rigid(Base):
 
     @staticmethod
     def constants_of(**numbers: Any) -> None:
-        """None: it has no numbers."""
+        """No plane constants: a rigid base has no numbers."""
         del numbers
 
     @property
     def plane_constants(self) -> None:
-        """None: nothing of it is seen but that it stands still."""
+        """No plane constants: nothing of a rigid base is seen but that it stands still."""
         return
 
     @property
     def in_plane(self) -> Self:
-        """Itself."""
+        """The rigid base itself."""
         return self
 
     @property
@@ -338,13 +333,18 @@ class Stiffening(Part, ABC):
     @property
     @abstractmethod
     def unstiffened(self) -> Self:
-        """Large strains alone: what it is compared with."""
+        """The same layer under large strains that does not stiffen, to compare with."""
 
     @abstractmethod
     def on(self, indenter: Any, layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> OnLaw:
-        """What it puts on the law of an indenter on a layer on a base; refuses what was not measured.
+        """What stiffening puts on the law of an indenter on a layer on a base; refuses what was not measured.
 
         `beside` says what else a test has, by what it is called: friction, adhesion, a history.
+
+        Raises
+        ------
+        InputError
+            With the number that is beyond, the end of what is known, and what to do.
         """
 
 

@@ -1,8 +1,9 @@
-"""What a solver is given: an indenter, a kernel and a surface modulus, not the materials behind them.
+"""A contact as solvers see it: an indenter, a kernel and a surface modulus, not the materials behind them.
 
 The frictionless contact problem sees the body under the indenter through two things alone: the elastic
 constant theta of its surface, and the kernel 1 - L(u) that says how the rest of the body changes the surface
-compliance with the wavenumber. So a solver works for every body that has a kernel.
+compliance with the wavenumber. So a solver works for every body that has a kernel. Here too stand what a model of
+adhesion is (`Adhesion`), what it tabulates, and what it asks of a solver (`BuildsElastic`).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class BuildsElastic(Protocol):
 
     @property
     def name(self) -> str:
-        """How it is called."""
+        """Name of the solver in tables and messages."""
 
     @property
     def tolerance(self) -> float:
@@ -99,7 +100,7 @@ class Adhesion(Part, ABC):
 
     @property
     def short_ranged(self) -> Adhesion:
-        """The same with an attraction of no range, for a model that has one: what JKR would say."""
+        """The same work of adhesion with an attraction of no range, where the model has one: what JKR says."""
         return self
 
     def about_range(self, contact: Contact, solver: BuildsElastic) -> str:

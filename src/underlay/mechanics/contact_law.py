@@ -1,15 +1,13 @@
-"""The seam: what every solver hands back, and the same law seen through the factors of similarity.
-
-Where linear elasticity has nothing to say: a tip pressed deeper than the layer is thick.
-
-The seam: what every solver hands back.
+"""What every solver hands back: a contact law, and the same law seen through the factors of similarity.
 
 A `ContactLaw` turns indentation depth into force, contact radius and stiffness for one indenter on one body.
 Callers never ask which solver stands behind it. To add a law: derive a frozen dataclass, implement the three
 primitives for depths inside the law's `domain`, and leave the border (scalars, Series, points before contact,
 depths beyond the range) to this base class.
 
-One law seen through the factors of similarity: what a fit in which the ratios stay put asks.
+`ScaledLaw` is one law seen through the factors of similarity: what a fit in which the ratios stay put asks.
+`DeeperThanLayer` is the doubt about a tip pressed deeper than the layer is thick, where linear elasticity has
+nothing to say.
 """
 
 from __future__ import annotations
@@ -172,7 +170,7 @@ class ContactLaw(Response, ABC):
 
     @property
     def beginning(self) -> tuple[float, float]:
-        """See `Response`."""
+        """Depth (m) and force (N) with which contact begins or is lost: `Response.beginning`."""
         return self.domain[0], self._least_force
 
     @property
@@ -262,7 +260,7 @@ class ContactLaw(Response, ABC):
         return np.stack((self._force(depth), self._stiffness(depth)))
 
     def _with_slopes(self, depth: FloatArray) -> FloatArray:
-        """The same with dP/ds (N) of `known_slopes` numbers, as rows (2 + numbers, n)."""
+        """Force (N), dP/dw (N/m) and dP/ds (N) of `known_slopes` numbers, as rows (2 + numbers, n)."""
         return self._force_and_stiffness(depth)
 
     @property
@@ -382,7 +380,7 @@ class ScaledLaw(ContactLaw):
 
     @classmethod
     def of(cls, law: ContactLaw, b: float, c: float, s: float) -> Self:
-        """See `law` through these factors, all positive."""
+        """Scale a law: `b` times its depths, `c` its forces and `s` its contact radii, all positive."""
         return cls(
             method=law.method,
             reason=law.reason,
@@ -397,48 +395,48 @@ class ScaledLaw(ContactLaw):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """That of the reference, in depths (m) of this contact."""
+        """Smallest and largest depth (m) of this contact."""
         return self.law.domain[0] / self.b, self.max_depth
 
     @property
     def nodes(self) -> int | None:
-        """Those of the reference."""
+        """Radial nodes of the reference."""
         return self.law.nodes
 
     @property
     def known_slopes(self) -> int:
-        """As the reference."""
+        """Number of slopes that the reference knows."""
         return self.law.known_slopes
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
-        """As the reference: the slope goes with the force."""
+        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,): the reference's times c, or None."""
         slope = self.law.work_slope(self.b * depth)
         return None if slope is None else self.c * slope
 
     @property
     def pull_off_force(self) -> float:
-        """That of the reference (N)."""
+        """Largest tension (N, positive) that the contact bears when the load is given: the reference's times c."""
         return self.c * self.law.pull_off_force
 
     @property
     def zero_load_radius(self) -> float:
-        """That of the reference (m)."""
+        """Contact radius (m) at which the tip rests without load: the reference's times s."""
         return self.s * self.law.zero_load_radius
 
     def pull_off(self, compliance: float = 0.0) -> ContactState:
-        """As the reference."""
+        """Where the tip comes off behind a spring (m/N); the reference is asked at the spring b c C."""
         return self._here(self.law.pull_off(self.b * self.c * compliance))
 
     def jump_in(self, compliance: float = 0.0) -> ContactState:
-        """As the reference."""
+        """State right after the first touch behind a spring (m/N); the reference is asked at the spring b c C."""
         return self._here(self.law.jump_in(self.b * self.c * compliance))
 
     def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
-        """Those of the reference."""
+        """Travels (m) of the other end of a spring (m/N) at which the force jumps: the reference's over b."""
         return tuple(travel / self.b for travel in self.law.jump_travels(self.b * self.c * compliance))
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
-        """Those of the reference."""
+        """Depths (m) and forces (N), each (n,), of every contact up to `max_depth` (m): the reference's, scaled."""
         depth, force = self.law.equilibria(self.b * max_depth)
         return depth / self.b, self.c * force
 
@@ -446,11 +444,11 @@ class ScaledLaw(ContactLaw):
         return ContactState(there.depth / self.b, self.c * there.force, self.s * there.radius)
 
     def depth(self, force: ArrayLike) -> FloatArray:
-        """See `ContactLaw.depth`; the reference's own inverse."""
+        """Indentation depth (m), shape of `force` (N), by the reference's own inverse."""
         return np.asarray(self.law.depth(np.asarray(force, dtype=np.float64) / self.c) / self.b)
 
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray | None:
-        """As the reference: b w + (b c C) P_ref = b s."""
+        """Depth (m), (n,), at travels y (m) behind a spring C (m/N): the reference's at b y and b c C, over b."""
         w = self.law.tip_depth(self.b * travel, self.b * self.c * compliance)
         return None if w is None else w / self.b
 

@@ -1,26 +1,16 @@
 """What linear elasticity without friction leaves out: friction, large strains, and a law with both put in.
 
-What is known of friction under the tip.
+What large strains add is one measured function (`finite_strain_excess`) of independent finite elements (a true
+sphere on a neo-Hookean layer, mu/2 (I1bar - 3) + K/2 (J - 1)^2, no friction, bonded to a rigid base). Another
+strain energy gives another force (at nu = 0.3, w = 0.1 R and h = R 4.5 % in place of 5.4 %; at w = 0.5 R 19 %
+in place of 32 %): it is not a correction to be trusted, but an error of which the shape is known, and the size
+within about a half. The leading error is of order a/R, the square root of w/R, with w the depth, a the contact
+radius, h the thickness and R the sphere's radius.
 
-What large strains add to the force of linear elasticity: one measured function, and where it was measured.
-
-Independent finite elements (a true sphere on a neo-Hookean layer, mu/2 (I1bar - 3) + K/2 (J - 1)^2, no friction,
-bonded to a rigid base) over the exact linear law of the same sphere: with b = (1 - 2 nu)/(1 - nu),
-
-    ln(P/P_linear) = 0.239 b a/R - 0.063 a/R + 0.168 (w/h)^2 + 0.53 b w/h
-
-collapses 56 such points, nu 0.3 to 0.499, w/h up to 0.3 and h/R from 0.5, from 15.6 % at worst to 2.0 % (rms
-0.7 %); on a half-space up to w/R = 0.5. The leading error is of order a/R, the square root of w/R. Another strain
-energy gives another force (at nu = 0.3, w = 0.1 R and h = R 4.5 % in place of 5.4 %; at w = 0.5 R 19 % in place of
-32 %): it is not a correction to be trusted, but an error of which the shape is known, and the size within about a
-half.
-
-Friction and large strains are not a sum. What friction adds goes as the square of how far points would slide, and
-in large strains they would slide further: with f the excess of a stuck tip in small strains it is (+-sqrt(f) + q)^2
-by the finite elements of `tests/studies/finite_elements.py`, q = w/(4 R) + w/(2 h), the sign that of outward
-sliding: nearly all of q^2 + 2 sqrt(f) q is added at nu = 0.49, a part of it taken off at nu = 0.3.
-
-A law with what it leaves out put in: a share of full friction, and large strains with and without friction.
+Friction is a share of what full friction adds (`as_friction` has what may be said of it). The two are not a
+sum: what friction adds goes as the square of how far points would slide, and in large strains they would slide
+further (`friction_in_large_strains`). `DiscrepantLaw` is a law with a share of full friction, and large strains
+with and without friction.
 """
 
 from __future__ import annotations
@@ -60,12 +50,12 @@ _STEP = 1e-3
 
 
 def as_friction(given: object) -> str:
-    """Return what is said of friction as it is.
+    """Return what is said of friction under the tip, one of `FRICTIONS`.
 
     Raises
     ------
     InputError
-        If it is none of `FRICTIONS`.
+        If it is none of these.
     """
     if isinstance(given, str) and given in FRICTIONS:
         return given
@@ -76,7 +66,14 @@ def as_friction(given: object) -> str:
 
 
 def finite_strain_excess(contact: Contact, depth: FloatArray, radius: FloatArray) -> FloatArray:
-    """P/P_linear - 1 at depths (m) with contact radii (m), (n,), as the function above says; zero before contact.
+    """P/P_linear - 1 of large strains at depths (m), (n,); zero before contact.
+
+    With b = (1 - 2 nu)/(1 - nu),
+
+        ln(P/P_linear) = 0.239 b a/R - 0.063 a/R + 0.168 (w/h)^2 + 0.53 b w/h
+
+    collapses 56 points of finite elements, nu 0.3 to 0.499, w/h up to 0.3 and h/R from 0.5, from 15.6 % at
+    worst to 2.0 % (rms 0.7 %); on a half-space up to w/R = 0.5.
 
     Parameters
     ----------
@@ -92,7 +89,20 @@ def finite_strain_excess(contact: Contact, depth: FloatArray, radius: FloatArray
 
 
 def excess_of(nu: PerSet, deep: FloatArray, wide: FloatArray) -> FloatArray:
-    """Return the same of w/h and a/R, (..., n), at Poisson's ratios that broadcast with them."""
+    """Formula of `finite_strain_excess` by its numbers without dimensions.
+
+    Parameters
+    ----------
+    nu : float or FloatArray
+        Poisson's ratios that broadcast with the rest.
+    deep, wide : FloatArray
+        w/h and a/R, (..., n).
+
+    Returns
+    -------
+    FloatArray
+        P/P_linear - 1, (..., n).
+    """
     b = (1.0 - 2.0 * nu) / (1.0 - nu)
     deep = np.maximum(deep, 0.0)
     return np.asarray(np.expm1((0.239 * b - 0.063) * wide + 0.168 * deep**2 + 0.53 * b * deep))
@@ -101,7 +111,12 @@ def excess_of(nu: PerSet, deep: FloatArray, wide: FloatArray) -> FloatArray:
 def friction_in_large_strains(
     contact: Contact, sticks: FloatArray, free: FloatArray, depth: FloatArray
 ) -> FloatArray:
-    """What a tip that sticks adds beyond small strains at depths (m), over the force (n,): as said above.
+    """What a tip that sticks adds in large strains beyond what it adds in small ones, over the force, (n,).
+
+    With f = P_stuck/P - 1 the excess of a stuck tip in small strains, it is (+-sqrt(f) + q)^2 in large ones by
+    the finite elements of tests/studies/finite_elements.py, q = w/(4 R) + w/(2 h), the sign that of outward
+    sliding: nearly all of q^2 + 2 sqrt(f) q, which is returned, is added at nu = 0.49, a part of it taken off
+    at nu = 0.3.
 
     Parameters
     ----------
@@ -121,7 +136,22 @@ def friction_in_large_strains(
 def further_of(
     sticks: FloatArray, free: FloatArray, depth: FloatArray, radius: PerSet, thickness: PerSet
 ) -> FloatArray:
-    """Return the same, (..., n), of R and h (m) that broadcast with depths and forces."""
+    """Formula of `friction_in_large_strains` by its numbers.
+
+    Parameters
+    ----------
+    sticks, free : FloatArray
+        Forces (N) in small strains, (..., n).
+    depth : FloatArray
+        Indentation depth (m), (..., n).
+    radius, thickness : float or FloatArray
+        R and h (m), which broadcast with the rest.
+
+    Returns
+    -------
+    FloatArray
+        q^2 + 2 sqrt(f) q, (..., n).
+    """
     over = np.divide(sticks, free, out=np.ones_like(free), where=free > 0.0) - 1.0
     # In small strains the excess may be negative by 3e-4.
     root = np.sqrt(np.maximum(over, 0.0))
@@ -130,7 +160,9 @@ def further_of(
 
 
 def require_measured(contact: Contact, depth: float, size: str = "") -> None:
-    """Refuse a contact at `depth` (m) of which the function says nothing; `size` is the path of what asks for it.
+    """Refuse a contact at `depth` (m) at which large strains were not measured.
+
+    `size` is the path of the number that asks for it.
 
     Raises
     ------
@@ -144,7 +176,7 @@ def require_measured(contact: Contact, depth: float, size: str = "") -> None:
 
 
 def why_unmeasured(contact: Contact, depth: float) -> str:
-    """Why the function says nothing of this contact at `depth` (m), with the range; empty where it does."""
+    """Why large strains are not known for this contact at `depth` (m), with the range; empty where they are."""
     radius, thickness = contact.indenter.curvature_radius, contact.thickness
     if contact.isotropic is None or radius is None:
         return "measured for spheres on one isotropic layer, bonded"
@@ -172,20 +204,20 @@ def why_unmeasured(contact: Contact, depth: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class DiscrepantLaw(ContactLaw):
-    """P + s (P_stuck - P) + P (A e + B g).
+    """Law with what linear elasticity without friction leaves out: P + s (P_stuck - P) + P (A e + B g).
 
     Parameters
     ----------
     free : ContactLaw
-        Without friction, in small strains.
+        P, without friction, in small strains.
     sticks : ContactLaw or None
-        Of a tip that sticks; None where s and B are zero.
+        P_stuck, of a tip that sticks; None where s and B are zero.
     friction, finite_strain, both : float
         s, A and B.
     excess : callable
-        e at depths (m), (n,).
+        e at depths (m), (n,); see `finite_strain_excess`.
     further : callable
-        g of the forces P_stuck and P (N) at depths (m), each (n,).
+        g of the forces P_stuck and P (N) at depths (m), each (n,); see `friction_in_large_strains`.
     """
 
     free: ContactLaw
@@ -228,7 +260,7 @@ class DiscrepantLaw(ContactLaw):
 
     @property
     def nodes(self) -> int | None:
-        """Those of the law without friction."""
+        """Radial nodes of the law without friction."""
         return self.free.nodes
 
     def _force(self, depth: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Solvers of the contact problem to a relative error: `Exact`, `Stuck`; `Auto`, a half-space where it will do."""
+"""Solvers of the contact problem to a relative error: `Exact`, `Stuck`, and `Auto`, which takes the cheapest."""
 
 from __future__ import annotations
 
@@ -72,17 +72,17 @@ class _ToTolerance(Solver):
         )
 
     def has_table(self, contact: Contact) -> bool:
-        """Tables are for power-law tips that slide on layers, without adhesion."""
+        """Whether there are tables: for power-law tips that slide on layers, without adhesion."""
         return isinstance(contact.indenter, PowerLawShape) and self._is_plain(contact)
 
     def table_number(self, contact: Contact, depth: float) -> int:
-        """See `curve_family`."""
+        """Number of the range of tables that reaches `depth` (m); see `curve_family.range_number`."""
         return table_number(contact, depth)
 
     def tabulated(
         self, contact: Contact, family: Family | None, ratio: float, depth: float, *, alone: bool = False
     ) -> ContactLaw | None:
-        """See `tabulated_law`."""
+        """Law read off a table, by `family_law.tabulated_law`; None where there is none."""
         return tabulated_law(contact, family, ratio, depth, self.rtol, alone=alone)
 
     def kept_law(self, contact: Contact, depth: float) -> ContactLaw | None:
@@ -98,20 +98,20 @@ class _ToTolerance(Solver):
     def side_by_side(
         self, contact: Contact, family: Family, ratios: Sequence[float], depth: float
     ) -> Callable[[FloatArray], FloatArray] | None:
-        """See `family_law`."""
+        """Forces of several bodies in one call, by `family_law.side_by_side`; None where a body has no curve."""
         return side_by_side(contact, family, ratios, depth, self.rtol)
 
     def has_slopes(self, contact: Contact) -> bool:
-        """Laws of tips that slide on layers say them, without adhesion; a flat punch has no curve to say them."""
+        """Whether laws say their slopes: of tips (no flat punch) that slide on layers, without adhesion."""
         return not contact.indenter.has_edge and self._is_plain(contact)
 
     def has_tip_tables(self, contact: Contact) -> bool:
-        """Such tables are for tips that end, or spheres, on an isotropic layer."""
+        """Whether there are tables of such tips: of those that end, or spheres, on an isotropic layer."""
         tip = contact.indenter
         return np.isfinite(tip.max_radius) and not tip.has_edge and self._is_plain(contact, isotropic=True)
 
     def tip_number(self, contact: Contact, depth: float) -> int:
-        """See `tip_laws`."""
+        """Number of the range of `tip_laws` that reaches `depth` (m)."""
         return tip_range(contact, depth)
 
     def tabulated_tips(
@@ -121,15 +121,18 @@ class _ToTolerance(Solver):
         ratios: Sequence[float] | None,
         depths: Sequence[float],
     ) -> Sequence[ContactLaw | RangeError | None]:
-        """See `tip_laws`."""
+        """Laws of tips that are no power law, read off tables by `tip_laws`."""
         return tip_laws(contacts, family, ratios, depths, self.rtol)
 
     def has_batches(self, contact: Contact) -> bool:
-        """Batches are for smooth tips on an isotropic layer."""
+        """Whether `ExactBatch` serves: for smooth tips on an isotropic layer."""
         return contact.indenter.smooth and self._is_plain(contact, isotropic=True)
 
     def has_surfaces(self, contact: Contact) -> bool:
-        """Of a tip that sticks, where it has no corners, and of a smooth one that ends on an isotropic layer."""
+        """Whether laws are smooth in one number, and dear.
+
+        Those of a tip that sticks, where it has no corners, and of a smooth one that ends on an isotropic layer.
+        """
         tip = contact.indenter
         if contact.sticks or not self.slides:
             return tip.smooth and bool(np.isfinite(contact.thickness))
@@ -160,7 +163,7 @@ class Exact(_ToTolerance):
     name: ClassVar[str] = "exact"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Solve; see `exact_law`."""
+        """Solve the contact problem for depths up to `max_depth` (m), by `exact_law`."""
         if not max_depth > 0.0:
             return _no_contact(contact, self.name)
         return exact_law(contact, max_depth, self.rtol)
@@ -180,7 +183,7 @@ class Stuck(_ToTolerance):
     name: ClassVar[str] = "stuck"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Solve; see `stuck_law`."""
+        """Solve the contact problem without slip for depths up to `max_depth` (m), by `stuck_law`."""
         if not max_depth > 0.0:
             return _no_contact(contact, self.name)
         return stuck_law(contact, max_depth, self.rtol)
@@ -195,7 +198,7 @@ class Stuck(_ToTolerance):
         return super().law(contact, max_depth)
 
     def for_differences(self, rtol: float) -> Solver:
-        """Return the same at `rtol` or finer."""
+        """Return the solver without slip, at `rtol` or finer."""
         return Stuck(min(self.rtol, rtol))
 
 

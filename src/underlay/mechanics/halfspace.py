@@ -1,8 +1,9 @@
 """The half-space law of Galin and Sneddon: no layer effect at all.
 
-Formula: w = H(a) and P = 4 theta (w a - int_0^a H ds), the first terms of (2.13) and (3.2); dP/dw = 4
-theta a. Assumes a frictionless, rigid, axisymmetric indenter on a homogeneous half-space. Source: Sneddon
-(1965), doi:10.1016/0020-7225(65)90019-4. Hertz's formula is the paraboloid.
+Formula: w = H(a) and P = 4 theta (w a - int_0^a H ds), the first terms of (2.13) and (3.2); dP/dw = 4 theta a,
+with depth w, force P, contact radius a, H the half-space depth function of the shape and theta the elastic
+constant of the half-space. Assumes a frictionless, rigid, axisymmetric indenter on a homogeneous half-space.
+Source: Sneddon (1965), doi:10.1016/0020-7225(65)90019-4. Hertz's formula is the paraboloid.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ def largest_halfspace_depth(indenter: Indenter) -> float:
 
 
 def layer_effect(contact: Contact, max_depth: float) -> float:
-    """Bound of what lies under the surface does to force, radius and stiffness, relative, up to `max_depth` (m)."""
+    """Bound on the relative effect of what is under the surface, for depths up to `max_depth` (m).
+
+    It holds for force, contact radius and stiffness.
+    """
     if not contact.layered or not max_depth > 0.0:
         return 0.0
     contrast = contact.kernel.contrast

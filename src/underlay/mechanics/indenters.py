@@ -218,7 +218,7 @@ class PowerLawShape(Indenter):
 
     @property
     def power_law(self) -> Self:
-        """Itself."""
+        """The shape itself."""
         return self
 
     @cached_property
@@ -252,7 +252,7 @@ class PowerLawShape(Indenter):
         return depth * radius / (self.exponent + 1.0), depth * radius**3 / (self.exponent + 3.0)
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """The moment is a share of w a."""
+        """P/(4 theta) (m^2) on a half-space: w a lambda/(lambda + 1), the moment of H being a share of w a."""
         return np.asarray(self.exponent / (self.exponent + 1.0) * depth * radius)
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
@@ -275,12 +275,12 @@ class Paraboloid(PowerLawShape):
 
     @property
     def curvature_radius(self) -> float:
-        """R."""
+        """Radius of curvature R (m) at the apex."""
         return self.radius
 
     @property
     def exponent(self) -> float:
-        """Two."""
+        """Exponent of the power law, two."""
         return 2.0
 
     @property
@@ -313,12 +313,12 @@ class Cone(PowerLawShape):
 
     @property
     def opening(self) -> float:
-        """The half-angle."""
+        """Half-angle (radians, from the axis)."""
         return self.half_angle
 
     @property
     def exponent(self) -> float:
-        """One."""
+        """Exponent of the power law, one."""
         return 1.0
 
     @property
@@ -384,11 +384,11 @@ class Sphere(Indenter):
 
     @property
     def curvature_radius(self) -> float:
-        """R."""
+        """Radius R (m)."""
         return self.radius
 
     def in_its_unit(self) -> tuple[Sphere, float]:
-        """The sphere of unit radius, and R."""
+        """The sphere of unit radius, and the unit R (m)."""
         return Sphere(1.0), self.radius
 
     @cached_property
@@ -426,7 +426,7 @@ class Sphere(Indenter):
         return self.radius**2 * _first_moment(alpha), self.radius**4 * second
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """As for any shape, without the second moment."""
+        """P/(4 theta) (m^2) on a half-space, as for any shape, without computing the second moment."""
         alpha = np.asarray(radius, dtype=np.float64) / self.radius
         return np.asarray(depth * radius - self.radius**2 * _first_moment(alpha))
 

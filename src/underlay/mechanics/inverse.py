@@ -1,11 +1,8 @@
-"""Inverting increasing relations, and a contact law turned round.
+"""Inverting increasing relations, many at once, and the depth at given forces of a contact law.
 
-Inverting increasing relations, many at once.
-
-Depth at given forces: a law that increases, turned round.
-
-Newton's method in logarithms, kept inside a shrinking bracket. Unlike `_roots`, it must get along with the ends of
-asymptotic laws, at which the stiffness is zero or infinite, and has nothing to begin at but the law's range.
+Newton's method in logarithms, kept inside a shrinking bracket. `invert_increasing` begins at given guesses;
+`depth_at_loads` must get along with the ends of asymptotic laws, at which the stiffness is zero or infinite,
+and has nothing to begin at but the law's range.
 """
 
 from __future__ import annotations

@@ -72,12 +72,12 @@ class Isotropic(Material):
 
     @staticmethod
     def constants_of(**numbers: Any) -> PlaneConstants:
-        """See `isotropic_constants`."""
+        """Plane constants of the numbers E (Pa) and nu, each a float or an array (sets,)."""
         return isotropic_constants(**numbers)
 
     @property
     def plane_constants(self) -> PlaneConstants:
-        """What the indentation sees of the material."""
+        """The combinations of E and nu that an axisymmetric indentation sees."""
         return isotropic_constants(self.E, self.nu)
 
     @property
@@ -87,7 +87,7 @@ class Isotropic(Material):
 
     @property
     def in_plane(self) -> Self:
-        """Itself."""
+        """The material itself, which is isotropic."""
         return self
 
     def relaxed_in_shear(self, kept: float) -> Isotropic:
@@ -225,12 +225,12 @@ class TransverselyIsotropic(Material):
 
     @staticmethod
     def constants_of(**numbers: Any) -> PlaneConstants:
-        """See `transversely_isotropic_constants`."""
+        """Plane constants of the numbers of its fields, each a float or an array (sets,)."""
         return transversely_isotropic_constants(**numbers)
 
     @property
     def plane_constants(self) -> PlaneConstants:
-        """What the indentation sees of the material."""
+        """The combinations of its constants that an axisymmetric indentation sees."""
         constants = transversely_isotropic_constants(
             self.E, self.E_axial, self.nu, self.nu_axial, self.G_axial
         )

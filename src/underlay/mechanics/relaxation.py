@@ -70,7 +70,7 @@ class ModesOfSets(NamedTuple):
     times: FloatArray
 
     def of(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> ModesOfSets:
-        """Those of some of the sets."""
+        """Exponentials of the sets that `rows` picks."""
         return ModesOfSets(self.constant[rows], self.weights[:, rows], self.times[:, rows])
 
 
@@ -209,12 +209,12 @@ class Prony(Relaxation):
 
     @property
     def equilibrium(self) -> float:
-        """1 - sum(fractions)."""
+        """Share of the modulus that remains in the long run, 1 - sum(fractions)."""
         return max(1.0 - math.fsum(self.fractions), 0.0)  # the rounding of a sum of 1
 
     @property
     def longest_time(self) -> float:
-        """The largest of the times (s)."""
+        """Longest relaxation time (s)."""
         return max(self.times)
 
     def modulus(self, time: ArrayLike) -> FloatArray:
@@ -222,12 +222,12 @@ class Prony(Relaxation):
         return self.modes(0.0, np.inf)(as_finite(time, "time"))
 
     def modes(self, shortest: float, longest: float) -> Modes:
-        """Its own terms, whatever the times."""
+        """The series itself, whatever the times `shortest` and `longest` (s) of a record."""
         del shortest, longest
         return Modes(self.equilibrium, np.array(self.fractions), np.array(self.times))
 
     def modes_of(self, numbers: Mapping[str, FloatArray]) -> tuple[ModesOfSets, NDArray[np.bool_]]:
-        """Its terms; a set whose fractions are negative or sum over 1 cannot be."""
+        """Exponentials of many sets; a set whose fractions are negative or sum over 1 cannot be."""
         count = range(len(self.times))
         weights = np.stack([numbers[f"fractions[{k}]"] for k in count])
         times = np.stack([numbers[f"times[{k}]"] for k in count])

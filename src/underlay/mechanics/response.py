@@ -225,12 +225,12 @@ class WholeHistory(History):
         """
 
     def force(self, elastic: Elastic, depth: FloatArray, time: FloatArray) -> FloatArray:
-        """See `answer`; the elastic force of one law is not what it goes by."""
+        """Force (N), (n,), by `answer`; the elastic force of one law is not what it goes by."""
         del elastic
         return self.answer(depth, time)
 
     def at(self, values: Mapping[str, float]) -> WholeHistory:
-        """The same with the numbers of `values`, by path; others than its own are left aside."""
+        """The same memory with the numbers of `values`, by path; others than its own are left aside."""
         own = numbers_of(self)
         told = {path: value for path, value in values.items() if path in own and value != own[path].value}
         return replace_values(self, told, known=own) if told else self

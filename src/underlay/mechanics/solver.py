@@ -2,7 +2,7 @@
 
 To add one, derive a frozen dataclass from `Solver` and implement `build`; its fields are what can be asked of
 it. It can then be computed, fitted, sampled, mapped and reported wherever a ``solver=`` is taken. The other
-methods say what callers may rely on; the defaults promise nothing.
+methods say what callers may rely on (accuracy, tables, batches, derivatives); the defaults promise nothing.
 """
 
 from __future__ import annotations
@@ -78,12 +78,12 @@ class Solver(ABC):
 
     @property
     def name(self) -> str:
-        """How it is called in tables and messages."""
+        """Name of the solver in tables and messages."""
         return type(self).__name__
 
     @property
     def label(self) -> str:
-        """Its name with what tells it from others of that name."""
+        """Name of the solver with what tells it from others of that name."""
         return self.name
 
     @property

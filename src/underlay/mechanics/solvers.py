@@ -79,7 +79,7 @@ class Asymptotic(Solver):
         return f"asymptotic:{self.order}"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """See `asymptotic_law`."""
+        """Build the asymptotic law for depths up to `max_depth` (m), by `asymptotic_law`."""
         return asymptotic_law(contact, max_depth, order=self.order, form=self.form)
 
 
@@ -96,7 +96,7 @@ class HalfSpace(Solver):
     name: ClassVar[str] = "halfspace"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build it to the end of the indenter's shape; its error holds up to `max_depth` (m)."""
+        """Build the half-space law to the end of the indenter's shape; its error holds up to `max_depth` (m)."""
         return halfspace_law(contact, max_depth)
 
 
@@ -125,11 +125,11 @@ class Published(Solver):
 
     @property
     def name(self) -> str:
-        """The name of the correction."""
+        """Name of the correction."""
         return self.correction if isinstance(self.correction, str) else self.correction.name
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """See `published_law`."""
+        """Build the law of the correction for depths up to `max_depth` (m), by `published_law`."""
         return published_law(self.correction, contact, max_depth)
 
 

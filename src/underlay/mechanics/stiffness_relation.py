@@ -1,19 +1,13 @@
-"""Layer modulus from unloading stiffness and contact area, thickness and substrate in the model.
+"""Layer modulus from unloading stiffness and contact area, with thickness and substrate in the relation.
 
-The area function of a worn pyramid: how large its contact is at a contact depth (Oliver and Pharr 1992).
+Formula (9.6), dP/dw = 4 theta sqrt(A/pi) kappa_inf(a/h), with force P, depth w, contact area A and radius a,
+layer thickness h and kappa_inf the stiffness of a flat punch over that on a half-space; it extends the relation
+of Bulychev, Alekhin and Shorshorov (1976; Pharr, Oliver and Brotzen (1992), doi:10.1557/JMR.1992.0613), theta =
+E/(2 (1 - nu^2)). It holds for every axisymmetric indenter (9.3) and, with the exact kappa_inf, exactly. (In
+(9.6) A is the contact area; elsewhere in the paper it is the shape's constant.)
 
-    A(h_c) = C_0 h_c^2 + C_1 h_c + C_2 h_c^(1/2) + C_3 h_c^(1/4) + ...
-
-(doi:10.1557/JMR.1992.1564). A contact of that area is as stiff as that of a flat punch of its size (9.6).
-
-Layer modulus from unloading stiffness and contact area, with thickness and substrate in the relation.
-
-Formula (9.6), dP/dw = 4 theta sqrt(A/pi) kappa_inf(a/h), which extends the relation of Bulychev, Alekhin and
-Shorshorov (1976; Pharr, Oliver and Brotzen (1992), doi:10.1557/JMR.1992.0613), theta = E/(2 (1 - nu^2)). It
-holds for every axisymmetric indenter (9.3) and, with the exact kappa_inf, exactly. (In (9.6) A is the contact
-area; elsewhere in the paper it is the shape's constant.)
-
-On an elastic substrate kappa_inf depends on E itself, and E is the root of an increasing relation.
+On an elastic substrate kappa_inf depends on E itself, and E is the root of an increasing relation. The area of
+a worn pyramid is that of its `AreaFunction`.
 """
 
 from __future__ import annotations
@@ -44,7 +38,11 @@ _WIDEST_RATIO = 1e8
 
 @dataclass(frozen=True)
 class AreaFunction:
-    """Projected contact area of a tip.
+    """Area function of a worn pyramid: its projected contact area at a contact depth (Oliver and Pharr 1992).
+
+        A(h_c) = C_0 h_c^2 + C_1 h_c + C_2 h_c^(1/2) + C_3 h_c^(1/4) + ...
+
+    (doi:10.1557/JMR.1992.1564). A contact of that area is as stiff as that of a flat punch of its size (9.6).
 
     Parameters
     ----------

@@ -1,21 +1,17 @@
-"""The law of a tip that sticks: the equilibria, and the stable part of them.
+"""The law of a tip that sticks: its equilibria by contact radius, and the stable part of them by depth.
 
-The stable part of a curve y(a) whose parameter is the contact radius, turned round into a(y).
+A model of adhesion says depth w and force P of a contact of given radius a, `AdhesiveBranch.at`. Which of these
+contacts are there depends on what is held: the depth (a branch ends at dw/da = 0), the load (dP/da = 0), or the
+far end of a spring, a cantilever of stiffness k (dP/da + k dw/da = 0). With y what is held (depth, force, or
+travel of the spring's end), `stable_path` turns y(a) round into a(y), and `AdhesiveLaw` is force against depth
+along it.
 
 Pulled off slowly, a contact follows y(a) inwards from its widest until y has a minimum: there it has nowhere to
 go but to the next narrower contact at the same y, or off. So the stable contact at y is the widest of those
 with y(a) = y: the pieces of the curve at which y is below all that lies outside of them.
 
 At the minimum y - y_end grows as (a - a_end)^2: in x = arcsinh(sqrt((y - y_end)/|y_end|)) the radius is smooth
-and cubic splines give it back. What y is (depth, force, or the travel of a spring's other end) is the caller's.
-
-Every equilibrium of a contact that sticks, with its radius as the variable, and the stable ones of them.
-
-A model of adhesion says depth and force of a contact of given radius, `AdhesiveBranch.at`. Which of these
-contacts are there depends on what is held: the depth (a branch ends at dw/da = 0), the load (dP/da = 0), or the
-far end of a spring, a cantilever of stiffness k (dP/da + k dw/da = 0).
-
-The law of a tip that sticks: force against depth along the stable part of a branch of equilibria.
+and cubic splines give it back.
 """
 
 from __future__ import annotations
@@ -65,7 +61,7 @@ _DRAWN = 600
 
 
 class Jump(NamedTuple):
-    """Where the contact jumps from one radius to a smaller one, or off (`inner` zero)."""
+    """A jump at the value `at` of y from the contact radius `outer` (m) to `inner` (m), zero where it comes off."""
 
     at: float
     outer: float
@@ -86,13 +82,13 @@ class _Piece:
         return np.arcsinh(np.sqrt((y - self.end) / self.scale))
 
     def rate(self, x: FloatArray) -> FloatArray:
-        """dy/dx."""
+        """Derivative of y in the variable x of the splines."""
         return np.asarray(self.scale * np.sinh(2.0 * x))
 
 
 @dataclass(frozen=True)
 class StablePath:
-    """Radius, and what else was asked to be interpolated, against y in [`end`, `top`]."""
+    """Stable contacts: ln a and further columns, interpolated against y in [`end`, `top`]; see `stable_path`."""
 
     pieces: tuple[_Piece, ...]
     jumps: tuple[Jump, ...]
@@ -346,12 +342,12 @@ class AdhesiveLaw(ContactLaw):
         return ContactState(float(here.depth[0]), float(here.force[0]), float(radius[0]))
 
     def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
-        """See `ContactLaw`; on a film that folds there may be several."""
+        """Travels (m) at which the contact jumps behind a spring (m/N); several on a film that folds."""
         touch, lost = (0.0,), tuple(jump.at for jump in self._behind(compliance).jumps)
         return {"approaching": touch, "separating": lost, "cycle": (*touch, *lost)}[self.states]
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
-        """See `ContactLaw`; from a tenth of the pull-off's radius outwards."""
+        """All equilibria as `ContactLaw.equilibria`, from a tenth of the pull-off's radius outwards."""
         widest = float(self.path.radius(np.array([max_depth]))[0])
         narrowest = max(0.1 * self.path.end_radius, self.branch.start)
         radius = np.geomspace(narrowest, widest, _DRAWN)

@@ -1,39 +1,13 @@
-"""Johnson, Kendall and Roberts on any layer, and how short an attraction it takes.
+"""Johnson, Kendall and Roberts on any layer, explicit in the contact radius, and how short-ranged it must be.
 
-One state of a contact with a constant attraction of finite range, after Maugis and Dugdale, on any layer.
-
-Formula: a constant attraction sigma0 acts outside of the contact, on a < r < c, up to the separation delta at
-r = c, so that the work of adhesion is sigma0 delta. Extend f to (0, c): on (a, c) it is known,
-
-    f(s) = -(sigma0/theta) sqrt(c^2 - s^2),
-
-and on (0, a), with K f = (2/(pi h)) int K(x/h, y/h) f dy over (0, c),
-
-    f(x) = w - H(x) + (K f)(x),   f(a) = -(sigma0/theta) sqrt(c^2 - a^2)   (no singularity: this gives w),
-    P = 4 theta int_0^c f ds,
-    delta = (2/pi) int_a^c [f - K f - w + H](s) ds/sqrt(c^2 - s^2).
-
-Given a and c all is explicit; given delta, c is a root. The annulus has nodes s = sqrt(c^2 - (c^2 - a^2) t^2), t
-those of Gauss and Legendre on (0, 1), which takes out both square roots. On a half-space: Maugis (1992), J.
-Colloid Interface Sci. 150, 243.
-
-How short an attraction must reach for JKR to hold: its answer in metres, and as (c - a)/a.
-
-An attraction that ends at the separation delta (`maugis`) acts on a ring of the width c - a around the contact,
-and JKR is the limit of a narrow ring. How narrow it must be depends on the layer, which the usual Tabor number,
-formed with the tip's radius and the modulus alone, does not know. Without load a paraboloid allows a ring of 0.054
-for 5 % on a half-space; on an incompressible bonded layer 0.041 at a/h = 1.6 and 0.032 at a/h = 4.9. Pressed so
-that adhesion is small against the load it is less still.
-
-Johnson, Kendall and Roberts on any layer: the whole curve, explicit in the contact radius.
-
-Formula: let go of f(1) = 0 in the contact problem; with the radius a and the depth w given, the solution is
-f = f_el + (w - w_el(a)) g, g the flat punch's. At the edge the surface is the layer's: the energy set free by
-a shrinking contact is G = theta f(1)^2/(pi a), and G = dgamma gives
+Formula: let go of f(1) = 0 in the contact problem of `punch_solution`. With the radius a and the depth w given,
+the solution is f = f_el + (w - w_el(a)) g, g the flat punch's, w_el and P_el depth and force without adhesion.
+At the edge the surface is the layer's: the energy set free by a shrinking contact is G = theta f(1)^2/(pi a),
+and G = dgamma, the work of adhesion, gives
 
     w(a) = w_el(a) - q,   P(a) = P_el(a) - 4 theta a kappa q,   q = sqrt(pi a dgamma/theta)/g(1),
 
-and with d(eps kappa)/d eps = g(1)^2
+and with eps = a/h, kappa = int_0^1 g dx and d(eps kappa)/d eps = g(1)^2
 
     dP/da = 4 theta (a kappa dw/da - g(1)^2 q),   dP/d ln dgamma at fixed w = -2 pi a dgamma/(dw/da).
 
@@ -41,8 +15,9 @@ On a half-space g = kappa = 1: Johnson, Kendall and Roberts (1971), Proc. R. Soc
 (w_el = P_el = 0): Kendall (1971), J. Phys. D 4, 1186.
 
 Assumes what the elastic law assumes, and an attraction whose range is short against the gap outside of the
-contact; `maugis` says how short. The contact ends where its branch has no neighbour any more: dw/da = 0 when
-the depth is given, dP/da = 0 when the force is, dP/da + k dw/da = 0 behind a spring k.
+contact: `range_limit` says how short, from one state of an attraction of finite range (`maugis_state`). The contact
+ends where its branch has no neighbour any more: dw/da = 0 when the depth is given, dP/da = 0 when the force is,
+dP/da + k dw/da = 0 behind a spring k.
 """
 
 from __future__ import annotations
@@ -116,7 +91,32 @@ class MaugisState(NamedTuple):
 
 
 def maugis_state(contact: Contact, radius: float, outer: float, stress: float) -> MaugisState:
-    """Solve for a contact of `radius` a (m), attraction `stress` sigma0 (Pa) out to the radius `outer` c (m)."""
+    """One state of a contact with a constant attraction of finite range, after Maugis and Dugdale, on any layer.
+
+    A constant attraction sigma0 acts outside of the contact, on a < r < c, up to the separation delta at r = c,
+    so that the work of adhesion is sigma0 delta. Extend f to (0, c): on (a, c) it is known,
+
+        f(s) = -(sigma0/theta) sqrt(c^2 - s^2),
+
+    and on (0, a), with K f = (2/(pi h)) int K(x/h, y/h) f dy over (0, c),
+
+        f(x) = w - H(x) + (K f)(x),   f(a) = -(sigma0/theta) sqrt(c^2 - a^2)   (no singularity: this gives w),
+        P = 4 theta int_0^c f ds,
+        delta = (2/pi) int_a^c [f - K f - w + H](s) ds/sqrt(c^2 - s^2).
+
+    Given a and c all is explicit; given delta, c is a root. The annulus has nodes s = sqrt(c^2 - (c^2 - a^2)
+    t^2), t those of Gauss and Legendre on (0, 1), which takes out both square roots. On a half-space: Maugis
+    (1992), J. Colloid Interface Sci. 150, 243.
+
+    Parameters
+    ----------
+    contact : Contact
+        A rounded or pointed tip on its body.
+    radius, outer : float
+        Contact radius a and outer radius c of the attraction (m).
+    stress : float
+        Attraction sigma0 (Pa).
+    """
     count = _WIDE_NODES if outer > _WIDE * contact.thickness else _NODES
     nodes, weights = legendre_rule(count)
     t, gauss = 0.5 * (nodes + 1.0), 0.5 * weights
@@ -144,7 +144,7 @@ def maugis_state(contact: Contact, radius: float, outer: float, stress: float) -
 
 
 class RangeLimit(NamedTuple):
-    """Longest range of the attraction (m), and the ring (c - a)/a that it acts on."""
+    """Longest range of the attraction (m) for which JKR holds, and the ring (c - a)/a that it acts on."""
 
     separation: float
     ring: float
@@ -152,6 +152,12 @@ class RangeLimit(NamedTuple):
 
 def range_limit(contact: Contact, work: float, radius: float, elastic: float, share: float) -> RangeLimit:
     """Longest range at which what adhesion adds to the force is JKR's within `share`.
+
+    An attraction that ends at the separation delta acts on a ring of the width c - a around the contact, and
+    JKR is the limit of a narrow ring. How narrow it must be depends on the layer, which the usual Tabor number,
+    formed with the tip's radius and the modulus alone, does not know. Without load a paraboloid allows a ring
+    of 0.054 for 5 % on a half-space; on an incompressible bonded layer 0.041 at a/h = 1.6 and 0.032 at a/h =
+    4.9. Pressed so that adhesion is small against the load it is less still.
 
     Parameters
     ----------
@@ -270,7 +276,7 @@ class JKR(Adhesion):
         )
 
     def about_range(self, contact: Contact, solver: BuildsElastic) -> str:
-        """See `Adhesion`: how short the attraction must reach for JKR to hold, by (c - a)/a."""
+        """How short the attraction must reach for JKR to hold, in words, by the ring (c - a)/a of `range_limit`."""
         if contact.indenter.has_edge:
             return ""
         body = _body(contact, solver)
@@ -289,7 +295,7 @@ class JKR(Adhesion):
     def table(
         self, contact: Contact, contact_at: Callable[[float], Contact], solver: BuildsElastic
     ) -> AdhesionTable | None:
-        """See `Adhesion`; none for a flat punch."""
+        """Table for many works of adhesion, as `Adhesion.table`; None for a flat punch."""
         if contact.indenter.has_edge:
             return None
         return JKRTable(
@@ -321,12 +327,12 @@ class JKRBranch(AdhesiveBranch):
 
     @property
     def start(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """Far below the end of every branch (m)."""
+        """Smallest radius (m) of the equilibria, far below the end of every branch."""
         return _SMALLEST * self.reference
 
     @property
     def nodes(self) -> int | None:  # type: ignore[override]  # as above
-        """Those of the elastic solution."""
+        """Radial nodes of the elastic solution; None on a half-space."""
         return self.relation.nodes
 
     def at(self, radius: FloatArray) -> BranchPoint:
@@ -339,7 +345,7 @@ class JKRBranch(AdhesiveBranch):
         return BranchPoint(elastic.depth - q, elastic.force - stiffness * q, slope, force_slope)
 
     def work_slope(self, radius: FloatArray) -> FloatArray:
-        """See `AdhesiveBranch`: - 2 pi a dgamma da/dw."""
+        """dP/d ln dgamma (N) at fixed depth, (n,), at radii (m), (n,): - 2 pi a dgamma da/dw."""
         return -2.0 * np.pi * self.work * radius / self.at(radius).depth_slope
 
 
@@ -421,7 +427,7 @@ def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: f
 
 
 def _too_wide(branch: JKRBranch, contact: Contact, asked: float) -> RangeError:
-    """What is named when no contact is wide enough: the largest depth, or the largest work of adhesion."""
+    """The error where no contact is wide enough: it names the largest depth, or the largest work of adhesion."""
     edge = np.array([branch.end])
     last, elastic = branch.at(edge), branch.relation.at(edge)
     shape = contact.indenter.max_radius <= largest_radius(contact)

@@ -1,29 +1,18 @@
-"""JKR for many parameter sets at once, off tables of the elastic contact.
+"""JKR for many parameter sets at once: one tip, any work of adhesion, any depths, one ratio of moduli.
 
-Tables of what adhesion needs of the elastic contact, over ln a and over one ratio of moduli.
-
-Over ln a: cubics of the logarithms of the four functions that have their values and slopes at the nodes. The
-slopes are exact: dP_el/da = K dw_el/da and d(a kappa)/da = g(1)^2. With 20 nodes to an octave the error is below
-1e-8, held by a test.
-
-Over the logarithm of a ratio of moduli: polynomials at the points of Chebyshev in spans of ln 4. The functions are
-analytic in ln k with their nearest poles at Im ln k = pi (see `curve_family`): each point gains a factor of 9.
-
-JKR for many parameter sets at once: one tip, any work of adhesion, any depths, one ratio of moduli.
-
-The elastic contact does not know the work of adhesion. So the four functions of its radius that JKR needs,
+The elastic contact does not know the work of adhesion. So the four functions of its radius a that JKR needs,
 
     w_el,   Q = sqrt(pi a/theta)/g(1),   P_el,   K = 4 theta a kappa,
 
-are tabulated once over ln a, and a set of the work dgamma is the curve w = w_el - sqrt(dgamma) Q and
-P = P_el - sqrt(dgamma) K Q. Behind a spring of compliance C the travel of its other end is y = w + C P. A set's
-contact radius at a given travel is the root of y(a) beyond the minimum of y, by Newton's method for all sets and
-points together; the minimum is where the tip comes off.
+are tabulated once over ln a (`PunchNodes`) and, where a ratio of moduli varies, over its logarithm (`Span`). A
+set of the work dgamma is the curve w = w_el - sqrt(dgamma) Q and P = P_el - sqrt(dgamma) K Q. Behind a spring
+of compliance C the travel of its other end is y = w + C P. A set's contact radius at a given travel is the root
+of y(a) beyond the minimum of y, by Newton's method for all sets and points together; the minimum is where the
+tip comes off.
 
-The logarithms of the four are interpolated by cubics that have their values and slopes at the nodes
-(`punch_nodes`). The radii at which tables end, and the spans of the ratio, are fixed numbers: a set's answer does
-not depend on the sets beside it. Branches with more than one stable piece, and adhesion that is tiny against the
-load, are left to the single law.
+The radii at which tables end, and the spans of the ratio, are fixed numbers: a set's answer does not depend on
+the sets beside it. Branches with more than one stable piece, and adhesion that is tiny against the load, are
+left to the single law.
 """
 
 from __future__ import annotations
@@ -57,7 +46,7 @@ _STEPS, _CLOSE = 40, 1e-8
 
 
 class Quantity(IntEnum):
-    """The four functions of the radius."""
+    """The four tabulated functions of the contact radius: w_el, Q, P_el and K of the module's docstring."""
 
     DEPTH = 0
     PULL = 1
@@ -68,6 +57,9 @@ class Quantity(IntEnum):
 @dataclass(frozen=True)
 class PunchNodes:
     """The four functions over ln a for one or several bodies.
+
+    Cubics of the logarithms that have their values and slopes at the nodes. The slopes are exact: dP_el/da = K
+    dw_el/da and d(a kappa)/da = g(1)^2. With 20 nodes to an octave the error is below 1e-8, held by a test.
 
     Parameters
     ----------
@@ -139,6 +131,10 @@ class Columns:
 @dataclass(frozen=True)
 class Span:
     """Tables up to one radius, of a fixed body or at the Chebyshev points of a span of the ratio.
+
+    Over ln k, k the ratio of moduli, the functions are polynomials at the points of Chebyshev in spans of ln 4.
+    They are analytic in ln k with their nearest poles at Im ln k = pi (see `curve_family`): each point gains a
+    factor of 9.
 
     Parameters
     ----------
@@ -231,7 +227,7 @@ class _Sets:
         return Columns(self.nodes, self.table, log_radius)
 
     def force(self, here: Columns) -> tuple[FloatArray, FloatArray]:
-        """P and dP/d ln a."""
+        """Force P (N) and dP/d ln a (N) without regard to the spring."""
         force, pull, stiffness = (here.at(i) for i in (Quantity.FORCE, Quantity.PULL, Quantity.STIFFNESS))
         product = stiffness[0] * pull[0]
         slope = stiffness[1] * pull[0] + stiffness[0] * pull[1]
@@ -282,14 +278,14 @@ class JKRTable(AdhesionTable):
     def readings(
         self, work: FloatArray, travel: FloatArray, compliance: FloatArray, ratio: FloatArray | None
     ) -> AdhesiveReadings:
-        """See `AdhesionTable`."""
+        """What the sets read at given travels of the spring's far end; see `AdhesionTable.readings`."""
         found = AdhesiveReadings.empty(*travel.shape)
         for rows, sets, wide in self._groups(work, np.maximum(travel.max(axis=1), 0.0), compliance, ratio):
             self._solve(sets, rows, wide, travel, found)
         return found
 
     def pull_offs(self, work: FloatArray, ratio: FloatArray | None) -> FloatArray:
-        """See `AdhesionTable`."""
+        """Where the tip comes off, for each set; see `AdhesionTable.pull_offs`."""
         found, shallow = np.full((2, work.size), np.nan), np.zeros(work.size)
         for compliance, sign, row in ((np.inf, -1.0, found[0]), (0.0, 1.0, found[1])):
             held = np.full(work.size, compliance)

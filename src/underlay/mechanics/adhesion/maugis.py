@@ -1,19 +1,11 @@
 """Attraction of finite range: Maugis-Dugdale, and Derjaguin-Muller-Toporov outside a Hertzian contact.
 
-Maugis and Dugdale on any layer: an attraction of constant stress and finite range. The reference for JKR.
-
-One state, for a contact radius a and an attraction out to c, is `maugis_state`; here are those of a given work and
-range, and the branch they make. Nothing here knows of energy release rates: that its limit for c -> a is JKR is an
-independent check of `jkr`. And (c - a)/a says whether JKR may be used (`range_limit`): a Tabor number formed with R
-and E* alone does not tell on a thin layer.
-
-Derjaguin, Muller and Toporov: attraction outside of a contact that adhesion does not deform.
-
-Formula: P = P_el(w) - 2 pi R dgamma, a = a_el(w). The attraction acts across the gap of the undeformed shapes
-(Derjaguin's approximation), so that the layer does not enter. Range: tips whose apex is a paraboloid, and an
-attraction that reaches far against the elastic deformation at the edge. On a thin incompressible layer JKR's
-pull-off, up to 3 pi R dgamma, passes this one: the order known from the half-space is reversed. Behind a spring the
-tip is one that was pressed in and is withdrawn: it holds on until the depth is zero.
+`Maugis` takes a constant stress up to a separation, on any layer, and is the reference for JKR. One state, for
+a contact radius a and an attraction out to c, is `maugis_state`; here are those of a given work and range, and
+the branch they make. Nothing in it knows of energy release rates: that its limit for c -> a is JKR is an
+independent check of `jkr`. And (c - a)/a says whether JKR may be used (`range_limit`): a Tabor number formed
+with R and E* alone does not tell on a thin layer. `DMT` is the other limit, attraction outside of a contact
+that adhesion does not deform.
 """
 
 from __future__ import annotations
@@ -163,7 +155,7 @@ class _MaugisBranch(AdhesiveBranch):
     nodes: int | None = None
 
     def at(self, radius: FloatArray) -> BranchPoint:
-        """See `AdhesiveBranch`."""
+        """States at radii (m), (n,), inside the branch, interpolated."""
         place = np.log(radius)
         values, slopes = self.spline(place), self.spline(place, 1) / radius[:, None]
         return BranchPoint(values[:, 0], values[:, 1], slopes[:, 0], slopes[:, 1])
@@ -193,7 +185,7 @@ def _bracket(excess: Callable[[float], float], start: float, highest: float) -> 
 
 @dataclass(frozen=True, kw_only=True)
 class DMTLaw(ContactLaw):
-    """An elastic law less a constant attraction while there is contact.
+    """An elastic law less a constant attraction while there is contact; see `DMT`.
 
     Parameters
     ----------
@@ -212,7 +204,7 @@ class DMTLaw(ContactLaw):
 
     @property
     def nodes(self) -> int | None:
-        """Those of the elastic law."""
+        """Radial nodes of the elastic law."""
         return self.elastic.nodes
 
     @property
@@ -236,6 +228,14 @@ class DMTLaw(ContactLaw):
 @dataclass(frozen=True)
 class DMT(Adhesion):
     """Long-ranged adhesion of a paraboloid or sphere, as Derjaguin, Muller and Toporov take it.
+
+    P = P_el(w) - 2 pi R dgamma, a = a_el(w), with R the radius of the tip and dgamma the work of adhesion:
+    attraction outside of a contact that adhesion does not deform. It acts across the gap of the undeformed
+    shapes (Derjaguin's approximation), so that the layer does not enter. Range: tips whose apex is a
+    paraboloid, and an attraction that reaches far against the elastic deformation at the edge. On a thin
+    incompressible layer JKR's pull-off, up to 3 pi R dgamma, passes this one: the order known from the
+    half-space is reversed. Behind a spring the tip is one that was pressed in and is withdrawn: it holds on
+    until the depth is zero.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the contact radius decides: the elastic depth and force, and the flat punch's factors.
+"""Depth, force and flat-punch factors of the elastic contact against its radius: all that adhesion needs of it.
 
 For a contact of radius a (the notation of `punch_solution`, eps = a/h),
 
@@ -13,7 +13,7 @@ They hang together exactly, for every kernel:
 On a half-space g = kappa = 1. On a layer the logarithms of the four, over those of the half-space, are smooth
 in eps and become Chebyshev series. So does [g(1) dw_el/da - H'(a)] a/H(a), an integral over the contact: a measured
 tip has corners in its curvature, and the derivative of a series of w_el/H is right to 1e-3 where w_el is to 1e-6.
-This module is the only one of `adhesion` that knows the exact solver.
+This module is the only one of `adhesion` that knows the exact solver of rounded tips.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class AtRadius(NamedTuple):
 
 
 class RadiusRelation(ABC):
-    """Elastic contact against its radius, up to `end` (m)."""
+    """Elastic contact against its radius (m), up to `end` (m), on a surface of elastic constant `theta` (Pa)."""
 
     theta: float
     end: float
@@ -89,7 +89,7 @@ class RadiusRelation(ABC):
 
 @dataclass(frozen=True)
 class HalfspaceRelation(RadiusRelation):
-    """On a half-space: w = H(a), P = 4 theta (a H - int_0^a H ds) (2.13), (3.2).
+    """Elastic contact against its radius on a half-space: w = H(a), P = 4 theta (a H - int_0^a H ds) (2.13), (3.2).
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class HalfspaceRelation(RadiusRelation):
         return self.indenter.max_radius
 
     def at(self, radius: FloatArray) -> AtRadius:
-        """See `RadiusRelation`; closed forms."""
+        """Contact at radii (m), (n,), positive and at most `end`, in closed form."""
         depth, one = self.indenter.abel(radius), np.ones_like(radius)
         work = self.indenter.halfspace_force(depth, radius)
         slope = self.indenter.abel_slope(radius)
@@ -119,7 +119,7 @@ class HalfspaceRelation(RadiusRelation):
 
 @dataclass(frozen=True)
 class LayerRelation(RadiusRelation):
-    """On a layer: the half-space's times factors.
+    """Elastic contact against its radius on a layer: the half-space's times factors.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class LayerRelation(RadiusRelation):
     end : float
         Largest radius (m).
     series : _Series
-        Of these.
+        Of the factors.
     """
 
     halfspace: HalfspaceRelation
@@ -140,7 +140,7 @@ class LayerRelation(RadiusRelation):
 
     @property
     def error_estimate(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """Of the logarithms."""
+        """Truncation error of the logarithms of the factors."""
         return self.series.error_estimate
 
     @property
@@ -150,11 +150,11 @@ class LayerRelation(RadiusRelation):
 
     @property
     def theta(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """That of the layer (Pa)."""
+        """Elastic constant of the layer (Pa)."""
         return self.halfspace.theta
 
     def at(self, radius: FloatArray) -> AtRadius:
-        """See `RadiusRelation`."""
+        """Contact at radii (m), (n,), positive and at most `end`, by the series."""
         eps = radius / self.thickness
         # The last radius may round to beyond 1. Cosines: the recursion of the polynomials would take a step a term.
         angle = np.arccos(np.minimum(self.series.stretch.z(eps), 1.0))
@@ -199,7 +199,7 @@ def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelati
 
 @dataclass(frozen=True)
 class _Series:
-    """What a relation adds to that on a half-space, over eps; the same for tips of one exponent of any size.
+    """Factors of a layer's relation over that on a half-space, over eps = a/h; one series for tips of any size.
 
     Parameters
     ----------

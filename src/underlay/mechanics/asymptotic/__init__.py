@@ -1,6 +1,5 @@
-"""The paper: Argatov and Sabina's fourth-order asymptotics, equation by equation.
+"""Argatov and Sabina's fourth-order asymptotics of the substrate effect ("the paper"), equation by equation.
 
-`law` chooses among the curves of `series` (`power_law_series`, `shape_series`) and estimates their `error`;
-`blunt` and `blunt_relations` hold sections 5 and 7 to 9, `hemisphere` section 6, `integral_relations` sections
-2 to 4.
+`law` chooses among the curves of `series` (`PowerLawSeries`, `ShapeSeries`, `PunchSeries`) and estimates their
+error; `blunt` and `blunt_relations` hold sections 5 and 7 to 9, `integral_relations` sections 2 to 4 and 6.
 """

@@ -1,7 +1,9 @@
 """The blunt indenter Phi(r) = A r^lambda in closed form: sections 5, 7 and 8 of the paper.
 
 Pure functions of the shape exponent lambda and of the kernel's first two moments a_0, a_1 (1.8); every
-argument may be an array and broadcasts. The coefficients of a series come as a tuple in increasing order.
+argument may be an array and broadcasts. The coefficients of a series come as a tuple in increasing order, in powers
+of eps = a/h, of varpi = a_half/h (5.8), or of P~, the half-space radius at the force over h (8.3); a is the contact
+radius, a_half that on a half-space at the same depth, h the thickness.
 Throughout, b = 2 a_0/pi and c = 8 a_1/(3 pi), so that 16 a_0 a_1/(3 pi^2) = b c.
 
 Source: Argatov and Sabina, asymptotic analysis of the substrate effect for an arbitrary indenter; paraboloid:

@@ -1,4 +1,4 @@
-"""The blunt indenter's relations between depth, force and contact radius as pure functions of arrays.
+"""Depth, force and contact radius of a blunt indenter by the asymptotic formulas, as pure functions of arrays.
 
 Every argument broadcasts: parameter sets as (batch, 1) against depths or forces (n,) give (batch, n), which
 is what a fit or a map of many curves calls. `AsymptoticLaw` checks ranges and errors; these do not.

@@ -1,18 +1,15 @@
-"""The exact integral relations (sections 1 to 4 of the paper) and the hemispherical indenter (section 6).
+"""The paper's exact integral relations (sections 1 to 4), and its hemispherical indenter (section 6).
 
-The exact integral relations between pressure, depth and force: sections 1 to 4 of the paper.
+The relations turn a known contact pressure, or a guess of it, into the depth (2.13), the force (3.4) and the
+polar moment (4.8) that the contact condition asks for, for any convex indenter; the asymptotic model follows by
+expanding their kernels in sigma = rho/h and alpha = a/h, a the contact radius and h the thickness. Integrals
+over the wavenumber u are sums: `weight` holds the quadrature weights times 1 - L(u) at the nodes `u`. Integrals
+over the contact are sums too: `load` holds p(rho) rho times the quadrature weights at the nodes `rho`, p the
+pressure.
 
-They turn a known contact pressure, or a guess of it, into the depth (2.13), the force (3.4) and the polar
-moment (4.8) that the contact condition asks for, for any convex indenter; the asymptotic model follows by
-expanding their kernels in sigma = rho/h and alpha = a/h.
-
-Integrals over u are sums: `weight` holds the quadrature weights times 1 - L(u) at the nodes `u`. Integrals
-over the contact are sums too: `load` holds p(rho) rho times the quadrature weights at the nodes `rho`.
-
-The hemispherically-ended indenter: section 6 of the paper, in alpha = a/R and mu = R/h.
-
-Pure functions of arrays. The three integrals of section 6 enter through `Sphere`, whose forms keep their
-digits for small alpha; with Lambda(alpha) = (1 + alpha^2) ln((1 + alpha)/(1 - alpha)) - 2 alpha,
+The formulas of section 6, from `halfspace_load` on, are in alpha = a/R and mu = R/h, R the sphere's radius. Its
+three integrals enter through `Sphere`, whose forms keep their digits for small alpha; with Lambda(alpha) = (1 +
+alpha^2) ln((1 + alpha)/(1 - alpha)) - 2 alpha,
 
     Lambda = 4 (alpha H - int_0^alpha H) / R^2      on a half-space P = theta R^2 Lambda (6.9).
 
@@ -194,13 +191,13 @@ def halfspace_alpha(load: FloatArray) -> FloatArray:
 
 
 def parametric_load(alpha: FloatArray, mu: Real, a_1: Real) -> FloatArray:
-    """P/(theta R^2) of (6.3)."""
+    """P/(theta R^2) of (6.3) at alpha = a/R."""
     c = kernel_terms(0.0, a_1)[1]
     return halfspace_load(alpha) * (1.0 - c * (mu * alpha) ** 3)
 
 
 def parametric_depth(alpha: FloatArray, mu: Real, a_0: Real, a_1: Real) -> FloatArray:
-    """w/R of (6.4)."""
+    """w/R of (6.4), a sphere's depth over its radius, at alpha = a/R."""
     b, c = kernel_terms(a_0, a_1)
     H, load = _UNIT.abel(alpha), halfspace_load(alpha)
     third = 0.5 * alpha**3 * H - 1.5 * _UNIT.abel_moments(alpha)[1] + 0.375 * alpha**2 * load
@@ -215,7 +212,7 @@ def england_radius(alpha_0: FloatArray, mu: Real, a_1: Real) -> FloatArray:
 
 
 def england_depth(alpha_0: FloatArray, mu: Real, a_0: Real, a_1: Real) -> FloatArray:
-    """w/R of (6.11)."""
+    """w/R of (6.11) from alpha_0, the half-space radius at the force over R."""
     b, c = kernel_terms(a_0, a_1)
     first, second = _UNIT.abel_moments(alpha_0)
     H = _UNIT.abel(alpha_0)

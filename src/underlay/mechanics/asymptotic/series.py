@@ -1,6 +1,4 @@
-"""The asymptotic relations as curves of one parameter, for power-law and for any convex tips.
-
-The asymptotic relations as curves (w, P, a)(s) of one parameter s, for every shape and form.
+"""The asymptotic relations as curves of one parameter: depth, force and contact radius of any convex tip.
 
 A form of the fourth-order model is a curve in depth w, force P and contact radius a:
 
@@ -12,27 +10,9 @@ form            parameter s (m)                              equations          
 ``compliance``  half-space radius at the force P             (8.4), (8.5); else England            all
 ==============  ===========================================  ===================================  ==========
 
-Orders: a curve of order n keeps the terms up to eps^n.
-
-The asymptotic curve of a power-law indenter: three polynomials in eps, whichever the form.
-
-Formulas: (5.2), (5.3), (5.7), (5.9), (8.4), (8.5), from the coefficients in `blunt`.
-
-The asymptotic curve of any convex axisymmetric indenter, from H and its two moments.
-
-Parametric form: (4.14), (4.15); the errata behind them: (4.5) has + P_2 a_1/h^2, and (4.12) follows by
-substituting (4.10).
-
-The compliance form for any shape. dP/dw = 4 theta a kappa_inf holds exactly, 1/kappa_inf is 1 - b eps -
-c eps^3 + O(eps^5), and (4.13) gives a(P); integrating dw = dP (1 - b eps - c eps^3)/(4 theta a) with the
-half-space radius s as parameter, N(s) = s H(s) - int_0^s H, b = 2 a_0/pi and c = 8 a_1/(3 pi):
-
-    P = 4 theta N,
-    w = H - (b/h) N - (c/h^3) [s^3 H - (s^2/2) int_0^s H - (3/2) int_0^s H r^2 dr],
-    a = s + (c/h^3) s^2 N / H'.
-
-It is England's expansion (6.10), (6.11) for a sphere and (8.4), (8.5) for a power law. The a_0 term is exact
-in it (a shift of the surface proportional to the force), which is why it stays good on soft substrates.
+with h the thickness and H the half-space depth function of the shape. A curve of order n keeps the terms up to
+eps^n, eps = s/h. `PowerLawSeries` are three polynomials in eps, whichever the form, from the coefficients in
+`blunt`; `ShapeSeries` needs H and its two moments; `PunchSeries` is the flat punch.
 """
 
 from __future__ import annotations
@@ -126,15 +106,15 @@ class PunchSeries(ContactSeries):
 
     @property
     def radius_end(self) -> float:
-        """No end."""
+        """Infinite: the contact radius never changes."""
         return np.inf
 
     def start(self, depth: FloatArray) -> FloatArray:
-        """The depth itself."""
+        """The depth itself (m), which is the parameter."""
         return depth
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The parameter itself."""
+        """Depth (m), which is the parameter itself, and its derivative, one."""
         return s, np.ones_like(s)
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -143,7 +123,7 @@ class PunchSeries(ContactSeries):
         return stiffness * s, np.full_like(s, stiffness)
 
     def radius(self, s: FloatArray) -> FloatArray:
-        """The punch's radius."""
+        """Contact radius (m), that of the punch."""
         return np.full_like(s, self.shape.max_radius)
 
 
@@ -193,14 +173,14 @@ class PowerLawSeries(ContactSeries):
         return self.shape.halfspace_radius(depth)
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(5.3), (8.4), or w = H(s)."""
+        """Depth (m) by (5.3), (8.4), or w = H(s), and dw/ds."""
         lam, eps = self.shape.exponent, s / self.thickness
         depth = self.shape.abel(s)
         series, slope = _polynomial(self.depth_terms, eps)
         return depth * series, depth / s * (lam * series + eps * slope)
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(5.2), (5.9), or the half-space force."""
+        """Force (N) by (5.2), (5.9), or that of the half-space, and dP/ds."""
         lam, eps = self.shape.exponent, s / self.thickness
         force = 4.0 * self.theta * lam / (lam + 1.0) * self.shape.abel(s)
         series, slope = _polynomial(self.force_terms, eps)
@@ -218,7 +198,7 @@ class PowerLawSeries(ContactSeries):
         return load
 
     def radius(self, s: FloatArray) -> FloatArray:
-        """(5.7), (8.5), or s."""
+        """Contact radius (m) by (5.7), (8.5), or s itself."""
         return s * _horner(self.radius_terms, s / self.thickness)
 
 
@@ -288,7 +268,21 @@ def _first_turn(power: float, terms: tuple[float, ...]) -> float:
 
 @dataclass(frozen=True)
 class ShapeSeries(ContactSeries):
-    """The parametric or compliance curve of any shape; b and c are zero where the order drops them.
+    """The parametric or compliance curve of any convex shape; b and c are zero where the order drops them.
+
+    Parametric form: (4.14), (4.15); the errata behind them: (4.5) has + P_2 a_1/h^2, and (4.12) follows by
+    substituting (4.10).
+
+    Compliance form: dP/dw = 4 theta a kappa_inf holds exactly, 1/kappa_inf is 1 - b eps - c eps^3 + O(eps^5),
+    and (4.13) gives a(P); integrating dw = dP (1 - b eps - c eps^3)/(4 theta a) with the half-space radius s as
+    parameter, N(s) = s H(s) - int_0^s H, b = 2 a_0/pi and c = 8 a_1/(3 pi):
+
+        P = 4 theta N,
+        w = H - (b/h) N - (c/h^3) [s^3 H - (s^2/2) int_0^s H - (3/2) int_0^s H r^2 dr],
+        a = s + (c/h^3) s^2 N / H'.
+
+    It is England's expansion (6.10), (6.11) for a sphere and (8.4), (8.5) for a power law. The a_0 term is exact
+    in it (a shift of the surface proportional to the force), which is why it stays good on soft substrates.
 
     Parameters
     ----------
@@ -366,7 +360,7 @@ class ShapeSeries(ContactSeries):
         return self.shape.halfspace_radius(np.minimum(depth, last))
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(4.15), or the compliance form of the module's docstring."""
+        """Depth (m) by (4.15), or by the compliance form of the class's docstring, and dw/ds."""
         h, b, c = self.thickness, self.b, self.c
         H, slope = self.shape.abel(s), self.shape.abel_slope(s)
         first, second = self.shape.abel_moments(s)
@@ -389,7 +383,7 @@ class ShapeSeries(ContactSeries):
         )
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(4.14), or the half-space force (3.2)."""
+        """Force (N) by (4.14), or that of the half-space (3.2), and dP/ds."""
         H, slope = self.shape.abel(s), self.shape.abel_slope(s)
         N = s * H - self.shape.abel_moments(s)[0]
         if self.by_force:
@@ -401,7 +395,7 @@ class ShapeSeries(ContactSeries):
         )
 
     def radius(self, s: FloatArray) -> FloatArray:
-        """The parameter itself, or a = s + (c/h^3) s^2 N/H'."""
+        """Contact radius (m): the parameter itself, or a = s + (c/h^3) s^2 N/H'."""
         if not self.by_force or self.c == 0.0:
             return s
         N = s * self.shape.abel(s) - self.shape.abel_moments(s)[0]

@@ -6,4 +6,10 @@ history; `Drainage` the memory of a scene. Inside, from the bottom: `material` (
 Laplace space); `response` and `history` (back to time); `past`, `moving`, `stepping` (a moving contact in time);
 `contacts` (in units); `punch_table` and `tip_table` (isotropic layers, tabulated), `many` (a fit's draws, off these
 tables); `judgement` (what is refused or said); `drainage` (what a scene and a fit ask).
+
+Symbols of all modules: a contact radius, h thickness, w depth, P force; A11, A13, A33, A44 the stiffnesses of
+the drained skeleton (A44 the axial shear modulus), theta_d its elastic constant, k_r and k_z the radial and
+axial permeability, c = k_z A33 the diffusivity; xi the wavenumber, s the Laplace variable. "The note" is the
+design note on draining layers, which is not part of the package; everything needed to read the code is repeated
+here.
 """

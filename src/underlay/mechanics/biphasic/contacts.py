@@ -1,6 +1,7 @@
-"""A flat punch on a draining layer, in units: force under any depth history, depth under any load history.
+"""Contacts of a draining layer in units: forces under a history of depth, and depths under a history of load.
 
-A sphere or paraboloid on a draining layer, in units: force under ramps and holds of depth.
+`DrainingPunch` is a flat punch: force under any depth history and depth under any load history. `DrainingTip` is a
+sphere or paraboloid: force under ramps and holds of depth.
 """
 
 from __future__ import annotations
@@ -53,16 +54,16 @@ _ROOM = 1e-9
 
 
 class PunchTable(Protocol):
-    """Responses of isotropic layers by a/h and nu, without units."""
+    """Responses of isotropic layers to a flat punch by a/h (`eps`) and nu, without units."""
 
     def covers(self, eps: float, nu: float) -> NDArray[np.bool_]:
-        """Whether they are inside."""
+        """Whether a/h and nu are inside the table."""
 
     def ends(self, eps: float, nu: float) -> tuple[FloatArray, FloatArray]:
         """P/(4 theta_d a w) at once and in the long run."""
 
     def __call__(self, eps: float, nu: float) -> Response:
-        """Read the table."""
+        """Response to a unit step of depth, P/(4 theta_d a), times in a^2/c."""
 
 
 @dataclass(frozen=True)
@@ -109,17 +110,17 @@ class DrainingPunch:
 
     @property
     def eps(self) -> float:
-        """a/h."""
+        """Contact radius over thickness, a/h."""
         return self.radius / self.thickness
 
     @cached_property
     def unit_time(self) -> float:
-        """a^2/c (s)."""
+        """Unit of time of the contact, a^2/c (s)."""
         return self.material.drainage_time(self.radius)
 
     @cached_property
     def unit_stiffness(self) -> float:
-        """4 theta_d a (N/m)."""
+        """Unit of stiffness of the contact, 4 theta_d a (N/m)."""
         return 4.0 * float(self.material.plane_constants.theta) * self.radius
 
     @cached_property
@@ -203,13 +204,16 @@ class Ramped(Protocol):
 
 
 class RampTable(Protocol):
-    """Ramps and holds by a0/h, nu and the ramp's duration (a0^2/c)."""
+    """Ramps and holds by a0/h (`eps`), nu and the ramp's duration (a0^2/c).
+
+    a0 is the undrained contact radius at the depth held.
+    """
 
     def covers(self, eps: float, nu: float, ramp: float, end: float) -> bool:
-        """Whether they, and the end of the hold (a0^2/c), are inside."""
+        """Whether a0/h, nu, the ramp's duration and the end of the hold (both in a0^2/c) are inside the table."""
 
     def __call__(self, eps: float, nu: float, ramp: float) -> Ramped:
-        """Read the table."""
+        """One ramp and hold of the table."""
 
 
 class SingleRamp(NamedTuple):
@@ -333,7 +337,7 @@ class DrainingTip:
         return lambda time: found.at((time - ramped.start) / unit)
 
     def record(self, depth: Polyline, end: float) -> TipRecord:
-        """Solve up to a time (s)."""
+        """Solve for the moving contact up to a time (s)."""
         depth = depth.in_contact
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         law = self.undrained(deepest)

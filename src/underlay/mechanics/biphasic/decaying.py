@@ -1,29 +1,27 @@
-"""Divided differences, in m, of polynomials times exp(-m z): bases that have no case of equal roots.
+"""Three solutions of a biphasic half-space that decay with depth, whether or not their decay roots coincide.
 
-With y[m1, m2] = (y(m2) - y(m1))/(m2 - m1) and so on, any set of three decaying solutions y(m_i) exp(-m_i z)
-spans the same space as (y f)[m1], (y f)[m1, m2], (y f)[m1, m2, m3], f = exp(-m z), and these stay independent
-where roots coincide. Leibniz' rule needs the differences of both factors:
-
-    (y f)[1,2] = y1 f12 + y12 f2,    (y f)[1,2,3] = y1 f123 + y12 f23 + y123 f3.
-
-Only decaying exponentials: m is sorted by its real part.
-
-Decay roots of the transversely isotropic kernel: a complex cubic, solved as a set.
+Under a wave J0(xi r) on the surface the fields are u_r = U J1, u_z = W J0, p = Pi J0, shear stress S J1, normal
+total stress T J0; z down from the surface. With moduli in A44 and k_z = 1, and z in units of 1/xi, a solution
+(`decaying`) is six rows: U, W, S/xi, T/xi, Pi/xi, Pi'/xi^2. Nothing but the skeleton and sh = s/(k_z A44 xi^2)
+enters.
 
 Solutions fall with depth as exp(-m xi z), where mu = m^2 are the roots of
 
     (mu - r) D(mu) = sh N(mu),   D = A33 mu^2 - (A11 A33 - A13^2 - 2 A13) mu + A11,
                                  N = mu^2 - (A11 + A33 - 2 A13 - 2) mu + 1,
 
-moduli in A44, r = k_r/k_z, sh = s/(k_z A44 xi^2). D is the drained elastic characteristic, N the undrained
-one. Roots coincide (isotropy: 1, 1, 1 + s/(c xi^2)), so single roots may be badly conditioned; what the
-kernel needs are functions of the set, and the set is found backward stably.
+moduli in A44, r = k_r/k_z. D is the drained elastic characteristic, N the undrained one. Roots coincide (isotropy:
+1, 1, 1 + s/(c xi^2)), so single roots may be badly conditioned; what the kernel needs are functions of the set, and
+the set is found backward stably (`decay_roots`).
 
-Three decaying solutions of a biphasic half-space under a wave J0(xi r) on its surface.
+Those functions are divided differences, in m, of polynomials times exp(-m z): bases that have no case of equal
+roots. With y[m1, m2] = (y(m2) - y(m1))/(m2 - m1) and so on, any set of three decaying solutions y(m_i) exp(-m_i
+z) spans the same space as (y f)[m1], (y f)[m1, m2], (y f)[m1, m2, m3], f = exp(-m z), and these stay
+independent where roots coincide. Leibniz' rule needs the differences of both factors:
 
-Fields u_r = U J1, u_z = W J0, p = Pi J0, shear stress S J1, normal total stress T J0; z down from the
-surface. With moduli in A44 and k_z = 1, and z in units of 1/xi, a solution is six rows: U, W, S/xi, T/xi,
-Pi/xi, Pi'/xi^2. Nothing but the skeleton and sh = s/(k_z A44 xi^2) enters.
+    (y f)[1,2] = y1 f12 + y12 f2,    (y f)[1,2,3] = y1 f123 + y12 f23 + y123 f3.
+
+Only decaying exponentials: m is sorted by its real part.
 """
 
 from __future__ import annotations
@@ -233,7 +231,10 @@ class IsotropicDecaying(Decaying):
         self.slowest = np.minimum(self._q.real, 1.0)
 
     def at(self, z: FloatArray, where: NDArray[np.bool_]) -> ComplexArray:
-        """See `Decaying.at`; A = (e^-z - e^-qz)/(q - 1), the pressure's share in the displacement."""
+        """Rows of the solutions as `Decaying.at` has them.
+
+        A = (e^-z - e^-qz)/(q - 1) is the pressure's share in the displacement.
+        """
         M, q, gap = self._M, self._q[where], self._gap[where]
         e, slow = np.exp(-z), np.exp(-q * z)
         # From the root that falls more slowly: left of the imaginary axis of s that may be q.
@@ -269,7 +270,7 @@ class TransverseDecaying(Decaying):
         self._fluid = fluid @ sums[:, :, self._slow]
 
     def at(self, z: FloatArray, where: NDArray[np.bool_]) -> ComplexArray:
-        """See `Decaying.at`."""
+        """Rows of the solutions as `Decaying.at` has them."""
         f = exponentials(self._m[:, where], z.astype(np.complex128))
         main, slow = self._main[..., where], self._slow[where]
         y1, y12, _ = main

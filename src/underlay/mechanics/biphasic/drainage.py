@@ -68,7 +68,7 @@ _RAMP_KNOTS = 8
 
 
 class Kept:
-    """What one problem has solved for: the last responses and answers."""
+    """The last responses and answers that one problem has solved for, kept so as not to solve again."""
 
     def __init__(self) -> None:
         self._responses: OrderedDict[Hashable, Response] = OrderedDict()
@@ -144,7 +144,7 @@ class Drainage(WholeHistory):
 
     @property
     def material(self) -> BiphasicMaterial:
-        """What drains."""
+        """Material of the layer, which drains."""
         if not isinstance(self.layer.material, BiphasicMaterial):
             raise InputError(f"this layer does not drain: {self.layer.material!r:.80}")
         return self.layer.material
@@ -170,7 +170,7 @@ class Drainage(WholeHistory):
 
     # --- forces -------------------------------------------------------------------------------------------
     def answer(self, depth: FloatArray, time: FloatArray) -> FloatArray:
-        """See `WholeHistory.answer`."""
+        """Force (N), (n,), of depths since contact (m) at times (s), (n,) each; the last answers are kept."""
         key = (tuple(numbers_of(self).values()), depth.tobytes(), time.tobytes())
         return self.kept.answer(key, lambda: self._answered(depth, time))
 
@@ -185,7 +185,10 @@ class Drainage(WholeHistory):
     def answers(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
-        """See `WholeHistory.answers`: isotropic layers off the shipped tables, others off one of their own."""
+        """Forces (N), (sets, n), of many sets of numbers, and which sets are answered; see `WholeHistory.answers`.
+
+        Isotropic layers go off the shipped tables, others off one of their own.
+        """
         tip, thickness = self.indenter, values.get(_THICKNESS, self.layer.thickness)
         if not (depth > 0.0).any():
             return None
@@ -206,7 +209,7 @@ class Drainage(WholeHistory):
     def _on_a_lattice(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
-        """The same of other layers; None where a lattice would cost more than one set after another."""
+        """Answers of other layers than `answers` has tables for, off a lattice; None where that would cost more."""
         own = numbers_of(self)
         vary = {path: v for path, v in values.items() if path in own and isinstance(v, np.ndarray)}
         modulus = np.broadcast_to(values[_E], sets)
@@ -239,7 +242,10 @@ class Drainage(WholeHistory):
         return self.contact.depth(followed(force, time), time)
 
     def stiffness(self, depth: FloatArray, force: FloatArray) -> FloatArray:
-        """See `WholeHistory.stiffness`: the force of a punch is linear in depth, of another tip as when drained."""
+        """dP/dw (N/m), (n,), as `WholeHistory.stiffness`.
+
+        The force of a punch is linear in depth; that of another tip is taken to grow with depth as when drained.
+        """
         touching = depth > 0.0
         w, found = depth[touching], np.zeros_like(depth)
         if isinstance(self.contact, DrainingPunch) or not touching.any():
@@ -251,7 +257,7 @@ class Drainage(WholeHistory):
 
     # --- derivatives --------------------------------------------------------------------------------------
     def slopes(self, paths: Sequence[str], depth: FloatArray, time: FloatArray) -> Mapping[str, FloatArray]:
-        """See `WholeHistory.slopes`."""
+        """d force / d number (SI), (n,), at `paths`, by differences; see `WholeHistory.slopes`."""
         smooth = self._is_smooth(depth, time)
         return {path: self._slope(path, depth, time, smooth=smooth) for path in paths}
 
@@ -285,7 +291,7 @@ class Drainage(WholeHistory):
 
     # --- what follows, and what is doubtful ---------------------------------------------------------------
     def derived(self) -> Mapping[str, float]:
-        """See `WholeHistory.derived`."""
+        """Quantities (SI) that follow from its numbers, by name."""
         material = self.material
         found = {
             "layer.aggregate_modulus": material.aggregate_modulus,
@@ -297,7 +303,7 @@ class Drainage(WholeHistory):
         return found
 
     def doubts(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> Sequence[Doubt]:
-        """See `WholeHistory.doubts`: section 9 of the note."""
+        """What a record cannot tell at the fitted numbers, in the words of `judgement`."""
         line, deepest = ramps_and_holds(depth, time).in_contact, float(depth.max())
         radius = self._radius(deepest)
         unit, eps = self.material.drainage_time(radius), radius / self.layer.thickness
@@ -346,7 +352,13 @@ class Drainage(WholeHistory):
 
     # --- a search -----------------------------------------------------------------------------------------
     def require_record(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> None:
-        """See `WholeHistory.require_record`: there must be a hold, in which the force falls."""
+        """Refuse a record of depths (m), forces (N) and times (s), (n,) each, without a falling hold.
+
+        Raises
+        ------
+        InputError
+            With what to do instead.
+        """
         line = ramps_and_holds(depth, time)
         rises = np.flatnonzero(np.diff(line.value) > 0.0)
         if not rises.size:
@@ -359,7 +371,10 @@ class Drainage(WholeHistory):
     def starts(
         self, free: Mapping[str, tuple[float, float]], depth: FloatArray, force: FloatArray, time: FloatArray
     ) -> Sequence[Mapping[str, float]]:
-        """See `WholeHistory.starts`: over times a^2/c and shapes of the material, the moduli by least squares."""
+        """Values (SI) to begin a search from, best first; see `WholeHistory.starts`.
+
+        Times a^2/c and shapes of the material are tried, with the moduli by least squares.
+        """
         seen = _thinned(time.size)
         depth, force, time = depth[seen], force[seen], time[seen]
         found = []
@@ -372,7 +387,7 @@ class Drainage(WholeHistory):
         return [values for _, values in found[:_STARTS]]
 
     def _like(self, values: Mapping[str, float]) -> Drainage:
-        """The same with numbers of its own, by path."""
+        """The same drainage with the numbers of `values`, by path."""
         return replace_values(self, values) if values else self
 
     def _shapes(self, free: Mapping[str, tuple[float, float]]) -> list[dict[str, float]]:

@@ -1,4 +1,4 @@
-"""The elastic ends of every drainage: the library's own laws of the drained and of the undrained skeleton."""
+"""Elastic ends of every drainage: the library's own laws of the undrained and of the drained skeleton."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The contact equations on a disc, in the basis that knows the edge.
+"""The contact equations on a disc, in a basis that knows the singularity at the edge.
 
 On a contact of radius a the total pressure and, under an impervious tip, the water pressure of the surface
 are
@@ -6,14 +6,15 @@ are
     sigma = sum alpha_n (1-x^2)^(-1/2) P_2n(sqrt(1-x^2))/C_n  <->  alpha_n j_2n(xi a),   C_n = (-1)^n P_2n(0),
     p     = sum beta_n (...)                                  <->  beta_n j_2n+1(xi a)/xi,
 
-x = r/a. Settlement and flux under the tip are tested with the same functions (section 3 of the note):
+x = r/a, P_2n Legendre polynomials, j_n spherical Bessel functions and c11 ... c22 the surface kernel
+(`SurfaceKernel`). Settlement and flux under the tip are tested with the same functions (section 3 of the note):
 
     A11 = int j_2m j_2n (xi c11 - 1/theta) dxi + delta pi/(2 (4n+1) a theta),   A12 = int j_2m j_2n+1 c12 dxi,
     A22 = int j_2m+1 j_2n+1 (c22/xi + rho) dxi - delta pi rho/(2 (4n+3) a),     A21 = int j_2m+1 j_2n c21 dxi,
 
-theta the drained constant and rho = sqrt(k_r/k_z): what is taken off is the end of large xi, and its integral
-is known. Outside the contact there is no pressure and the water leaves freely; `"porous"` lets it leave
-through the tip too; `"sealed"` nowhere. The force is P = 2 pi alpha_0.
+theta the drained constant, rho = sqrt(k_r/k_z) and delta one where m = n, else zero: what is taken off is the
+end of large xi, and its integral is known. Outside the contact there is no pressure and the water leaves
+freely; ``"porous"`` lets it leave through the tip too; ``"sealed"`` nowhere. The force is P = 2 pi alpha_0.
 """
 
 from __future__ import annotations

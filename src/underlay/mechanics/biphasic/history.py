@@ -202,7 +202,7 @@ def _ramp(t: FloatArray, w: FloatArray, before: tuple[float, float]) -> list[tup
 
 
 def _tolerance(depth: FloatArray, share: float) -> float:
-    """Of a record of depths (m): so many times its ripple, or a share of its largest depth."""
+    """Tolerance (m) of a record of depths (m): so many times its ripple, or `share` of its largest depth."""
     second = np.abs(np.diff(depth, 2))
     ripple = float(np.median(second)) / _SECOND_DIFFERENCE if second.size else 0.0
     return max(_RIPPLES * ripple, share * float(np.abs(depth).max()))

@@ -1,4 +1,7 @@
-"""What is refused, and what is said beside an answer (section 9 of the note): one line each, with the number."""
+"""What is refused of a test on a draining layer, and what is said beside its answer, with the number.
+
+Reasons and limits are those of section 9 of the note.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many draining layers under one motion of one tip, as a fit's draws are: off tables, shipped or of its own."""
+"""Many draining layers under one motion of one tip, as a fit's draws are, off tables: shipped, or of its own."""
 
 from __future__ import annotations
 
@@ -45,17 +45,17 @@ class Layers:
     permeability: FloatArray
 
     def of(self, rows: NDArray[np.bool_]) -> Self:
-        """Some of them."""
+        """Layers of the sets that `rows`, (sets,), says."""
         return type(self)(self.E[rows], self.nu[rows], self.permeability[rows])
 
     @cached_property
     def shear_modulus(self) -> FloatArray:
-        """G (Pa), (sets,)."""
+        """Shear modulus G (Pa), (sets,)."""
         return 0.5 * self.E / (1.0 + self.nu)
 
     @property
     def softness(self) -> FloatArray:
-        """A44/A33, (sets,)."""
+        """Ratio A44/A33 = (1 - 2 nu)/(2 (1 - nu)), (sets,)."""
         return (0.5 - self.nu) / (1.0 - self.nu)
 
     def drainage_time(self, length: float | FloatArray) -> FloatArray:
@@ -71,7 +71,26 @@ def punch_forces(
     depth: Polyline,
     time: FloatArray,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Forces (N), (sets, n), under flat punches (m), (sets,), and which sets the table serves, (sets,)."""
+    """Forces of many layers under flat punches along one history.
+
+    Parameters
+    ----------
+    layers : Layers
+        Of `sets` sets.
+    radius, thickness : FloatArray
+        Radii of the punches and thicknesses (m), (sets,).
+    drainage : str
+        One of `DRAINAGES`.
+    depth : Polyline
+        The history of depths (m).
+    time : FloatArray
+        Times (s), (n,).
+
+    Returns
+    -------
+    (FloatArray, FloatArray)
+        Forces (N), (sets, n), and which sets the table serves, (sets,).
+    """
     table = punch_table.shipped(drainage)
     eps = radius / thickness
     served = table.covers(eps, layers.nu)
@@ -94,10 +113,31 @@ def tip_forces(
     depth: FloatArray,
     time: FloatArray,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """The same under one rounded tip on layers of one thickness (m), at a record's depths (m), (n,)."""
+    """Forces of many layers of one thickness under one rounded tip.
+
+    Parameters
+    ----------
+    layers : Layers
+        Of `sets` sets.
+    tip : Sphere or Paraboloid
+        The tip.
+    thickness : float
+        h (m).
+    drainage : str
+        One of `DRAINAGES`.
+    history : Polyline
+        What stands for the record (m, s); no set is served where it is not one ramp and hold.
+    depth, time : FloatArray
+        The record's depths since contact (m) and times (s), (n,) each.
+
+    Returns
+    -------
+    (FloatArray, FloatArray)
+        Forces (N), (sets, n), and which sets the table serves, (sets,).
+    """
 
     def contact(softness: float) -> DrainingTip:
-        """On a layer of shear modulus 1."""
+        """Tip on a layer of shear modulus 1 and this A44/A33."""
         nu = (0.5 - softness) / (1.0 - softness)
         return DrainingTip(tip, Biphasic(2.0 * (1.0 + nu), nu, 1.0), thickness, drainage)
 

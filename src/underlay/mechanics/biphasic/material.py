@@ -1,12 +1,8 @@
-"""The drained skeleton without units: what an axisymmetric indentation of a biphasic layer sees of it.
-
-Moduli are in units of the shear modulus A44 and permeabilities in units of the axial one, k_z. With times in
-units of a^2/c, c = k_z A33, and lengths in units of a, four numbers remain.
-
-Biphasic materials: an elastic skeleton filled with water that drains through it.
+"""Biphasic materials: an elastic skeleton filled with water that drains through it.
 
 Linear theory of incompressible constituents (Biot 1941, doi 10.1063/1.1712886; Mow, Kuei, Lai and Armstrong
-1980, doi 10.1115/1.3138202): total stress = stress of the skeleton - p, and div(k grad p) = d(div u)/dt. Not
+1980, doi 10.1115/1.3138202): total stress = stress of the skeleton - p, and div(k grad p) = d(div u)/dt, with the
+water pressure p, the permeability k and the displacement u. Not
 in the model: permeability that changes with strain, finite strain, a skeleton stiffer in tension than in
 compression (the in-plane modulus of a transversely isotropic one is then an effective number).
 
@@ -41,7 +37,10 @@ _PERMEABILITY = "m^4/(N s)"
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Stiffnesses A11, A13, A33 over A44, and k_r/k_z.
+    """The drained skeleton without units: what an axisymmetric indentation of a biphasic layer sees of it.
+
+    Moduli are in units of the shear modulus A44 and permeabilities in units of the axial one, k_z. With times in
+    units of a^2/c, c = k_z A33, and lengths in units of a, four numbers remain.
 
     Parameters
     ----------
@@ -67,12 +66,15 @@ class Skeleton:
 
     @cached_property
     def drained(self) -> PlaneConstants:
-        """What an indentation sees when the water has gone; moduli in units of A44."""
+        """Plane constants when the water has gone; moduli in units of A44."""
         return PlaneConstants(self.A13 / self.A33, 1.0 / self.A33, self.A11 - self.A13**2 / self.A33, 1.0)
 
     @cached_property
     def undrained(self) -> PlaneConstants:
-        """What it sees while no water has moved (section 1 of the note): q = 1, c = 0, g = A11 + A33 - 2 A13."""
+        """Plane constants while no water has moved (section 1 of the note): q = 1, c = 0, g = A11 + A33 - 2 A13.
+
+        Moduli are in units of A44.
+        """
         return PlaneConstants(1.0, 0.0, self.A11 + self.A33 - 2.0 * self.A13, 1.0)
 
     @cached_property
@@ -82,7 +84,7 @@ class Skeleton:
 
     @cached_property
     def theta_undrained(self) -> float:
-        """The same undrained: sqrt((A11 + A33 - 2 A13)/A44)."""
+        """Half the indentation modulus while no water has moved, over A44: sqrt((A11 + A33 - 2 A13)/A44)."""
         return float(self.undrained.theta)
 
     @property
@@ -92,7 +94,7 @@ class Skeleton:
 
 
 class BiphasicMaterial(Material):
-    """What drains: a skeleton, its permeability, and the two elastic materials between which it relaxes."""
+    """A material that drains: a skeleton, its permeability, and the two elastic materials it relaxes between."""
 
     drains: ClassVar[bool] = True
 
@@ -130,7 +132,7 @@ class BiphasicMaterial(Material):
 
     @property
     def plane_constants(self) -> PlaneConstants:
-        """What an indentation sees of the drained skeleton."""
+        """Plane constants of the drained skeleton, which is what an indentation sees in the long run."""
         return self.drained.plane_constants
 
     def drainage_time(self, length: float) -> float:
@@ -193,7 +195,7 @@ class Biphasic(BiphasicMaterial):
 
     @cached_property
     def drained(self) -> Isotropic:
-        """The skeleton alone."""
+        """The elastic material of the skeleton, E and nu of its own."""
         return Isotropic(self.E, self.nu)
 
     @cached_property
@@ -213,12 +215,12 @@ class Biphasic(BiphasicMaterial):
 
     @property
     def aggregate_modulus(self) -> float:
-        """H_A = E (1 - nu)/((1 + nu)(1 - 2 nu)) (Pa)."""
+        """Aggregate modulus H_A = E (1 - nu)/((1 + nu)(1 - 2 nu)) (Pa)."""
         return self.E * (1.0 - self.nu) / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
 
     @property
     def in_plane(self) -> Self:
-        """Itself."""
+        """The material itself."""
         return self
 
 
@@ -302,7 +304,7 @@ class BiphasicTransverse(BiphasicMaterial):
 
     @cached_property
     def drained(self) -> TransverselyIsotropic:
-        """The skeleton alone."""
+        """The elastic material of the skeleton."""
         return TransverselyIsotropic(self.E, self.E_axial, self.nu, self.nu_axial, self.G_axial)
 
     @cached_property
@@ -327,12 +329,12 @@ class BiphasicTransverse(BiphasicMaterial):
 
     @property
     def shear_modulus(self) -> float:
-        """A44 = G_axial (Pa)."""
+        """Shear modulus A44 = G_axial (Pa) in planes through the axis."""
         return self.G_axial
 
     @property
     def aggregate_modulus(self) -> float:
-        """H_A = A33 (Pa)."""
+        """Aggregate modulus H_A = A33 (Pa)."""
         return self._stiffness["A33"]
 
     @property

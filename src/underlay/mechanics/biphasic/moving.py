@@ -1,11 +1,11 @@
 """A rounded tip on a biphasic layer: the contact moves, and remembers where it has been.
 
-Pressures are expanded on the *present* disc (see `galerkin`), the past acts by convolution quadrature, and
+Pressures are expanded on the *present* disc (see `galerkin`), the past acts by convolution quadrature (`past`), and
 the radius of each step is the one at which the edge has no singularity. Steps need no search over nodes, and
 no shortcut holds: the kernel ages with the radius, so neither Ting's argument nor a superposed step response
 does (section 5 of the note).
 
-Lengths in units of l, times in l^2/c, forces in A44 l^2. Error of the force over the undrained one at the
+Lengths in any one unit l, times in l^2/c, forces in A44 l^2. Error of the force over the undrained one at the
 deepest point, a linear ramp of n steps: 2e-4 (20), 1e-4 (40), of order 1.5. A sudden step of depth is smeared
 over the first step: index i then means t = (i + 1/2) dt.
 """
@@ -105,12 +105,12 @@ class MovingContact:
 
     @cached_property
     def rule(self) -> WavenumberRule:
-        """Over wavenumbers, fine enough for radii up to 1.1 l."""
+        """Quadrature over wavenumbers, fine enough for radii up to 1.1 l."""
         return WavenumberRule(self.reach * float(np.sqrt(FIRST_RATE / self.step)) + 45.0, width=2.0, points=6)
 
     @cached_property
     def weights(self) -> StepWeights:
-        """Of the history."""
+        """Convolution weights of the history."""
         kernel = SurfaceKernel(self.skeleton, self.thickness)
         sealed = self.drainage == "sealed"
         return StepWeights(kernel, self.rule.nodes, self.step, self.count, sealed, self.modes)

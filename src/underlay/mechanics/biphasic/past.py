@@ -1,9 +1,10 @@
-"""Convolution quadrature: a history's integral in even steps of time, from the kernel's Laplace transform.
+"""Convolution quadrature: what the earlier steps of a moving contact still do, from the kernel's transform.
 
-(c * f)(t_n) = sum_j omega_(n-j) f_j, with omega_m the coefficients of c(delta(z)/dt), delta(z) = (1-z) +
-(1-z)^2/2 (Lubich 1988, doi 10.1007/BF01398686; BDF2), by one FFT on a circle of radius rho, rho^L = 1e-10.
-
-What the earlier steps of a moving contact still do: settlement and flux of the surface, at every wavenumber.
+Of a function f at even steps of time and a kernel of Laplace transform c, (c * f)(t_n) = sum_j omega_(n-j) f_j,
+with omega_m the coefficients in z of c(delta(z)/dt), delta(z) = (1-z) + (1-z)^2/2 (Lubich 1988, doi
+10.1007/BF01398686; BDF2), by one FFT on a circle of radius rho, rho^L = 1e-10, L its length and dt the step.
+`StepWeights` are the omega_m of the surface kernel; `Steps` and `Past` sum settlement and flux of the surface,
+at every wavenumber.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ class StepWeights:
 
     @cached_property
     def tails(self) -> FloatArray:
-        """The same of 1/e*(s), (count,): what theta xi c11 is at large xi; 1, 0, 0, ... without relaxation."""
+        """Weights omega_m of 1/e*(s), (count,): theta xi c11 at large xi; 1, 0, 0, ... without relaxation."""
         if self.modes is None:
             return np.asarray(np.eye(1, self.count)[0])
         return self._coefficients(1.0 / operational(self.modes, self._circle[2]))
@@ -97,7 +98,7 @@ class StepWeights:
 
 @dataclass(frozen=True, eq=False)
 class Past:
-    """Of one step.
+    """What the earlier steps do in one step.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ class Past:
     radii: FloatArray
 
     def tail(self, radius: float) -> FloatArray:
-        """What was taken off, tested on the present disc, (terms,).
+        """What was taken off the settlement, tested on the present disc, (terms,).
 
         j_2n(xi a) is the cosine transform of (-1)^n P_2n(x/a)/a on (0, a), so that the integral over all xi of a
         product of two is pi/2 times that of the polynomials over the smaller disc: exact.
@@ -171,7 +172,7 @@ class Steps:
         return found
 
     def before(self, index: int) -> Past:
-        """What the steps before number `index` do in it."""
+        """Settlement and flux that the steps before number `index` cause in it."""
         then = slice(index, 0, -1)
         pairs = ((0, self._sigma), (1, self._water)) if self._wet else ((0, self._sigma),)
         both = [

@@ -1,10 +1,9 @@
-"""Responses tabulated at Chebyshev points of one or more numbers: a fit's own table, or a shipped one.
+"""The flat punch on isotropic draining layers, tabulated by a/h and nu: all else is exact scaling.
 
-The flat punch on isotropic draining layers, tabulated by a/h and nu: all else is exact scaling.
-
-Chebyshev points in eps/(1 + eps), eps = a/h up to 4, and in nu up to 0.48, for each drainage, times 1e-4 to
-100 a^2/c. The ends of a response are the elastic laws', in a table of their own. Error of g, measured at 200 random
-points by `measured_error`: see `STATED_ERROR`.
+Chebyshev points (`Axis`) in eps/(1 + eps), eps = a/h up to 4, and in nu up to 0.48, for each drainage, times
+1e-4 to 100 a^2/c. The ends of a response are the elastic laws', in a table of their own. Error of the
+normalised fall g, measured at 200 random points by `measured_error`: see `STATED_ERROR`. `ResponseTable` also
+serves a fit that makes a table of its own.
 
 To build it again: ``python -m underlay.mechanics.biphasic.punch_table FILE`` (two minutes).
 """

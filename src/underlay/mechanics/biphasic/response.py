@@ -1,10 +1,4 @@
-"""Laplace inversion for a window of times from a few shared points on a hyperbola.
-
-f(t) = Im sum_k exp(z_k t) F(z_k) w_k for all t0 <= t <= t1, with z(u) = mu (1 + sin(iu - alpha)) (Weideman
-and Trefethen 2007, doi 10.1090/S0025-5718-07-01945-X): F is asked for at n points, whatever the number of
-times.
-
-A response that falls from one end to another, as a table in time: what a step and a ramp give.
+"""The response to a unit step as a table in time, by Laplace inversion, and what ramps and steps make of it.
 
 f(t) = end + (start - end) g(t), g from 1 to 0, and its integral K(t) = end t + (start - end) I(t), I =
 int_0^t g. A piecewise linear history of any length is a sum of K, its jumps a sum of f: superposition is
@@ -13,6 +7,14 @@ exact. t g is a cubic spline in ln t (12 a decade: 3e-6) and I the integral of t
 Where the table ends: below it 1 - g follows the power of t that it has there (the edge drains first, so it is
 not exactly a half); above it g falls as it does at the end, as t^(-1/2) on a half-space and exponentially on
 a layer.
+
+The table comes from the Laplace transform F by `invert`: for a window t0 <= t <= t1 of times from a few shared
+points on a hyperbola,
+
+    f(t) = Im sum_k exp(z_k t) F(z_k) w_k,   z(u) = mu (1 + sin(iu - alpha))
+
+with weights w_k (Weideman and Trefethen 2007, doi 10.1090/S0025-5718-07-01945-X): F is asked for at n points,
+whatever the number of times.
 """
 
 from __future__ import annotations
@@ -102,7 +104,7 @@ def windows(start: float, end: float, count: int) -> list[Contour]:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What follows from a unit step, from `start` at once to `end` in the long run; of one layer, or of many.
+    """Response to a unit step, from `start` at once to `end` in the long run, of one layer or of many.
 
     Parameters
     ----------
@@ -126,12 +128,12 @@ class Response:
     unit: float | FloatArray = 1.0
 
     def scaled(self, factor: float | FloatArray, unit: float | FloatArray) -> Self:
-        """The same, its values times a factor and its times in another unit."""
+        """Response whose values are `factor` times these, with the table's times in the unit `unit`."""
         return replace(self, start=factor * self.start, end=factor * self.end, unit=unit)
 
     @property
     def sets(self) -> int:
-        """How many there are."""
+        """Number of sets of parameters."""
         return len(self.fall) if self.fall.ndim > 1 else 1
 
     def step(self, time: FloatArray) -> FloatArray:

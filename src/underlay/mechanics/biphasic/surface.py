@@ -1,20 +1,11 @@
-"""Spherical Bessel functions j_0 ... j_n of many arguments at once.
+"""Surface response of a biphasic layer in Laplace and Hankel space, c(xi, s), and quadrature over xi.
 
-`scipy.special.spherical_jn` goes order by order, argument by argument; the moving contact asks for all orders
-at new arguments three times a step, and recurrences over arrays are ten times as fast. Upwards from sin and
-cos where the argument is above the order, downwards (Miller) below; both stable there, 1e-13 of the largest
-value (a test measures).
-
-Quadrature over wavenumbers: Gauss panels, dyadic towards zero and of even width beyond.
-
-Surface response of a biphasic layer in Laplace and Hankel space, c(xi, s).
-
-A wave of normal pressure and one of water pressure on the surface give a settlement and a flux:
+A wave of normal pressure sigma and one of water pressure p on the surface give a settlement W and a flux Pi':
 
     (W, Pi') = c (sigma, p),   c = [[c11, c12], [c21, c22]],   shear stress zero,
 
-at the base u = 0 and no flux. Reciprocity: c12 = -(k_z/s) c21. Three decaying solutions and their mirror
-images from the base: growing exponentials do not occur.
+at the base u = 0 and no flux (`SurfaceKernel`). Reciprocity: c12 = -(k_z/s) c21. Three decaying solutions and their
+mirror images from the base: growing exponentials do not occur.
 
 Units: lengths in any one unit l, moduli in A44, s in k_z A44/l^2, fluxes of k_z = 1. Measured against a
 transfer matrix in 60 digits: 1e-13 typical; 2e-7 for a transversely isotropic skeleton that is exactly
@@ -54,7 +45,13 @@ _SHOWN = [1, 5]
 
 
 def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
-    """j_0(x) ... j_(count-1)(x), (count, n), at arguments `x`, (n,), zero or more."""
+    """Spherical Bessel functions j_0(x) ... j_(count-1)(x), (count, n), at arguments `x`, (n,), zero or more.
+
+    `scipy.special.spherical_jn` goes order by order, argument by argument; the moving contact asks for all orders
+    at new arguments three times a step, and recurrences over arrays are ten times as fast. Upwards from sin and
+    cos where the argument is above the order, downwards (Miller) below; both stable there, 1e-13 of the largest
+    value (a test measures).
+    """
     found = np.empty((count, x.size))
     large = x > count
     found[:, large] = _upward(count, x[large])
@@ -116,7 +113,7 @@ def _series(count: int, x: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class WavenumberRule:
-    """Nodes and weights on (0, end).
+    """Nodes and weights on (0, end): Gauss panels, growing from zero in proportion, and of even width beyond 1.
 
     Parameters
     ----------
@@ -150,7 +147,7 @@ class WavenumberRule:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Weights, (n,)."""
+        """Weights of the nodes, (n,)."""
         _, w = np.polynomial.legendre.leggauss(self.points)
         return np.asarray((0.5 * np.diff(self._panels)[:, None] * w).ravel())
 
@@ -172,12 +169,12 @@ class BesselRule:
 
     @cached_property
     def even(self) -> FloatArray:
-        """j_2n, (terms, nodes)."""
+        """Functions j_2n of the pressures, (terms, nodes)."""
         return np.ascontiguousarray(self._all[0::2])
 
     @cached_property
     def odd(self) -> FloatArray:
-        """j_2n+1, (terms, nodes)."""
+        """Functions j_2n+1 of the water, (terms, nodes)."""
         return np.ascontiguousarray(self._all[1::2])
 
 

@@ -1,7 +1,7 @@
-"""A paraboloid on isotropic draining layers, ramp and hold, tabulated.
+"""The force of a paraboloid on isotropic draining layers, under a ramp and hold of depth, as a table.
 
 Three numbers remain besides time: a0/h (a0 the undrained contact radius at the depth held), nu, and the ramp's
-duration T = tr c/a0^2. Tabulated is what has not drained yet,
+duration T = tr c/a0^2, tr in s. Tabulated is what has not drained yet,
 
     q = (P - P_drained(w))/(P_undrained(w) - P_drained(w)),
 
@@ -94,14 +94,14 @@ def _depth_of_unit_radius(material: Biphasic, thickness: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class RampedTip:
-    """What has not drained yet, q, for one ramp and hold.
+    """Share q of the undrained excess that has not drained yet, for one ramp and hold.
 
     Parameters
     ----------
     ramp : float
         Duration of the ramp, in a0^2/c.
     kept : FloatArray
-        At the table's times, (times,).
+        q at the table's times, (times,).
     """
 
     ramp: float

@@ -1,16 +1,15 @@
-"""What answers in Laplace space: a drained skeleton that itself relaxes, and the inverse, creep.
+"""Transfer functions of a contact in Laplace space: a flat punch, a skeleton that itself relaxes, and creep.
 
-One relaxation e(t) of all drained moduli (e(0) = 1), the permeability constant. The kernel depends on s/(k A)
-and 1/A alone, so with e*(s) = s e^(s)
+A transfer function is khat(s) = P/(4 theta_d a w), exact for any history by superposition. Lengths are in units
+of the punch's radius a, s in units of c/a^2, c = k_z A33.
+
+Of one relaxation e(t) of all drained moduli (e(0) = 1), the permeability constant, the kernel depends on s/(k A)
+and 1/A alone, A any modulus and k the permeability, so with e*(s) = s e^(s)
 
     khat(s) -> e*(s) khat(s/e*(s)),
 
 exact for every history, drainage and anisotropy (section 7 of the note; not the product e(t) K(t)). arg(s/e*)
 lies between 0 and arg s: a legal contour stays legal.
-
-Flat punch in Laplace space: khat(s) = P/(4 theta_d a w), exact for any history by superposition.
-
-Lengths in units of the punch's radius a, s in units of c/a^2, c = k_z A33.
 """
 
 from __future__ import annotations
@@ -47,22 +46,22 @@ _SHORTEST, _LONGEST = 0.02, 20.0
 
 
 class Transfer(Protocol):
-    """khat(s) of a contact, and its ends."""
+    """Transfer function khat(s) of a contact, and its values at s = 0 and infinite s."""
 
     @property
     def undrained(self) -> float:
-        """At infinite s."""
+        """Value at infinite s: the undrained elastic contact."""
 
     @property
     def drained(self) -> float:
-        """At s = 0."""
+        """Value at s = 0: the drained elastic contact."""
 
     @property
     def eps(self) -> float:
-        """a/h, zero on a half-space."""
+        """Contact radius over thickness, a/h; zero on a half-space."""
 
     def __call__(self, s: ComplexArray) -> ComplexArray:
-        """At Laplace variables (c/a^2), (n,)."""
+        """Transfer function at Laplace variables (c/a^2), (n,)."""
 
 
 def operational(modes: Modes, s: ComplexArray) -> ComplexArray:
@@ -88,21 +87,21 @@ class Relaxing:
 
     @property
     def undrained(self) -> float:
-        """As of the skeleton at once."""
+        """Value at infinite s, that of the skeleton as it is at once."""
         return self.elastic.undrained
 
     @property
     def drained(self) -> float:
-        """What is left of the skeleton's."""
+        """Value at s = 0: the skeleton's, times what is left of its moduli."""
         return self.modes.constant * self.elastic.drained
 
     @property
     def eps(self) -> float:
-        """a/h."""
+        """Contact radius over thickness, a/h."""
         return self.elastic.eps
 
     def __call__(self, s: ComplexArray) -> ComplexArray:
-        """Section 7 of the note."""
+        """e*(s) khat(s/e*(s)) at Laplace variables (c/a^2), (n,)."""
         left = operational(self.modes, s)
         return left * self.elastic(s / left)
 
@@ -192,7 +191,7 @@ class PunchTransfer:
 
     @cached_property
     def kernel(self) -> SurfaceKernel:
-        """Of the layer."""
+        """Surface kernel of the layer."""
         return SurfaceKernel(self.skeleton, np.inf if self.eps == 0.0 else 1.0 / self.eps)
 
     def end(self, s: complex) -> float:

@@ -1,9 +1,8 @@
 """The exact contact problem for many parameter sets at once, as samplers and maps need it.
 
-Master curves of many parameter sets, evaluated together.
-
-All sets share the contact radii, the nodes and the cosines cos(eps x u): only the weights 1 - L(u) change
-with the materials, so one matrix product builds every kernel and one batched solve serves every set.
+All sets share the contact radii, the nodes x = r/a and u (the wavenumber times the thickness), and so the cosines
+cos(eps x u), eps = a/h: only the weights 1 - L(u) change with the materials. One matrix product builds every
+integral kernel, and one batched solve serves every set.
 """
 
 from __future__ import annotations
@@ -78,7 +77,7 @@ class CurveBatch:
     slopes: FloatArray | None = None
 
     def part(self, rows: slice | list[int]) -> Self:
-        """Some of the sets."""
+        """Curves of some of the sets."""
         return type(self)(
             self.measure,
             self.top[rows] if isinstance(self.top, np.ndarray) else self.top,
@@ -208,7 +207,19 @@ class CurveBatch:
     def _half_space(
         self, depth: ArrayLike, thickness: FloatArray, abel_coefficient: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Depths (m) in contact, their radii (m), each (sets or 1, n), and factors on the radii, (sets,)."""
+        """Depths in contact and their half-space radii, `depth` and `abel_coefficient` as in `force`.
+
+        Returns
+        -------
+        tuple of ndarray
+            Depths (m), zero where there is no contact, and their half-space radii, each (sets or 1, n), and the
+            factors (sets,) on these radii that make them metres.
+
+        Raises
+        ------
+        RangeError
+            If a depth is beyond what was compiled for.
+        """
         touching = np.atleast_2d(np.maximum(as_finite(depth, "depth"), 0.0))
         exponent = self.measure.exponent
         if abel_coefficient is None:

@@ -1,8 +1,8 @@
-"""A shape over a thickness on a body, its solution at contact radii, and its master curve.
+"""One tip over one layer on one body: its solution at given contact radii, and from there its master curve.
 
-A shape over a thickness, on a body: what is asked of it, and its solution at given contact radii.
-
-From a contact problem to its master curve: places the radii and checks the errors.
+`ContactProblem` is what is asked of the body, and solves at contact radii; `solve_curve` places the radii, solves,
+makes a `MasterCurve` of the answers and checks its error. The depth is measured by varpi, the half-space radius at
+that depth over the thickness, and the contact radius by chi (`ContactProblem.chi`), which is a/h for a power law.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class ContactProblem:
     def of(
         cls, indenter: Indenter, thickness: float, kernel: Kernel, beside: tuple[Beside, ...] = ()
     ) -> Self:
-        """Build the problem."""
+        """Build the problem of a tip over a layer of `thickness` (m) on the body of `kernel`."""
         return cls(indenter, indenter.power_law, thickness, kernel, kernel.scales, beside)
 
     @property
@@ -156,7 +156,7 @@ class ContactProblem:
         return np.minimum(self.indenter.halfspace_radius(depth), self.indenter.max_radius) / self.thickness
 
     def widest(self, chi: float) -> float:
-        """The same of one radius."""
+        """Contact radius over thickness at one `chi`, within the shape: `eps` of a single float."""
         return chi if self.indenter is self.measure else float(self.eps(np.array([chi]))[0])
 
     def resolution(self, eps: float, rtol: float) -> Resolution:
@@ -192,7 +192,7 @@ class ContactProblem:
         return varpi, columns
 
     def _solved(self, eps: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
-        """The same at contact radii `eps` over the thickness."""
+        """Varpi (radii,) and the other columns of `solve` (radii, 3 + bodies) at contact radii `eps`."""
         if not self.beside:
             punch = PunchSolution.solve(self.kernel, eps, resolution)
             return contact_factors(punch, self.indenter, self.measure, self.thickness)
@@ -360,7 +360,7 @@ class RadiusGuess:
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
     def radius(self, varpi: FloatArray) -> FloatArray:
-        """Chi at `varpi`."""
+        """Contact radius chi at `varpi`, a little too large."""
         share = self.rate * varpi
         return varpi * (1.0 + self.gain * share / (1.0 + share))
 

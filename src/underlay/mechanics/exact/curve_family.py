@@ -1,19 +1,16 @@
-"""Master curves of one power-law tip on bodies that differ in one ratio, tabulated once.
+"""Master curves of one power-law tip on bodies that differ in one ratio: tabulated once, and read off.
 
-Master curves of one power-law tip on several bodies that are much alike: of one table, solved together.
+With Poisson's ratios fixed, the master curve of a layer on a base depends on one number more than varpi, the
+half-space radius at the depth over the thickness: the ratio k of the base's modulus to the layer's. So does that of
+a stack of which one modulus or thickness is not known. A fit or a sampler asks for thousands of values of k. The
+coefficients of the curve are analytic in ln k: in a ratio of moduli the kernel's poles lie where k is negative, at
+Im ln k = pi. So Chebyshev polynomials over a span of ln 4 gain a factor of 9 with each term, and half a dozen
+solutions serve every ratio in the span, with the derivative in ln k beside them; how many it takes is measured, for
+ratios of lengths too.
 
-Beside a solution of few nodes the calls and the cosines cost most. Bodies of one span of a table take the same
-contact radii and nodes, those of the most demanding of them: one batch then serves them all. Where little accuracy
-is asked for, curves that were stored do.
-
-Master curves of one power-law tip on bodies that differ in one ratio, tabulated once and read off at once.
-
-With Poisson's ratios fixed, the master curve of a layer on a base depends on one number more than varpi: the
-ratio k of the base's modulus to the layer's. So does that of a stack of which one modulus or thickness is not
-known. A fit or a sampler asks for thousands of values of k. The coefficients of the curve are analytic in ln k:
-in a ratio of moduli the kernel's poles lie where k is negative, at Im ln k = pi. So Chebyshev polynomials over a
-span of ln 4 gain a factor of 9 with each term, and half a dozen solutions serve every ratio in the span, with the
-derivative in ln k beside them; how many it takes is measured, for ratios of lengths too.
+The solutions of a table are made together (`solve_curves`): where a solution has few nodes, calls and cosines cost
+most of it. Bodies of one span take the same contact radii and nodes, those of the most demanding of them, and one
+batch serves them all. Where little accuracy is asked for, the curves of `stored_curves` do.
 
 The spans ("cells") of ratio and of varpi are fixed numbers, not taken from what was asked before: a law is a
 function of its parameters alone. Everything here is dimensionless, so one table serves any tip size, thickness
@@ -103,7 +100,7 @@ _LOOSE, _WIDE = 1e-3, 4
 
 
 class SolvedCurves(NamedTuple):
-    """Curves of several bodies, and how they were found: what `SolvedCurve` says, of the worst of them."""
+    """Curves of several bodies at the nodes of one solution; its figures are those of the worst body."""
 
     logarithms: Logarithms
     resolution: Resolution
@@ -219,7 +216,7 @@ class RigidBase(NamedTuple):
     layer_nu: float
 
     def kernel(self, ratio: float) -> LayerKernel:
-        """The kernel."""
+        """Kernel of the layer, whatever the ratio."""
         del ratio
         return LayerKernel(isotropic_constants(1.0, self.layer_nu), None)
 
@@ -254,12 +251,12 @@ class Cell(NamedTuple):
 
     @property
     def log_ratios(self) -> RatioSpan:
-        """The span, which is its ends in ln k."""
+        """Span of the cell in ln k."""
         return ratio_span(self.ratio)
 
     @property
     def top(self) -> float:
-        """Largest varpi."""
+        """Largest varpi of the cell."""
         return range_end(self.range)
 
 
@@ -300,7 +297,7 @@ class RatioSpan(NamedTuple):
 
 
 def ratio_span(number: int) -> RatioSpan:
-    """Return the span of a number."""
+    """Span of modulus ratios of a given number, as `ratio_number` or `end_number` counts them."""
     low = log(_RATIO_EDGE) + (_STIFF if number == STIFF_END else number) * log(_RATIO_STEP)
     return RatioSpan(low, inf if number == STIFF_END else low + log(_RATIO_STEP))
 
@@ -311,29 +308,29 @@ def ratio_number(ratio: float) -> int:
 
 
 def range_number(varpi: float) -> int:
-    """Number of the span that reaches `varpi`."""
+    """Number of the range that reaches `varpi`."""
     return ceil(log(max(varpi, range_end(_SMALLEST_RANGE)) / _RANGE_EDGE) / log(_RANGE_STEP))
 
 
 def end_number(ratio: float) -> int:
-    """As `ratio_number`, where the stiffest bases share a span."""
+    """Number of the span that holds a modulus ratio; the stiffest bases, up to a rigid one, share `STIFF_END`."""
     number = ratio_number(ratio)
     return number if number < _STIFF else STIFF_END
 
 
 def ratio_numbers(ratio: FloatArray) -> FloatArray:
-    """Return the same for many, as whole floats."""
+    """Numbers of the spans that hold modulus ratios (sets,), as whole floats: `ratio_number` of many."""
     return np.asarray(np.floor(np.log(ratio / _RATIO_EDGE) / log(_RATIO_STEP)), dtype=np.float64)
 
 
 def range_numbers(varpi: FloatArray) -> FloatArray:
-    """Return the same for many, as whole floats."""
+    """Numbers of the ranges that reach varpi (sets,), as whole floats: `range_number` of many."""
     smallest = _RANGE_EDGE * _RANGE_STEP**_SMALLEST_RANGE
     return np.ceil(np.log(np.maximum(varpi, smallest) / _RANGE_EDGE) / log(_RANGE_STEP))
 
 
 def range_end(number: int) -> float:
-    """Largest varpi of a span."""
+    """Largest varpi of the range of a given number."""
     return _RANGE_EDGE * _RANGE_STEP**number
 
 

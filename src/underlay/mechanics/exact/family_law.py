@@ -1,8 +1,8 @@
-"""Contact laws read off the table of a family of master curves, one or many at once.
+"""Contact laws read off the table of a family of master curves, one at a time or many at once.
 
-A contact law read off the table of its master curve: what a fit asks for at every step.
-
-Master curves of many parameter sets at once, read off the tables of their cells.
+A fit asks for a law at every step: `tabulated_law` reads one off the table of `curve_family`, `side_by_side` solves
+for a few laws of one family in one call, and `family_batch` reads the curves of many parameter sets off the tables
+of their cells, as samplers need them.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ __all__ = ["FamilyLaw", "family_batch", "side_by_side", "table_number", "tabulat
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyLaw(ExactLaw):
-    """An exact law read off a table: its slope is that in ln k, the ratio of the family.
+    """An exact law read off a table; the one derivative that it knows beside dP/dw is dP/d ln k.
 
     Parameters
     ----------
     family : CurveFamily
-        The table.
+        The table, over the ratio k of its family of bodies.
     """
 
     family: CurveFamily
@@ -60,7 +60,7 @@ def table_number(contact: Contact, depth: float) -> int:
 def tabulated_law(
     contact: Contact, family: Family | None, ratio: float, depth: float, rtol: float, *, alone: bool = False
 ) -> ExactLaw | None:
-    """Exact law of a power-law tip on one of a family of bodies, solved for itself or one like it before.
+    """Exact law of a power-law tip on one body of a family, read off its table, or solved for and kept.
 
     Parameters
     ----------

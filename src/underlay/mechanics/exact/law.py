@@ -1,4 +1,4 @@
-"""The exact contact problem: the Fredholm equation of a layer on a substrate, solved spectrally.
+"""The exact contact law: the Fredholm equation of a layer on a substrate, solved to a relative error.
 
 Formula: `punch_solution` has the equation, `master_curve` the relation it gives. Assumes a frictionless,
 rigid, axisymmetric indenter whose contact is one disc, small strains, and a bonded interface. Range: contact
@@ -61,7 +61,7 @@ class ExactLaw(ContactLaw):
 
     @property
     def known_slopes(self) -> int:
-        """Those towards each of `Contact.beside`; none where the curve folds."""
+        """Number of derivatives dP/ds known, one for each body of `Contact.beside`; none where it folds."""
         return int(self.curve.coefficients.shape[1]) - len(Factor)
 
     _beyond: ClassVar[str] = "the law was solved up to there; build it with a larger max_depth"
@@ -224,7 +224,7 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
 
 
 def exact_punch_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> ExactPunchLaw:
-    """`exact_law` of a contact with a flat punch."""
+    """Solve the contact problem of a flat punch: `exact_law` for this shape, with its parameters and errors."""
     radius = contact.indenter.max_radius
     eps = radius / contact.thickness
     if eps > LARGEST_EPS:

@@ -1,8 +1,9 @@
-"""The whole relation of one indenter on one pair of materials, without dimensions.
+"""The master curve: force, contact radius and stiffness of one tip on one pair of materials, without dimensions.
 
-With varpi = a_half(w)/h, a_half the contact radius on a half-space at the same depth (5.8), three factors
-say all: a/a_half, P/P_half and kappa_inf = (dP/dw)/(4 theta a). They are 1 at varpi = 0. For a power-law
-shape they depend on varpi, lambda and the ratios of the materials only: one curve serves any modulus, any
+With varpi = a_half(w)/h, a_half the contact radius on a half-space at the same depth w (5.8) and h the
+thickness, three factors say all: a/a_half, P/P_half and kappa_inf = (dP/dw)/(4 theta a), with contact radius a,
+force P and the layer's elastic constant theta. They are 1 at varpi = 0. For a power-law shape of exponent
+lambda they depend on varpi, lambda and the ratios of the materials only: one curve serves any modulus, any
 thickness and any number of depths.
 
 The logarithms of the factors are smooth, and are held as polynomials in
@@ -56,7 +57,7 @@ MOST_IN_POWERS = 44
 
 
 class Factor(IntEnum):
-    """Column of the curve."""
+    """Columns of the curve: the three factors."""
 
     RADIUS = 0
     FORCE = 1
@@ -80,13 +81,13 @@ class Stretch:
 
     @classmethod
     def of_all(cls, stretches: Sequence[Stretch]) -> Self:
-        """Those of many curves, as one."""
+        """Stretches of many curves as one, lengths and softness (sets, 1)."""
         return cls(
             *(np.array([[getattr(one, name)] for one in stretches]) for name in ("length", "softness"))
         )
 
     def part(self, rows: slice | list[int]) -> Stretch:
-        """That of some of many curves."""
+        """Stretch of some rows of many curves."""
         return Stretch(self.length[rows], self.softness[rows])
 
     def t(self, v: FloatArray) -> FloatArray:

@@ -1,18 +1,10 @@
-"""Gauss-Legendre rules, how many nodes the exact contact problem takes, and the store of its tables.
+"""Quadrature of the exact contact problem: Gauss-Legendre rules, node counts, and the store of its tables.
 
-Tables of master curves, kept for the whole process: the one store of the package that outlives its callers.
-
-A table is a pure function of its key (exponent, Poisson's ratios, cell, tolerance): it holds nothing of a caller,
-and whoever asks first pays its 10 to 50 ms for all who ask later. A store owned by a solver or a problem would be
-made anew for every fit of a series, since ``solver="auto"`` names a solver and holds none. So there is one, of
-bounded size, and `tests/test_house.py` holds that there is no other.
-
-Gauss-Legendre rules: ready-made, for even integrands, and for a power times an even integrand.
-
-How many nodes the exact contact problem takes: in r, in the wavenumber u, and in the contact radius.
-
-The counts are fits, with a margin, to those measured for rigid bases and for ratios of theta between 1e-8
-and 1e8, at a/h from 0.2 to 20 and relative errors from 1e-2 to 1e-10.
+`even_rule` and `legendre_rule` are the rules, ready-made, the former for even integrands and for a power times
+an even integrand. `Resolution`, `series_terms` and `curve_terms` say how many nodes a solution takes: in x =
+r/a, in the wavenumber u, and in the contact radius. The counts are fits, with a margin, to those measured for
+rigid bases and for ratios of theta between 1e-8 and 1e8, at a/h from 0.2 to 20 and relative errors from 1e-2 to
+1e-10. `TABLES` keeps what was tabulated, for the whole process.
 """
 
 from __future__ import annotations
@@ -55,7 +47,13 @@ _GRADING_STEPS = 6
 
 
 class TableStore:
-    """The tables used last; safe for threads, of which two may at most build one table twice.
+    """Tables of master curves used last, kept for the whole process; safe for threads.
+
+    Two threads may at most build one table twice. A table is a pure function of its key (exponent, Poisson's
+    ratios, cell, tolerance): it holds nothing of a caller, and whoever asks first pays its 10 to 50 ms for all
+    who ask later. A store owned by a solver or a problem would be made anew for every fit of a series, since
+    ``solver="auto"`` names a solver and holds none. So there is one, of bounded size, the only store of the
+    package that outlives its callers; `tests/test_house.py` holds that there is no other.
 
     Parameters
     ----------
@@ -265,7 +263,7 @@ class Resolution:
         return self.radial * self.wavenumbers
 
     def scaled(self, radial: float, wavenumbers: float) -> Resolution:
-        """As graded, with so many times the nodes."""
+        """Grade alike with `radial` and `wavenumbers` times as many nodes."""
         return replace(
             self,
             radial=ceil(radial * self.radial),

@@ -1,6 +1,7 @@
-"""The flat punch on the layer at many contact radii: the one solution that serves every indenter.
+"""The flat punch on a layer at many contact radii: the one solution that serves every indenter.
 
-With eps = a/h, x = r/a and K(s, t) = int_0^inf [1 - L(u)] cos(su) cos(tu) du, the contact problem is
+With contact radius a, thickness h, eps = a/h, x = r/a, depth w, force P, theta the layer's elastic constant and
+K(s, t) = int_0^inf [1 - L(u)] cos(su) cos(tu) du, the contact problem of a shape with the half-space depth H is
 
     f(x) = w - H(ax) + (2 eps/pi) int_0^1 K(eps x, eps y) f(y) dy,   f(1) = 0,   P = 4 theta a int_0^1 f dx.
 

@@ -1,4 +1,4 @@
-"""The relation with the contact radius as the variable, and its inversion into a `MasterCurve`."""
+"""The contact relation as a series in the contact radius, and its inversion into a `MasterCurve` of the depth."""
 
 from __future__ import annotations
 

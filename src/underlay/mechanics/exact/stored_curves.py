@@ -2,11 +2,11 @@
 
 A search for a start asks little accuracy of laws far apart: the first fit of a process would spend more on solving
 for them than on fitting. Without friction such a body is two numbers and no more (as Dundurs found of plane strain;
-its Hankel transform sees no other): the ratio r = theta_base/theta_layer, and
+its Hankel transform sees no other): the ratio r = theta_base/theta_layer of the elastic constants, and
 
     share = (2 (r gamma_layer - gamma_base) + 1)/(r + 1),   gamma = (1 - 2 nu)/(2 (1 - nu)),
 
-which goes from 0 to 1 while Poisson's ratios go from 1/2 to 0. The logarithms of the three factors are Chebyshev
+which goes from 0 to 1 while Poisson's ratios nu go from 1/2 to 0. The logarithms of the three factors are Chebyshev
 series in ln r, in ln(1 + 100 share), which spreads what thin incompressible layers crowd at zero, and in the
 stretched varpi. `tests/studies/stored_curves.py` writes the file; a test solves again.
 """
@@ -65,7 +65,7 @@ class StoredSeries(NamedTuple):
 
     @property
     def stretch(self) -> Stretch:
-        """The stretched varpi."""
+        """The stretched variable in which varpi is expanded."""
         return _STRETCH
 
     def logarithms(self, varpi: FloatArray) -> FloatArray:
@@ -75,7 +75,7 @@ class StoredSeries(NamedTuple):
 
 
 class StoredCurves(NamedTuple):
-    """What the file holds.
+    """The stored curves as the file holds them.
 
     Parameters
     ----------

@@ -1,21 +1,15 @@
-"""Master curves of a sphere or a measured tip off tables of the flat punch.
-
-The flat punch on bodies that differ in one ratio, tabulated over the contact radius: it serves every tip.
+"""Master curves of a sphere or a measured tip, for many contacts at once, off tables of the flat punch.
 
 The solution of `punch_solution` does not know the shape. With Poisson's ratios fixed it depends on eps = a/h and
 on one ratio k of the body, analytically on both; so it is held at the nodes r/a as Chebyshev polynomials in a
-stretched eps and in ln k, and the curve of a sphere or of a measured tip costs its contraction with the shape
-(`tip_law`). What is interpolated has no dimension and is of order one, however wide the contact:
+stretched eps and in ln k, and the curve of a sphere or of a measured tip costs its contraction with the shape. What
+is interpolated has no dimension and is of order one, however wide the contact:
 
     ln kappa, ln g(1), g/kappa, rho/g(1),     kappa = int_0^1 g dx,  g(1) = 1 + int_0^1 rho dx.
 
-Cells and store are those of `curve_family`.
-
-Master curves of a sphere or a measured tip off the tables of the flat punch, for many contacts at once.
-
 The radii are placed where the tip's power law (`Indenter.power_law`) would have them, by a table of that law's own
 contact radius; there the flat punch is read off its table and contracted with the shape. What a curve leaves out is
-estimated as where it is solved for (`contact_curve`).
+estimated as where it is solved for (`contact_problem`). Cells and store are those of `curve_family`.
 """
 
 from __future__ import annotations
@@ -103,7 +97,7 @@ _BESIDE = _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 class PunchCell(NamedTuple):
-    """Which table.
+    """Which table of the flat punch: the bodies, the spans of ratio and contact radius, and the accuracy.
 
     Parameters
     ----------
@@ -124,7 +118,7 @@ class PunchCell(NamedTuple):
 
     @property
     def top(self) -> float:
-        """Largest eps."""
+        """Largest eps of the cell."""
         return min(range_end(self.range), LARGEST_EPS)
 
 
@@ -302,16 +296,16 @@ class TipContacts(NamedTuple):
     top: FloatArray
 
     def part(self, rows: NDArray[np.intp]) -> TipContacts:
-        """Some of them."""
+        """Contacts of the given rows."""
         return self._replace(
             log_ratio=self.log_ratio[rows], thickness=self.thickness[rows], top=self.top[rows]
         )
 
 
 class TipCurves(NamedTuple):
-    """Curves of some contacts, what they were read off, the radii of each, and the largest a/h (sets,).
+    """Curves of some contacts, nodes and number of radii behind them, and the largest a/h of each (sets,).
 
-    Their slopes are those in ln k, k the ratio of the bodies, and in the logarithm of the thickness.
+    Their slopes are those of ln P at fixed depth in ln k, k the ratio of the bodies, and in ln(thickness).
     """
 
     batch: CurveBatch

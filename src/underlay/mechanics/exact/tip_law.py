@@ -1,4 +1,4 @@
-"""Laws of a sphere or a measured tip read off tables (`tip_curves`): what a fit asks for at every step."""
+"""Laws of a sphere or a measured tip read off the tables of `tip_curves`: what a fit asks for at every step."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _Group: TypeAlias = tuple[Indenter, int | None, int]
 
 @dataclass(frozen=True, kw_only=True)
 class TipLaw(ExactLaw):
-    """An exact law off the tables of the flat punch: its slopes are those in ln k and in ln(thickness)."""
+    """An exact law off the tables of the flat punch; beside dP/dw it knows dP/d ln k and dP/d ln(thickness)."""
 
 
 class TipSlopes(NamedTuple):
@@ -50,7 +50,20 @@ class TipSlopes(NamedTuple):
 
 
 def tips_side_by_side(laws: Sequence[TipLaw], depth: FloatArray) -> TipSlopes:
-    """What the laws say at depths (m), (laws, n), each at its row: for the calls of one law."""
+    """Forces and their derivatives of several laws in one call.
+
+    Parameters
+    ----------
+    laws : sequence of TipLaw
+        One for each row.
+    depth : ndarray (laws, n)
+        Indentation depths (m).
+
+    Returns
+    -------
+    TipSlopes
+        Each entry (laws, n).
+    """
     count, first = len(laws), laws[0]
     tables = [law.curve.coefficients[0] for law in laws]
     coefficients = np.zeros((count, len(tables[0]), max(table.shape[1] for table in tables), 4))
@@ -83,7 +96,7 @@ def in_size(
 
 
 def tip_range(contact: Contact, depth: float) -> int:
-    """Number of the range of varpi that reaches `depth` (m)."""
+    """Number of the range of varpi that reaches `depth` (m): the `octave` of `TipContacts`."""
     varpi = float(contact.indenter.power_law.halfspace_radius(np.asarray(depth))) / contact.thickness
     return ceil(_RANGES_PER_OCTAVE * log(max(varpi, _SMALLEST) / _RANGE_EDGE) / log(2.0))
 

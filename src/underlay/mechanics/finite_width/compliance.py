@@ -1,20 +1,21 @@
-"""A sample with sides: to leading order a spring in series with the law of a sample without.
+"""Compliance of a sample's free sides: to leading order a spring in series with the law of a sample without.
 
-    P = F(w - kappa P/(E W)),
+    P(w) = F(w - kappa P/(E W)),
 
-F the law of the layer on its rigid base, W the half-width of a round plug with free sides (of a square block
-2/sqrt(pi) of its half-width), E Young's modulus at small strains, kappa(h/W; nu, base) a number that does not
-depend on the size of the contact: under the tip a force acts, and the sides see no more of it (Saint-Venant).
+P the force at depth w, F the law of the layer on its rigid base, h its thickness, W the half-width of a round
+plug with free sides (of a square block 2/sqrt(pi) of its half-width), E Young's modulus at small strains,
+kappa(h/W; nu, base) a number that does not depend on the size of the contact: under the tip a force acts, and
+the sides see no more of it (Saint-Venant).
 
     kappa = (h/W)/pi + S(h/W):
 
 a long bar is compressed by h P/(pi E W^2); S is a spline in q = (h/W)/(h/W + 2) through finite elements
-(linear, axisymmetric; shared/design/stiffening.md, section 5), with the two terms of its far end. Between the
-points it is within 0.0004 of the cubic spline in h/W and of the far end's formula that the note measured,
-over the whole range: nothing is switched. Errors against finite elements: 0.002 or 4 % for a/W up to 0.2, 3.5
-% at h/W = 2 up to 0.5; fourteen more of our own (nu 0.3 to 0.4995, h/W 0.35 to 5, a/W 0.1) are met within
-0.0019, 0.04 % of the force. Of public three-dimensional blocks (211 curves, W from 5 R) the force is within
-0.4 % rms where it is 15 % lower.
+(linear, axisymmetric; section 5 of the design study of stiffening layers), with the two terms of its far end.
+Between the points it is within 0.0004 of the cubic spline in h/W and of the far end's formula that the study
+measured, over the whole range: nothing is switched. Errors against finite elements: 0.002 or 4 % for a/W up to
+0.2, 3.5 % at h/W = 2 up to 0.5; fourteen more of our own (nu 0.3 to 0.4995, h/W 0.35 to 5, a/W 0.1) are met
+within 0.0019, 0.04 % of the force. Of public three-dimensional blocks (211 curves, W from 5 R) the force is
+within 0.4 % rms where it is 15 % lower.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ _BONDED_BELOW = (
 )
 _BELOW = (0.45, 0.3)
 _LEAST_NU = 0.3
-# Scale of q: of 0.5, 1 and 2 the last is nearest to the note's own spline (0.0012, 0.0007 and 0.0004).
+# Scale of q: of 0.5, 1 and 2 the last is nearest to the study's own spline (0.0012, 0.0007 and 0.0004).
 _BEND = 2.0
 # Of kappa: as a share, and where it is small.
 _RELATIVE_ERROR, _LEAST_ERROR = 0.04, 0.002
@@ -156,7 +157,7 @@ def _spline(
 
 
 def standard_error(value: FloatArray) -> FloatArray:
-    """Of kappa: 4 %, and 0.002 at least."""
+    """Standard error of kappa: 4 % of it, and 0.002 at least; shape of `value`."""
     return np.asarray(np.maximum(_RELATIVE_ERROR * value, _LEAST_ERROR))
 
 

@@ -1,4 +1,4 @@
-"""The law of a sample of finite width: that of the layer without sides, and a spring in series."""
+"""The law of a sample of finite width: that of the layer without sides, and a spring in series (`compliance`)."""
 
 from __future__ import annotations
 
@@ -139,14 +139,14 @@ class Sides(OnLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class NarrowLaw(ContactLaw):
-    """P(w) = F(u), u + C F(u) = w.
+    """Law of a layer with free sides: P(w) = F(u), where the depth u of the layer alone solves u + C F(u) = w.
 
     Parameters
     ----------
     inner : ContactLaw
         F, of the layer without sides.
     sides : Sides
-        C.
+        C (m/N), the compliance of the sides.
     """
 
     inner: ContactLaw
@@ -155,17 +155,17 @@ class NarrowLaw(ContactLaw):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """That of the law without sides (m)."""
+        """Smallest and largest depth (m): from that of the law without sides to `max_depth`."""
         return self.inner.domain[0], self.max_depth
 
     @property
     def nodes(self) -> int | None:
-        """Those of the law without sides."""
+        """Radial nodes of the law without sides."""
         return self.inner.nodes
 
     @property
     def linear_law(self) -> ContactLaw:
-        """That of the law without sides."""
+        """Law of linear elasticity underneath, that of the law without sides."""
         return self.inner.linear_law
 
     def known_errors(self, depth: FloatArray) -> dict[str, FloatArray]:
@@ -192,7 +192,7 @@ class NarrowLaw(ContactLaw):
         return {name: kept * change for name, change in of(self.inner, u).items()}
 
     def depth(self, force: ArrayLike) -> FloatArray:
-        """See `ContactLaw.depth`: the depth without sides, and what the spring gives."""
+        """Depth (m), shape of `force` (N): the depth without sides, and what the spring gives."""
         return np.asarray(
             self.inner.depth(force) + self.sides.compliance * np.asarray(force, dtype=np.float64)
         )

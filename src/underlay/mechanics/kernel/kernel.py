@@ -1,20 +1,16 @@
-"""What every kernel answers, its scales, and quadrature of it over the wavenumber.
+"""What every kernel answers a solver, the scales it bends at, and quadrature of it over the wavenumber.
 
-The scales of a kernel: where in the wavenumber it bends, and how the contact answers.
+`Kernel` is all that a solver of the contact problem asks of the body under an indenter: 1 - L(u), the change of
+the surface compliance with u, the wavenumber times the thickness on top. To add a body, derive from it and
+implement `values`, `scales`, `rule`, `contrast` and `uniform`: every solver then takes it. `Scales` say where
+in u it bends, and `u_rule` are nodes and weights for integrals int_0^inf [1 - L(u)] cos(s u) cos(t u) du.
 
-What every kernel answers: all that a solver asks of the body under an indenter.
-
-To add a body, derive from `Kernel` and implement `values`, `scales`, `rule`, `contrast` and `uniform`: every
-solver of the contact problem then takes it.
-
-Quadrature over the wavenumber u for integrals of the kernel, int_0^inf [1 - L(u)] cos(s u) cos(t u) du.
-
-Three scales shape the integrand. Near u = 0 a substrate of another stiffness bends L: a soft one at
-u ~ ratio (the layer stretches) and ratio^(1/3) (it bends), a stiff one at u ~ ratio^(-1/3). From there to
-the roots of the layer it varies slowly on a logarithmic scale, its poles standing 60 degrees or more off
-the real axis: panels that triple in width serve, each with the same few Gauss-Legendre nodes. Beyond, it
-decays as exp(-2 slow u) while the cosines oscillate: panels of equal width, with as many nodes as make them
-cheapest.
+Three scales shape that integrand. Near u = 0 a substrate of another stiffness bends L: with `ratio` its elastic
+constant over the layer's, a soft one at u ~ ratio (the layer stretches) and ratio^(1/3) (it bends), a stiff one
+at u ~ ratio^(-1/3). From there to the roots of the layer it varies slowly on a logarithmic scale, its poles
+standing 60 degrees or more off the real axis: panels that triple in width serve, each with the same few
+Gauss-Legendre nodes. Beyond, it decays as exp(-2 slow u), `slow` the slowest decay rate, while the cosines
+oscillate: panels of equal width, with as many nodes as make them cheapest.
 """
 
 from __future__ import annotations
@@ -55,7 +51,7 @@ def lowest(value: Any) -> float:
 
 @dataclass(frozen=True)
 class Scales:
-    """What the node counts need to know of a body (of the worst of a batch).
+    """Scales of a body on which node counts depend (of the worst of a batch).
 
     Parameters
     ----------
@@ -121,7 +117,7 @@ class Scales:
 
 
 class Layers(NamedTuple):
-    """Layers from the top down, their base, and which were joined, in words."""
+    """Layers from the top down, the half-space under them, and in words which of them were joined."""
 
     layers: tuple[Layer, ...]
     base: Base
@@ -151,7 +147,7 @@ class Kernel(ABC):
     @property
     @abstractmethod
     def scales(self) -> Scales:
-        """Where it bends: what node counts depend on.
+        """Wavenumbers at which the kernel bends, on which node counts depend.
 
         Raises
         ------
@@ -177,7 +173,12 @@ class Kernel(ABC):
         """Whether nothing under the surface differs from it: the kernel is zero."""
 
     def compliance(self, u: FloatArray) -> Compliance:
-        """What a tip that sticks feels of the body, at `u` (nodes,) of zero or more.
+        """Change of the surface's compliance in every direction, as a tip that sticks needs it.
+
+        Parameters
+        ----------
+        u : ndarray (nodes,)
+            Wavenumbers times the thickness on top, zero or more.
 
         Raises
         ------
@@ -191,16 +192,19 @@ class Kernel(ABC):
 
     @property
     def coupling(self) -> float:
-        """gamma = (p - q)/(sigma sqrt p) of the surface, (1 - 2 nu)/(2 (1 - nu)) when isotropic.
+        """Coupling of the surface, gamma = (p - q)/(sigma sqrt p): (1 - 2 nu)/(2 (1 - nu)) when isotropic.
 
-        Raises as `compliance` does.
+        Raises
+        ------
+        InputError
+            If this kernel knows the axial compliance alone.
         """
         raise InputError(
             f"{type(self).__name__} says nothing of shear: friction needs its compliance in shear and its coupling"
         )
 
     def simpler(self, eps: float, allowed: float) -> Layers | None:
-        """Return a body of fewer layers that contacts cannot tell from this one; None where there is none.
+        """Return a body of fewer layers that contacts cannot tell from this one.
 
         Parameters
         ----------
@@ -208,13 +212,18 @@ class Kernel(ABC):
             Largest contact radius over the thickness on top.
         allowed : float
             Relative change of force, contact radius and stiffness, all that is joined together.
+
+        Returns
+        -------
+        Layers or None
+            None where no layer can be joined.
         """
         del eps, allowed
         return None
 
     @property
     def description(self) -> str:
-        """What the body is, for messages."""
+        """The body in words, for messages."""
         return repr(self)
 
     @property

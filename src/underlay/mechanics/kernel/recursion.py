@@ -1,9 +1,10 @@
-"""The compliance of a stack's surface, 1 - L(u) first: the five minors of its solutions, carried up from the base.
+"""Compliance of a stack's surface, 1 - L(u) first: the five minors of its solutions, carried up from the base.
 
 With xi the wavenumber, v = xi t in a layer of thickness t, and below every interface (displacement) = -C
 (stress over xi), C = [[C11, C12], [C12, C22]] (radial, axial) symmetric, the compliance obeys a Riccati equation
-in depth. In the minors y = f (1, -C12, det C, C11, C22), f any factor, it is linear (Dunkin 1965, Bull. Seismol.
-Soc. Am. 55, 335), y' = A y upwards, in q, c, g, S of the layer:
+in depth. In the minors y = f (1, -C12, det C, C11, C22), f any factor, named (y0, y12, yD, y11, y22), it is linear
+(Dunkin 1965, Bull. Seismol. Soc. Am. 55, 335), y' = A y upwards, in the constants q, c, g, S of the layer
+(`PlaneConstants`):
 
     y0' = g y11,           y12' = y22 - q y11,     yD' = c y11 + S y22,
     y11' = S y0 + 2 y12,   y22' = c y0 - 2 q y12 + g yD.

@@ -1,13 +1,12 @@
-"""The kernel of several layers on a base, bonded, slipping or on springs.
+"""The kernel of several layers on a base, bonded, slipping or on springs, and which layers may be left out.
 
-Layers of a stack that do not matter: joined with a neighbour where the contact cannot tell.
-
-Elastic energy is monotone in the surface compliance, and that is diagonal in the wavenumber: if the compliance of
-two bodies differs by a share of at most delta at every wavenumber, so does the force at a given depth, whatever
-the contact. Where the contact is small, what counts is the mean over the wavenumbers it sees: to first order
-kappa changes by (2 eps/pi) int |L' - L| du.
-
-The kernel of several layers on a base, bonded, slipping or on springs, as an object: see `recursion`.
+`StackKernel` compiles the formula of `recursion` for its layers. Layers that a contact cannot tell from a
+neighbour are joined with it first (`joined`). Elastic energy is monotone in the surface compliance, and that is
+diagonal in the wavenumber: if the compliance of two bodies differs by a share of at most delta at every
+wavenumber, so does the force at a given depth, whatever the contact. Where the contact is small, what counts is
+the mean over the wavenumbers it sees: to first order the flat punch's factor kappa changes by (2 eps/pi) int
+|L' - L| du, with L and L' those of the two bodies and eps the contact radius over the thickness on top
+(`relative_effect`).
 """
 
 from __future__ import annotations
@@ -118,7 +117,7 @@ class StackKernel(Kernel):
 
     @property
     def coupling(self) -> float:
-        """Gamma of the layer on top."""
+        """Coupling gamma of the layer on top, as `Kernel.coupling`."""
         return self.layers[0].material.plane_constants.coupling
 
     @cached_property
@@ -137,7 +136,7 @@ class StackKernel(Kernel):
 
     @cached_property
     def scales(self) -> Scales:
-        """Where it bends.
+        """Wavenumbers at which the kernel bends.
 
         In place of the one ratio of a single layer stands the smallest of the wavenumbers at which the layers
         together, H thick and s times as stiff as the one on top at the stiffest, bend or slide on something
@@ -187,7 +186,7 @@ class StackKernel(Kernel):
         )
 
     def rule(self, eps_max: float, rtol: float, *, power: int = 0) -> tuple[FloatArray, FloatArray]:
-        """See `u_rule`; graded from the smallest of the kernel's wavenumbers."""
+        """Nodes and weights as `Kernel.rule`, by `u_rule`, graded from the smallest of the kernel's wavenumbers."""
         layer = self._sheets[0][0].constants
         return u_rule(layer, None, eps_max, rtol, power=power, smallest=self.scales.ratio ** (1.0 / 3.0))
 
@@ -223,7 +222,7 @@ class StackKernel(Kernel):
 
     @property
     def description(self) -> str:
-        """Every layer and the base."""
+        """Every layer and the base in words, for messages."""
         layers = (f"{layer.material!r} ({layer.thickness:.4g} m, {layer.bond})" for layer in self.layers)
         return " on ".join((*layers, repr(self.base)))
 

@@ -1,4 +1,4 @@
-"""The kernel of one layer bonded to a base, as an object: see `recursion` for the formula."""
+"""The kernel of one layer bonded to a base: the formula of `recursion`, in closed form where both are isotropic."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class _OneLayer(Kernel):
     @property
     @abstractmethod
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """What is seen of the layer and of the base; None where it is rigid."""
+        """Plane constants of layer and base; None for a rigid base."""
 
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,); (nodes,) or (batch, nodes)."""
@@ -54,16 +54,16 @@ class _OneLayer(Kernel):
 
     @property
     def coupling(self) -> float:
-        """Gamma of the layer."""
+        """Coupling gamma of the layer, as `Kernel.coupling`."""
         return self.constants[0].coupling
 
     @cached_property
     def scales(self) -> Scales:
-        """Where it bends."""
+        """Wavenumbers at which the kernel bends, from the constants of layer and base."""
         return Scales.of(*self.constants)
 
     def rule(self, eps_max: float, rtol: float, *, power: int = 0) -> tuple[FloatArray, FloatArray]:
-        """See `u_rule`."""
+        """Nodes and weights as `Kernel.rule`, by `u_rule`."""
         return u_rule(*self.constants, eps_max, rtol, power=power)
 
     @property
@@ -87,7 +87,7 @@ class LayerKernel(_OneLayer):
 
     @property
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """As given."""
+        """Plane constants of layer and base, as given."""
         return self.layer, self.base
 
     @property
@@ -134,12 +134,12 @@ class SubstrateKernel(_OneLayer):
 
     @property
     def description(self) -> str:
-        """Layer and substrate."""
+        """Layer and substrate in words, for messages."""
         return f"{self.layer!r} on {self.substrate!r}"
 
     @cached_property
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """What is seen of the layer and of the substrate; None where it is rigid."""
+        """Plane constants of layer and substrate; None for a rigid one."""
         return self.layer.plane_constants, self.substrate.plane_constants
 
     @property

@@ -1,8 +1,8 @@
-"""The passage through a layer, by divided differences: no equal roots, no thin layers, decaying exponentials only.
+"""The passage of the minors through one layer, by divided differences, free of equal roots and cancellation.
 
-The minors of `recursion` obey y' = A y upwards, v = xi t the way. A has the eigenvalues 0, +-2d and +-sigma, with
-p and sigma the product and the sum of the layer's decay roots and d^2 = sigma^2/4 - p of any sign. Newton's form of
-exp(v A) with the nodes 0, 2d, -2d, -sigma, sigma, in this order, is
+The minors of `recursion` obey y' = A y upwards, v = xi t the way (wavenumber times thickness). A has the
+eigenvalues 0, +-2d and +-sigma, with p and sigma the product and the sum of the layer's decay roots and d^2 =
+sigma^2/4 - p of any sign. Newton's form of exp(v A) with the nodes 0, 2d, -2d, -sigma, sigma, in this order, is
 
     exp(-sigma v) exp(v A) = E_0 + E_1 A + E_2 A^2 + E_3 A (A^2 - 4 d^2) + E_4 A (A^2 - 4 d^2) (A + sigma),
 
@@ -11,8 +11,8 @@ E_k = exp(-sigma v) times divided differences of exp(v x), all but the first pos
     E_0 = exp(-sigma v),  E_1 = ch sh,  E_2 = sh^2/2,  E_3 = (E_0 (1 - E_0) - sigma E_1 + sigma^2 E_2)/(4 p sigma),
     E_4 = (e - sh) (e + sh)/(8 p),   e = (1 - E_0)/sigma,  sh = exp(-sigma v/2) sinh(d v)/d,  ch alike.
 
-E_k starts as v^k: entries of the passage that start late keep their digits in thin layers. Written out, with
-w_e = (p S + c) y0 + 2 (p - q) y12 + g yD and w_o = p y11 + y22,
+Only decaying exponentials occur. E_k starts as v^k: entries of the passage that start late keep their digits in
+thin layers. Written out, with w_e = (p S + c) y0 + 2 (p - q) y12 + g yD and w_o = p y11 + y22,
 
     A (A^2 - 4 d^2) y = 2 (g w_o, (p - q) w_o, (c + p S) w_o, w_e, p w_e),
     A (A^2 - 4 d^2) (A + sigma) y = 2 (w_e + sigma w_o) (g, p - q, c + p S, sigma, p sigma):
@@ -71,7 +71,20 @@ _SUMS = read_only(_sums())
 
 
 def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:
-    """What E_0 to E_4 multiply, of the minors `y`, five floats or arrays: y, A y, A^2 y, the last two products."""
+    """What E_0 to E_4 multiply: y, A y, A^2 y and the two products of the module's docstring.
+
+    Parameters
+    ----------
+    of : PlaneConstants
+        Of the layer.
+    y : sequence of five floats or ndarrays
+        Minors under the layer.
+
+    Returns
+    -------
+    list of five tuples
+        Five minors each.
+    """
     q, c, g, S = of
     p, gap, sigma = of.p, of.p_minus_q, of.sigma
     unit, cross, both, radial, axial = y
@@ -93,7 +106,7 @@ def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:
 
 
 class _Roots(NamedTuple):
-    """Of one layer, floats, or of several, (rows, 1)."""
+    """Numbers made of the decay roots of one layer, floats, or of several, (rows, 1)."""
 
     p: Real
     sigma: Real
@@ -133,7 +146,7 @@ class Waves:
         self._series = (pairs.reshape(len(p), -1) @ _SUMS).reshape(len(p), -1, 4)
 
     def __call__(self, v: FloatArray) -> FloatArray:
-        """At `v` (rows, nodes), wavenumber times thickness, zero or more: (rows, 5, nodes)."""
+        """E_0 to E_4, (rows, 5, nodes), at `v` (rows, nodes), wavenumber times thickness, zero or more."""
         found = np.empty((len(v), WAVES, v.shape[1]))
         for rows, formula, roots in self._kinds:
             if len(v) == 1:

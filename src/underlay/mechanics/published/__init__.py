@@ -1,7 +1,7 @@
 """The corrections people use today, so that their numbers can be reproduced and their cost in accuracy seen.
 
 One correction, one file: formula, assumptions, range, source, measured error. To add one: a file with a
-`PublishedCorrection`, and its line in `registry`.
+`PublishedCorrection` (`correction`), and its line in the list of `law`.
 """
 
 from underlay.mechanics.published.correction import OutOfRange, PublishedCorrection

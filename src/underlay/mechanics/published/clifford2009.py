@@ -1,11 +1,12 @@
 """Clifford and Seah (2009): a sphere on a compliant layer on a stiffer elastic base.
 
 P = (4/3) E* sqrt(R) d^(3/2), E* = E*_L + (E*_S - E*_L) P x^n/(1 + P x^n), P = 2.25, n = 1.5,
-x = X (E_L/E_S)^(2/3) (1 - 0.22 nu_S^2)/(1 - 1.92 nu_L^2).
+x = X (E_L/E_S)^(2/3) (1 - 0.22 nu_S^2)/(1 - 1.92 nu_L^2), X = sqrt(R d)/h,
 
-A fit to finite elements. E* is E/(1 - nu^2), so that a small contact gives Hertz's law of the layer; the
-ratio inside x is that of Young's moduli. With E* read as Young's modulus the force of the smallest contact
-would be too small by 1 - nu_L^2.
+with force P (on the left; the P of the fit is its constant), depth d, sphere radius R, thickness h, L the layer
+and S the base. A fit to finite elements. E* is E/(1 - nu^2), so that a small contact gives Hertz's law of the
+layer; the ratio inside x is that of Young's moduli. With E* read as Young's modulus the force of the smallest
+contact would be too small by 1 - nu_L^2.
 """
 
 from __future__ import annotations

@@ -1,20 +1,9 @@
-"""What a published correction states: its range, source, factor, and measured error.
+"""The record of a published correction: its formula, source and range, and how far off it was measured to be.
 
-What a published formula sees of a test: the tip's one length, the layer's thickness, two materials.
-
-The quantities of a test that a published correction sets ranges for, or was measured at.
-
-Ranges of a published correction, and the record of a test that leaves one.
-
-Factors that multiply the half-space force, as functions of the size of the contact.
-
-How far a published formula is from the exact contact problem: tables measured once, and read here.
-
-Each table stands beside its formula. Its numbers are the largest |P/P_exact - 1|, in per cent, met between
-zero and the value of the contact size at the head of the column, rounded up to two digits. They were
-measured with a Nystrom solution of the Fredholm equation of the contact; the tests measure them again.
-
-The record of a published correction: what it holds for, where it comes from, and how far off it is.
+A `PublishedCorrection` makes of a test (`LayerContact`: one tip, one layer thickness, two materials) a `Factor`
+that multiplies the half-space force, as a function of the size of the contact. A `Limit` is a range of a
+`Quantity` of the test, and `OutOfRange` the record of a test that leaves one. `MeasuredError` is a table,
+measured once and read here, of how far the formula is from the exact contact problem.
 """
 
 from __future__ import annotations
@@ -303,7 +292,7 @@ class Factor(ABC):
 
 @dataclass(frozen=True)
 class PolynomialFactor(Factor):
-    """c_0 + c_1 u + c_2 u^2 + ..."""
+    """A factor c_0 + c_1 u + c_2 u^2 + ... of the contact size u."""
 
     coefficients: tuple[float, ...]
 
@@ -318,7 +307,7 @@ class PolynomialFactor(Factor):
 
 @dataclass(frozen=True)
 class ConstantFactor(Factor):
-    """One number: a flat punch's a/h, hence its factor, is the same at every depth."""
+    """A factor that is one number: a flat punch's a/h, hence its factor, is the same at every depth."""
 
     number: float
 
@@ -327,13 +316,17 @@ class ConstantFactor(Factor):
         return np.full_like(u, self.number)
 
     def slope(self, u: FloatArray) -> FloatArray:
-        """Give zero."""
+        """Derivative of the factor, zero at every `u`."""
         return np.zeros_like(u)
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredError:
     """Largest relative error of the force up to a contact size, for given materials.
+
+    Each table stands beside its formula. Its numbers are the largest |P/P_exact - 1|, in per cent, met between
+    zero and the value of the contact size at the head of the column, rounded up to two digits. They were
+    measured with a Nystrom solution of the Fredholm equation of the contact; the tests measure them again.
 
     Parameters
     ----------

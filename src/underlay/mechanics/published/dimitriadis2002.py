@@ -3,12 +3,13 @@
 P = (4/3) E/(1-nu^2) sqrt(R) d^(3/2) [1 - (2 alpha/pi) X + (4 alpha^2/pi^2) X^2
     - (8/pi^3)(alpha^3 + (4 pi^2/15) beta) X^3 + (16 alpha/pi^4)(alpha^3 + (3 pi^2/5) beta) X^4]
 
-with alpha and beta fitted in the Poisson's ratio, other for each base. At nu = 0.5 the coefficients round
-to those of the source's equation (11), not bonded, and to all but one of those of (12), bonded: there the
-X^4 coefficient is printed as +0.0975 where the general form gives -0.0975. The sign of (12) is a slip: the
-general form is what the contact problem gives when the contact radius is held at sqrt(R d). Everybody uses
-(12), so nu = 0.5 takes it as printed here and any other nu the general form; at X = 0.75 that is a step of
-2 % in force. The contact radius does change, and the exact X^2 coefficient is 7/6 times the one printed.
+with X = sqrt(R d)/h (radius R, depth d, thickness h), and alpha and beta fitted in the Poisson's ratio, other
+for each base. At nu = 0.5 the coefficients round to those of the source's equation (11), not bonded, and to all
+but one of those of (12), bonded: there the X^4 coefficient is printed as +0.0975 where the general form gives
+-0.0975. The sign of (12) is a slip: the general form is what the contact problem gives when the contact radius
+is held at sqrt(R d). Everybody uses (12), so nu = 0.5 takes it as printed here and any other nu the general
+form; at X = 0.75 that is a step of 2 % in force. The contact radius does change, and the exact X^2 coefficient
+is 7/6 times the one printed.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Doss et al. (2019): a sphere on an incompressible layer on an incompressible elastic base.
 
-P/P_Hertz = (q + 1)/(q (E_L/E_S)^A + 1), q = 0.85 X + 3.36 X^2, A = min(1, 0.72 - 0.34 X + 0.51 X^2).
+P/P_Hertz = (q + 1)/(q (E_L/E_S)^A + 1), q = 0.85 X + 3.36 X^2, A = min(1, 0.72 - 0.34 X + 0.51 X^2),
 
-A fit to finite elements. The exponent stops at 1, reached at X = 1.146: from there a very large contact
+with X = sqrt(R d)/h (radius R, depth d, thickness h) and E_L, E_S Young's moduli of layer and base. A fit to finite
+elements. The exponent stops at 1, reached at X = 1.146: from there a very large contact
 feels the base alone; the stiffness has a small step at that depth.
 """
 

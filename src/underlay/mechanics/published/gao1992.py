@@ -2,10 +2,11 @@
 
 P = 2 a d E', E' = E'_s + (E'_f - E'_s) phi_0(x), x = h/a, E' = E/(1 - nu^2);
 phi_0 = (2/pi) atan x + [(1-2 nu) x ln(1 + 1/x^2) - x/(1+x^2)]/(2 pi (1-nu)),
-nu = 1 - (1-nu_s)(1-nu_f)/[1 - (1-phi_1) nu_f - phi_1 nu_s], phi_1 = (2/pi) atan x + (x/pi) ln(1 + 1/x^2).
+nu = 1 - (1-nu_s)(1-nu_f)/[1 - (1-phi_1) nu_f - phi_1 nu_s], phi_1 = (2/pi) atan x + (x/pi) ln(1 + 1/x^2),
 
-Written here, as most users write it, with the reduced moduli mixed by phi_0. With equal Poisson's ratios
-the composite nu is theirs. First order in the contrast: good for moduli that differ by a factor of two.
+with punch radius a, depth d, film thickness h, f the film and s the base. Written here, as most users write it,
+with the reduced moduli mixed by phi_0. With equal Poisson's ratios the composite nu is theirs. First order in
+the contrast: good for moduli that differ by a factor of two.
 """
 
 from __future__ import annotations

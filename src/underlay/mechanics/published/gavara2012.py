@@ -1,9 +1,11 @@
 """Gavara and Chadwick (2012), the bottom-effect cone correction: a cone on a layer bonded to a rigid base.
 
-P/P_Sneddon = 1 + 1.7795 (2 tan(alpha)/pi^2) d/h + 16 1.7795^2 tan(alpha)^2 (d/h)^2, alpha from the axis.
+P/P_Sneddon = 1 + 1.7795 (2 tan(alpha)/pi^2) d/h + 16 1.7795^2 tan(alpha)^2 (d/h)^2, with force P, depth d,
+thickness h, half-angle alpha from the axis.
 
-Both terms as printed are far from the exact contact problem: the linear one is half of the exact
-4 a_0 tan(alpha)/pi^2, and the quadratic one, for lack of a 1/pi^4, about 78 times too large.
+Both terms as printed are far from the exact contact problem: the linear one is half of the exact 4 a_0
+tan(alpha)/pi^2, with a_0 the kernel's first moment, and the quadratic one, for lack of a 1/pi^4, about 78 times
+too large.
 """
 
 from __future__ import annotations

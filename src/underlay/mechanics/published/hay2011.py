@@ -1,7 +1,8 @@
 """Hay and Crawford (2011): a flat punch on a film on an elastic base, springs in series and in parallel.
 
 1/mu_c = (1 - phi_0)/(mu_s + F phi_0 mu_f) + phi_0/mu_f, F = 0.0626, and P = 2 a d E'_c with
-E'_c = 2 mu_c/(1 - nu_c); phi_0 and the composite nu_c are those of Gao, Chiu and Lee (1992).
+E'_c = 2 mu_c/(1 - nu_c); phi_0 and the composite nu_c are those of Gao, Chiu and Lee (1992) (`gao_weights`), with
+force P, punch radius a, depth d, and the shear moduli mu_f of the film and mu_s of the base.
 
 The fitted F does not vanish with the contrast: film and base of one material still give a force that is up
 to 2 % too large.

@@ -1,10 +1,10 @@
 """Hayes et al. (1972): a flat punch on cartilage bonded to bone, by a table.
 
-P = 2 a d kappa(a/h, nu) E/(1-nu^2), with kappa tabulated. The columns of nu = 0.3 and nu = 0.5 could be
-confirmed, so only they are here; another Poisson's ratio is refused rather than given the wrong column, as
-is often done. Between the entries a cubic spline is drawn, with kappa(0) = 1 of the half-space as one more
-entry; it adds less than 0.03 % to the table's own drift, which at a/h = 2 is -0.4 % (nu = 0.3) and -0.9 %
-(nu = 0.5).
+P = 2 a d kappa(a/h, nu) E/(1-nu^2), with force P, punch radius a, depth d, thickness h, and kappa tabulated.
+The columns of nu = 0.3 and nu = 0.5 could be confirmed, so only they are here; another Poisson's ratio is
+refused rather than given the wrong column, as is often done. Between the entries a cubic spline is drawn, with
+kappa(0) = 1 of the half-space as one more entry; it adds less than 0.03 % to the table's own drift, which at
+a/h = 2 is -0.4 % (nu = 0.3) and -0.9 % (nu = 0.5).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Hermanowicz (2021): a paraboloid on an incompressible layer of any thickness, bonded to a rigid base.
 
-P = E/(1-nu^2) (h^3/R) G(l), l = R d/h^2 = X^2;
+P = E/(1-nu^2) (h^3/R) G(l), l = R d/h^2 = X^2 (radius R, depth d, thickness h);
 l < 0.4: G = (4/3) l^(3/2) (1 + 1.10534 l^(1/2) + 1.60675 l + 1.60183 l^(3/2));
 otherwise G = 0.61579 - 3.11432 l^(1/2) + 6.69297 l - 7.17028 l^(3/2) + 8.22767 l^2 + (pi/2) l^3.
 

@@ -1,8 +1,7 @@
-"""The published corrections by name, and the contact law of one.
+"""The published corrections by name, and the contact law of one: the half-space force times its factor.
 
-The corrections there are, and the one that fits a name and a test.
-
-The contact law of a published correction: the half-space force times its factor.
+The list of corrections is here; `fitting_correction` picks the one of a name that is made for the tip, and
+`published_law` builds its law.
 """
 
 from __future__ import annotations
@@ -83,7 +82,7 @@ def published_corrections() -> tuple[PublishedCorrection, ...]:
 
 
 def published_names() -> tuple[str, ...]:
-    """List the names of the corrections, each once."""
+    """Names of the corrections, each once."""
     return _NAMES
 
 

@@ -1,6 +1,6 @@
 """Long et al. (2011): a sphere on a gel bonded to a rigid base, finite elements with large deformation.
 
-P/P_Hertz = (1 + 1.15 X + a w + b w^2)/(1 + 2.3 w), w = X^3;
+P/P_Hertz = (1 + 1.15 X + a w + b w^2)/(1 + 2.3 w), w = X^3, X = sqrt(R d)/h (radius R, depth d, thickness h);
 R/h > 2: a = 9.5, b = 4.212; otherwise a = 10.05 - 0.63 sqrt(h/R) (3.1 + h^2/R^2), b = 4.8 - 4.23 h^2/R^2.
 
 A fit to neo-Hookean calculations with a true sphere. Against linear elasticity and a paraboloid the branch

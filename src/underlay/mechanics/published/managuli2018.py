@@ -1,6 +1,7 @@
 """Managuli and Roy (2018): a cone on a layer bonded to a rigid base, nu = 0.5.
 
-P/P_Sneddon = 1 + 4 C d/h + 20 C^2 (d/h)^2, C = 1.7795 tan(alpha)/pi^2, alpha from the axis.
+P/P_Sneddon = 1 + 4 C d/h + 20 C^2 (d/h)^2, C = 1.7795 tan(alpha)/pi^2, with depth d, thickness h, alpha from
+the axis.
 """
 
 from __future__ import annotations

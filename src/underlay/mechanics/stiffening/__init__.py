@@ -1,4 +1,8 @@
-"""A layer that stiffens as it is indented, and finite strain: factors on the exact law of a sphere."""
+"""A layer that stiffens as it is indented, and finite strain: factors on the exact law of a sphere.
+
+`factors` are the formulas, `limits` what is refused, `gradual` a contact that is made little by little, and
+`law` the numbers of a layer (`Gent`) and the law of its contact.
+"""
 
 from underlay.mechanics.stiffening.factors import (
     FORM_SPREAD,

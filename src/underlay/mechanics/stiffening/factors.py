@@ -2,24 +2,25 @@
 
     P(w) = P_linear(w) N G F,     W = -(mu Jm/2) ln(1 - (I1bar - 3)/Jm) + K/2 (J - 1)^2,     s = 1/Jm,
 
-P_linear and its contact radius a those of a true sphere of radius R on a layer of thickness h, and
+W the strain energy of Gent's solid of shear modulus mu, bulk modulus K and limit Jm of its first invariant;
+P_linear and its contact radius a those of a true sphere of radius R on a layer of thickness h, w the depth, and
 
     y = w/R,  z = w/h,  t = a/h,  alpha = a/R,  x = y s.
 
-N (neo-Hookean, s = 0) is a fit to finite elements. G (stiffening) is exact to first order in s: at fixed
-depth the strain energy changes by the integral of mu I^2 s/4 over the linear solution, I = 2 e':e' (envelope
-theorem), which is closed on a half-space and integrated by finite elements on a layer; beyond that it is a
-fit with two limits, G ~ sqrt(x) on a half-space and locking of a bonded layer where biaxial stretch passes
-its limit, at
+N (neo-Hookean, s = 0) is a fit to finite elements. G (stiffening) is exact to first order in s: at fixed depth
+the strain energy changes by the integral of mu I^2 s/4 over the linear solution, I = 2 e':e' with e' the strain
+deviator (envelope theorem), which is closed on a half-space and integrated by finite elements on a layer;
+beyond that it is a fit with two limits, G ~ sqrt(x) on a half-space and locking of a bonded layer where biaxial
+stretch passes its limit, at
 
     X = ((1 - z)^2 + 2/(1 - z) - 3) s / (1 + 1.78 sqrt(1 - 2 nu)) = 1.
 
 F (form of the energy) is exp(c alpha o1(t)/o1(0)): the shape of the first-order difference between energies
-that agree at small strains, the integral of tr e'^3 (`ogden_size`), with a size c that nobody knows.
+that agree at small strains, the integral o1 of tr e'^3 (`ogden_size`), with a size c that nobody knows.
 
 Range and errors against finite elements (w/R 0.05 to 0.6, h/R from 0.5, X <= 0.6, G <= 3): N G within 2.2 %
 at nu = 1/2 (rms 0.57 %, 164 points), 3.6 % (0.85 %) at nu 0.3 and 0.45; `limits` refuses the rest. The
-numbers are from the study of stiffening layers (shared/design/stiffening.md, sections 1 and 2).
+numbers are from the design study of stiffening layers, its sections 1 and 2.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ _LOCKING_POWER, _LOCKING_POWER_SLIDING = 0.774, 0.47
 _LOOSER = 1.78
 # ln N by alpha, alpha^2 and z^2 at nu = 1/2: bonded 44 points, 0.86 % at worst, 0.32 rms; sliding 20, 0.59, 0.22.
 _INCOMPRESSIBLE, _INCOMPRESSIBLE_SLIDING = (-0.0301, -0.0860, 0.2198), (-0.0337, -0.0832, 0.1731)
-# The same of the 56 points at nu 0.3 to 0.499 of model-error.md, and by alpha b and z b.
+# ln N of the 56 points at nu 0.3 to 0.499 of the study behind `discrepancy`, and by alpha b and z b.
 _COMPRESSIBLE, _BY_COMPRESSIBILITY = (-0.063, 0.0, 0.168), (0.239, 0.53)
 # b = (1 - 2 nu)/(1 - nu) of nu = 0.3, from which on that fit stands alone.
 _COMPRESSIBILITY = 4.0 / 7.0
@@ -91,7 +92,7 @@ _ERROR_OF_STIFFENING, _ERROR_OF_NEO_HOOKEAN = 0.03, (0.004, 0.007)
 
 @dataclass(frozen=True)
 class Medium:
-    """What of a layer on a rigid base the factors see.
+    """A layer on a rigid base as the factors see it.
 
     Parameters
     ----------
@@ -175,7 +176,7 @@ class LogFactor(NamedTuple):
 
     @property
     def value(self) -> FloatArray:
-        """The factor."""
+        """The factor itself, (..., n)."""
         return np.asarray(np.exp(self.log))
 
     def times(self, other: LogFactor) -> LogFactor:
@@ -195,8 +196,9 @@ class LogFactor(NamedTuple):
 def neo_hookean(place: Place, medium: Medium) -> LogFactor:
     """N: the force of a neo-Hookean layer over that of linear elasticity.
 
-    Between nu = 1/2 and 0.3 the two fits are mixed linearly in b: of the finite elements of model-error.md at
-    nu 0.3 and 0.49, z <= 0.3, it is within 2.0 % (rms 0.57 %, 32 points).
+    Between nu = 1/2 and 0.3 the two fits are mixed linearly in b = (1 - 2 nu)/(1 - nu): of the finite elements
+    at nu 0.3 and 0.49, z <= 0.3, from the study of what linear elasticity leaves out (`discrepancy`), it is
+    within 2.0 % (rms 0.57 %, 32 points).
     """
     share = 1.0 - medium.compressibility / _COMPRESSIBILITY
     soft = _INCOMPRESSIBLE_SLIDING if medium.sliding else _INCOMPRESSIBLE
@@ -220,14 +222,14 @@ def crowding(z: FloatArray, inverse_limit: PerSet, medium: Medium) -> FloatArray
 
 
 def gent(place: Place, medium: Medium, inverse_limit: PerSet) -> tuple[LogFactor, FloatArray]:
-    """G: the force of a Gent layer over that of a neo-Hookean one, and d ln G/ds.
+    """G: the force of a Gent layer over that of a neo-Hookean one, and d ln G/ds, each of the shape of the place.
 
     Parameters
     ----------
     place : Place
-        Where; t up to 1.3.
+        Depth and contact radius without dimensions; t up to 1.3.
     medium : Medium
-        What of.
+        Poisson's ratio and base of the layer.
     inverse_limit : float or FloatArray
         s = 1/Jm, zero or more; one for all sets, or (sets, 1).
 

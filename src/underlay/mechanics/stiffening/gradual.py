@@ -79,7 +79,7 @@ def moment(x: FloatArray, power: float) -> FloatArray:
 
 
 def series_moment(x: FloatArray, power: float) -> FloatArray:
-    """Return the same for x from 12 on: x^m times the sum of binomial(m, 2 j) (2 j - 1)!!/x^(2 j)."""
+    """E[max(x - Z, 0)^m] for x from 12 on, m = `power`: x^m times sum_j binomial(m, 2 j) (2 j - 1)!!/x^(2 j)."""
     orders = np.arange(_TERMS)
     moments = 2.0**orders * special.gamma(orders + 0.5) / np.sqrt(np.pi)
     series = x[..., None] ** (-2.0 * orders) @ (special.binom(power, 2 * orders) * moments)

@@ -1,6 +1,6 @@
-"""A layer that stiffens: its numbers, and the law of its contact with a sphere.
+"""A layer that stiffens: its numbers (`Gent`), and the law of its contact with a sphere (`StiffeningLaw`).
 
-With `limits` all that this folder knows of the tree; `factors` and `gradual` know arrays.
+With `limits` all that this folder knows of layers, tips and laws; `factors` and `gradual` know arrays.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class StiffLayer(OnLaw):
         return np.asarray(linear.force(asked) * factor.value)
 
     def pressed(self, linear: Linear, depth: FloatArray) -> Pressed:
-        """Everything at depths (m), (..., n), in contact."""
+        """Forces, stiffnesses and slopes at depths (m), (..., n), in contact."""
         asked = self.asked(depth)
         steps = np.exp(_STEP * _STENCIL).reshape(-1, *(1,) * depth.ndim)
         wide = linear.contact_radius(asked.depth * steps)
@@ -224,12 +224,12 @@ class StiffeningLaw(ContactLaw):
 
     @property
     def nodes(self) -> int | None:
-        """Those of the linear law."""
+        """Radial nodes of the linear law."""
         return self.linear.nodes
 
     @property
     def linear_law(self) -> ContactLaw:
-        """The linear law."""
+        """The law of linear elasticity underneath."""
         return self.linear
 
     def stiffening(self, depth: FloatArray) -> FloatArray:
@@ -253,7 +253,7 @@ class StiffeningLaw(ContactLaw):
         return self._in_contact(depth, lambda w: self.layer.slope(name, self._pressed(w)))
 
     def _pressed(self, depth: FloatArray) -> Pressed:
-        """Everything at depths (m) in contact, (n,); those asked last are kept: derivatives ask the same."""
+        """Forces and slopes at depths (m) in contact, (n,); those asked last are kept: derivatives ask the same."""
         key = depth.tobytes()
         if key not in self._last:
             self._last.clear()
@@ -349,7 +349,7 @@ class Gent(Stiffening):
 
     @classmethod
     def locking_at(cls, stretch: float) -> Self:
-        """That which locks at this stretch (above 1) in uniaxial tension: Jm = stretch^2 + 2/stretch - 3."""
+        """Layer that locks at this stretch (above 1) in uniaxial tension: Jm = stretch^2 + 2/stretch - 3."""
         if not stretch > 1.0:
             raise InputError(f"a locking stretch is above 1; got {stretch!r}")
         return cls(1.0 / (stretch**2 + 2.0 / stretch - 3.0))
@@ -360,7 +360,13 @@ class Gent(Stiffening):
         return replace(self, inverse_limit=0.0)
 
     def on(self, indenter: Any, layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> StiffLayer:
-        """See `Stiffening.on`."""
+        """Factors on the law of an indenter on a layer on a base; refuses what was not measured.
+
+        Raises
+        ------
+        InputError
+            With the number that is beyond, the end of what is known, and what to do.
+        """
         medium = require_known(indenter, layer, base, beside)
         thickness = layer.thickness if base is not None else np.inf
         return StiffLayer(
@@ -369,7 +375,17 @@ class Gent(Stiffening):
 
 
 def at_values(values: Mapping[str, PerSet], *, sliding: bool, layered: bool) -> StiffLayer:
-    """Factors at the numbers of a scene (SI), by path; (sets, 1) where they vary."""
+    """Factors of a layer at the numbers of a scene (SI).
+
+    Parameters
+    ----------
+    values : mapping
+        Numbers by path, floats or (sets, 1) where they vary.
+    sliding : bool
+        Whether the base is sliding in place of bonded.
+    layered : bool
+        Whether there is a base; a half-space otherwise.
+    """
     return StiffLayer(
         values["indenter.radius"],
         values["layer.thickness"] if layered else np.inf,

@@ -1,6 +1,6 @@
-"""Where the factors hold, and what is refused: each limit is the end of what was measured.
+"""Where the stiffening factors hold, and what is refused: each limit is the end of what was measured.
 
-Ranges of the finite elements of shared/design/stiffening.md, sections 1 and 6.
+The ranges are those of the finite elements of the design study of stiffening layers, its sections 1 and 6.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class Reach(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Of what is known; above 1 it is not."""
+        """Quantity over the end of what is known of it; above 1 it is beyond."""
         return self.value / self.end
 
 

@@ -3,7 +3,8 @@
 Assumes a rigid, axisymmetric indenter whose contact is one disc, small strains, monotone loading, and friction
 enough to hold every point (a tenth to a third of the pressure on thin, nearly incompressible layers). Range:
 contact radii up to 20 thicknesses, up to the end of the indenter's shape, and up to where a film much stiffer
-than its base folds: there points do not stick in the order in which they are touched.
+than its base folds: there points do not stick in the order in which they are touched. The contact that grows is
+that of `stuck_punch`; its answer is held as the frictionless one's is (`MasterCurve`).
 """
 
 from __future__ import annotations

@@ -1,44 +1,11 @@
-"""A flat punch that sticks, and a contact that grows and sticks.
+"""A flat punch that sticks, in functions natural to a half-space, and a contact that grows and sticks.
 
-The functions in which a half-space under a tip that sticks is the identity.
-
-With w and u the axial and radial displacement under a punch, p^ and q^ the cosine transform of the pressure and
-the sine transform of the shear, f = p^ (even) and g = q^ (odd) solve, for a half-space of coupling gamma,
-
-    F + i gamma H F = w,   F = f + i g,   H F(x) = (1/pi) pv int_-1^1 F(t)/(t - x) dt,
-
-whose solutions are Z = ((1+y)/(1-y))^(i eta), eta = artanh(gamma)/pi, times polynomials. Those orthogonal in its
-energy are Jacobi polynomials of index (-i eta, i eta), of a real recurrence:
-
-    P_0 = 1,  P_1 = y - i eta,  (n+1) P_(n+1) = (2n+1) y P_n - (n + eta^2/n) P_(n-1),    e_n = i^n N_n Z P_n,
-    N_n^2 = (2n+1)/(sqrt(1-gamma^2) Pi prod_(k<=n) (1 + eta^2/k^2)),   Pi = pi eta/sinh(pi eta).
-
-Transforms, and what e_n leaves outside the contact (y = 1/t > 1, X = ((y+1)/(y-1))^(i eta)):
-
-    A_n(rho) = int_0^1 Re e_n cos(rho y) dy,   B_n(rho) = int_0^1 Im e_n sin(rho y) dy,
-    V_n(y) = sqrt(1-gamma^2) Re{i^n N_n [conj P_n(y) - X P_n(y)]} = (2 gamma/pi) int_0^1 Im e_n t/(y^2 - t^2) dt.
-
-A_n + B_n and A_n - B_n are Coulomb functions (DLMF 33), spherical Bessel functions where gamma = 0.
-
-The flat punch that sticks, at many contact radii: a small system in the basis of `basis`.
-
-With eps = a/h, rho = eps u and (m11, m12, m22) what the body changes of a half-space's compliance,
-
-    S_mn = (2 eps/pi) int_0^inf [m22 A_m A_n + m11 B_m B_n - m12 (A_m B_n + B_m A_n)] du,
-    (1 - S) c = b_0 e_0,    kappa = b_0 c_0,    P = 4 theta a kappa w.
-
-S is symmetric and 1 - S positive definite; kappa is variational: its error is the square of the field's.
-
-A contact that grows and sticks: every increment is a stuck punch of the radius it has by then.
-
-After Abel's transform, with H(x) the half-space depth function of the shape and lengths in thicknesses,
-
-    int_0^x D(s, x) w'(s) ds = H(x),    P = 4 theta int_0^a s kappa(s) w'(s) ds,
-    D(s, x) = 1 - sum_n c_n(s) V_n(x/s) + (2/pi) int_0^inf [m22 f^_s - m12 g^_s] cos(u x) du.
-
-D is bounded; on a half-space it is cos(eta ln((x+s)/(x-s))). By collocation at Chebyshev radii, with
-w'(s) = H'(s) b(s), b a polynomial in the variable of `Stretch`; c(s) is interpolated in it too. dP/dw is
-4 theta a kappa(a) for every shape, and also the first slope of unloading.
+Points under the tip do not slide once they are touched, so the contact depends on how it grew: every increment
+is that of a flat punch of the radius it has by then. `Basis` are the functions in which a half-space under such
+a punch is the identity; in them `StuckPunch` is a small system for any body, solved at many contact radii;
+`Growth` adds up the punches of a shape. Lengths are in thicknesses, eps = a/h is the contact radius a over the
+thickness h, theta the surface's elastic constant and gamma its coupling of shear with axial displacement
+(`Kernel.coupling`).
 """
 
 from __future__ import annotations
@@ -138,7 +105,26 @@ class Transform(NamedTuple):
 
 @dataclass(frozen=True)
 class Basis:
-    """e_0 ... e_(N-1) for one coupling.
+    """Functions e_0 ... e_(N-1) of one coupling, in which a half-space under a tip that sticks is the identity.
+
+    With w and u the axial and radial displacement under a punch, p^ and q^ the cosine transform of the pressure and
+    the sine transform of the shear, f = p^ (even) and g = q^ (odd) solve, for a half-space of coupling gamma,
+
+        F + i gamma H F = w,   F = f + i g,   H F(x) = (1/pi) pv int_-1^1 F(t)/(t - x) dt,
+
+    whose solutions are Z = ((1+y)/(1-y))^(i eta), eta = artanh(gamma)/pi, times polynomials. Those orthogonal
+    in its energy are Jacobi polynomials of index (-i eta, i eta), of a real recurrence:
+
+        P_0 = 1,  P_1 = y - i eta,  (n+1) P_(n+1) = (2n+1) y P_n - (n + eta^2/n) P_(n-1),    e_n = i^n N_n Z P_n,
+        N_n^2 = (2n+1)/(sqrt(1-gamma^2) Pi prod_(k<=n) (1 + eta^2/k^2)),   Pi = pi eta/sinh(pi eta).
+
+    Transforms, and what e_n leaves outside the contact (y = 1/t > 1, X = ((y+1)/(y-1))^(i eta)):
+
+        A_n(rho) = int_0^1 Re e_n cos(rho y) dy,   B_n(rho) = int_0^1 Im e_n sin(rho y) dy,
+        V_n(y) = sqrt(1-gamma^2) Re{i^n N_n [conj P_n(y) - X P_n(y)]}
+               = (2 gamma/pi) int_0^1 Im e_n t/(y^2 - t^2) dt.
+
+    A_n + B_n and A_n - B_n are Coulomb functions (DLMF 33), spherical Bessel functions where gamma = 0.
 
     Parameters
     ----------
@@ -257,7 +243,15 @@ def _orders(rho: float) -> int:
 
 @dataclass(frozen=True)
 class StuckPunch:
-    """The flat punch at contact radii eps = a/h, on one body.
+    """The flat punch that sticks at contact radii eps = a/h on one body: a small system in `Basis`.
+
+    With rho = eps u and (m11, m12, m22) what the body changes of a half-space's compliance at the wavenumber u
+    (over the thickness; `Compliance`), the field c of a unit displacement solves
+
+        S_mn = (2 eps/pi) int_0^inf [m22 A_m A_n + m11 B_m B_n - m12 (A_m B_n + B_m A_n)] du,
+        (1 - S) c = b_0 e_0,    kappa = b_0 c_0,    P = 4 theta a kappa w.
+
+    S is symmetric and 1 - S positive definite; kappa is variational: its error is the square of the field's.
 
     Parameters
     ----------
@@ -322,7 +316,17 @@ def chebyshev_radii(stretch: Stretch, count: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Growth:
-    """How a contact grows, in ratios that are smooth down to a = 0.
+    """A contact that grows and sticks, in ratios that are smooth down to a = 0.
+
+    Every increment is a stuck punch of the radius s that the contact has by then. After Abel's transform, with
+    H(x) the half-space depth function of the shape and lengths in thicknesses,
+
+        int_0^x D(s, x) w'(s) ds = H(x),    P = 4 theta int_0^a s kappa(s) w'(s) ds,
+        D(s, x) = 1 - sum_n c_n(s) V_n(x/s) + (2/pi) int_0^inf [m22 f^_s - m12 g^_s] cos(u x) du.
+
+    D is bounded; on a half-space it is cos(eta ln((x+s)/(x-s))). By collocation at Chebyshev radii, with
+    w'(s) = H'(s) b(s), b a polynomial in the variable of `Stretch`; c(s) is interpolated in it too. dP/dw is
+    4 theta a kappa(a) for every shape, and also the first slope of unloading.
 
     Parameters
     ----------

@@ -1,29 +1,7 @@
-"""Any history at all by a bed of relaxing springs, and the depth under a given force.
+"""The force of any history of depths on a relaxing layer by a bed of springs, and the depth under a given force.
 
-The force of any history at all: a bed of springs that relax, each in contact or free by itself.
-
-The spring at x, the depth at which the elastic contact reaches its radius, is pressed by y >= w - x and carries
-Q = e * dy >= 0, one of the two an equality. Then
-
-    P(t) = int Q(x, t) P_el''(x) dx = - sum_j [Q_{j+1} - Q_j] / [x_{j+1} - x_j] [P_el(x_{j+1}) - P_el(x_j)]
-
-for Q linear between the springs x_j: the elastic force is asked at the springs and nothing of its derivatives.
-It is a step-by-step solution of second order in the steps and in the distance of the springs; it serves where the
-closed constructions of `loading` and `unloading` do not hold.
-
-The depth under a given force: creep, and recovery after a single maximum of the force.
-
-While the contact grows, P_el(w(t)) = int j(t - s) dP(s), with j the creep function of e, J * dE = 1 (Lee and Radok
-1960). For e = c + sum_k weight_k exp(-r_k t) it is a sum of exponentials too,
-
-    j(t) = 1 / c - sum_m J_m exp(-q_m t),    H(-q_m) = 0,    J_m = 1 / (q_m H'(-q_m)),
-    H(s) = c + sum_k weight_k s / (s + r_k),
-
-with one q_m below every r_k; without a constant c the lowest is zero and the layer flows,
-j(t) = j_0 + t / eta - ..., eta = sum_k weight_k / r_k.
-
-When the force falls, t1 follows from it, P(t) = int_0^{t1} e(t - s) dP_el(w(s)), and the depth from Ting's
-condition, int_{t1}^t e(t - s) dw(s) = 0, step by step.
+`Bed` is a step-by-step solution; it serves where the closed constructions of `loading` do not hold. `crept` is the
+depth under a given force: creep, and recovery after a single maximum of the force.
 """
 
 from __future__ import annotations
@@ -53,7 +31,15 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Bed:
-    """The map from an elastic force to that of one motion, whatever it is.
+    """The map from an elastic force to that of any motion: springs, each in contact or free by itself.
+
+    The spring at x, the depth at which the elastic contact reaches its radius, is pressed by y >= w - x and carries
+    Q = e * dy >= 0, one of the two an equality. Then
+
+        P(t) = int Q(x, t) P_el''(x) dx = - sum_j [Q_{j+1} - Q_j] / [x_{j+1} - x_j] [P_el(x_{j+1}) - P_el(x_j)]
+
+    for Q linear between the springs x_j: the elastic force is asked at the springs and nothing of its derivatives.
+    It is of second order in the steps and in the distance of the springs.
 
     Parameters
     ----------
@@ -78,7 +64,7 @@ class Bed:
         return cls(springs, np.diff(forces, axis=1) / np.diff(springs))
 
     def __call__(self, elastic: Elastic) -> FloatArray:
-        """Force (N), (n,)."""
+        """Force (N), (n,), that the bed makes of an elastic force."""
         return np.asarray(self.slopes @ -np.diff(elastic(self.springs)))
 
 
@@ -155,6 +141,14 @@ def _stepped(path: FloatArray, modes: Modes, clock: FloatArray, springs: FloatAr
 class Creep:
     """Creep function j(t) = modes(t) + flow t, with J * dE = 1; the weights of its modes are negative.
 
+    For a relaxation e = c + sum_k weight_k exp(-r_k t) it is a sum of exponentials too,
+
+        j(t) = 1 / c - sum_m J_m exp(-q_m t),    H(-q_m) = 0,    J_m = 1 / (q_m H'(-q_m)),
+        H(s) = c + sum_k weight_k s / (s + r_k),
+
+    with one q_m below every r_k; without a constant c the lowest is zero and the layer flows,
+    j(t) = j_0 + t / eta - ..., eta = sum_k weight_k / r_k.
+
     Parameters
     ----------
     modes : Modes
@@ -217,10 +211,13 @@ def _zero(constant: float, weights: FloatArray, rates: FloatArray, low: float, h
 
 
 def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) -> FloatArray:
-    """Depth (m), (n,), under forces (N), (n,).
+    """Depth (m), (n,), under forces (N), (n,), at times (s), (n,).
 
-    The force is taken as linear between the points; a first force above zero is a sudden one. One loading and one
-    unloading go by the closed constructions, any other history by the bed of springs.
+    While the contact grows, P_el(w(t)) = int j(t - s) dP(s), with j the creep function (Lee and Radok 1960).
+    When the force falls, t1 follows from it, P(t) = int_0^{t1} e(t - s) dP_el(w(s)), and the depth from Ting's
+    condition, int_{t1}^t e(t - s) dw(s) = 0, step by step. The force is taken as linear between the points; a
+    first force above zero is a sudden one. One loading and one unloading go by these closed constructions, any
+    other history by the bed of springs.
 
     Raises
     ------

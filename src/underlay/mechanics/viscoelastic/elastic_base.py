@@ -3,15 +3,16 @@
 A base 1000 times stiffer than the layer is as good as rigid, and relaxing only brings the layer closer to that.
 Otherwise
 
-- a *flat punch* is exact. With b the base's modulus its stiffness is K(E) = E sum_j A_j / (E + b_j), A_j, b_j > 0:
-  springs in series with the layer's material, found by rational approximation (AAA: Nakatsukasa, Sete and Trefethen
-  2018) of K(E) / E over ten decades of E. Each of these is a sum of exponentials where e(t) is one, so the punch
-  relaxes as a Prony series;
-- any other tip while the contact grows is *quasi-elastic*, P = int k(w(s); E(t - s)) dw(s). Approximate:
-  against the exact punch and rings of pressure it is up to 2.2 % too low where at most half of the modulus relaxes,
-  and along a ramp shorter than half of the shortest relaxation time; in a hold 31 % where nine tenths relax, 81 %
-  where 99 % do (tests/test_elastic_base.py). It is taken only where that is asked for as tolerance, and refused
-  otherwise.
+- a *flat punch* is exact. Against the layer's modulus E its stiffness is K(E) = E sum_j A_j / (E + b_j), with
+  A_j, b_j > 0 that only depend on what is below and on the geometry: springs in series with the layer's
+  material, found by rational approximation (AAA: Nakatsukasa, Sete and Trefethen 2018) of K(E) / E over ten
+  decades of E. Each of these is a sum of exponentials where e(t) is one, so the punch relaxes as a Prony series
+  (`punch_relaxation`);
+- any other tip while the contact grows is *quasi-elastic*, P = int k(w(s); E(t - s)) dw(s), k the elastic stiffness
+  (`QuasiElastic`). Approximate: against the exact punch and rings of pressure it is up to 2.2 % too low where
+  at most half of the modulus relaxes, and along a ramp shorter than half of the shortest relaxation time; in a
+  hold 31 % where nine tenths relax, 81 % where 99 % do (tests/test_elastic_base.py). It is taken only where
+  that is asked for as tolerance, and refused otherwise.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class PunchRelaxation(Relaxation):
     Parameters
     ----------
     known : Modes
-        They.
+        The exponentials and what remains of the force.
     relaxes : str
         As of the layer's own relaxation.
     """
@@ -100,20 +101,20 @@ class PunchRelaxation(Relaxation):
 
     @property
     def equilibrium(self) -> float:
-        """What remains."""
+        """Share of the force that remains in the long run."""
         return self.known.constant
 
     @property
     def longest_time(self) -> float:
-        """The largest of the times (s)."""
+        """Longest relaxation time (s)."""
         return float(self.known.times.max())
 
     def modulus(self, time: ArrayLike) -> FloatArray:
-        """Force over that at once, at `time` (s) after a sudden depth."""
+        """Force at `time` (s) after a sudden depth over the force at once, shape of `time`."""
         return self.known(as_finite(time, "time"))
 
     def modes(self, shortest: float, longest: float) -> Modes:
-        """Its own terms."""
+        """The exponentials that it is made of, whatever the times `shortest` and `longest` (s) of a record."""
         del shortest, longest
         return self.known
 

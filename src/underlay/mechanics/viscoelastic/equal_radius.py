@@ -1,15 +1,12 @@
-"""The last earlier time at which the contact had the radius it has now.
+"""The last earlier time t1(t) at which the contact had the radius it has at t, for a whole way out at once.
 
-In which step of the record F(t1) reaches its target, for all points of a way out at once; see `equal_radius`.
-
-The last earlier time t1(t) at which the contact had the radius it has at t, for all points of a way out at once.
-
-t1 solves int_{t1}^t e(t - s) w'(s) ds = 0 (Ting 1966). With y_k(t) = int exp(-(t - s) / tau_k) dw(s) this is
-F(t1) = V(t), where
+t1 solves int_{t1}^t e(t - s) w'(s) ds = 0 (Ting 1966), with w the depth and e = c + sum_k weight_k exp(-t / tau_k)
+the relaxation function. With y_k(t) = int exp(-(t - s) / tau_k) dw(s) this is F(t1) = V(t), where
 
     F(t1) = c w(t1) + sum_k weight_k exp(-(t - t1) / tau_k) y_k(t1),   V(t) = c w(t) + sum_k weight_k y_k(t),
 
-and F grows with t1, by e(t - t1) w'(t1). Only decaying exponentials occur.
+and F grows with t1, by e(t - t1) w'(t1). Only decaying exponentials occur. `Search` says in which step of the
+record F(t1) reaches its target, and `equal_radius` where in the step.
 """
 
 from __future__ import annotations
@@ -73,7 +70,7 @@ class Search:
     target: FloatArray
 
     def some(self, points: NDArray[np.intp]) -> Search:
-        """The search for some points of the way out."""
+        """The search for the points of the way out with the numbers `points`."""
         since_turn, target = self.since_turn.take(points, axis=-1), self.target.take(points, axis=-1)
         return replace(self, since_turn=since_turn, target=target)
 
@@ -99,7 +96,7 @@ class Search:
     def _searched(
         self, guess: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
-        """The same by trial: further and further from the guess, and at last by halves."""
+        """Steps as `brackets` returns them, by trial: further and further from the guess, and at last by halves."""
         low, high = np.zeros_like(guess), np.full_like(guess, self.way_in.shape[-1] - 1)
         at_low, at_high, reach = self._level(low), self._level(high), 1
         while True:
@@ -149,7 +146,7 @@ class Search:
         return np.asarray(first + between * (known.take(before + 1, axis=-1) - first))
 
     def _compared(self) -> FloatArray:
-        """The same by comparing every point with all of the way in."""
+        """Places as `reached` returns them, by comparing every point with all of the way in."""
         upright = self.at_turn * self.weights
         if upright.ndim == 2:
             levels = self.since_turn.T @ upright + self.constant * self.way_in

@@ -1,11 +1,9 @@
-"""A layer's relaxation as the history of a law, of one or many sets of parameters.
+"""A layer's relaxation as the history of a law: which construction holds for a motion, and the force by it.
 
-A layer's relaxation as the history of a law: which construction holds for a motion, and the force by it.
-
-The force of one motion at many sets of parameters at once: each set has its own contact point and relaxation.
-
-The motions of the sets differ by where their contact begins alone, so most turn at the same point: those go
-together, through the constructions that serve one set.
+`Viscoelastic` is that of one set of parameters. `forces_of_sets` has the force of one motion at many sets of
+parameters at once: each set has its own contact point and relaxation. The motions of the sets differ by where
+their contact begins alone, so most turn at the same point: those go together, through the constructions that
+serve one set.
 """
 
 from __future__ import annotations
@@ -57,7 +55,7 @@ def times_told(time: FloatArray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Viscoelastic(History):
-    """What a relaxing layer remembers.
+    """Memory of a relaxing layer, as the history of a law.
 
     Parameters
     ----------

@@ -1,10 +1,11 @@
-"""The force while the contact grows, and after its maximum.
+"""The force of a relaxing layer while the contact grows (Lee and Radok 1960), and after its maximum (Ting 1966).
 
-The force while the contact does not shrink: P(t) = int e(t - s) dP_el(w(s)) (Lee and Radok 1960).
+While the contact does not shrink (`Loading`), with w the depth, P_el the elastic force and e the relaxation
+function,
 
-The force after a maximum, by the equal radius on the way in (Ting 1966).
+    P(t) = int e(t - s) dP_el(w(s)).
 
-With t1(t) the last earlier time at which the contact had the radius it has at t,
+After a maximum (`Unloading`), with t1(t) the last earlier time at which the contact had the radius it has at t,
 
     int_{t1}^t e(t - s) w'(s) ds = 0,    P(t) = int_0^{t1} e(t - s) dP_el(w(s)),
 
@@ -30,7 +31,7 @@ __all__ = ["Loading", "ModeSlopes", "Unloading", "WayIn"]
 
 
 class ModeSlopes(NamedTuple):
-    """d force / d number of the modes of a relaxation.
+    """Derivatives of the force in the numbers of a relaxation's modes.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ class WayIn:
         return at.take(held.cumsum(), axis=-1), bend
 
     def read(self, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The same for all points, (..., n) and (..., n - 1)."""
+        """Forces (N), (..., n), and their bends, (..., n - 1), as `moving`, but at all points."""
         values, bend = self.moving(answers)
         still = self.depth.shape[-1] - 1 - self.rest
         if not still:

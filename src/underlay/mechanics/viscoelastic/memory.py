@@ -1,14 +1,8 @@
-"""Integrals over the past for all points of a record, in units of every relaxation time.
+"""Integrals over the past, z_k(t) = int exp(-(t - s) / tau_k) dF(s), for all points of a record at once.
 
-The clock of a record in units of every relaxation time: what integrals over the past need of the times alone.
-
-Arrays have the exponentials first and the points last; between them, where many parameter sets are asked at once,
-the sets.
-
-Integrals over the past, z_k(t) = int exp(-(t - s) / tau_k) dF(s), for all points of a record at once.
-
-Arrays have the exponentials first and the points last; between them, where many parameter sets are asked at once,
-the sets.
+`Clock` is the record's clock in units of every relaxation time tau_k: what such integrals need of the times alone.
+`Memory` adds the weights of a relaxation, and integrates functions F given at the points of the record. Arrays have
+the exponentials first and the points last; between them, where many parameter sets are asked at once, the sets.
 """
 
 from __future__ import annotations
@@ -52,7 +46,7 @@ def even(x: FloatArray) -> FloatArray:
 
 
 def curved(x: FloatArray, g1: FloatArray) -> FloatArray:
-    """g2(x) = 2 [1 - e^-x (1 + x)] / x^2 - g1(x): the same of the part quadratic in time."""
+    """g2(x) = 2 [1 - e^-x (1 + x)] / x^2 - g1(x): what is left of the part of a load quadratic in time."""
     near = x < _SERIES_BELOW
     if near.all():
         longest = float(x.max(initial=0.0))
@@ -107,7 +101,7 @@ class Clock:
 
     @cached_property
     def decay(self) -> FloatArray:
-        """What is left after each step, of the shape of `steps`."""
+        """Share of an exponential that is left after each step, of the shape of `steps`."""
         return np.exp(-self.steps)
 
     @cached_property
@@ -122,7 +116,7 @@ class Clock:
 
     @cached_property
     def _decays(self) -> FloatArray:
-        """What is left after any number of equal steps, (K, ..., n)."""
+        """Share that is left after any number of equal steps, (K, ..., n)."""
         count = len(self.time)
         inner = np.exp(-self.steps * np.arange(_ROW))
         outer = np.exp(-self.steps * np.arange(0, count, _ROW))
@@ -130,7 +124,7 @@ class Clock:
         return powers.reshape(*self.steps.shape[:-1], -1)[..., :count]
 
     def since(self, number: int) -> FloatArray:
-        """What is left at every later point of what was there at point `number`, (K, ..., n - number - 1)."""
+        """Share left at every later point of what was there at point `number`, (K, ..., n - number - 1)."""
         later = slice(number + 1, None)
         if self._gaps.size == 1:
             return np.asarray(self._decays[..., 1 : len(self.time) - number])
@@ -213,7 +207,7 @@ class Memory:
 
     @classmethod
     def of(cls, modes: Modes | ModesOfSets, time: FloatArray) -> Self:
-        """Along a record of these times (s), (n,), increasing."""
+        """Memory along a record of these times (s), (n,), increasing."""
         return cls(modes, Clock(modes.times, time))
 
     @property
