@@ -48,7 +48,6 @@ _MOST_ENTRIES = 50_000
 _HEADER = "segment-header.properties"
 _SHARED = "shared-data/header.properties"
 _GENERAL = "header.properties"
-_SLOT = re.compile(r"(.+\.conversion-set)\.conversion\.([^.]+)\.base-calibration-slot")
 _SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/" + re.escape(_HEADER))
 _HEIGHTS = ("measuredHeight", "strainGaugeHeight", "capacitiveSensorHeight", "height")
 _INTEGERS = {

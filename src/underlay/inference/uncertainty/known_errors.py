@@ -76,9 +76,6 @@ __all__ = [
     "paraboloid_for_sphere",
 ]
 
-# Deviation of heights that a contact made gradually may have, over R: within two of them 0.07, from the prior of
-# section 3 of the study of stiffening layers 80 %; its force goes nearly as the square.
-_HEIGHTS = 0.05
 #: Words of the errors of friction, finite strain, and both.
 FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large strains"
 # Standard deviation of the share of full friction, about a half. A flat prior between none and full has its ends

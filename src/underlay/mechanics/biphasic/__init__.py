@@ -9,7 +9,5 @@ tables); `judgement` (what is refused or said); `drainage` (what a scene and a f
 
 Symbols of all modules: a contact radius, h thickness, w depth, P force; A11, A13, A33, A44 the stiffnesses of
 the drained skeleton (A44 the axial shear modulus), theta_d its elastic constant, k_r and k_z the radial and
-axial permeability, c = k_z A33 the diffusivity; xi the wavenumber, s the Laplace variable. "The note" is the
-design note on draining layers, which is not part of the package; everything needed to read the code is repeated
-here.
+axial permeability, c = k_z A33 the diffusivity; xi the wavenumber, s the Laplace variable.
 """

@@ -222,7 +222,7 @@ def decaying(skeleton: Skeleton, sh: ComplexArray) -> Decaying:
 
 
 class IsotropicDecaying(Decaying):
-    """Isotropic skeleton and permeability, section 2(a) of the note: decay roots 1, 1, q = sqrt(1 + sh/M)."""
+    """Isotropic skeleton and permeability: decay roots 1, 1, q = sqrt(1 + sh/M)."""
 
     def __init__(self, skeleton: Skeleton, sh: ComplexArray) -> None:
         self._M = skeleton.A33

@@ -7,7 +7,7 @@ are
     p     = sum beta_n (...)                                  <->  beta_n j_2n+1(xi a)/xi,
 
 x = r/a, P_2n Legendre polynomials, j_n spherical Bessel functions and c11 ... c22 the surface kernel
-(`SurfaceKernel`). Settlement and flux under the tip are tested with the same functions (section 3 of the note):
+(`SurfaceKernel`). Settlement and flux under the tip are tested with the same functions:
 
     A11 = int j_2m j_2n (xi c11 - 1/theta) dxi + delta pi/(2 (4n+1) a theta),   A12 = int j_2m j_2n+1 c12 dxi,
     A22 = int j_2m+1 j_2n+1 (c22/xi + rho) dxi - delta pi rho/(2 (4n+3) a),     A21 = int j_2m+1 j_2n c21 dxi,

@@ -1,7 +1,4 @@
-"""What is refused of a test on a draining layer, and what is said beside its answer, with the number.
-
-Reasons and limits are those of section 9 of the note.
-"""
+"""What is refused of a test on a draining layer, and what is said beside its answer, with the number."""
 
 from __future__ import annotations
 

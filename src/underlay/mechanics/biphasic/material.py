@@ -71,7 +71,7 @@ class Skeleton:
 
     @cached_property
     def undrained(self) -> PlaneConstants:
-        """Plane constants while no water has moved (section 1 of the note): q = 1, c = 0, g = A11 + A33 - 2 A13.
+        """Plane constants while no water has moved: q = 1, c = 0, g = A11 + A33 - 2 A13.
 
         Moduli are in units of A44.
         """
@@ -309,7 +309,7 @@ class BiphasicTransverse(BiphasicMaterial):
 
     @cached_property
     def undrained(self) -> TransverselyIsotropic:
-        """Incompressible, of the same in-plane and axial shear moduli (section 1 of the note)."""
+        """Incompressible, of the same in-plane and axial shear moduli."""
         A = self._stiffness
         shear = 0.5 * (A["A11"] - A["A12"])
         axial = A["A33"] - 2.0 * A["A13"] + 0.5 * (A["A11"] + A["A12"])

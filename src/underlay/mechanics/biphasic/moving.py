@@ -3,7 +3,7 @@
 Pressures are expanded on the *present* disc (see `galerkin`), the past acts by convolution quadrature (`past`), and
 the radius of each step is the one at which the edge has no singularity. Steps need no search over nodes, and
 no shortcut holds: the kernel ages with the radius, so neither Ting's argument nor a superposed step response
-does (section 5 of the note).
+does.
 
 Lengths in any one unit l, times in l^2/c, forces in A44 l^2. Error of the force over the undrained one at the
 deepest point, a linear ramp of n steps: 2e-4 (20), 1e-4 (40), of order 1.5. A sudden step of depth is smeared

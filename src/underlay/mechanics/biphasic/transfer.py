@@ -8,7 +8,7 @@ and 1/A alone, A any modulus and k the permeability, so with e*(s) = s e^(s)
 
     khat(s) -> e*(s) khat(s/e*(s)),
 
-exact for every history, drainage and anisotropy (section 7 of the note; not the product e(t) K(t)). arg(s/e*)
+exact for every history, drainage and anisotropy (not the product e(t) K(t)). arg(s/e*)
 lies between 0 and arg s: a legal contour stays legal.
 """
 

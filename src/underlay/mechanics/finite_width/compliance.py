@@ -10,7 +10,7 @@ the sides see no more of it (Saint-Venant).
     kappa = (h/W)/pi + S(h/W):
 
 a long bar is compressed by h P/(pi E W^2); S is a spline in q = (h/W)/(h/W + 2) through finite elements
-(linear, axisymmetric; section 5 of the design study of stiffening layers), with the two terms of its far end.
+(linear, axisymmetric), with the two terms of its far end.
 Between the points it is within 0.0004 of the cubic spline in h/W and of the far end's formula that the study
 measured, over the whole range: nothing is switched. Errors against finite elements: 0.002 or 4 % for a/W up to
 0.2, 3.5 % at h/W = 2 up to 0.5; fourteen more of our own (nu 0.3 to 0.4995, h/W 0.35 to 5, a/W 0.1) are met
