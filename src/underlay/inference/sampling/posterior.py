@@ -35,7 +35,7 @@ from underlay.inference.sampling.diagnostics import (
 from underlay.inference.sampling.posterior_file import LARGEST, parts_of, read_archive, write_archive
 from underlay.inference.uncertainty.answer import Advice, Answer, Contribution, Interval
 from underlay.inference.uncertainty.mixture import weighted_quantiles
-from underlay.inference.uncertainty.reading import Reading
+from underlay.inference.uncertainty.reading import Reading, widened
 from underlay.inference.uncertainty.statement import NOISE, Statement
 from underlay.inference.uncertainty.verdict import CHECK, GOOD, REJECT
 from underlay.units import KINDS
@@ -84,10 +84,14 @@ class SampledReading(Reading):
         """As `Reading.interval`."""
         shares = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
         drawn = weighted_quantiles(self.draws[:, index], self.weights, shares)
-        ends = self.read.with_profile(float(drawn[0]), float(drawn[1]), index, level)
+        ends = widened(drawn, self.edge(level)[:, index])
         known = self.read.interval(index, level)
         low, high = (a if np.isinf(a) else b for a, b in zip(known, ends, strict=True))
         return low, high
+
+    def edge(self, level: float) -> FloatArray:
+        """As `Reading.edge`."""
+        return self.read.edge(level)
 
     @property
     def draws(self) -> FloatArray:

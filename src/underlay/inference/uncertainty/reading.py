@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.seen import Seen
     from underlay.inference.uncertainty.weighed import Weighed
 
-__all__ = ["DrawnReading", "LinearReading", "Reading"]
+__all__ = ["DrawnReading", "LinearReading", "Reading", "widened"]
 
 # Draws of a reading in closed form, where their number is not given.
 _DRAWS = 2000
@@ -63,19 +63,14 @@ class Reading(ABC):
             return np.zeros(len(self.value))
         return np.asarray(mixture.weights[acts] @ moves[acts] / share)
 
-    def with_profile(
-        self,
-        low: float,
-        high: float,
-        index: int,  # noqa: ARG002  a closed form has no ridge
-        level: float,  # noqa: ARG002
-    ) -> tuple[float, float]:
-        """Ends of draws, widened to what the likelihood along a ridge does not tell from its top.
+    def edge(self, level: float) -> FloatArray:  # noqa: ARG002  a closed form has no ridge
+        """Scaled vectors (m, k) at the edge of what the likelihood along a ridge does not tell from its top.
 
-        Where a number is open, most of its range is far from where the others are sharp: draws alone, which are
-        even over that range, then held 83 % (E, thickness and the substrate's modulus free, 120 curves).
+        Ends of intervals reach there. Where a number is open, most of its range is far from where the others are
+        sharp: draws alone, which are even over that range, then held 83 % (E, thickness and the substrate's modulus
+        free, 120 curves).
         """
-        return low, high
+        return np.zeros((0, len(self.value)))
 
     @abstractmethod
     def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
@@ -104,6 +99,11 @@ class Reading(ABC):
     def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
         """As `Weighed.moved`."""
         return self.likelihood.moved(columns)
+
+
+def widened(ends: FloatArray, edge: FloatArray) -> tuple[float, float]:
+    """Two ends of draws, and the values (m,) at an edge that they must reach."""
+    return float(np.min(edge, initial=ends[0])), float(np.max(edge, initial=ends[1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,14 +147,13 @@ class DrawnReading(Reading):
         """As `Reading.interval`; open where the likelihood at a bound, or without end, is not below the level's."""
         shares = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
         ends = weighted_quantiles(self.draws[:, index], self.weights, shares)
-        low, high = self.with_profile(float(ends[0]), float(ends[1]), index, level)
+        low, high = widened(ends, self.edge(level)[:, index])
         open_low, open_high = self.ridge.open_ends(index, level)
         return (-np.inf if open_low else low), (np.inf if open_high else high)
 
-    def with_profile(self, low: float, high: float, index: int, level: float) -> tuple[float, float]:
-        """As `Reading.with_profile`."""
-        least, most = self.ridge.profiled(index, level)
-        return min(low, least), max(high, most)
+    def edge(self, level: float) -> FloatArray:
+        """As `Reading.edge`."""
+        return self.ridge.edge(level)
 
     @property
     def draws(self) -> FloatArray:

@@ -46,42 +46,47 @@ class RidgePath:
         Scaled, (p, k), in order of the coordinate.
     levels : FloatArray
         `Density.log` there, (p,).
-    deviations : FloatArray
-        Standard deviations of the other entries while the coordinate is held, (p, k).
+    covariances : FloatArray
+        Of the other entries while the coordinate is held, (p, k, k).
     """
 
     vectors: FloatArray
     levels: FloatArray
-    deviations: FloatArray
+    covariances: FloatArray
 
     @classmethod
     def of(cls, density: Density, proposal: Proposal) -> RidgePath:
         """Path of the ridge that a proposal follows."""
         low, high = density.likelihood.fit.problem.bounds.T
         vectors = np.tile(proposal.rest, (len(proposal.nodes), 1))
-        deviations = np.zeros_like(vectors)
-        for vector, deviation, node in zip(vectors, deviations, proposal.nodes, strict=True):
+        covariances = np.zeros((*vectors.shape, vectors.shape[1]))
+        others = proposal.entries
+        for vector, covariance, node in zip(vectors, covariances, proposal.nodes, strict=True):
             heaviest = int(np.argmax(node.evidence))
-            vector[proposal.coordinate] = node.place
-            vector[proposal.entries] = node.middles[heaviest]
-            deviation[proposal.entries] = np.sqrt(np.square(node.factors[heaviest]).sum(axis=1))
+            vector[proposal.coordinate], vector[others] = node.place, node.middles[heaviest]
+            covariance[np.ix_(others, others)] = node.factors[heaviest] @ node.factors[heaviest].T
         vectors = np.clip(vectors, low, high)
-        return cls(vectors, density.log(vectors), np.minimum(deviations, high - low))
+        return cls(vectors, density.log(vectors), covariances)
 
-    def within(self, index: int, top: float, drop: float) -> FloatArray:
-        """Values (m,) of entry `index` at the ends of what lies no more than `drop` below `top`.
+    def edge(self, top: float, drop: float) -> FloatArray:
+        """Scaled vectors (m, k) at the edge of what lies no more than `drop` below `top`: every entry's extremes.
 
         Across the ridge the density is normal. Along it, between a place within and one beyond, the root of what is
         lost goes straight, as for a parabola.
         """
-        values, lost = self.vectors[:, index], top - self.levels
+        lost = top - self.levels
         inside = lost <= drop
-        across = np.sqrt(2.0 * (drop - lost[inside])) * self.deviations[inside, index]
-        found = [values[inside] - across, values[inside] + across]
+        deviations = np.sqrt(np.diagonal(self.covariances[inside], axis1=1, axis2=2))
+        scale = np.sqrt(2.0 * (drop - lost[inside]))[:, None] / np.where(deviations > 0.0, deviations, np.inf)
+        across = self.covariances[inside] * scale[:, None, :]
+        middle = self.vectors[inside][:, None]
+        found = [
+            np.concatenate((middle - across, middle + across), axis=1).reshape(-1, self.vectors.shape[1])
+        ]
         root = np.sqrt(lost)
         for i in np.flatnonzero((inside[1:] != inside[:-1]) & np.isfinite(root[1:] + root[:-1])):
             share = (drop**0.5 - root[i]) / (root[i + 1] - root[i])
-            found.append(values[i : i + 1] + share * (values[i + 1] - values[i]))
+            found.append((self.vectors[i] + share * (self.vectors[i + 1] - self.vectors[i]))[None])
         return np.concatenate(found)
 
 
@@ -129,12 +134,12 @@ class Ridge:
     source: Source
     paths: Sequence[RidgePath]
 
-    def profiled(self, index: int, level: float) -> tuple[float, float]:
-        """Ends of entry `index` over all that is within the level's drop of the highest place on the ridges."""
+    def edge(self, level: float) -> FloatArray:
+        """Scaled vectors (m, k) at the edge of what is within the level's drop of the top of the ridges."""
         drop = 0.5 * float(chdtri(1.0, 1.0 - level))
         top = max(float(path.levels.max()) for path in self.paths)
-        ends = np.concatenate([path.within(index, top, drop) for path in self.paths])
-        return float(ends.min()), float(ends.max())
+        found = np.concatenate([path.edge(top, drop) for path in self.paths])
+        return np.asarray(np.clip(found, self.bounds[:, 0], self.bounds[:, 1]))
 
     def open_ends(self, index: int, level: float) -> tuple[bool, bool]:
         """Whether the likelihood at the ends of entry `index` is within the level's drop of its top.

@@ -23,7 +23,7 @@ from underlay.inference.uncertainty.answer import Advice, Answer, Contribution, 
 from underlay.inference.uncertainty.budget import Refit, Source, sensitivities, sources_of
 from underlay.inference.uncertainty.likelihood import Likelihood
 from underlay.inference.uncertainty.mixture import weighted_quantiles
-from underlay.inference.uncertainty.reading import Reading
+from underlay.inference.uncertainty.reading import Reading, widened
 from underlay.inference.uncertainty.verdict import verdict_of
 from underlay.scene.parameters import kind_of
 from underlay.units import KINDS
@@ -99,6 +99,7 @@ class Statement:
     fit: Fit
     refit: Refit
     _answers: dict[tuple[str, float], Answer] = field(default_factory=dict, init=False)
+    _followed: dict[float, Mapping[str, FloatArray]] = field(default_factory=dict, init=False)
 
     @cached_property
     @one_thread()
@@ -171,11 +172,13 @@ class Statement:
         middles = [(at + source.bias)[None] for source in self.sources]
         return np.concatenate((at[None], self.fit.vector[None], *moved, *middles))
 
-    @cached_property
-    def _derived(self) -> Mapping[str, FloatArray]:
-        """What follows from the parameters, at the places and then at the draws: asked once for all of it."""
-        problem = self.fit.problem
-        return derived_quantities(problem, problem.physical(np.vstack((self._places, self.reading.draws))))
+    def _derived(self, level: float) -> Mapping[str, FloatArray]:
+        """What follows from the parameters, at places, draws and edge: asked once for all of it."""
+        if level not in self._followed:
+            problem = self.fit.problem
+            vectors = np.vstack((self._places, self.reading.draws, self.reading.edge(level)))
+            self._followed[level] = derived_quantities(problem, problem.physical(vectors))
+        return self._followed[level]
 
     def _scale(self, name: str, level: float) -> _Scale:
         return self._of_parameter(name, level) if name in self.fit.names else self._of_derived(name, level)
@@ -203,20 +206,22 @@ class Statement:
         return _Scale(name, unit, floor, top, straight, lambda number: max(float(number), 0.0))
 
     def _of_derived(self, name: str, level: float) -> _Scale:
-        if name not in self._derived:
-            free, derived = ", ".join(self.fit.names), ", ".join(self._derived)
+        followed = self._derived(level)
+        if name not in followed:
+            free, derived = ", ".join(self.fit.names), ", ".join(followed)
             raise InputError(
                 f"{name!r} is not free here; free are {free}; from these follow {derived or 'none'}"
             )
         # By its logarithm; as it is where draws, or what a source moves, take it to zero.
-        found = self._derived[name]
+        found = followed[name]
         positive = bool((found > 0.0).all())
         found = np.log(found) if positive else found
-        places, draws = np.split(found, [len(self._places)])
+        first = len(self._places)
+        places, draws, edge = np.split(found, [first, first + len(self.reading.draws)])
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
-        low, high = weighted_quantiles(draws, self.reading.weights, tails)
+        low, high = widened(weighted_quantiles(draws, self.reading.weights, tails), edge)
         unit = KINDS[kind_of_quantity(name)].si
-        return _Scale(name, unit, float(low), float(high), places, _exponential if positive else float)
+        return _Scale(name, unit, low, high, places, _exponential if positive else float)
 
     def _found(self, scale: _Scale, level: float) -> Answer:
         """Both parts in quadrature on the scale, and what each source has of them."""
