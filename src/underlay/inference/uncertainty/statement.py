@@ -229,15 +229,17 @@ class Statement:
         times = float(special.ndtri(0.5 + 0.5 * level) / special.ndtri(0.5 + 0.5 * _LEVEL))
         arms = {source: times * own for source, own in self._arms(scale).items()}
         systematic = np.sqrt(sum((own * own for own in arms.values()), np.zeros(2)))
-        bias = self._bias(scale)
+        biases = self._biases(scale)
+        bias = sum(biases.values())
         low, high = scale.at(
             max(math.hypot(below, systematic[0]) - bias, 0.0),
             max(math.hypot(above, systematic[1]) + bias, 0.0),
         )
         value = scale.physical(scale.value)
-        rows = [self._row(scale, NOISE, "", "seen", np.array([below, above]), (below, above, systematic))]
+        total = below**2 + above**2 + float(systematic @ systematic)
+        rows = [_row(scale, (NOISE, "", "seen"), np.array([below, above]), 0.0, total)]
         rows += [
-            self._row(scale, source.name, source.size, source.origin, own, (below, above, systematic))
+            _row(scale, (source.name, source.size, source.origin), own, biases[source], total)
             for source, own in arms.items()
         ]
         rows.sort(key=lambda row: -row.share)
@@ -269,27 +271,10 @@ class Statement:
             arms[source], first = np.sqrt([down @ down, up @ up]), first + count
         return arms
 
-    def _bias(self, scale: _Scale) -> float:
-        """How far the middles of all sources lie from the value, on the scale."""
-        middles = scale.places[len(scale.places) - len(self.sources) :]
-        return float((middles - scale.value).sum())
-
-    def _row(
-        self,
-        scale: _Scale,
-        source: str,
-        size: str,
-        origin: str,
-        own: FloatArray,
-        parts: tuple[float, float, FloatArray],
-    ) -> Contribution:
-        below, above, systematic = parts
-        low, high = scale.at(float(own[0]), float(own[1]))
-        value = scale.physical(scale.value)
-        total = below**2 + above**2 + float(systematic @ systematic)
-        square = float(own @ own)
-        share = 1.0 if not math.isfinite(square) else square / total if 0.0 < total < math.inf else 0.0
-        return Contribution(source, size, origin, value - low, high - value, share)
+    def _biases(self, scale: _Scale) -> dict[Source, float]:
+        """How far the middle of every source lies from the value, on the scale."""
+        middles = scale.places[len(scale.places) - len(self.sources) :] - scale.value
+        return dict(zip(self.sources, middles.tolist(), strict=True))
 
     def _notes(self, scale: _Scale) -> tuple[str, ...]:
         """Rules that moved the value, in words."""
@@ -309,6 +294,16 @@ class Statement:
                 f"{taken_out or 'a disturbance'} is taken out; with it in, {scale.physical(plain):.6g}"
             )
         return tuple(notes)
+
+
+def _row(
+    scale: _Scale, said: tuple[str, str, str], own: FloatArray, bias: float, total: float
+) -> Contribution:
+    """Row of a source (name, size, origin): arms (2,) about its middle, and its share of the `total` variance."""
+    low, high = scale.at(max(float(own[0]) - bias, 0.0), max(float(own[1]) + bias, 0.0))
+    value, square = scale.physical(scale.value), float(own @ own)
+    share = 1.0 if not math.isfinite(square) else square / total if 0.0 < total < math.inf else 0.0
+    return Contribution(*said, value - low, high - value, share)
 
 
 def _exponential(logarithm: float) -> float:
