@@ -9,6 +9,7 @@ program (`Program`). A contact law is also compared with the exact contact probl
 from __future__ import annotations
 
 import csv
+import math
 import shlex
 import subprocess
 import warnings
@@ -378,13 +379,13 @@ class Scores:
 
 def _summed(kind: str, own: pd.DataFrame) -> dict[str, Any]:
     """The row of one kind of sample, of the rows of its curves."""
-    sizes = own["error (%)"].abs()
+    sizes = own["error (%)"].abs().dropna()
     given = own[own["low (Pa)"] < own["high (Pa)"]]
     held = given["truth (Pa)"].between(given["low (Pa)"], given["high (Pa)"]).sum()
     return {
         "kind": kind,
-        "answered": f"{sizes.count()} of {len(own)}",
-        "median error (%)": sizes.median(),
+        "answered": f"{len(sizes)} of {len(own)}",
+        "median error (%)": sizes.median() if len(sizes) else math.nan,
         "largest error (%)": sizes.max(),
         "intervals hold the truth": f"{held} of {len(given)}" if len(given) else "",
     }
