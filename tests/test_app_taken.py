@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import underlay as ul
-from support.page import at_the_fit, page, press, run, seen, until, wait_for, write
+from support.page import at_the_fit, page, press, press_until, run, seen, until, wait_for, write
 from support.reports import text_in
 from underlay.app import tasks
 from underlay.app.folder import AnalysisFolder, keep, kept, stem_of
@@ -144,8 +144,7 @@ def test_the_page_says_that_the_form_was_changed_while_it_fitted(tmp_path):
             press(user, "step-3")
             await until(user, "sheet")
             (folder.results / "fitted").unlink()
-            press(user, "fit")
-            await wait_for((folder.results / "fitted").exists)
+            await press_until(user, "fit", (folder.results / "fitted").exists)
             await until(user, content="Effects that were considered")
             assert "old" not in seen(user)
 

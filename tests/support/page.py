@@ -159,6 +159,16 @@ async def second_browser(user: User):
         yield other
 
 
+async def press_until(user: User, marker, is_true, seconds=PATIENCE):
+    """Press what has a mark until a condition holds: a press while the last task is tidied away is lost."""
+    for _ in range(int(seconds / 5.0)):
+        press(user, marker)
+        with contextlib.suppress(AssertionError):
+            await wait_for(is_true, 5.0)
+            return
+    raise AssertionError("it never came true")
+
+
 async def wait_for(is_true, seconds=PATIENCE):
     """Wait until a condition holds."""
     for _ in range(int(seconds / 0.05)):
