@@ -25,7 +25,7 @@ from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import InstrumentModulus, instrument_moduli, provenance
 from underlay.inference.problem import Problem
-from underlay.inference.uncertainty.answer import Advice, Answer, Follows, Interval, States
+from underlay.inference.uncertainty.answer import Advice, Answer, Follows, Interval, States, answers_table
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
 from underlay.scene.noise import NoiseModel
@@ -227,21 +227,7 @@ class Fit:
     @property
     def answers(self) -> pd.DataFrame:
         """All answers, one a row: value, ends, ends of both parts (SI) and the unit."""
-        rows = {}
-        for name in (*self.names, *self.derived):
-            known = self.answer(name)
-            rows[name] = (
-                known.value,
-                known.low,
-                known.high,
-                known.statistical.low,
-                known.statistical.high,
-                known.systematic.low,
-                known.systematic.high,
-                known.unit,
-            )
-        columns = ["value", "low", "high", "stat low", "stat high", "syst low", "syst high", "unit"]
-        return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        return answers_table(self.answer(name) for name in (*self.names, *self.derived))
 
     def interval(self, name: str, level: float = 0.95, *, part: str = "combined") -> Interval:
         """Return an interval of a quantity: of both parts together, or of one; see `answer`.

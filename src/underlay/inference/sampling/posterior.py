@@ -33,7 +33,7 @@ from underlay.inference.sampling.diagnostics import (
     rank_normalised_rhat,
 )
 from underlay.inference.sampling.posterior_file import LARGEST, parts_of, read_archive, write_archive
-from underlay.inference.uncertainty.answer import Advice, Answer, Contribution, Interval
+from underlay.inference.uncertainty.answer import Advice, Answer, Contribution, Interval, answers_table
 from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.inference.uncertainty.reading import Reading, widened
 from underlay.inference.uncertainty.statement import NOISE, Statement
@@ -262,20 +262,7 @@ class Posterior:
     @property
     def answers(self) -> pd.DataFrame:
         """All answers, one a row, as `Fit.answers`: value, ends, ends of both parts (SI) and the unit."""
-        rows = {}
-        for name in (*self.names, *self.derived):
-            known = self.answer(name)
-            rows[name] = {
-                "value": known.value,
-                "low": known.low,
-                "high": known.high,
-                "stat low": known.statistical.low,
-                "stat high": known.statistical.high,
-                "syst low": known.systematic.low,
-                "syst high": known.systematic.high,
-                "unit": known.unit,
-            }
-        return pd.DataFrame.from_dict(rows, orient="index")
+        return answers_table(self.answer(name) for name in (*self.names, *self.derived))
 
     @cached_property
     def verdict(self) -> Advice:

@@ -7,7 +7,7 @@ same confidence and add in quadrature, in the logarithm of quantities that are p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
@@ -15,7 +15,7 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 
-__all__ = ["Advice", "Answer", "Contribution", "Follows", "Interval", "States"]
+__all__ = ["Advice", "Answer", "Contribution", "Follows", "Interval", "States", "answers_table"]
 
 #: Quantities (draws, n) that follow from parameters (draws, k), SI.
 Follows: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -223,3 +223,21 @@ class States(Protocol):
     @property
     def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
         """d ln(value) / d ln(input), by fitted number and by input."""
+
+
+def answers_table(answers: Iterable[Answer]) -> pd.DataFrame:
+    """One row an answer, by name: value, ends, ends of both parts (SI) and the unit."""
+    rows = {
+        known.name: {
+            "value": known.value,
+            "low": known.low,
+            "high": known.high,
+            "stat low": known.statistical.low,
+            "stat high": known.statistical.high,
+            "syst low": known.systematic.low,
+            "syst high": known.systematic.high,
+            "unit": known.unit,
+        }
+        for known in answers
+    }
+    return pd.DataFrame.from_dict(rows, orient="index")

@@ -1,4 +1,4 @@
-"""Shapes that a curve may have beside its law: a misfit smooth in depth, a step about contact, a ramp, a line.
+"""Shapes that a curve may have beside its law: misfit smooth in depth, step at contact, ramp, turn, line.
 
 Each family is a few columns whose amplitudes are normal; `hypotheses` says of which size. With P the contact force,
 w the depth of the tip and w_max the largest:

@@ -3,7 +3,7 @@
     p(theta) = prior(theta) sum_m w_m p_m(theta),    p_m = Student(t(theta); 0, V_m) |H_m|
 
 over the hypotheses m with weights w_m, with the moments t of `moments` as the model itself has them, not
-linearised. Where white noise with or without a step or a ramp is all there is, nothing is lost by the whole sum
+linearised. Where white noise with or without step, ramp or turn is all there is, nothing is lost by the whole sum
 of squares in their place.
 
 A disturbance as large as the force must not make a modulus of zero likely: what is free is asked by the logarithm
@@ -227,7 +227,7 @@ class Density:
 
 
 def _squares(moments: CurveMoments, rows: FloatArray) -> FloatArray:
-    """Sums of squares (sets, m) of rows (sets, n) less what each hypothesis' step and ramp take."""
+    """Sums of squares (sets, m) of rows (sets, n) less what each hypothesis' step, ramp and turn take."""
     taken = np.tensordot(rows @ moments.basis, moments.taken, (1, 1))
     return np.asarray((rows * rows).sum(axis=1)[:, None] - (taken * taken).sum(axis=2))
 

@@ -1,4 +1,4 @@
-"""What disturbs a curve: noise, misfit, step and ramp of every size, weighed by the restricted likelihood.
+"""What disturbs a curve: noise, misfit, step, ramp and turn of every size, weighed by the restricted likelihood.
 
 With the amplitudes of the columns integrated out under normal priors, the law's own columns J under a flat one, and
 the size s of the white noise under 1/s,

@@ -3,16 +3,16 @@
 Least squares solves J'r = 0, r the rows less the model and J the model's derivatives. Whatever the disturbance, the
 likelihood of these moments t(theta) alone,
 
-    t ~ N(0, V),   V = s^2 Q'(noise + columns of misfit, step, ramp and line) Q,
+    t ~ N(0, V),   V = s^2 Q'(noise + columns of misfit, step, ramp, turn and line) Q,
 
 s the deviation of the white noise, has its top where least squares has its own: disturbances widen and never
 move a value. Linearised it is the sandwich H^-1 V H^-1, H = Q'J. Q is J, and where nothing is present but a
-step or a ramp, J with these taken out: there, and there alone, they correct the value.
+step, a ramp or a turn, J with these taken out: there, and there alone, they correct the value.
 
 Far along a ridge, k moments forget what the curve's shape says. Further moments X'r remember it, X the bends of the
 ridge, orthogonal to J; they do not move the top either.
 
-All moments are combinations of the projections of r on one basis of a curve: law, step, ramp, bends.
+All moments are combinations of the projections of r on one basis of a curve: law, step, ramp, turn, bends.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class CurveMoments:
     Parameters
     ----------
     basis : FloatArray
-        Basis of a curve: law (k columns), step, ramp, bends; (n, q).
+        Basis of a curve: law (k columns), step, ramp, turn, bends; (n, q).
     residual : FloatArray
         Rows less the model at least squares, (n,).
     coefficients : FloatArray
@@ -45,11 +45,11 @@ class CurveMoments:
     information, covariance : FloatArray
         H = Q'J and V, (m, k, k).
     offset : FloatArray
-        Q'r at least squares where a step or a ramp corrects it, else zero, (m, k).
+        Q'r at least squares where a step, a ramp or a turn corrects it, else zero, (m, k).
     taken : FloatArray
-        What step and ramp take of a sum of squares, r'r - |taken' basis' r|^2, (m, q, steps); zero without them.
+        What step, ramp and turn take of a sum of squares, r'r - |taken' basis' r|^2, (m, q, t); zero without them.
     is_whole : ndarray of bool
-        Whether white noise, step and ramp are all there is, (m,): then sums of squares lose nothing.
+        Whether white noise, step, ramp and turn are all there is, (m,): then sums of squares lose nothing.
     variance : FloatArray
         Variance of the white noise, (m,).
     bends : int

@@ -49,7 +49,7 @@ class Reading(ABC):
 
     @property
     def corrected(self) -> FloatArray:
-        """`value` less what a step or a ramp does to it where these weigh more than a half, (k,)."""
+        """`value` less what a step, a ramp or a turn does to it where these weigh more than a half, (k,)."""
         return self.value + self._correction
 
     @cached_property

@@ -47,7 +47,7 @@ class Seen:
     step_force, ramp_force, turn_force : float
         Sizes (N) of step, ramp and turn as far as they are seen: across contact, and over the record.
     corrected : float
-        Probability of the hypotheses in which step or ramp are taken out of the value.
+        Probability of the hypotheses in which step, ramp or turn are taken out of the value.
     """
 
     white: float
