@@ -97,3 +97,20 @@ def test_cycles_that_press_an_imprint_deeper_are_refused(tmp_path, name, test):
     )
     with pytest.raises(ul.CurveError, match="the loading is elastoplastic"):
         ul.load_problem(real_file(name), scene)
+
+
+def test_a_tip_too_small_for_the_travel_is_judged_all_the_same(tmp_path):
+    """The law ends where the sphere does, before the first contact that is tried: quality raised an error."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        '[indenter]\nshape = "sphere"\nradius = "1 um"\n[layer]\nE = "10 kPa"\nnu = 0.5\n'
+        '[curve]\ncalibration = { spring_constant = "0.04 N/m" }\n'
+        '[fit]\nlayer.E = { min = "1 Pa", max = "100 GPa" }\ninstrument.baseline = {}\n'
+        'instrument.contact_depth = { min = "0 um", max = "13 um" }\n'
+    )
+    problem = ul.load_problem(real_file("softmech_gels/h1000_curve.csv"), scene)
+    assert ul.check_quality(problem.curves[0], problem.base_scenes[0]).verdict in {
+        "good",
+        "doubtful",
+        "unusable",
+    }

@@ -164,8 +164,7 @@ def scan(method: str, foot: Foot, points: Points, shape: Shape) -> Scanned | Non
         None if no contact depth gives a rise, or the sum of squares has no bottom between the depths tried.
     """
     x, force, blocks = points
-    low = x[0] - (0.0 if foot.has_baseline else BEFORE * np.ptp(x))
-    high = x[-2]
+    low, high = _earliest(foot, points), x[-2]
     tried, rough = _steps(low, high, _COARSE), _read_off(shape, float(x[-1] - low))
     sums = _sums_of_squares(*blocks, tried, rough, foot)
     for part, column, count in ((blocks, rough, _FINER), ((x, force), shape, _FINE)):
@@ -250,6 +249,11 @@ def _inverse(normal: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(normal)
     kept = np.abs(values) > _SINGULAR * np.abs(values).max()
     return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].T)
+
+
+def _earliest(foot: Foot, points: Points) -> float:
+    """Depth reading (m) of the first contact that a scan tries."""
+    return float(points.depth[0] - (0.0 if foot.has_baseline else BEFORE * np.ptp(points.depth)))
 
 
 def _read_off(shape: Shape, deepest: float) -> Shape:
@@ -466,13 +470,15 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
     CurveError
         If the method gives no estimate.
     """
-    shape = power_law(exponent) if law is None else shape_of(law)
     points = Points.of(foot)
     if len(points.depth) < _FEWEST_OF_FOOT or not points.depth[-1] > points.depth[0]:
         raise CurveError(
             f"no contact found: the depth does not grow over the {len(points.depth)} points in front of the "
             "rise of the force; check which column is the depth, and its sign"
         )
+    # Of a tip too small for all that was travelled the law ends before the first contact that is tried.
+    reaches = law is not None and points.depth[-1] - _earliest(foot, points) <= law.max_depth
+    shape = shape_of(law) if law is not None and reaches else power_law(exponent)
     by_foot = scan("foot", foot, points, shape)
     tried = (
         None if by_foot is None else by_foot.estimate,
