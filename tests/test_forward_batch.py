@@ -52,7 +52,7 @@ CASES = {
     "sphere, radius": (
         ul.Scene(ul.Sphere(1e-3), LAYER, ul.RIGID),
         E | THICKNESS | {"indenter.radius": ul.Normal(1e-3, 5e-5)},
-        False,
+        True,
     ),
     "baseline": (
         ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.RIGID),
@@ -62,7 +62,7 @@ CASES = {
     "compliance": (
         ul.Scene(ul.Paraboloid(1e-3), LAYER, ul.RIGID, ul.Instrument(compliance=1e-5)),
         E | {"instrument.compliance": ul.LogUniform(1e-6, 1e-4)},
-        False,
+        True,
     ),
     "anisotropic": (
         ul.Scene(

@@ -81,8 +81,7 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     # One after another, so that a search is left as soon as an earlier one says so; where places are less work
     # all at once, together.
     rows = np.arange(len(order))
-    together = blocked.asked.in_batches or blocked.asked.laws_in_batches
-    for group in [rows] if together else rows[:, None]:
+    for group in [rows] if blocked.asked.in_batches else rows[:, None]:
         ends = low[group], high[group]
 
         def give_up(ahead: Ahead, ends: tuple[FloatArray, FloatArray] = ends) -> bool:

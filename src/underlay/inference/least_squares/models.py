@@ -121,11 +121,6 @@ class Models:
             for path in member.entries
         )
 
-    @property
-    def laws_in_batches(self) -> bool:
-        """Whether laws of several vectors at once are less work than one by one."""
-        return any(member.forward.laws.tips is not None for member in self.members)
-
     @cached_property
     def in_batches(self) -> bool:
         """Whether derivatives at several vectors at once are less work than one by one."""
@@ -208,7 +203,6 @@ class Models:
         else:
             columns, models = self._room(len(physical))
             missing = possible.copy()
-            self._prepare(physical[possible])
         for row in np.flatnonzero(missing).tolist():
             own, forces = self._one(physical[row : row + 1], possible[row : row + 1])
             for into, each in zip((*columns, *models), (*own, *forces), strict=True):
@@ -252,9 +246,3 @@ class Models:
         for each in known[1:]:
             possible = possible & each.possible
         return [each.columns for each in known], [each.force for each in known], possible
-
-    def _prepare(self, physical: FloatArray) -> None:
-        """Make ready what the models at vectors (s, k) need, where that is less work all at once."""
-        if self.laws_in_batches and len(physical) > 1:
-            for member in self.members:
-                member.forward.prepare([member.values_at(one) for one in physical])

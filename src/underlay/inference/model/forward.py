@@ -358,18 +358,6 @@ class Forward:
         law = self.reference_law(self.similarity.reduced(values), b * deepest)
         return ScaledLaw.of(law, b, c, self.similarity.length_ratio(values))
 
-    def prepare(self, values: Sequence[Mapping[str, float]]) -> None:
-        """Make ready the laws at several sets of `values`, as `LawSource.laws_of` does."""
-        depths = [self.similarity.factors(one)[0] * self._deepest(*self._chain(one)) for one in values]
-        self.laws.laws_of([self.similarity.reduced(one) for one in values], depths)
-
-    def is_tabulated(self, values: Mapping[str, float]) -> bool:
-        """Whether the law at `values` is read off a table, and says its derivatives itself."""
-        b, _ = self.similarity.factors(values)
-        return self.laws.is_tabulated(
-            self.similarity.reduced(values), b * self._deepest(*self._chain(values))
-        )
-
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
         """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
         if isinstance(self.left_out, OnLinear):

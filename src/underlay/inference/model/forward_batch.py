@@ -1,6 +1,6 @@
 """The forward model for many parameter sets at once, as a sampler asks for it.
 
-The sets are computed in one of seven ways, the first that applies:
+The sets are computed in one of eight ways, the first that applies:
 
 1. something adheres, and of the ratios only that of the work of adhesion may vary: the sets are read off the
    adhesion's own table (`sticking`), a frame's compliance included;
@@ -8,15 +8,17 @@ The sets are computed in one of seven ways, the first that applies:
 3. one ratio alone varies: every set's curve is read off the table of its cell (`curve_family`);
 4. a tip sticks to the surface or is a sphere, and one ratio alone varies: the sets are read off a surface in it and
    the depth (`ratio_surface`);
-5. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
+5. the tip is no power law and Poisson's ratios stay: the sets are read off tables of the flat punch (`TipSets`);
+6. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
    go through it, in groups whose stiffness ratio and range are alike;
-6. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
-7. otherwise set by set, through `Forward.reading`: so DMT and a flat punch that sticks, a law and 1 to 2 ms a set,
+7. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
+8. otherwise set by set, through `Forward.reading`: so DMT and a flat punch that sticks, a law and 1 to 2 ms a set,
    and Maugis, two tenths of a second.
 
-The second to the sixth are in `ratio_batch.py`, the last is `groups.set_by_set`. A sample that remembers goes
-one of these ways with its elastic force, and then through its memory (`remembered_batch.py`). Under a lever
-that bends beyond what was taken off, the depth of the tip is found by Newton's method (`bending`).
+The second to the seventh are in `ratio_batch.py`, the last is `groups.set_by_set`. A sample that remembers goes
+one of these ways with its elastic force, and then through its memory (`remembered_batch.py`). In a frame that
+gives way, or under a lever that bends beyond what was taken off, the depth of the tip is found by Newton's method
+(`_given_way`).
 
 A set's answer does not depend on the company it is asked in: a chain can be repeated bit by bit.
 """
@@ -167,9 +169,14 @@ def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffne
     sets = len(empty.possible)
     if forward.similarity.energies:
         return sticking(forward, values, sets)
-    if np.any(values[Frame.path]):
+    # The chain is asked for travel and offsets alone: what a frame gives way is found for all sets here.
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    if not np.any(values[Frame.path]):
+        return by_ratios(asked, empty, stiffness=stiffness)
+    if not goes_together(asked):
         return set_by_set(forward, values, range(sets), empty)
-    return by_ratios(ParameterSets(forward, values, sets), empty, stiffness=stiffness)
+    found = _given_way(forward, values, empty)
+    return found._replace(force=asked.instrument_force(found.contact))
 
 
 def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:

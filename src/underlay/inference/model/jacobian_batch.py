@@ -19,10 +19,10 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.groups import ParameterSets, Values
 from underlay.inference.model.law_slopes import slope_by_factors
 from underlay.inference.model.laws import OneRatio
-from underlay.inference.model.ratio_batch import by_one_law
+from underlay.inference.model.ratio_batch import by_one_law, sets_of_a_tip
 from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.exact.family_law import family_batch
-from underlay.mechanics.exact.tip_law import TipLaw, tips_side_by_side
+from underlay.mechanics.exact.tip_law import TipSets
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.scene.instrument import ContactDepth, Frame
 
@@ -110,37 +110,31 @@ def _laws(asked: ParameterSets) -> _Laws | None:
         return _Laws(readings.contact, readings.stiffness, {}, readings.possible)
     if laws.table is not None and laws.table.family is not None:
         return _tabulated(asked, laws.table)
-    return None if laws.tips is None else _of_tips(asked, laws.tips)
-
-
-def _of_tips(asked: ParameterSets, tips: OneRatio) -> _Laws | None:
-    """All sets off the tables of the flat punch; None where the tip has more sizes than one."""
-    similarity = asked.forward.similarity
-    if len(similarity.lengths) != 1 or any(
-        isinstance(asked.values[path], np.ndarray) for path in similarity.direct
+    sets = sets_of_a_tip(asked)
+    if sets is None or any(
+        isinstance(asked.values[path], np.ndarray) for path in asked.forward.similarity.direct
     ):
         return None
-    b, c = asked.factors
-    ratios = [np.broadcast_to(ratio, asked.sets).tolist() for ratio in asked.ratios]
-    found = asked.forward.laws.laws_of(list(zip(*ratios, strict=True)), (b * asked.deepest).tolist())
-    rows = [row for row, law in enumerate(found) if isinstance(law, TipLaw)]
-    if not rows:
+    return _of_tips(asked, *sets)
+
+
+def _of_tips(asked: ParameterSets, sets: TipSets, unit: FloatArray) -> _Laws | None:
+    """All sets off the tables of the flat punch; None where the tip has no size."""
+    similarity, tips = asked.forward.similarity, asked.forward.laws.tips
+    if not similarity.lengths or tips is None:
         return None
-    laws = [law for law in found if isinstance(law, TipLaw)]
-    said = tips_side_by_side(laws, b[rows, None] * asked.tip[rows])
-    force, stiffness, in_ratio, in_size = (np.zeros(asked.tip.shape) for _ in said)
-    possible = np.zeros(asked.sets, dtype=bool)
-    possible[rows] = True
-    scale = c[rows, None]
-    force[rows], stiffness[rows] = scale * said.force, scale * b[rows, None] * said.stiffness
-    in_ratio[rows], in_size[rows] = scale * said.in_ratio, scale * said.in_size
-    known = {tips.path: in_ratio, similarity.lengths[0]: in_size}
+    b, c = (factor[:, None] for factor in asked.factors)
+    unit = unit[:, None]
+    said = sets.with_slopes(b / unit * asked.tip)
+    theta = c * asked.forward.laws.contact.theta
+    scale = theta * unit**2
+    known = {tips.path: scale * said.in_ratio, similarity.lengths[0]: scale * said.in_size}
     moved: dict[str, FloatArray] = {}
     for path in (*similarity.moduli, *similarity.lengths, str(similarity.length)):
         ratio_slopes = similarity.ratio_slopes(path, similarity.values)
         if ratio_slopes:
             moved[path] = np.sum([slope * known[ratio] for ratio, slope in ratio_slopes.items()], axis=0)
-    return _Laws(force, stiffness, moved, possible)
+    return _Laws(scale * said.force, theta * unit * b * said.stiffness, moved, said.known)
 
 
 def _slope(asked: ParameterSets, path: str, laws: _Laws) -> FloatArray:

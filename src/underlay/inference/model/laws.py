@@ -309,14 +309,6 @@ class LawSource:
             law = said
         return law if law is not None else self._solved(reduced, depth)
 
-    def is_tabulated(self, reduced: tuple[float, ...], depth: float) -> bool:
-        """Whether a table says the law with these ratios for depths up to `depth` (m), or that there is none."""
-        if self.table is not None:
-            return self._from_table(self.table, reduced, depth) is not None
-        if self.tips is None or not depth > 0.0:
-            return False
-        return self._of_tips(self.tips, [reduced], [depth])[0] is not None
-
     def laws_of(
         self, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]
     ) -> list[ContactLaw | None]:
@@ -406,7 +398,7 @@ class LawSource:
         keys, contacts, values = [], [], []
         for ratios, depth in zip(reduced, depths, strict=True):
             numbers = dict(zip(similarity.ratio_paths, ratios, strict=True))
-            contact = self._tip_contact(numbers)
+            contact = self.tip_contact(numbers)
             number = self.solver.tip_number(contact, depth)
             keys.append((self.number, self.solver, similarity.length, ratios, "tips", number))
             contacts.append(contact)
@@ -431,7 +423,7 @@ class LawSource:
                 self.store.keep(keys[row], _NOT_TABULATED if law is None else law)
         return found
 
-    def _tip_contact(self, numbers: Mapping[str, float]) -> Contact:
+    def tip_contact(self, numbers: Mapping[str, float]) -> Contact:
         """The reference's contact with a tip and a layer of these sizes."""
         prefix = "indenter."
         sizes = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from underlay._arrays import FloatArray
 from underlay.errors import InputError, RangeError
 from underlay.inference.model.groups import (
     ParameterSets,
@@ -18,9 +19,10 @@ from underlay.inference.model.groups import (
 from underlay.inference.model.laws import OneRatio
 from underlay.mechanics.body import PlaneConstants, isotropic_constants
 from underlay.mechanics.exact.family_law import family_batch
+from underlay.mechanics.exact.tip_law import TipSets
 from underlay.mechanics.indenters import PowerLawShape
 
-__all__ = ["by_one_law", "by_ratios", "goes_together", "has_exact_batches"]
+__all__ = ["by_one_law", "by_ratios", "goes_together", "has_exact_batches", "sets_of_a_tip"]
 
 
 def by_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Readings:
@@ -35,7 +37,7 @@ def by_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Read
     stiffness : bool
         Whether the stiffness is asked for; laws read off a surface know none.
     """
-    table = asked.forward.laws.table
+    table, tips = asked.forward.laws.table, sets_of_a_tip(asked)
     entry = None if stiffness else _entry_of_surfaces(asked)
     if asked.shared is not None:
         readings = by_one_law(asked, asked.shared, stiffness=stiffness)
@@ -43,6 +45,8 @@ def by_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Read
         readings = _from_tables(asked, table, stiffness=stiffness)
     elif entry is not None:
         readings = _on_surfaces(asked, entry)
+    elif tips is not None:
+        readings = _off_tip_tables(asked, *tips, stiffness=stiffness)
     elif has_exact_batches(asked):
         readings = _in_groups(asked, stiffness=stiffness)
     elif has_stack_batches(asked):
@@ -108,6 +112,45 @@ def _from_tables(asked: ParameterSets, table: OneRatio, *, stiffness: bool) -> R
     slopes = curves.stiffness(*arguments) if stiffness else np.zeros_like(contact)
     possible = curves.error_estimate <= asked.rtol
     readings = Readings(contact, slopes, asked.instrument_force(contact), possible)
+    return set_by_set(asked.forward, asked.values, np.flatnonzero(~possible).tolist(), readings)
+
+
+def sets_of_a_tip(asked: ParameterSets) -> tuple[TipSets, FloatArray] | None:
+    """Sets of a tip that is no power law for the tables of the flat punch, and the tip's unit (m) in each, (sets,).
+
+    None where they have no tables, or the tip has more sizes than one.
+    """
+    laws, similarity = asked.forward.laws, asked.forward.similarity
+    tips = laws.tips
+    if tips is None or tips.family is None or len(similarity.lengths) > 1:
+        return None
+    numbers: dict[str, FloatArray] = {
+        path: np.broadcast_to(ratio, asked.sets)
+        for path, ratio in zip(similarity.ratio_paths, asked.ratios, strict=True)
+    }
+    tip, size = laws.contact.indenter.in_its_unit()
+    unit = np.full(asked.sets, size)
+    for path in similarity.lengths:  # tips of one length are all similar: their unit goes with it
+        unit = unit * (numbers[path] / similarity.values[path])
+    sets = TipSets(
+        tip,
+        tips.family,
+        numbers[tips.path] / similarity.values[tips.over] if tips.path else None,
+        numbers.get("layer.thickness", np.full(asked.sets, laws.contact.thickness)) / unit,
+        asked.factors[0] * asked.deepest / unit,
+        asked.rtol,
+    )
+    return sets, unit
+
+
+def _off_tip_tables(asked: ParameterSets, sets: TipSets, unit: FloatArray, *, stiffness: bool) -> Readings:
+    """All sets off the tables of the flat punch; those without one by one."""
+    b, c = asked.factors
+    theta = (c * asked.forward.laws.contact.theta)[:, None]
+    unit = unit[:, None]
+    force, slope, possible = sets.forces(b[:, None] / unit * asked.tip, stiffness=stiffness)
+    contact, slope = theta * unit**2 * force, theta * unit * b[:, None] * slope
+    readings = Readings(contact, slope, asked.instrument_force(contact), possible)
     return set_by_set(asked.forward, asked.values, np.flatnonzero(~possible).tolist(), readings)
 
 

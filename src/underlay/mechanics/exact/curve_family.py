@@ -67,7 +67,7 @@ __all__ = [
     "RigidBase",
     "SolvedCurves",
     "curve_family",
-    "end_number",
+    "end_numbers",
     "family_holding",
     "first_ratios",
     "range_end",
@@ -297,7 +297,7 @@ class RatioSpan(NamedTuple):
 
 
 def ratio_span(number: int) -> RatioSpan:
-    """Span of modulus ratios of a given number, as `ratio_number` or `end_number` counts them."""
+    """Span of modulus ratios of a given number, as `ratio_number` or `end_numbers` counts them."""
     low = log(_RATIO_EDGE) + (_STIFF if number == STIFF_END else number) * log(_RATIO_STEP)
     return RatioSpan(low, inf if number == STIFF_END else low + log(_RATIO_STEP))
 
@@ -312,15 +312,15 @@ def range_number(varpi: float) -> int:
     return ceil(log(max(varpi, range_end(_SMALLEST_RANGE)) / _RANGE_EDGE) / log(_RANGE_STEP))
 
 
-def end_number(ratio: float) -> int:
-    """Number of the span that holds a modulus ratio; the stiffest bases, up to a rigid one, share `STIFF_END`."""
-    number = ratio_number(ratio)
-    return number if number < _STIFF else STIFF_END
-
-
 def ratio_numbers(ratio: FloatArray) -> FloatArray:
     """Numbers of the spans that hold modulus ratios (sets,), as whole floats: `ratio_number` of many."""
     return np.asarray(np.floor(np.log(ratio / _RATIO_EDGE) / log(_RATIO_STEP)), dtype=np.float64)
+
+
+def end_numbers(ratio: FloatArray) -> FloatArray:
+    """As `ratio_numbers`, where the stiffest bases, up to a rigid one, share `STIFF_END`."""
+    number = ratio_numbers(ratio)
+    return np.where(number < _STIFF, number, STIFF_END)
 
 
 def range_numbers(varpi: FloatArray) -> FloatArray:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import ceil, log
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.batch import CurveBatch
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, too_wide
-from underlay.mechanics.exact.curve_family import end_number, range_number
+from underlay.mechanics.exact.curve_family import end_numbers, range_numbers
 from underlay.mechanics.exact.law import ExactLaw
-from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Stretch
+from underlay.mechanics.exact.master_curve import MasterCurve, Stretch
 from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curves
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Family
 
-__all__ = ["TipLaw", "TipSlopes", "in_size", "tip_laws", "tip_range", "tips_side_by_side"]
+__all__ = ["TipLaw", "TipSets", "TipSlopes", "in_size", "tip_laws", "tip_range"]
 
 # On a base this much softer than its layer a table takes up to 0.6 s, mostly to tell that it errs by too much: a
 # law that is solved for takes 0.05.
@@ -31,58 +31,11 @@ _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
 _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
-#: A tip in its unit, number of the span in ln k, number of the range of varpi.
-_Group: TypeAlias = tuple[Indenter, int | None, int]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TipLaw(ExactLaw):
     """An exact law off the tables of the flat punch; beside dP/dw it knows dP/d ln k and dP/d ln(thickness)."""
-
-
-class TipSlopes(NamedTuple):
-    """P (N), dP/dw (N/m), dP/d ln k and dP/d ln(size of the tip) (N), each (laws, n)."""
-
-    force: FloatArray
-    stiffness: FloatArray
-    in_ratio: FloatArray
-    in_size: FloatArray
-
-
-def tips_side_by_side(laws: Sequence[TipLaw], depth: FloatArray) -> TipSlopes:
-    """Forces and their derivatives of several laws in one call.
-
-    Parameters
-    ----------
-    laws : sequence of TipLaw
-        One for each row.
-    depth : ndarray (laws, n)
-        Indentation depths (m).
-
-    Returns
-    -------
-    TipSlopes
-        Each entry (laws, n).
-    """
-    count, first = len(laws), laws[0]
-    tables = [law.curve.coefficients[0] for law in laws]
-    coefficients = np.zeros((count, len(tables[0]), max(table.shape[1] for table in tables), 4))
-    for into, table in zip(coefficients, tables, strict=True):
-        into[:, : table.shape[1]] = table
-    factors = len(Factor)
-    batch = CurveBatch(
-        first.measure,
-        np.inf,
-        Stretch.of_all([law.curve.stretch for law in laws]),
-        coefficients[:, :factors],
-        np.zeros(count),
-        coefficients[:, factors:],
-    )
-    thickness, theta = (np.array([getattr(law, name) for law in laws]) for name in ("thickness", "theta"))
-    abel = np.array([law.measure.abel_coefficient for law in laws])
-    w = np.maximum(depth, 0.0)
-    force, stiffness, slopes = batch.with_slopes(w, theta, thickness, abel)
-    return TipSlopes(force, stiffness, slopes[:, 0], in_size(w, force, stiffness, slopes[:, 1]))
 
 
 def in_size(
@@ -96,9 +49,126 @@ def in_size(
 
 
 def tip_range(contact: Contact, depth: float) -> int:
-    """Number of the range of varpi that reaches `depth` (m): the `octave` of `TipContacts`."""
-    varpi = float(contact.indenter.power_law.halfspace_radius(np.asarray(depth))) / contact.thickness
-    return ceil(_RANGES_PER_OCTAVE * log(max(varpi, _SMALLEST) / _RANGE_EDGE) / log(2.0))
+    """Number of the range of varpi that reaches `depth` (m)."""
+    varpi = contact.indenter.power_law.halfspace_radius(np.asarray(depth)) / contact.thickness
+    return int(_ranges(varpi))
+
+
+def _ranges(varpi: FloatArray) -> FloatArray:
+    """Numbers of the ranges of a law that reach varpi, as whole floats."""
+    return np.asarray(np.ceil(_RANGES_PER_OCTAVE * np.log2(np.maximum(varpi, _SMALLEST) / _RANGE_EDGE)))
+
+
+class TipSlopes(NamedTuple):
+    """Force, dP/dw, dP/d ln k and dP/d ln(size of the tip), each (sets, n), and which sets have them, (sets,).
+
+    On layers of theta = 1, in the unit of the tip: of the force squared, of dP/dw as it is.
+    """
+
+    force: FloatArray
+    stiffness: FloatArray
+    in_ratio: FloatArray
+    in_size: FloatArray
+    known: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class TipSets:
+    """Contacts of one tip on layers of any thickness and bodies of one family, each with a depth to reach.
+
+    Parameters
+    ----------
+    tip : Indenter
+        In a unit of its own (`Indenter.in_its_unit`).
+    family : Family
+        The bodies.
+    ratio : ndarray (sets,) or None
+        Which of them; None for a family of one.
+    thickness, depth : ndarray (sets,)
+        Thickness, and the depth that each must reach, both in the tip's unit.
+    rtol : float
+        Relative error allowed.
+    """
+
+    tip: Indenter
+    family: Family
+    ratio: FloatArray | None
+    thickness: FloatArray
+    depth: FloatArray
+    rtol: float
+
+    def curves(self) -> Iterator[tuple[NDArray[np.intp], TipCurves]]:
+        """Curves that the tables have, to the end of their range, with the sets of each; a later one is finer."""
+        varpi = self.tip.power_law.halfspace_radius(self.depth) / self.thickness
+        top = _RANGE_EDGE * 2.0 ** (_ranges(varpi) / _RANGES_PER_OCTAVE)
+        octave, span, log_ratio = range_numbers(top), np.zeros(len(top)), np.zeros(len(top))
+        known = np.ones(len(top), dtype=bool)
+        if self.ratio is not None:
+            known = self.ratio >= _SOFTEST
+            span, log_ratio = end_numbers(self.ratio), np.log(self.ratio)
+        for own_span, own_octave in sorted(
+            set(zip(span[known].tolist(), octave[known].tolist(), strict=True))
+        ):
+            rows = np.flatnonzero(known & (span == own_span) & (octave == own_octave))
+            asked = TipContacts(
+                self.tip,
+                self.family,
+                None if self.ratio is None else int(own_span),
+                int(own_octave),
+                self.rtol,
+                log_ratio[rows],
+                self.thickness[rows],
+                top[rows],
+            )
+            for inner, found in tip_curves(asked):
+                yield rows[inner], found
+
+    def forces(
+        self, depth: FloatArray, *, stiffness: bool
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+        """Force and dP/dw of all sets on layers of theta = 1, and which of them the tables have.
+
+        Parameters
+        ----------
+        depth : ndarray (sets, n)
+            Indentation depths, none beyond the one to reach, in the tip's unit.
+        stiffness : bool
+            Whether dP/dw is asked for; else it is zero.
+
+        Returns
+        -------
+        tuple of ndarray
+            Force in the unit squared and dP/dw in the unit, each (sets, n), zero without a table, and (sets,).
+        """
+        force, slope, known = np.zeros(depth.shape), np.zeros(depth.shape), np.zeros(len(depth), dtype=bool)
+        for rows, batch in self._known():
+            arguments = depth[rows], np.ones(rows.size), self.thickness[rows]
+            force[rows], known[rows] = batch.force(*arguments), True
+            if stiffness:
+                slope[rows] = batch.stiffness(*arguments)
+        return force, slope, known
+
+    def with_slopes(self, depth: FloatArray) -> TipSlopes:
+        """Forces and their derivatives; the parameter is that of `forces`."""
+        force, stiffness, in_ratio, size, known = (
+            *np.zeros((4, *depth.shape)),
+            np.zeros(len(depth), dtype=bool),
+        )
+        for rows, batch in self._known():
+            w = np.maximum(depth[rows], 0.0)
+            P, S, slopes = batch.with_slopes(w, np.ones(rows.size), self.thickness[rows])
+            force[rows], stiffness[rows], in_ratio[rows] = P, S, slopes[:, 0]
+            size[rows], known[rows] = in_size(w, P, S, slopes[:, 1]), True
+        return TipSlopes(force, stiffness, in_ratio, size, known)
+
+    def _known(self) -> Iterator[tuple[NDArray[np.intp], CurveBatch]]:
+        """Curves as good and as deep as asked, with their sets."""
+        for rows, found in self.curves():
+            batch = found.batch
+            end = batch.measure.abel(np.broadcast_to(batch.top, rows.size) * self.thickness[rows])
+            fine = np.flatnonzero((batch.error_estimate <= self.rtol) & (self.depth[rows] <= end))
+            if fine.size:
+                yield rows[fine], batch if fine.size == rows.size else batch.part(fine.tolist())
 
 
 def tip_laws(
@@ -129,35 +199,18 @@ def tip_laws(
         Why there is no law so deep; None where the tables do not reach, or not to `rtol`.
     """
     laws: list[TipLaw | RangeError | None] = [None] * len(contacts)
-    tops = [
-        _RANGE_EDGE * 2.0 ** (tip_range(contact, depth) / _RANGES_PER_OCTAVE)
-        for contact, depth in zip(contacts, depths, strict=True)
-    ]
-    groups: dict[_Group, list[int]] = {}
-    for row, contact in enumerate(contacts):
-        if ratios is not None and ratios[row] < _SOFTEST:
-            continue
-        span = None if ratios is None else end_number(ratios[row])
-        groups.setdefault((contact.indenter.in_its_unit()[0], span, range_number(tops[row])), []).append(row)
-    for (tip, span, octave), members in groups.items():
-        log_ratios = np.zeros(len(members)) if ratios is None else np.log([ratios[row] for row in members])
-        thickness = np.array(
-            [contacts[row].thickness / contacts[row].indenter.in_its_unit()[1] for row in members]
-        )
-        asked = TipContacts(
-            tip,
-            family,
-            span,
-            octave,
-            rtol,
-            log_ratios,
-            thickness,
-            np.array([tops[row] for row in members]),
-        )
-        for rows, found in tip_curves(asked):
-            for place, member in enumerate(rows.tolist()):
-                row = members[member]
-                laws[row] = _law(contacts[row], found, place, depths[row], rtol)
+    unit = np.array([contact.indenter.in_its_unit()[1] for contact in contacts])
+    asked = TipSets(
+        contacts[0].indenter.in_its_unit()[0],
+        family,
+        None if ratios is None else np.asarray(ratios, dtype=np.float64),
+        np.array([contact.thickness for contact in contacts]) / unit,
+        np.asarray(depths) / unit,
+        rtol,
+    )
+    for rows, found in asked.curves():
+        for place, row in enumerate(rows.tolist()):
+            laws[row] = _law(contacts[row], found, place, depths[row], rtol)
     return laws
 
 
