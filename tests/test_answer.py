@@ -1,6 +1,5 @@
 """One curve, one answer: its parts add in quadrature, its budget is what refits say, and it covers."""
 
-import json
 import math
 from dataclasses import replace
 from itertools import pairwise
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from support.places import Written, differences
 
 E, H, C, B = "layer.E", "layer.thickness", "instrument.contact_depth", "instrument.baseline"
 DEPTH = np.linspace(-6e-5, 1.5e-4, 240)
@@ -106,26 +106,13 @@ def test_an_unknown_part_is_refused():
         fitted().interval(E, part="all")
 
 
-def test_every_place_prints_the_same_digits(tmp_path):
-    curve, assumed = measured(), scene()
-    fit = ul.fit(ul.Problem(assumed, curve, [E, C, B]))
-    known = fit.answer(E)
-    row = ul.fit_many([curve], assumed, [E, C, B], workers=0).iloc[0]
-    written = json.loads(fit.to_json(tmp_path / "fit.json").read_text(encoding="utf-8"))["answers"][E]
-    for found in (row, {f"{E}{key}": value for key, value in _flat(written).items()}):
-        assert found[E] == known.value
-        assert (found[f"{E}.low"], found[f"{E}.high"]) == (known.low, known.high)
-        assert found[f"{E}.stat.low"] == known.statistical.low
-        assert found[f"{E}.syst.high"] == known.systematic.high
-    assert row["verdict"] == fit.verdict.word
-    assert fit.answers.loc[E, "low"] == known.low
-
-
-def _flat(written):
-    parts = {"": written, ".stat": written["statistical"], ".syst": written["systematic"]}
-    return {"": written["value"]} | {
-        f"{p}.{e}": part[e] for p, part in parts.items() for e in ("low", "high")
-    }
+@pytest.mark.parametrize("kind", ["E, h", "disturbed"])
+def test_every_place_says_the_same_digits(kind, tmp_path):
+    """One curve of two of the kinds; `studies/answers.py places` takes twenty of every kind."""
+    written = Written.of(kind, 3, tmp_path)
+    _, found = written.said(tmp_path)
+    assert differences(found) == []
+    assert set(found) == {"fit", "map", "JSON", "Excel", "page", "screen", "report"}
 
 
 def test_a_quick_map_has_least_squares_errors_alone():

@@ -4,6 +4,7 @@
     python tests/studies/answers.py scenes [--curves 100] [--free E h E2] [--seed 1]
     python tests/studies/answers.py verdicts [--curves 2000] [--seed 1]
     python tests/studies/answers.py hard [--curves 30] [--seed 1]
+    python tests/studies/answers.py places [--curves 20] [--seed 1]
     python tests/studies/answers.py pages    # writes the tables of the pages again
 
 `worlds` are disturbances of one scene (`tests/support/worlds.py`), `scenes` clean tests of a user's range. A row of
@@ -14,12 +15,15 @@ milliseconds of processor (median, 90 %). In worlds in which the law is wrong th
 curve without its white noise. `verdicts` counts what is called check or reject of clean and of correlated curves.
 `hard` counts what holds of contacts made gradually and of levers softer than the sample, how many misfits above
 three noises are named, and how many answers of one record at 500 and at 5000 points overlap.
+`places` takes curves of every kind as files through `fit`, `map`, `report`, the page, JSON and Excel and counts
+those whose numbers are the same to the last digit, and through `sample`, whose ends may differ by its Monte Carlo error.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +35,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).res
 
 import underlay as ul  # noqa: E402  after the path
 from support.answer_tables import write  # noqa: E402
+from support.places import KINDS, Written, differences, from_draws  # noqa: E402
 from support.user_scenes import user_test  # noqa: E402
 from support.worlds import LAW_LIKE, NOISES, Clean, world_curves  # noqa: E402
 
@@ -237,11 +242,25 @@ def hard(count, seed):
         yield {"kind": kind, "curves": len(every), "as it should": sum(every)}
 
 
+def places(count, seed):
+    """Curves of every kind through every door: the same digits, and the same draws but for their errors?"""
+    for kind in KINDS:
+        same, near, ends = 0, 0, 0
+        for k in range(count):
+            with tempfile.TemporaryDirectory() as folder:
+                written = Written.of(kind, 1000 * seed + k, Path(folder))
+                fit, found = written.said(Path(folder))
+                same += not differences(found)
+                off = from_draws(fit, ul.sample(ul.load_problem(written.curve, written.scene), rng=k))
+                near, ends = near + sum(abs(own) <= 3.0 for own in off), ends + len(off)
+        yield {"kind": kind, "curves": count, "same digits": same, "ends": ends, "ends within errors": near}
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("kind", choices=["worlds", "scenes", "verdicts", "hard", "pages"])
+    parser.add_argument("kind", choices=["worlds", "scenes", "verdicts", "hard", "places", "pages"])
     parser.add_argument("--curves", type=int, default=200)
     parser.add_argument("--free", nargs="+", default=["E"], choices=list(PATHS))
     parser.add_argument("--seed", type=int, default=1)
@@ -249,8 +268,9 @@ def main():
     if asked.kind == "pages":
         write()
         return
-    if asked.kind in {"verdicts", "hard"}:
-        table = pd.DataFrame({"verdicts": verdicts, "hard": hard}[asked.kind](asked.curves, asked.seed))
+    counts = {"verdicts": verdicts, "hard": hard, "places": places}
+    if asked.kind in counts:
+        table = pd.DataFrame(counts[asked.kind](asked.curves, asked.seed))
         path = RESULTS / f"answers_{asked.kind}.csv"
     else:
         made = {"worlds": worlds, "scenes": scenes}[asked.kind](asked.free, asked.curves, asked.seed)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
+from underlay._arrays import FloatArray
 from underlay.errors import UnderlayError
 from underlay.inference.batch.results_table import fitted_names
 from underlay.inference.uncertainty.answer import Advice, Answer, Contribution
@@ -78,7 +79,9 @@ _SHORT = {
 
 
 def _line(name: str, text: str) -> str:
-    """One line: a name in the left column, and what is said of it, broken at the right edge."""
+    """One line: a name in the left column, or above where it is long, and what is said of it, broken."""
+    if len(name) >= _LEFT:
+        return f"{name}\n{_line('', text)}"
     folded = textwrap.wrap(text, _WIDTH - _LEFT, break_long_words=False, break_on_hyphens=False) or [""]
     return "\n".join(f"{name if n == 0 else '':<{_LEFT}}{part}".rstrip() for n, part in enumerate(folded))
 
@@ -169,9 +172,6 @@ def _answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
             else answer_text(known)
         )
         separator = "" if text.startswith("not") else f"{symbol} = "
-        if len(name) >= _LEFT:
-            yield name
-            name = ""
         yield _line(name, f"{separator}{text}")
 
 
@@ -413,22 +413,26 @@ def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
     values = values[np.isfinite(values)]
     if not values.size:
         return
+    (own, letter), told = name_of(name), f"{name}.low" in fitted.columns
+    widths = [_half_widths(fitted, f"{name}{part}") for part in ("", ".stat", ".syst")] if told else []
+    is_open = np.isinf(widths[0]) if told else np.zeros(len(fitted), dtype=bool)
+    if is_open.all():
+        yield _line(own, "not determined by any curve")
+        return
     low, middle, high = (float(value) for value in np.quantile(values, [0.25, 0.5, 0.75]))
-    kind = kind_of(name)
-    unit, factor = human_unit(middle, kind)
+    unit, factor = human_unit(middle, kind_of(name))
+    unit = f" {unit}".rstrip()
     decimals = _decimals(max((high - low) / factor, 1e-3 * abs(middle / factor)))
     ends = " to ".join(f"{end / factor:.{decimals}f}" for end in (low, high))
-    median = f"median {_letter(name)} = {middle / factor:.{decimals}f} {unit}".rstrip()
-    yield _line(start(label(name)), f"{median}, middle half {ends} {unit}".rstrip())
-    widths = {}
-    for part in ("", ".stat", ".syst"):
-        columns = [f"{name}{part}.low", f"{name}{part}.high"]
-        if set(columns) <= set(fitted.columns):
-            ends_of = fitted[columns].to_numpy(dtype=float)
-            widths[part] = float(np.nanmedian(0.5 * (ends_of[:, 1] - ends_of[:, 0]))) / factor
-    if "" in widths:
-        own = f"± {_two_digits(widths[''])} {unit}".rstrip()
-        yield _line(
-            "One curve",
-            f"{own} (95 %; stat {_two_digits(widths['.stat'])}, syst {_two_digits(widths['.syst'])})",
-        )
+    yield _line(own, f"median {letter} = {middle / factor:.{decimals}f}{unit}, middle half {ends}{unit}")
+    if told:
+        each, stat, syst = (_two_digits(float(np.median(width[~is_open])) / factor) for width in widths)
+        yield _line("One curve", f"± {each}{unit} (95 %; stat {stat}, syst {syst})")
+    if is_open.any():
+        yield _line("", f"not determined by {int(is_open.sum())} of {len(fitted)} curves")
+
+
+def _half_widths(fitted: pd.DataFrame, name: str) -> FloatArray:
+    """Half of the intervals (SI) of every curve; infinite where an end is open, which a table leaves empty."""
+    low, high = fitted[[f"{name}.low", f"{name}.high"]].to_numpy(dtype=float).T
+    return np.where(np.isnan(low) | np.isnan(high), np.inf, 0.5 * (high - low))

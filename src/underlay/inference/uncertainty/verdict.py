@@ -249,7 +249,7 @@ def _of_reading(reading: Reading) -> Iterator[Advice]:
             CHECK,
             "the intervals rest on few draws",
             "parameters that trade off along a curved ridge",
-            'sample the posterior: ul.sample(problem, method="emcee")',
+            "sample the posterior by a long chain (method emcee)",
         )
 
 

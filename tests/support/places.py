@@ -1,0 +1,170 @@
+"""One curve through every door: what each place says of its numbers, digit by digit."""
+
+import contextlib
+import html
+import io
+import json
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import underlay as ul
+from support.user_scenes import user_test
+from support.worlds import NOISES, Clean, world_curves
+from underlay.app.folder import AnalysisFolder
+from underlay.app.tasks import Analyst
+from underlay.cli.app import main
+from underlay.data.export import curve_csv
+from underlay.report.screen import answer_text
+from underlay.scene.parameters import kind_of
+from underlay.units import unit_factor
+
+E, H, BASE = "layer.E", "layer.thickness", "substrate.E"
+CONTACT, BASELINE = "instrument.contact_depth", "instrument.baseline"
+ENDS = ("value", "low", "high")
+KINDS = {"E": (E,), "E, h": (E, H), "E, h, E2": (E, H, BASE), "disturbed": (E,)}
+
+
+@dataclass(frozen=True)
+class Written:
+    """A made test as a user has it: the files of a curve and of a scene, and what is asked."""
+
+    curve: Path
+    scene: Path
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, kind, seed, folder):
+        names, rng = KINDS[kind], np.random.default_rng([seed, list(KINDS).index(kind)])
+        drawn = iter(lambda: user_test(rng), None)
+        _name, scene, deep, points, noise = next(
+            one for one in drawn if BASE not in names or one[0] in {"soft base", "film"}
+        )
+        clean = Clean.of(scene, deep, min(points, 400))
+        force = clean.force + noise * clean.top * rng.standard_normal(len(clean.depth))
+        curve = ul.Curve(clean.depth, force, time=clean.time)
+        if kind == "disturbed":
+            curve, _ = world_curves(clean, list(NOISES)[seed % len(NOISES)], rng)
+        (folder / "curves").mkdir()
+        written = cls(folder / "curves" / "curve.csv", folder / "scene.toml", names)
+        written.curve.write_text(curve_csv(curve), encoding="utf-8")
+        written.scene.write_text(_scene_text(scene, names, deep, clean.top), encoding="utf-8")
+        return written
+
+    def said(self, folder):
+        """The fit, and its numbers (value, low, high) by place and name; an open end is infinite."""
+        problem = ul.load_problem(self.curve, self.scene)
+        fit = ul.fit(problem)
+        words = "--scene", self.scene, "--output"
+        out = folder / "out"
+        printed = _called("fit", self.curve, *words, out, "--excel", folder / "fit.xlsx")
+        _called("map", self.curve.parent, *words, folder / "map", "--workers", "0")
+        _called("report", self.curve, *words, folder / "page.html")
+        row = pd.read_csv(next((folder / "map").glob("*.csv"))).iloc[0]
+        sheet = pd.read_excel(folder / "fit.xlsx", sheet_name="results").set_index("parameter")
+        kept = json.loads(next(out.glob("*.fit.json")).read_text(encoding="utf-8"))["answers"]
+        analysis = AnalysisFolder(folder / "analysis")
+        analysis.add_curve("curve.csv", self.curve.read_bytes())
+        analysis.write_scene(self.scene.read_text(encoding="utf-8"))
+        shown = Analyst(str(analysis.path)).fit(lambda _value: None)
+        found = {place: {} for place in ("fit", "map", "JSON", "Excel", "page")}
+        for name in self.names:
+            known = fit.answer(name)
+            found["fit"][name] = known.value, known.low, known.high
+            found["map"][name] = _ends(row[name], row[f"{name}.low"], row[f"{name}.high"])
+            found["JSON"][name] = _ends(*(kept[name][end] for end in ENDS))
+            factor = unit_factor(sheet.loc[name, "unit"], kind_of(name))
+            found["Excel"][name] = tuple(
+                factor * end for end in _ends(*(sheet.loc[name, end] for end in ENDS))
+            )
+            found["page"][name] = _ends(*shown.values[name][:3])
+        texts = {"screen": printed, "report": _plain((folder / "page.html").read_text(encoding="utf-8"))}
+        for place, text in texts.items():
+            found[place] = {
+                name: answer_text(fit.answer(name), parts=False).split(" (")[0] in text for name in self.names
+            }
+        return fit, found
+
+
+def _ends(value, low, high):
+    """Numbers of a table or a document, in which an open end may be empty."""
+    low, high = (float("nan" if end in {None, "", "open"} else end) for end in (low, high))
+    return float(value), -np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high
+
+
+def differences(found):
+    """The places, and names, that say another number than the fit, or not the line that the screen has.
+
+    Excel keeps numbers in the units that people read: two roundings.
+    """
+    off = []
+    for name, known in found["fit"].items():
+        off += [(place, name) for place in ("map", "JSON", "page") if found[place][name] != known]
+        off += [("Excel", name)] * (not np.allclose(found["Excel"][name], known, rtol=1e-15, atol=0.0))
+        off += [(place, name) for place in ("screen", "report") if not found[place][name]]
+    return off
+
+
+def from_draws(fit, posterior):
+    """How far closed ends of the statistical parts of a posterior are from the fit's, over the draws' errors.
+
+    These are in standard deviations. The fit has ends from as many draws or more: a difference has twice the
+    variance.
+    """
+    off = []
+    for name in fit.names:
+        ours, theirs = fit.answer(name).statistical, posterior.answer(name).statistical
+        errors = posterior.diagnostics.quantile_errors[name]
+        half = 0.5 * (ours.high - ours.low)
+        for own, other, error in ((ours.low, theirs.low, errors[0]), (ours.high, theirs.high, errors[-1])):
+            if np.isfinite(own) and np.isfinite(other) and half > 0.0:
+                off.append((other - own) / (half / 1.96 * error * np.sqrt(2.0)))
+    return off
+
+
+def _called(*words):
+    """What the command line prints."""
+    told, before = io.StringIO(), sys.argv
+    sys.argv = ["underlay", *map(str, words)]
+    try:
+        with contextlib.redirect_stdout(told), contextlib.suppress(SystemExit):
+            main()
+    finally:
+        sys.argv = before
+    return " ".join(told.getvalue().split())
+
+
+def _plain(page):
+    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", page)).split())
+
+
+def _scene_text(scene, names, deep, peak):
+    layer, base = scene.layer, scene.substrate
+
+    def pascals(value):
+        return f'"{value!r} Pa"'
+
+    rows = [f"[indenter]\nshape = 'sphere'\nradius = '{scene.indenter.radius!r} m'"]
+    rows.append(
+        f"[layer]\nE = {pascals(layer.material.E)}\nnu = {layer.material.nu!r}\nthickness = '{layer.thickness!r} m'"
+    )
+    rows.append(
+        "[substrate]\nrigid = true"
+        if base == ul.RIGID
+        else f"[substrate]\nE = {pascals(base.E)}\nnu = {base.nu!r}"
+    )
+    rows.append('[curve]\nfile = "curves/curve.csv"\n[fit]')
+    wide = {E: 1e2, H: 5.0, BASE: 1e2}
+    for name in names:
+        value = scene.parameters[name]
+        unit = "m" if name == H else "Pa"
+        rows.append(
+            f'{name} = {{ min = "{value / wide[name]!r} {unit}", max = "{value * wide[name]!r} {unit}" }}'
+        )
+    rows.append(f'{CONTACT} = {{ min = "{-0.4 * deep!r} m", max = "{0.4 * deep!r} m" }}')
+    rows.append(f'{BASELINE} = {{ prior = "normal", mean = "0 N", sd = "{peak!r} N" }}')
+    return "\n".join(rows) + "\n"
