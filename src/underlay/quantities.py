@@ -71,6 +71,10 @@ class Quantity:
         Size (SI) of a change that shows, where neither the curve nor a prior gives one.
     linear : bool
         Whether the force reading is linear in it.
+    nearly_linear : bool
+        Whether it bends so little in it that a curve may read it as if it were straight: each is asked.
+    from_zero : bool
+        Whether it is a size of what is zero otherwise: near zero its interval has an upper end alone.
     scales : {"force", "length"} or None
         Whether it is a scale of the force (a modulus) or of the lengths of the contact (a thickness, a radius).
     many : bool
@@ -85,6 +89,8 @@ class Quantity:
     linear: bool = False
     scales: Literal["force", "length"] | None = None
     many: bool = False
+    nearly_linear: bool = False
+    from_zero: bool = False
 
     @property
     def is_scale(self) -> bool:
@@ -92,20 +98,9 @@ class Quantity:
         return self.bounds == _POSITIVE
 
 
-def quantity(
-    kind: str,
-    label: str = "",
-    *,
-    symbol: str = "",
-    bounds: tuple[float, float] = _ANY,
-    natural_scale: float = 0.1,
-    linear: bool = False,
-    scales: Literal["force", "length"] | None = None,
-    many: bool = False,
-) -> Mapping[str, Any]:
-    """Metadata of a dataclass field that is a number of the test; see `Quantity` for what is said."""
-    declaration = Quantity(kind, label, symbol, bounds, natural_scale, linear, scales, many)
-    return {"quantity": declaration}
+def quantity(kind: str, label: str = "", **said: Any) -> Mapping[str, Any]:
+    """Metadata of a dataclass field that is a number of the test; see `Quantity` for what may be said."""
+    return {"quantity": Quantity(kind, label, **said)}
 
 
 def inlined() -> Mapping[str, Any]:

@@ -16,7 +16,8 @@ curve without its white noise. `verdicts` counts what is called check or reject 
 `hard` counts what holds of contacts made gradually and of levers softer than the sample, how many misfits above
 three noises are named, and how many answers of one record at 500 and at 5000 points overlap.
 `places` takes curves of every kind as files through `fit`, `map`, `report`, the page, JSON and Excel and counts
-those whose numbers are the same to the last digit, and through `sample`, whose ends may differ by its Monte Carlo error.
+those whose numbers are the same to the last digit, and through `sample`, whose ends may differ by its Monte Carlo
+error.
 """
 
 from __future__ import annotations

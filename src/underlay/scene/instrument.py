@@ -265,7 +265,9 @@ class Instrument(Part):
 
     parts: ClassVar[tuple[str, ...]] = ("instrument",)
 
-    contact_depth: float = field(default=0.0, metadata=quantity("length", "contact point"))
+    contact_depth: float = field(
+        default=0.0, metadata=quantity("length", "contact point", nearly_linear=True)
+    )
     baseline: float = field(default=0.0, metadata=quantity("force", "baseline", linear=True))
     baseline_slope: float = field(default=0.0, metadata=quantity("stiffness", "baseline slope", linear=True))
     compliance: float = field(

@@ -20,7 +20,7 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
-from underlay.inference.uncertainty.tree import BENDING, curve_models, has_common_errors, held, straight
+from underlay.inference.uncertainty.tree import bending, curve_models, has_common_errors, held, straight
 from underlay.inference.uncertainty.weighed import CurveState, Weighed, least_norm
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class Likelihood(Weighed):
         """How far a step back from two standard deviations of contact, or of stiffening, misses, over these."""
         mixture, problem = self.mixture, self.fit.problem
         worst = 0.0
-        for i in np.flatnonzero([c.path in BENDING for c in problem.coordinates]):
+        for i in np.flatnonzero(bending(problem)):
             C = np.einsum("m,mij->ij", mixture.weights, mixture.covariances)
             if not C[i, i] > 0.0:
                 continue

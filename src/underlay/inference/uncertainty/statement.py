@@ -25,7 +25,7 @@ from underlay.inference.uncertainty.likelihood import Likelihood
 from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.inference.uncertainty.reading import Reading, widened
 from underlay.inference.uncertainty.verdict import verdict_of
-from underlay.scene.parameters import kind_of
+from underlay.scene.parameters import declared, kind_of
 from underlay.units import KINDS
 
 if TYPE_CHECKING:
@@ -39,8 +39,6 @@ NOISE = "noise and misfit"
 _LEVEL = 0.95  # confidence of answers by default, and of the moves of a source
 # Distance in scaled coordinates from which an end is none: a factor of 400, or six spans of the curve.
 _FARTHEST = 6.0
-# Numbers that may be zero, and whose errors add as they are: their logarithms make factors of 100 of small ones.
-_FROM_ZERO = ("layer.stiffening.inverse_limit",)
 # Step of central differences in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
 # Logarithm of a ratio beyond which a float holds no number.
@@ -196,8 +194,9 @@ class Statement:
             is_beyond = coordinate.scale is None and q > _HIGHEST
             return math.inf if is_beyond else float(coordinate.physical(np.asarray(q)))
 
-        if coordinate.path not in _FROM_ZERO:
+        if not declared(coordinate.path).from_zero:
             return _Scale(name, unit, low, high, places, physical)
+        # Its errors add as they are: logarithms make factors of 100 of small ones.
         own, top = physical(places[_VALUE]), physical(high)
         slope = float(self.fit.problem.slopes(self.reading.corrected)[index])
         # Within two deviations of zero, by the end that no prior makes, it has a bound above alone.

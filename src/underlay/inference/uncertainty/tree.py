@@ -19,15 +19,11 @@ from underlay.inference.model.forward_batch import batched_readings
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.blocks import Blocks, resolution
+from underlay.scene.parameters import declared
 
-__all__ = ["BENDING", "CurveModel", "Tangent", "curve_models"]
+__all__ = ["CurveModel", "Tangent", "bending", "curve_models"]
 
-_CONTACT, _COMPLIANCE = "instrument.contact_depth", "instrument.compliance"
-_STIFFENING = "layer.stiffening.inverse_limit"
-#: Numbers in which the force is straight, or nearly so (checked): those of the reading, and the modulus.
-_STRAIGHT = ("layer.E", _CONTACT, _STIFFENING, "instrument.baseline", "instrument.baseline_slope")
-#: Those among them that bend it where they are open: how far is asked of the curve.
-BENDING = (_CONTACT, _STIFFENING)
+_CONTACT, _COMPLIANCE, _MODULUS = "instrument.contact_depth", "instrument.compliance", "layer.E"
 
 
 class Tangent(NamedTuple):
@@ -144,8 +140,19 @@ def curve_models(fit: Any) -> list[CurveModel]:
 
 
 def straight(problem: Problem) -> NDArray[np.bool_]:
-    """Mask (k,) of the entries of a vector in which the force may be straight."""
-    return np.array([c.path in _STRAIGHT or c.path.startswith("noise.") for c in problem.coordinates])
+    """Mask (k,) of the entries of a vector in which the force may be straight: the modulus, and what is read beside it."""
+    own = [
+        c.path == _MODULUS
+        or c.path.startswith("noise.")
+        or (c.path.startswith("instrument.") and declared(c.path).linear)
+        for c in problem.coordinates
+    ]
+    return np.asarray(bending(problem) | own)
+
+
+def bending(problem: Problem) -> NDArray[np.bool_]:
+    """Mask (k,) of the entries in which the force is straight or nearly so: how far is asked of the curve."""
+    return np.array([declared(c.path).nearly_linear for c in problem.coordinates])
 
 
 def scales_force(problem: Problem) -> NDArray[np.bool_]:

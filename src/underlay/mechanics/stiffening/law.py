@@ -320,7 +320,12 @@ class Gent(Stiffening):
 
     inverse_limit: float = field(
         metadata=quantity(
-            "dimensionless", "stiffening 1/Jm of the {part}", symbol="1/J_m", bounds=(0.0, np.inf)
+            "dimensionless",
+            "stiffening 1/Jm of the {part}",
+            symbol="1/J_m",
+            bounds=(0.0, np.inf),
+            nearly_linear=True,
+            from_zero=True,
         )
     )
     form: float = field(
