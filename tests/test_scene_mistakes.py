@@ -68,6 +68,12 @@ def write(tmp_path, text):
             r"\[fit\] E: say of which part of the scene; write layer\.E = \{",
         ),
         ("layer.E =", "modulus =", ul.ParameterError, r"write layer\.E = \{"),
+        (
+            "[fit]\n",
+            '[fit]\nfree = ["layer.E", "layer.nu"]\n',
+            ul.InputError,
+            r"a line of its own.*write layer\.E = \{ min = \.\.\., max = \.\.\. \}; layer\.nu = \{",
+        ),
         ("layer.E =", "radius =", ul.ParameterError, r"write indenter\.radius = \{"),
         (
             '"1.5 mm"',

@@ -172,7 +172,10 @@ def entries(
     for name, entry in table.items():
         path = f"{above}{name}"
         if not isinstance(entry, Mapping):
-            raise InputError(f"[fit] {path}: write {path} = {{ min = ..., max = ... }}")
+            # A list of names is what Python takes.
+            names = entry if isinstance(entry, list) and entry else [path]
+            lines = "; ".join(f"{one} = {{ min = ..., max = ... }}" for one in names)
+            raise InputError(f"[fit] {path}: every number has a line of its own, {{}} without bounds: write {lines}")
         if path in parts or (entry and all(isinstance(inner, Mapping) for inner in entry.values())):
             yield from entries(entry, parts, f"{path}.")
         else:

@@ -140,7 +140,7 @@ def curve_models(fit: Any) -> list[CurveModel]:
 
 
 def straight(problem: Problem) -> NDArray[np.bool_]:
-    """Mask (k,) of the entries of a vector in which the force may be straight: the modulus, and what is read beside it."""
+    """Mask (k,) of the entries in which the force may be straight: the modulus, and what is read beside it."""
     own = [
         c.path == _MODULUS
         or c.path.startswith("noise.")
