@@ -175,7 +175,9 @@ def entries(
             # A list of names is what Python takes.
             names = entry if isinstance(entry, list) and entry else [path]
             lines = "; ".join(f"{one} = {{ min = ..., max = ... }}" for one in names)
-            raise InputError(f"[fit] {path}: every number has a line of its own, {{}} without bounds: write {lines}")
+            raise InputError(
+                f"[fit] {path}: each number has a line of its own, {{}} without bounds; write {lines}"
+            )
         if path in parts or (entry and all(isinstance(inner, Mapping) for inner in entry.values())):
             yield from entries(entry, parts, f"{path}.")
         else:
