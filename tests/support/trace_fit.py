@@ -1,7 +1,7 @@
 """How much of the package one fit runs: functions, files and depth of calls, in a process that has just begun.
 
-``python tests/support/trace_fit.py`` prints a line for `ul.fit` of the cartilage sample, its problem made before, and
-one for the command `underlay fit`, everything from the start of its work on.
+``python tests/support/trace_fit.py`` prints a line for `ul.fit` of the cartilage sample, its problem made before,
+and one for the command `underlay fit`, everything from the start of its work on.
 """
 
 import contextlib

@@ -31,7 +31,7 @@ _LAWS: Mapping[str, Mapping[str, str]] = {
 }
 _ADHESION = {"jkr": "johnson1971", "dmt": "derjaguin1975", "maugis": "maugis1992"}
 # Programs that read a file, by the format's name.
-_READERS = {"afm": "afmformats", "asylum": "igor2"}
+_READERS = {"asylum": "igor2"}
 # An entry of ``works.bib``, and a field of one: a line each.
 _ENTRY = re.compile(r"@(?P<kind>\w+)\{(?P<key>\w+),\n(?P<fields>(?:  \w+ = \{.*\},\n)+)\}")
 _FIELD = re.compile(r"  (\w+) = \{(.*)\},")
