@@ -126,7 +126,7 @@ def test_a_joint_problem_with_unknown_and_correlated_noise_is_calibrated():
 def test_a_fit_with_two_optima_is_told_to_calibrate(two_optima):
     walked = ul.profile(two_optima, E)
     assert walked.has_two_basins
-    assert "use profile(..., calibrate=99)" in walked.basis()
+    assert "calibrate it with drawn curves (99 are usual)" in walked.basis()
     interval = walked.interval()
     assert interval.low < 0.3e6
     assert interval.high > 1e6

@@ -292,7 +292,7 @@ class WinklerLaw(ul.ContactLaw):
 
     @property
     def _beyond(self):
-        return "build it with a larger max_depth"
+        return "ask for less depth, or build it for more"
 
     def _force(self, depth):
         return np.pi * self.radius * self.bed * depth**2

@@ -676,7 +676,7 @@ def test_a_formula_that_turns_down_is_refused():
 
 def test_beyond_the_largest_depth_is_an_error():
     law = law_of("garcia2018", ul.Paraboloid(5e-6))
-    with pytest.raises(ul.RangeError, match="larger max_depth"):
+    with pytest.raises(ul.RangeError, match="build it for more"):
         law.force(1.1e-6)
 
 

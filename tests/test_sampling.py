@@ -454,7 +454,7 @@ def test_an_improper_prior_is_refused():
         ({"max_steps": 2}, "max_steps must be at least"),
         ({"rng": -1}, "rng must be a seed"),
         ({"rng": "today"}, "rng must be a seed"),
-        ({"resume": True}, "resume=True needs backend"),
+        ({"resume": True}, "to resume a sampling, give"),
         ({"method": "nuts"}, "unknown method 'nuts'"),
         ({"method": "importance", "backend": "a.h5"}, "are no chain"),
     ],

@@ -174,7 +174,7 @@ def test_a_law_chosen_for_a_depth_ends_there_and_says_so():
     assert law.method != "exact"
     assert law.max_depth == 1e-16
     assert law.force(0.0) == 0.0
-    with pytest.raises(ul.RangeError, match="build it with a larger max_depth"):
+    with pytest.raises(ul.RangeError, match="ask for less depth, or build it for more"):
         law.force(1.01e-16)
 
 

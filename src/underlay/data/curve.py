@@ -367,7 +367,7 @@ def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdraw
             bad = np.flatnonzero(~finite)
             raise CurveError(
                 f"{_named(curve)}: {name} holds {column[bad[0]]} at point {bad[0]} ({bad.size} such points); "
-                "remove them first, for example with curve.select(mask)"
+                "remove them first"
             )
     if steps_alone and len(curve) == 1 and curve.force[0] != 0.0:
         return

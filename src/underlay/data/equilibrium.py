@@ -84,7 +84,7 @@ def equilibrium_points(
     holds = _holds_after_loading(segment)
     if not holds:
         raise CurveError(
-            "no hold after loading: equilibrium points need a relaxation test; fit curve.loading() instead"
+            "no hold after loading: equilibrium points need a relaxation test; fit the loading instead"
         )
     rows, times = [], []
     for number, (first, last) in enumerate(holds, start=1):

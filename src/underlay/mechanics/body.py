@@ -511,7 +511,7 @@ class Stack(Body):
                 "Join layers that are alike"
             )
         if not isinstance(self.base, Base):
-            raise InputError(f"the base of a Stack must be a material or RIGID; got {self.base!r}")
+            raise InputError(f"the base of a Stack must be a material or rigid; got {self.base!r}")
         object.__setattr__(self, "layers", given)
 
     def on(self, base: Base) -> Stack:

@@ -31,7 +31,7 @@ from underlay.units import format_quantity
 __all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState", "DeeperThanLayer", "OnLaw", "ScaledLaw"]
 
 #: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
-CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a larger max_depth"
+CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; ask for less depth, or build it for more"
 _LARGEST = float(np.finfo(float).max)
 # A depth that was computed exceeds the largest by its rounding: so much is the same depth.
 _ROUNDED = 1.0 + 4.0 * float(np.finfo(float).eps)
@@ -153,7 +153,7 @@ class ContactLaw(Response, ABC):
         load = as_finite(force, "force")
         start, least = self.domain[0], self._least_force
         if (load < least).any():
-            raise InputError(f"depth(force) needs forces of {least:.6g} N or more; got {load.min():.6g} N")
+            raise InputError(f"a depth is known for forces of {least:.6g} N or more; got {load.min():.6g} N")
         flat = np.atleast_1d(load).ravel()
         depth = np.full_like(flat, start)
         loaded = flat > least

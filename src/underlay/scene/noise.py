@@ -423,8 +423,7 @@ class Noise(NoiseModel):
             and (self.follows_force or {"relative", "depth"} & set(free))
         ):
             raise InputError(
-                "noise.force is unknown beside relative or depth noise: give its value (N), or free it "
-                "(free={'noise.force': None, ...})"
+                "noise.force is unknown beside relative or depth noise: give its value (N), or free it"
             )
         if self.force == 0.0 and "force" not in free:
             raise InputError(

@@ -112,7 +112,7 @@ class Scene:
         if not isinstance(self.layer, Layer):
             raise InputError(f"layer must be Layer(material, thickness); got {self.layer!r}")
         if not isinstance(self.substrate, Body | None):
-            raise InputError(f"substrate must be a material, RIGID, a Stack or None; got {self.substrate!r}")
+            raise InputError(f"substrate must be a material, rigid, a Stack or None; got {self.substrate!r}")
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
         _check_optional(self)

@@ -313,7 +313,7 @@ def batch_model(
         raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
     if free is None:
         raise InputError(
-            "nothing is free: pass free={'layer.E': (1e4, 1e8), ...}, or a scene file with [fit]"
+            "nothing is free: say which numbers are fitted, within which bounds (free, or [fit] of a scene file)"
         )
     paths = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     wanted = Auto() if solver is None else as_solver(solver)
@@ -337,8 +337,8 @@ def _require_proper(priors: Mapping[str, Prior]) -> None:
     improper = [name for name, prior in priors.items() if not prior.proper]
     if improper:
         raise InputError(
-            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give finite bounds or a "
-            "prior such as LogUniform(low, high) or Normal(mean, sd)"
+            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give it finite bounds "
+            "(min and max) or a prior that has a mean (normal, lognormal)"
         )
 
 

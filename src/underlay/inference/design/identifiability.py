@@ -94,7 +94,7 @@ def expected_problem(
     """
     require_given(noise, "noise", NoiseModel)
     if noise.size_is_unknown:
-        raise InputError("before a test the noise must be given: Noise(force=...) in newtons")
+        raise InputError("before a test the noise must be given: the standard deviation of its force")
     readings = as_finite(depth, "depth")
     if readings.ndim != 1:
         raise InputError(f"depth must be a list of numbers, (n,); got shape {readings.shape}")

@@ -174,7 +174,9 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     if value is not None:
         value = finite(value, "value", "SI")
     if len(fit.curves) != 1:
-        raise InputError(f"a remedy is for a fit of one curve; this one is of {len(fit.curves)}: see plan()")
+        raise InputError(
+            f"a remedy is for a fit of one curve; this one is of {len(fit.curves)}: plan asks for any"
+        )
     specimen = [name for name in fit.names if name.startswith(SPECIMEN)]
     if parameter not in specimen:
         raise ParameterError(

@@ -106,7 +106,7 @@ def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
                 FitWarning(
                     "not-fixed",
                     f"{coordinate.name} is not fixed by these data: its standard error is {size}; measure it "
-                    "otherwise and give it a prior, or see identifiability(problem)",
+                    "otherwise and give it a prior, or see what identify says of it",
                 )
             )
     return warnings
@@ -139,7 +139,7 @@ def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
             FitWarning(
                 "correlated",
                 f"{', '.join(others)} and {last} are known only together (correlation{pair} "
-                f"{block[i, j]:+.4f}); see identifiability(problem)",
+                f"{block[i, j]:+.4f}); see what identify says of them",
             )
         )
     return warnings
@@ -166,7 +166,7 @@ def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
                 "second-optimum",
                 "another optimum explains the data nearly as well (chi-square "
                 f"{entry.delta_chi_square:.2g} higher): {values}; standard errors say nothing of it, "
-                "profile(fit, name, calibrate=99) does",
+                "a profile calibrated with drawn curves or a posterior does",
             )
         )
     return warnings

@@ -278,9 +278,7 @@ def _no_law(problem: Problem) -> FitError:
         problem.residuals(problem.start)
     except InputError as error:
         return FitError(f"no contact law at the start of the fit: {error}")
-    return FitError(
-        "no start of the scan has a contact law: pass start='given' to begin at the scene's values"
-    )
+    return FitError("no start of the scan has a contact law: put the scene's values close to those expected")
 
 
 def _check(method: str, robust: str | None, start: str) -> None:

@@ -76,7 +76,7 @@ def require_acting(
     numberless = not any(name.startswith("substrate.") for name in known)
     if part == "substrate" and scene.substrate is not None and numberless:
         raise ParameterError(
-            f"{path} cannot act: the substrate is RIGID; declare a material as substrate to fit its constants"
+            f"{path} cannot act: the substrate is rigid; give it a material (E and nu) to fit its constants"
         )
     if part == "substrate" and scene.substrate is None:
         raise ParameterError(f"{path} cannot act: the scene has no substrate")

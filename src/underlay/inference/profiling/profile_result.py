@@ -153,7 +153,7 @@ def _rank(curves: int, level: float) -> int:
         needed = math.ceil(round(level / (1.0 - level), 9))
         raise InputError(
             f"a level of {level:g} needs at least {needed} curves; there are {curves}: "
-            f"use profile(..., calibrate={needed}) or more"
+            f"calibrate with {needed} or more"
         )
     return rank
 
@@ -277,7 +277,7 @@ class LikelihoodProfile:
         at = f"{100.0 * level:g} %"
         if self.calibration is None:
             doubt = (
-                "; there are two basins, where it is too small: use profile(..., calibrate=99)"
+                "; there are two basins, where it is too small: calibrate it with drawn curves (99 are usual)"
                 if self.has_two_basins
                 else ""
             )

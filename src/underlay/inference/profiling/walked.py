@@ -69,7 +69,7 @@ def index_of(fit: Fit, name: str) -> int:
     if name.startswith("noise."):
         raise InputError(
             f"{name!r}: the noise is frozen where a value is held or drawn curves are fitted; "
-            "profile(fit, name) without calibration walks its likelihood"
+            "a profile without calibration follows its likelihood"
         )
     return fit.names.index(name)
 

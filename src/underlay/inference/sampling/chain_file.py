@@ -97,7 +97,7 @@ class ChainFile:
             If h5py is not installed.
         """
         if Path(path).exists():
-            raise InputError(f"{os.fspath(path)} exists: pass resume=True to continue it, or another name")
+            raise InputError(f"{os.fspath(path)} exists: continue it (resume), or give another name")
         _put_new(path, names, shape)
         with _opened(path, "r+") as file:
             yield cls(file)

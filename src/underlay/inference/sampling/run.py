@@ -207,8 +207,8 @@ def _check(
     improper = [name for name, prior in problem.priors.items() if not prior.proper]
     if improper:
         raise InputError(
-            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give finite bounds or a "
-            "prior such as LogUniform(low, high) or Normal(mean, sd)"
+            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give it finite bounds "
+            "(min and max) or a prior that has a mean (normal, lognormal)"
         )
     # The moves take the covariance of one half of the walkers: p + 1 points span p dimensions, no fewer do.
     least = 2 * (len(problem.names) + 1)
@@ -220,7 +220,7 @@ def _check(
     if max_steps < MIN_STEPS:
         raise InputError(f"max_steps must be at least {MIN_STEPS}; got {max_steps}")
     if resume and backend is None:
-        raise InputError("resume=True needs backend, the file that holds the chain")
+        raise InputError("to resume a sampling, give the file that holds its chain")
 
 
 def _seeded(rng: int | np.random.Generator) -> tuple[int | None, np.random.Generator]:

@@ -418,7 +418,7 @@ class AdhesiveLaw(ContactLaw):
             depth[here] = self.branch.at(path.radius(depth[here])).depth
         return depth
 
-    _beyond: ClassVar[str] = "the law was solved up to there; build it with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was solved up to there; ask for less depth, or build it for more"
 
     def _behind(self, compliance: float) -> StablePath:
         if compliance == 0.0:

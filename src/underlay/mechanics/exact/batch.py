@@ -236,8 +236,8 @@ class CurveBatch:
             worst = int(np.argmax(beyond))
             top = float(np.broadcast_to(self.top, beyond.shape)[worst])
             raise RangeError(
-                f"varpi = {deepest[worst]:.6g} is beyond {top:.6g}, which the batch was compiled for: compile "
-                "it with a larger max_depth or a smaller thickness"
+                f"varpi = {deepest[worst]:.6g} is beyond {top:.6g}, which the batch was compiled for: ask "
+                "for less depth, or compile it for more"
             )
 
 

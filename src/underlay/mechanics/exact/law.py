@@ -64,7 +64,7 @@ class ExactLaw(ContactLaw):
         """Number of derivatives dP/ds known, one for each body of `Contact.beside`; none where it folds."""
         return int(self.curve.coefficients.shape[1]) - len(Factor)
 
-    _beyond: ClassVar[str] = "the law was solved up to there; build it with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was solved up to there; ask for less depth, or build it for more"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         radius = self.measure.halfspace_radius(depth)
@@ -147,7 +147,7 @@ class ExactPunchLaw(ContactLaw):
         """Radial nodes of the solution."""
         return self.resolution.radial
 
-    _beyond: ClassVar[str] = "the law was asked for up to there; build it with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was asked for up to there; ask for less depth, or build it for more"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.incremental * depth

@@ -129,7 +129,7 @@ class SubstrateKernel(_OneLayer):
             raise InputError(f"the layer material is Isotropic or TransverselyIsotropic; got {self.layer!r}")
         if not isinstance(self.substrate, Base):
             raise InputError(
-                f"the substrate is Isotropic, TransverselyIsotropic or RIGID; got {self.substrate!r}"
+                f"the substrate is Isotropic, TransverselyIsotropic or rigid; got {self.substrate!r}"
             )
 
     @property

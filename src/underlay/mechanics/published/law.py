@@ -136,7 +136,7 @@ class PublishedLaw(ContactLaw):
     factor: Factor
     warnings: tuple[OutOfRange, ...] = ()
 
-    _beyond: ClassVar[str] = "the law was asked for up to there; ask for it again with a larger max_depth"
+    _beyond: ClassVar[str] = "the law was asked for up to there; ask for less depth, or build it for more"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.contact.halfspace.force(depth) * self.factor.value(self.contact.variable(depth))

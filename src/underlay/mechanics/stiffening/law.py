@@ -262,7 +262,7 @@ class StiffeningLaw(ContactLaw):
 
     @property
     def _beyond(self) -> str:
-        return "the law was asked for up to there; build it with a larger max_depth"
+        return "the law was asked for up to there; ask for less depth, or build it for more"
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.layer.force(self.linear, depth)
