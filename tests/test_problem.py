@@ -235,7 +235,7 @@ CURVE = measured(layer_on(ul.RIGID))
             ul.ParameterError,
             r"'adhesion\.work'\. It has: indenter\.radius",
         ),
-        (layer_on(ul.RIGID), ["substrate.E"], {}, ul.ParameterError, "RIGID"),
+        (layer_on(ul.RIGID), ["substrate.E"], {}, ul.ParameterError, "is rigid"),
         (
             ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.4))),
             ["substrate.E"],
