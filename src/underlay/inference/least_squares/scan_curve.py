@@ -88,7 +88,10 @@ class Blocks:
         end = longer * (size + 1)
 
         def in_blocks(values: FloatArray, middle: Callable[[FloatArray], FloatArray]) -> FloatArray:
-            """The first blocks have the points left over."""
+            """Reduce sorted values (n,) to one number per block by `middle`.
+
+            The first blocks have one point more where n is no multiple of the number of blocks.
+            """
             first, others = values[:end].reshape(longer, size + 1), values[end:].reshape(-1, size)
             return np.concatenate((middle(first), middle(others)))
 
@@ -256,7 +259,10 @@ class LawRows:
         return cls(*scales, possible, shared, forward.over)
 
     def force(self, depth: FloatArray) -> FloatArray:
-        """P (N), (r, c, n), at tip depths (m) of that shape or (1, c, n); zero where there is no law."""
+        """Force (N), (r, c, n), of every row at tip depths (m); zero where there is no law.
+
+        The depths have the same shape, or (1, c, n) if they are those of all rows.
+        """
         if self.over is None:
             return self._asked(depth) * self.c
         asked, ratio = self.over.seen(depth)
@@ -435,7 +441,10 @@ class ScanCurve:
         return _Tried(target, shapes, amplitude, misfit)
 
     def linear(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Baseline (N) and slope (N/m) that go best with the other numbers, by path; those that are free."""
+        """Least-squares baseline (N) and its slope (N/m) by path, only those that are free.
+
+        `values` are all numbers of the scene (SI) by path.
+        """
         columns = self._linear_columns
         if columns is None:
             return {}

@@ -382,7 +382,7 @@ def _searched(
 
 
 def confirmed(optimum: Optimum, lmfit: Minimiser) -> Optimum:
-    """The optimum with lmfit's result, begun there; lmfit's own optimum where that is better."""
+    """The optimum that lmfit finds from this one, with lmfit's result; unchanged where no parameter varies."""
     if not optimum.objective.active:
         return replace(optimum, minimiser=lmfit)
     return _by_lmfit(optimum.objective, lmfit, lmfit(optimum.objective, optimum.vector))
