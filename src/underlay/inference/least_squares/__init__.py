@@ -1,4 +1,4 @@
-"""Least squares: compile, scan, descend, settle, judge; `fitting.py` is the way in and shows all five."""
+"""Least-squares fits: `fitting.py` holds the entry point and shows the steps of a fit."""
 
 from underlay.inference.least_squares.fit_result import Fit, FitStatistics, FitWarning
 from underlay.inference.least_squares.fitting import fit

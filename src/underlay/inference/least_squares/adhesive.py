@@ -1,9 +1,10 @@
-"""Where a fit with adhesion starts, and what its curves cannot tell.
+"""Starting points for fits of adhesive contacts, and warnings about curves that do not show the pull-off.
 
-A start follows from three marks of the curve: its deepest dip, where it carries no load, and its top. For each
-modulus of a coarse grid the work of adhesion is the one whose contact pulls as hard as the dip is deep, and the
-contact point the one that puts the unloaded contact where the curve crosses its baseline. The layer's modulus does
-not scale the force here, so that it is not solved for as `scan` does.
+A start follows from three features of the curve: the depth of its adhesive dip, the point where it carries no load,
+and its top. For each layer modulus of a coarse grid the work of adhesion is the one whose contact pulls as hard as
+the dip is deep, and the contact point is the one that puts the unloaded contact where the curve crosses its
+baseline. With adhesion the layer's modulus does not scale the force, so it cannot be solved for linearly as `scan`
+does.
 """
 
 from __future__ import annotations
@@ -42,10 +43,20 @@ _BASELINE_SHARE = 0.05
 
 
 class _Marks(NamedTuple):
-    """Marks of a curve.
+    """Features of one curve from which a start is estimated.
 
-    Its baseline (N), the pull of its dip (N, positive), the depth reading (m) at which it carries no load, its top
-    force over the baseline (N), and its range of depth (m).
+    Parameters
+    ----------
+    baseline : float
+        Force (N) before contact.
+    pull : float
+        Largest force (N) below the baseline, positive; zero if there is none.
+    crossing : float
+        Largest depth reading (m) at which the force is at or below the baseline.
+    top : float
+        Largest force (N) above the baseline.
+    span : float
+        Range of the depth readings (m).
     """
 
     baseline: float
@@ -56,7 +67,20 @@ class _Marks(NamedTuple):
 
 
 def adhesive_starts(problem: Problem, count: int) -> list[FloatArray]:
-    """Starts of a fit with adhesion: scaled vectors (k,), best first, at most `count`; empty if none has a law."""
+    """Starting points of a fit with adhesion, ranked by their misfit.
+
+    Parameters
+    ----------
+    problem : Problem
+        What will be fitted.
+    count : int
+        Largest number of starts to return.
+
+    Returns
+    -------
+    list of FloatArray
+        Vectors of the scaled parameters, (k,), best first; empty if no candidate has a contact law.
+    """
     marks = [_marks(member) for member in problem.members]
     first = problem.members[0]
     moduli = [first.base[_MODULUS]]
@@ -85,7 +109,7 @@ def _marks(member: Member) -> _Marks:
 
 
 def _elastic_modulus(member: Member, marks: _Marks) -> float:
-    """Modulus (Pa) of a half-space without adhesion that carries the top force at the range of depth."""
+    """Layer modulus (Pa) at which a half-space without adhesion carries the curve's top force."""
     bare = Scene(member.scene.indenter, member.scene.layer, member.scene.substrate)
     law = quiet_law(bare, HalfSpace(), marks.span)
     force = float(law.force(min(marks.span, law.max_depth)))
@@ -93,7 +117,11 @@ def _elastic_modulus(member: Member, marks: _Marks) -> float:
 
 
 def _works(member: Member, marks: list[_Marks], modulus: float) -> list[float]:
-    """Works of adhesion (J/m^2) to try with a modulus."""
+    """Works of adhesion (J/m^2) to try together with a layer modulus (Pa).
+
+    One value that gives the pull of the curve's dip; a few multiples of the scene's own value where no curve shows
+    a dip; the scene's own value where the work of adhesion is fixed.
+    """
     known = member.base[_WORK]
     if _WORK not in member.entries:
         return [known]
@@ -113,7 +141,10 @@ def _works(member: Member, marks: list[_Marks], modulus: float) -> list[float]:
 
 
 def _vector(problem: Problem, marks: list[_Marks], modulus: float, work: float) -> FloatArray | None:
-    """Scaled vector with each curve's contact point where its law carries no load."""
+    """Vector (k,) of the scaled parameters for a modulus (Pa) and a work of adhesion (J/m^2); None without a law.
+
+    The contact point of each curve is set so that its law carries no load where the curve crosses its baseline.
+    """
     found = np.zeros(len(problem.coordinates))
     for member, mark in zip(problem.members, marks, strict=True):
         values = {_MODULUS: modulus, _WORK: work, Baseline.path: mark.baseline}
@@ -143,7 +174,7 @@ def _law(member: Member, values: dict[str, float], deepest: float) -> ContactLaw
 
 
 def _forces(law: ContactLaw) -> tuple[FloatArray, FloatArray]:
-    """Depths (m) over the law's domain and the forces (N) there."""
+    """Depths (m) over the whole domain of an adhesive law, and its forces (N) there; zeros for an empty domain."""
     start, end = law.domain
     depths = np.linspace(start, max(end, -start), _POINTS)[1:]
     depths = depths[depths <= law.max_depth]
@@ -151,7 +182,7 @@ def _forces(law: ContactLaw) -> tuple[FloatArray, FloatArray]:
 
 
 def _misfit(problem: Problem, vector: FloatArray) -> float:
-    """Sum of squared residuals over each curve's range of force; inf where there is no law."""
+    """Sum over the curves of their squared residuals over the squared range of force; inf where no law exists."""
     physical, total = problem.physical(vector), 0.0
     for member in problem.members:
         values = member.values_at(physical)
@@ -164,7 +195,7 @@ def _misfit(problem: Problem, vector: FloatArray) -> float:
 
 
 def about_adhesion(problem: Problem, vector: FloatArray) -> list[FitWarning]:
-    """Warnings of curves that show no pull-off, or nothing but what comes after it; none without adhesion."""
+    """Warnings about adhesive curves that end before the pull-off or lie beyond it; none without adhesion."""
     sticking = [(n, m) for n, m in enumerate(problem.members, start=1) if m.scene.adhesion is not None]
     physical = problem.physical(vector)
     warnings = []

@@ -1,4 +1,4 @@
-"""Descend from several starts on the blocks of the curves, and keep the minima that may be the optimum."""
+"""Search from several starts on block averages of the curves, and keep the minima that may be the optimum."""
 
 from __future__ import annotations
 
@@ -35,18 +35,19 @@ _ONE_PLACE, _ON_THE_WAY, _MAY_BE = 0.05, 2.0, 30.0
 
 @dataclass(frozen=True)
 class Candidate:
-    """A minimum on the blocks.
+    """A local minimum of the sum of squares over block averages of the curves.
 
     Parameters
     ----------
     square : float
-        Sum of squares over the blocks.
+        Sum of the squared weighted residuals of the blocks.
     vector : FloatArray
-        Scaled, (k,).
+        Scaled parameters, (k,).
     normal : FloatArray
-        J'J over the variance of a block's residual, (k, k); None where the minimum does not explain the data.
+        Inverse covariance of the scaled parameters: J'J over the variance of a block's residual, J being the
+        derivatives of the residuals, (k, k); None where the minimum does not explain the data.
     at_edge : bool
-        Whether it would have gone further than a start may.
+        Whether the search ended at the largest distance that it may go from its start.
     """
 
     square: float
@@ -56,7 +57,7 @@ class Candidate:
 
     @cached_property
     def deviation(self) -> FloatArray:
-        """Standard errors (k,), scaled; zero where there are none."""
+        """Standard errors (k,) of the scaled parameters; zeros where `normal` is None."""
         if self.normal is None:
             return np.zeros(len(self.vector))
         inverse = np.linalg.pinv(self.normal, hermitian=True)
@@ -64,9 +65,21 @@ class Candidate:
 
 
 def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candidate]:
-    """Minima below the starts (scaled vectors (k,)) that may be the optimum, best first.
+    """Search from several starts and return the minima that may be the optimum, best first.
 
-    Numbers of the noise stay. Empty if no start has a law.
+    Parameters of the noise keep their starting values.
+
+    Parameters
+    ----------
+    blocked : Objective
+        Residuals over block averages of the curves.
+    starts : sequence of FloatArray
+        Vectors of scaled parameters, (k,).
+
+    Returns
+    -------
+    list of Candidate
+        Distinct minima; empty if no start has a contact law.
     """
     reach = _reach(blocked)
     degrees = max(blocked.points - len(blocked.active), 1)
@@ -85,7 +98,7 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
         ends = low[group], high[group]
 
         def give_up(ahead: Ahead, ends: tuple[FloatArray, FloatArray] = ends) -> bool:
-            """Whether a search is on its way to what is known, or left behind by it; not where it stands lower."""
+            """Whether to abandon a search that leads to a minimum already found, or to none as good."""
             known = [entry for entry in found if entry.square <= ahead.square]
             if not known:
                 return False
@@ -113,7 +126,7 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
 
 
 def _reach(blocked: Objective) -> FloatArray:
-    """Distance that each scaled entry may go from its start, (k,); numbers of the noise stay."""
+    """Largest distance (k,) that each scaled parameter may go from its start; zero for parameters of the noise."""
     coordinates = blocked.problem.coordinates
     reach = np.array([_MODULUS_REACH if c.path in (MODULUS, BASE_MODULUS) else _REACH for c in coordinates])
     reach[list(blocked.problem.noise_entries)] = 0.0
@@ -121,7 +134,7 @@ def _reach(blocked: Objective) -> FloatArray:
 
 
 def _boxes(blocked: Objective, starts: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest entries (s, k): the bounds and the reach about starts (s, k)."""
+    """Limits (s, k) of s searches in the scaled parameters: `reach` (k,) about `starts`, within the bounds."""
     low, high = blocked.problem.bounds.T
     return np.maximum(low, starts - reach), np.minimum(high, starts + reach)
 
@@ -134,14 +147,26 @@ def _candidate(blocked: Objective, minimum: Minimum, degrees: int, *, at_edge: b
 
 
 def _at_edge(blocked: Objective, at: FloatArray, low: FloatArray, high: FloatArray) -> bool:
-    """Whether a vector (k,) is at an end of its search, (k,), that is no bound of the problem."""
+    """Whether the scaled vector `at` (k,) lies on a limit (k,) of its search that is not a bound of the problem."""
     bounds = blocked.problem.bounds.T
     edge = ((at <= low) & (low > bounds[0])) | ((at >= high) & (high < bounds[1]))
     return bool(edge[blocked.active].any())
 
 
 def _distinct(found: list[Candidate], degrees: int) -> list[Candidate]:
-    """Candidates, best first, that may be the optimum and are not on the way to a better one."""
+    """Keep each minimum once, and only those that may be the optimum on all readings; best first.
+
+    A minimum is dropped if its sum of squares exceeds the best by more than the blocks may be wrong by, if it lies
+    within two standard errors of a better one, or if its search ended at its limit while the best explains the
+    data.
+
+    Parameters
+    ----------
+    found : list of Candidate
+        Minima, best first.
+    degrees : int
+        Degrees of freedom: residuals minus free parameters.
+    """
     kept: list[Candidate] = []
     for entry in found:
         best = found[0]
@@ -154,7 +179,7 @@ def _distinct(found: list[Candidate], degrees: int) -> list[Candidate]:
 
 
 def _near(vector: FloatArray, minima: Sequence[Candidate]) -> bool:
-    """Whether a vector is one with a minimum, or on the way to it."""
+    """Whether a scaled vector (k,) is within 0.05 or two standard errors of a minimum in every parameter."""
     return any(
         bool((np.abs(vector - other.vector) <= np.maximum(_ONE_PLACE, _ON_THE_WAY * other.deviation)).all())
         for other in minima

@@ -31,7 +31,7 @@ _ALTERNATING = -0.2
 
 @dataclass(frozen=True)
 class ResidualDiagnostics:
-    """What the residuals of one curve look like.
+    """Scatter and autocorrelation of the residuals of one curve.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class ResidualDiagnostics:
     lag_one : float
         Autocorrelation of neighbouring whitened residuals.
     runs, expected_runs : int, float
-        Runs of one sign, and how many independent residuals would have.
+        Number of runs of one sign, and the number expected of independent residuals.
     runs_probability : float
         Probability of so few runs or fewer, were the residuals independent.
     effective_points : float
-        n_eff: how many independent points tell as much.
+        n_eff, the number of independent points that would carry as much information.
     """
 
     points: int
@@ -64,12 +64,12 @@ class ResidualDiagnostics:
 
     @property
     def correlated(self) -> bool:
-        """Whether the residuals hang together, and enough to matter."""
+        """Whether the residuals are correlated significantly (p < 0.001) and enough to matter (n_eff < 0.8 n)."""
         return self.runs_probability < _SIGNIFICANT and self.effective_points < _HARMLESS * self.points
 
 
 def over_whitened(whitened: FloatArray) -> bool:
-    """Whether residuals (n,) alternate more than independent ones: too much correlation was taken out."""
+    """Whether whitened residuals (n,) alternate more than independent ones: the noise is assumed too correlated."""
     return bool(_runs(whitened)[2] > 1.0 - _SIGNIFICANT and _autocorrelation(whitened)[1] < _ALTERNATING)
 
 
@@ -98,7 +98,15 @@ def diagnose(whitened: FloatArray, force_residuals: FloatArray) -> ResidualDiagn
 
 
 def correlated(whitened: FloatArray, force_residuals: FloatArray) -> ResidualDiagnostics | None:
-    """`diagnose` a curve whose residuals hang together; None, for a tenth of the cost, where they do not."""
+    """`diagnose` a curve if its residuals are correlated enough to matter; None, at a tenth of the cost, otherwise.
+
+    Parameters
+    ----------
+    whitened : FloatArray
+        Whitened residuals in the order of measurement, (n,).
+    force_residuals : FloatArray
+        Data minus model (N), (n,).
+    """
     if _runs(whitened)[2] >= _SIGNIFICANT:
         return None
     entry = diagnose(whitened, force_residuals)
@@ -116,7 +124,7 @@ def _autocorrelation(values: FloatArray) -> FloatArray:
 
 
 def _initial_positive_sum(rho: FloatArray) -> float:
-    """1 + 2 sum rho_k over the pairs (rho_2m + rho_2m+1) that are positive from the start."""
+    """1 + 2 sum rho_k of autocorrelations (n,), up to the first pair rho_2m + rho_2m+1 that is not positive."""
     pairs = rho[: 2 * (len(rho) // 2)].reshape(-1, 2).sum(axis=1)
     negative = np.flatnonzero(pairs <= 0.0)
     kept = pairs[: negative[0]] if negative.size else pairs

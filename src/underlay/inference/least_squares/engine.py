@@ -1,8 +1,9 @@
-"""A projected Levenberg-Marquardt search, of several starts at once: it serves every least-squares fit.
+"""A projected Levenberg-Marquardt search, from several starts at once: it serves every least-squares fit.
 
-The steps are those of Levenberg and Marquardt (Marquardt 1963, doi:10.1137/0111030) in the parameters that are
-not at a bound and not solved for; an `Objective` solves for the linear ones. One step up the side of a valley is
-allowed if the next one leads further down than where it began: the valleys of these problems are long and bent.
+The steps are those of Levenberg and Marquardt (Marquardt 1963, doi:10.1137/0111030) in the parameters that are not
+at a bound and not solved for; an `Objective` solves for the linear ones. One uphill step is allowed if the next one
+leads below where it began: the valleys of these sums of squares are long and bent, and a straight step along one
+ends on its side.
 """
 
 from __future__ import annotations
@@ -44,16 +45,27 @@ _STILL = 1e-9
 def damped_steps(
     places: Places, damping: FloatArray, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Damped steps (s, k) from `places` that end no further than `low` and `high` (s, k).
+    """Levenberg-Marquardt steps from s points at once, kept within limits.
+
+    Parameters
+    ----------
+    places : Places
+        Points to step from, with J'r and J'J of the residuals r and their derivatives J.
+    damping : FloatArray
+        Damping of each search, added to the diagonal of J'J after its columns are scaled to unit length, (s,).
+    active : ndarray of bool (k,)
+        Parameters that may change.
+    low, high : FloatArray
+        Lowest and highest change of each scaled parameter, (s, k).
 
     Returns
     -------
     steps : FloatArray
         Changes of the scaled vectors, (s, k).
     gain : FloatArray
-        Fall of the sum of squares that each step promises, (s,).
+        Fall of the sum of squares that the linearised model predicts for each step, (s,).
     length : FloatArray
-        Largest change of an entry, (s,).
+        Largest change of a parameter, (s,).
     """
     gradient, normal = places.gradient, places.normal
     norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
@@ -84,7 +96,10 @@ def damped_steps(
 
 
 def _outward(gradient: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
-    """Which entries stand at an end and are pulled out of it, or not at all, by J'r (s, k)."""
+    """Which parameters (s, k) are at a limit that steepest descent would leave outwards or not at all.
+
+    `gradient` is J'r; `low` and `high` are the changes that are still allowed, all (s, k).
+    """
     return ((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0))
 
 
@@ -98,7 +113,28 @@ def _kept_inside(
     low: FloatArray,
     high: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Steps (s, k) between `low` and `high`, and those of the entries that are held there, zero for the others."""
+    """Steps cut to their limits, the other parameters minimised again with the cut ones fixed there.
+
+    Parameters
+    ----------
+    places : Places
+        Points to step from.
+    step : FloatArray
+        Steps that pass a limit in some entry, (s, k).
+    beyond, which : ndarray of bool (s, k)
+        Entries that pass their limit, and all entries that vary.
+    norms : FloatArray
+        Lengths of the derivatives' columns, (s, k).
+    damping : FloatArray
+        As in `damped_steps`, (s,).
+    low, high : FloatArray
+        Limits of the steps, (s, k).
+
+    Returns
+    -------
+    tuple of FloatArray
+        Steps between the limits, and their part in the entries fixed at a limit, zero elsewhere, each (s, k).
+    """
     at, held, free = np.zeros_like(step), np.zeros_like(step), which
     while beyond.any():
         # What would leave its ends first stays there, and the others go to where they are best beside it. From
@@ -119,7 +155,11 @@ def _kept_inside(
 def _solved(
     gradient: FloatArray, normal: FloatArray, which: NDArray[np.bool_], norms: FloatArray, damping: FloatArray
 ) -> FloatArray:
-    """Damped steps (s, k) of the entries `which` (s, k), from J'r (s, k) and J'J (s, k, k); the others rest."""
+    """Damped least-squares steps (s, k) of the entries `which` (s, k), zero for the others.
+
+    They solve (J'J + damping) step = -J'r. `gradient` is J'r (s, k), `normal` J'J (s, k, k), `norms` the roots of
+    its diagonal, by which columns are scaled before the `damping` (s,) is added.
+    """
     scale, diagonal, downhill = norms, 1.0 + damping[:, None], gradient
     rest = not which.all()
     if rest:
@@ -135,20 +175,20 @@ def _solved(
 
 
 class Ahead(NamedTuple):
-    """A step that a search is about to make.
+    """The step that a search is about to make, as `GiveUp` callbacks receive it.
 
     Parameters
     ----------
     row : int
-        Number of the search, where several go together.
+        Number of the search, where several run together.
     steps : int
         Steps made so far.
     square : float
-        Least sum of squares so far.
+        Lowest sum of squares so far.
     promised : float
-        Sum of squares after the step, by the linear model.
+        Sum of squares after the step, as the linearised model predicts it.
     here, there : FloatArray
-        Scaled vectors (k,) of the lowest place so far, and where the step leads.
+        Scaled vectors (k,): of the lowest sum of squares so far, and where the step leads.
     """
 
     row: int
@@ -167,30 +207,31 @@ GiveUp: TypeAlias = Callable[[Ahead], bool]
 class Search:
     """Limits of a search: how many steps it makes, and when it ends.
 
+    A last step is added to the parameters without computing the model there.
+
     Parameters
     ----------
     steps : int
-        Most models to ask for.
+        Largest number of steps, one evaluation of the model each.
     settled : float
-        A step that should lower the sum of squares by less than this share of it is taken as what its linear
-        model says, and is the last.
+        A step that should lower the sum of squares by less than this share of it is the last.
     least : float
-        So is a step that should lower the sum of squares by less than this.
+        A step that should lower the sum of squares by less than this is the last.
     damping : float
         Damping of the first step, on columns of unit length.
     endless : float
-        A valley in which a step of the longest kind gains less than this share of the sum of squares has no end to
-        look for.
+        A search ends with a step of the largest allowed length that lowers the sum of squares by less than this
+        share: the sum falls on and on with nothing to be gained.
     walled : float
-        Where a step was refused because there is no law, the next that leads down is the last if it gains less than
-        this share of the sum of squares: a search creeps along the end of the laws, where each costs most.
+        After a step was rejected because there is no contact law where it led, the next step down is the last if it
+        gains less than this share of the sum of squares: the search creeps along the limit of the laws, where each
+        law costs most.
     swinging : float
-        Where a step up the side of a valley and the one back led no lower, the next that does is the last if it
-        gains less than this share of the sum of squares: such a search swings about the lowest place of a long
-        valley, and each pair of models gains a part of what the one before it did.
+        After an uphill step and the next one led no lower, the next step down is the last if it gains less than
+        this share of the sum of squares: the search oscillates about the bottom of a long valley.
     straight : float
-        A step is the last if what it leaves is below this share of a standard error: no entry changes by more
-        than a thousandth, and a thousandth is what the derivatives then change by.
+        A short undamped step is the last if the curvature of the models over it is estimated to be worth less than
+        this share of a standard error.
     """
 
     steps: int = 60
@@ -203,7 +244,7 @@ class Search:
     straight: float = 0.0
 
     def is_little(self, gain: FloatArray, square: FloatArray) -> NDArray[np.bool_]:
-        """Whether a gain (s,) on sums of squares (s,) is too small to go on."""
+        """Whether reductions `gain` (s,) of sums of squares `square` (s,) are too small to continue."""
         return np.asarray(gain <= np.maximum(self.settled * square, self.least))
 
 
@@ -215,14 +256,14 @@ FINE = Search(walled=1e-5, straight=5e-4)
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a search stopped.
+    """The end of a search.
 
     Parameters
     ----------
     point : Point
-        The lowest place whose model was computed.
+        The point of lowest sum of squares among those where the model was computed.
     vector : FloatArray
-        Scaled vector (k,): that of the point, and the last step, whose model is not computed.
+        Scaled vector (k,): that of `point` plus the last step, after which the model is not computed.
     success : bool
         Whether the search met its tolerance.
     message : str
@@ -238,7 +279,7 @@ class Minimum:
 def minimise(
     objective: Objective, start: FloatArray, search: Search = FINE, give_up: GiveUp | None = None
 ) -> Minimum | None:
-    """Minimise the sum of squares between the problem's bounds.
+    """Minimise the sum of squares within the problem's bounds, from one start.
 
     Parameters
     ----------
@@ -249,12 +290,12 @@ def minimise(
     search : Search
         Limits of the search.
     give_up : callable, optional
-        Asked before each step whether to leave.
+        Called with an `Ahead` before each step; the search is abandoned where it returns True.
 
     Returns
     -------
     Minimum or None
-        None if there is no law at the start, or the search was left.
+        None if there is no contact law at the start, or the search was abandoned.
     """
     low, high = (end[None] for end in objective.problem.bounds.T)
     begin = objective.places(np.clip(start[None], low, high), low, high)
@@ -270,27 +311,27 @@ def descend(
     give_up: GiveUp | None = None,
     ended: Callable[[int, Minimum], None] | None = None,
 ) -> list[Minimum | None]:
-    """Search below several places in lock-step.
+    """Minimise the sum of squares from s points together, one step of every search at a time.
 
     Parameters
     ----------
     objective : Objective
         Residuals and derivatives.
     begin : Places
-        Places to begin at, s of them.
+        Points to begin at, s of them.
     low, high : FloatArray
-        Ends of each search in the scaled coordinates, (s, k).
+        Limits of each search in the scaled parameters, (s, k).
     search : Search
-        Limits of the searches.
+        Limits on steps and accuracy.
     give_up : callable, optional
-        Asked before each step whether to leave a search.
+        Called with an `Ahead` before each step of each search; that search is abandoned where it returns True.
     ended : callable, optional
-        Called with the row and the minimum of every other search as soon as it ends.
+        Called with the row and the `Minimum` of each search that was not abandoned, as soon as it ends.
 
     Returns
     -------
     list of Minimum or None
-        One for each place; None for a search that `give_up` left.
+        One for each point; None for an abandoned search.
     """
     active = np.zeros(len(objective.problem.coordinates), dtype=bool)
     active[objective.active] = True
@@ -314,7 +355,7 @@ def descend(
 
 @dataclass(frozen=True)
 class _Outcome:
-    """Minima of the searches, with the caller's questions before a step and after an end; see `descend`."""
+    """Minima found so far (None while a search runs or if abandoned), and the callbacks of `descend`."""
 
     found: list[Minimum | None]
     give_up: GiveUp | None
@@ -323,7 +364,21 @@ class _Outcome:
     def before_step(
         self, count: int, here: _Running, proposed: FloatArray, promised: FloatArray, last: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Which searches go on (s,) to vectors (s, k) that promise squares (s,), of which some are the `last`."""
+        """Call `give_up` for every search, record those that end now, and return which go on (s,).
+
+        Parameters
+        ----------
+        count : int
+            Steps made so far.
+        here : _Running
+            State of the s searches.
+        proposed : FloatArray
+            Scaled vectors of the next step, (s, k).
+        promised : FloatArray
+            Sums of squares predicted there, (s,).
+        last : ndarray of bool (s,)
+            Searches that end with this step.
+        """
         going = ~last
         squares, rows = here.best.square.tolist(), here.rows.tolist()
         for i, (row, square, promise) in enumerate(zip(rows, squares, promised.tolist(), strict=True)):
@@ -335,14 +390,17 @@ class _Outcome:
         return going
 
     def after_step(self, here: _Running, why: list[str]) -> NDArray[np.bool_]:
-        """Which searches go on (s,): those without words why they ended."""
+        """Record the searches that ended and return which go on (s,).
+
+        `why` gives the reason that each search ended, empty where it did not.
+        """
         for i, words in enumerate(why):
             if words:
                 self._end(here, i, words)
         return np.array([not words for words in why])
 
     def stopped(self, here: _Running, words: str) -> None:
-        """End these searches, none of which met its tolerance, with `words` for the reason."""
+        """Record all searches as ended without success, with `words` as the message."""
         for i in range(len(here.rows)):
             self._end(here, i, words, success=False)
 
@@ -358,11 +416,24 @@ class _Outcome:
 
 
 class _Running(NamedTuple):
-    """Searches that go on: whose they are (s,), the place of each and its best, and how it is damped (s,).
+    """State of the s searches that have not ended.
 
-    `ventured` (s,) are those that stand up the side of a valley, above their best; `refused` (s,) those of which a
-    step from their best led to where there is no law; `swung` (s,) those that a step up the side and the one back
-    led no lower.
+    Parameters
+    ----------
+    rows : ndarray of int (s,)
+        Numbers of these searches among all that `descend` was given.
+    now, best : Places
+        Point from which each search steps next, and its point of lowest sum of squares.
+    ventured : ndarray of bool (s,)
+        Searches whose last step was an allowed uphill one, so that `now` is above `best`.
+    refused : ndarray of bool (s,)
+        Searches of which a step since their last success led to where there is no contact law.
+    swung : ndarray of bool (s,)
+        Searches of which an uphill step and the one after it led no lower.
+    damping : FloatArray
+        Current damping, (s,).
+    low, high : FloatArray
+        Limits of the scaled parameters, (s, k).
     """
 
     rows: NDArray[np.intp]
@@ -377,13 +448,13 @@ class _Running(NamedTuple):
 
     @classmethod
     def of(cls, begin: Places, low: FloatArray, high: FloatArray, damping: float) -> Self:
-        """All searches at their beginning."""
+        """State of all searches at their starting points."""
         count = len(begin.square)
         still = np.zeros(count, dtype=bool)
         return cls(np.arange(count), begin, begin, still, still, still, np.full(count, damping), low, high)
 
     def part(self, which: NDArray[np.bool_]) -> Self:
-        """The searches `which`, (s,) bool or indices."""
+        """State of some of the searches, chosen by a mask (s,) or by indices."""
         now = self.now.part(which)
         best = now if self.best is self.now else self.best.part(which)
         return type(self)(
@@ -401,7 +472,17 @@ class _Running(NamedTuple):
     def proposed(
         self, active: NDArray[np.bool_], search: Search, objective: Objective
     ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Vectors (s, k) to go to, the squares that these promise, and which are last steps that need no model."""
+        """Next step of every search.
+
+        Returns
+        -------
+        there : FloatArray
+            Scaled vectors to go to, (s, k).
+        promised : FloatArray
+            Sums of squares that the linearised models predict there, (s,).
+        last : ndarray of bool (s,)
+            Steps so small that the search ends with them, without computing the model.
+        """
         here = self.now.vector
         low, high = self.low - here, self.high - here
         courses = [steps.at(here) for steps in objective.courses]
@@ -426,10 +507,26 @@ class _Running(NamedTuple):
     def _straight(
         self, active: NDArray[np.bool_], low: FloatArray, high: FloatArray, share: float, points: int
     ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Undamped steps (s, k), what they should gain (s,), and which leave less than a share of a standard error.
+        """Undamped steps, and which of them are short enough for the linearised model to be as good as the model.
 
-        What is not straight in the models is the sum over the entries of what each changes them by, without the
-        cancelling, times the length of the step.
+        The curvature of the models over a step is estimated by its length times the sum over the parameters of the
+        change that each makes, without cancelling.
+
+        Parameters
+        ----------
+        active : ndarray of bool (k,)
+            Parameters that vary.
+        low, high : FloatArray
+            Limits of the steps, (s, k).
+        share : float
+            Largest curvature, in standard errors.
+        points : int
+            Number of readings.
+
+        Returns
+        -------
+        tuple
+            Steps (s, k), the falls of the sum of squares that they predict (s,), and the mask (s,).
         """
         least = np.full(len(self.rows), _LEAST_DAMPING)
         step, gain, length = damped_steps(self.now, least, active, low, high)
@@ -438,7 +535,13 @@ class _Running(NamedTuple):
         return step, gain, (length <= HAIR) & (curved <= share * np.sqrt(self.best.square / points))
 
     def moved(self, there: Places, search: Search) -> tuple[Self, list[str]]:
-        """The searches after they were `there`, and in words why one ended; no words where it goes on."""
+        """Update the state after the models were computed at `there`.
+
+        Returns
+        -------
+        tuple of _Running and list of str
+            The new state, and why each search ended, empty where it goes on.
+        """
         change = there.square - self.best.square
         lower = change < 0.0
         ventured = ~lower & ~self.ventured & (there.square < _VENTURE * self.best.square)
@@ -464,7 +567,7 @@ class _Running(NamedTuple):
 
 
 def _why(little: bool, endless: bool, stuck: bool) -> str:
-    """In words why a search ended; none where it goes on."""
+    """Why a search ended, in words, from the three reasons; empty where it goes on."""
     if little:
         return "the last step gained nothing"
     if endless:

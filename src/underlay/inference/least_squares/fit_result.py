@@ -1,4 +1,4 @@
-"""What a fit hands back: the fitted numbers, how sure they are, how they were found, and what to beware of."""
+"""The result of a fit: values, uncertainties, how they were found, and warnings."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class FitWarning:
-    """A reservation: `code` for programs, `message` for people."""
+    """A warning about a fit: `code` for programs, `message` for people."""
 
     code: str
     message: str
@@ -57,16 +57,16 @@ class FitWarning:
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """Another optimum the data hardly reject.
+    """Another local optimum, which the data do not clearly reject.
 
     Parameters
     ----------
     vector : FloatArray
-        In scaled coordinates, (k,).
+        Scaled parameters, (k,).
     values : mapping of name to float
         Parameters (SI).
     delta_chi_square : float
-        Chi-square above that of the best.
+        Its chi-square less that of the best optimum.
     """
 
     vector: FloatArray = field(repr=False)
@@ -133,14 +133,15 @@ class Fit:
     Parameters
     ----------
     problem : Problem
-        What was fitted: as it was handed in, but for readings beside a jump that were left out (a warning says so).
+        What was fitted: as given, but without readings beside a jump of the force that were left out (a warning
+        says so).
     vector : FloatArray
-        Optimum in scaled coordinates, (k,).
+        Optimum in scaled parameters, (k,).
     values, stderr : mapping of name to float
-        Parameters and standard errors (SI). An error is infinite where the data do not fix the parameter
-        or it lies on a bound; `no_error_bars` says which.
+        Parameters and standard errors (SI). An error is infinite where the data do not fix the parameter or it lies
+        on a bound; `no_error_bars` says which.
     scaled_covariance : FloatArray
-        Covariance in scaled coordinates, (k, k); rows of parameters without error bars are zero.
+        Covariance of the scaled parameters, (k, k); rows of parameters without error bars are zero.
     covariance : FloatArray
         Covariance in SI, (k, k), with the same rows zero.
     no_error_bars : mapping of name to str
@@ -154,13 +155,13 @@ class Fit:
     whitened : tuple of FloatArray
         Residuals in standard deviations, model minus data, (n,) each: independent where the noise is as assumed.
     statistics : FitStatistics
-        How it was reached.
+        Goodness of the fit, and how it was reached.
     warnings : tuple of FitWarning
-        What to beware of.
+        Warnings about the result.
     alternatives : tuple of Alternative
         Other optima within a rise of 11.6 in chi-square (99.9 %), as far as the starts found them.
     state : callable
-        Makes what the fit states of itself, when that is asked for.
+        Function that makes the answers and the verdict from this fit, called when they are first read.
     """
 
     problem: Problem = field(repr=False)
@@ -182,10 +183,11 @@ class Fit:
 
     @cached_property
     def lmfit(self) -> Any:
-        """lmfit's own `MinimizerResult`, in scaled coordinates, its names with ``_`` for dots and brackets.
+        """lmfit's `MinimizerResult` in scaled parameters, its names with ``_`` for dots and brackets.
 
         Values are logarithms of ratios to the scene's own numbers, or shares of the curve's ranges; see
-        `Problem.vector`. Where the engine's search settled lmfit is asked now, begun at the optimum.
+        `Problem.vector`. Where this program's own search converged, lmfit is run when this is first read, from the
+        optimum.
         """
         if self._lmfit is not None:
             return self._lmfit
@@ -195,7 +197,7 @@ class Fit:
 
     @cached_property
     def statement(self) -> States:
-        """What the fit says of itself: its likelihood, its answers, its verdict."""
+        """Likelihood, answers and verdict of the fit, made when first read."""
         return self.state(self)
 
     def answer(self, name: str, level: float = 0.95) -> Answer:
@@ -226,11 +228,14 @@ class Fit:
 
     @property
     def answers(self) -> pd.DataFrame:
-        """All answers, one a row: value, ends, ends of both parts (SI) and the unit."""
+        """Table of all answers, one row per quantity.
+
+        Columns are the value, its intervals (combined, statistical and systematic, SI) and the unit.
+        """
         return answers_table(self.answer(name) for name in (*self.names, *self.derived))
 
     def interval(self, name: str, level: float = 0.95, *, part: str = "combined") -> Interval:
-        """Return an interval of a quantity: of both parts together, or of one; see `answer`.
+        """Return one interval of a quantity: combined, or its statistical or systematic part; see `answer`.
 
         Parameters
         ----------
@@ -239,7 +244,7 @@ class Fit:
         level : float, default 0.95
             Confidence.
         part : {"combined", "statistical", "systematic"}
-            Which.
+            Which uncertainty the interval covers.
 
         Raises
         ------
@@ -253,28 +258,34 @@ class Fit:
         return parts[part]
 
     def modulus_by_depth(self, curve: int = 0, points: int = 30, level: float = 0.95) -> PointwiseModulus:
-        """Return E by depth: from the force and from its slope at each depth, the half-space's beside it.
+        """Return the layer's Young's modulus at each depth of one curve, from its force and from its local slope.
 
-        See `pointwise_modulus` for parameters and errors.
+        The modulus that a half-space formula would give is returned too. See `pointwise_modulus` for parameters and
+        errors.
         """
         found: PointwiseModulus = self.statement.modulus_by_depth(curve, points, level)
         return found
 
     def refit(self, problem: Problem) -> Fit:
-        """Fit another problem as this one was, begun at the values of its scenes."""
+        """Fit another problem by least squares, starting from the values of that problem's scenes."""
         found: Fit = self.statement.refit(problem)
         return found
 
     def band(self, of: Follows, level: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Lower ends, middles and upper ends, each (n,), of positive quantities that follow from the parameters.
+        """Pointwise confidence band of positive quantities that follow from the parameters.
 
         Parameters
         ----------
         of : callable
-            Quantities (draws, n) at parameters (draws, k), SI, in the order of `names`.
+            Function from parameters (draws, k), SI, in the order of `names`, to n quantities (draws, n).
         level : float, default 0.95
-            Confidence, point by point, above 0 and at most 0.999; under the noise that `interval` assumes, to
-            first order.
+            Confidence, point by point, above 0 and at most 0.999; under the noise that `interval` assumes, to first
+            order.
+
+        Returns
+        -------
+        tuple of FloatArray
+            Lower ends, middles and upper ends, each (n,).
 
         Raises
         ------
@@ -290,12 +301,12 @@ class Fit:
 
     @property
     def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
-        """d ln(value) / d ln(input): by fitted parameter, and by number of the scene taken as known."""
+        """d ln(value) / d ln(input), by fitted parameter and then by number of the scene taken as known."""
         return self.statement.sensitivity
 
     @cached_property
     def diagnostics(self) -> tuple[ResidualDiagnostics, ...]:
-        """What the residuals look like, one per curve."""
+        """Scatter and autocorrelation of the residuals, one per curve."""
         return tuple(diagnose(own, force) for own, force in zip(self.whitened, self.residuals, strict=True))
 
     @property
@@ -305,9 +316,10 @@ class Fit:
 
     @cached_property
     def derived(self) -> tuple[str, ...]:
-        """What follows from what is fitted and is printed beside it; `interval` states theirs too.
+        """Names of quantities that follow from the fitted parameters and are printed with them.
 
-        Moduli of a layer that relaxes or drains, and by how much one that stiffens does at the deepest point.
+        The moduli of a layer that relaxes or drains, or the factor by which a layer that stiffens does so at the
+        deepest point. `interval` takes these names too.
         """
         members = self.problem.members
         stiff = [i for i, member in enumerate(members) if member.scene.layer.stiffening is not None]
@@ -333,27 +345,30 @@ class Fit:
 
     @property
     def curves(self) -> tuple[Curve, ...]:
-        """The curves."""
+        """The curves that were fitted."""
         return self.problem.curves
 
     @property
     def solver(self) -> Solver:
-        """What built the contact laws."""
+        """Solver that computed the contact laws."""
         return self.problem.solver
 
     @property
     def instrument_moduli(self) -> dict[str, InstrumentModulus]:
-        """What the instrument's own software found in place of each fitted ``layer.E``, as far as files say."""
+        """Modulus found by the instrument's own software, by name of the fitted ``layer.E`` that it compares with.
+
+        Empty where the curves' files give none.
+        """
         return instrument_moduli(self.problem, self.scenes, self.curves)
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """Versions of what computed, and names, files and hashes of the curves."""
+        """Versions of this program and its libraries, and names, files and hashes of the curves."""
         return provenance(self.curves)
 
     @property
     def law_reason(self) -> str:
-        """The contact law at the optimum and why it was taken."""
+        """Name of the contact law at the optimum, and why the solver chose it."""
         return f"{self.statistics.law_method}: {self.statistics.law_reason}"
 
     @property
@@ -406,7 +421,7 @@ class Fit:
 
     @property
     def used(self) -> dict[str, str]:
-        """What to cite: keys of works, with what each was used for; see `underlay cite`."""
+        """Keys of the works to cite, each with what it was used for; see `underlay cite`."""
         formats = [str(curve.metadata.get("format", "")) for curve in self.curves]
         robust, open_ = self.statistics.robust != "none", self.problem.noise_is_open
         return used_by([self.statistics.law_method], self.scenes, formats) | of_fit(
@@ -424,7 +439,7 @@ class Fit:
         ]
 
     def to_json(self, path: str | os.PathLike[str]) -> Path:
-        """Write the result as JSON, whole or not at all; SI units, null where there is no finite number.
+        """Write the result as JSON, atomically; SI units, null in place of numbers that are not finite.
 
         Raises
         ------
@@ -459,7 +474,7 @@ class Fit:
 
 
 def _finite(value: Any) -> Any:
-    """The document with null in place of numbers that JSON cannot hold."""
+    """Copy of a document with None in place of infinite numbers and NaN, which JSON cannot hold."""
     if isinstance(value, Mapping):
         return {key: _finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""Warnings of a fit: what to beware of, in words."""
+"""Warnings of a fit, in words."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def warnings_of(
     statistics: FitStatistics,
     alternatives: Sequence[Alternative],
 ) -> tuple[FitWarning, ...]:
-    """Warnings of a fit, those a reader of its numbers should know first.
+    """Warnings about convergence, parameters, other optima, residuals, the contact law and the file, in this order.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ def warnings_of(
     reasons, bounds_hit : mapping of str to str
         `Fit.no_error_bars` and `Fit.bounds_hit`.
     covariance : FloatArray
-        Covariance in scaled coordinates, (k, k).
+        Covariance of the scaled parameters, (k, k).
     correlated : sequence of ResidualDiagnostics or None
-        Of every curve what its residuals look like where they hang together.
+        One per curve: the diagnostics where its residuals are correlated enough to matter, else None.
     statistics : FitStatistics
         Statistics of the fit.
     alternatives : sequence of Alternative
@@ -82,7 +82,7 @@ def warnings_of(
 
 
 def _file_facts(problem: Problem) -> list[FitWarning]:
-    """Where a scene differs from what the file of its curve says, as far as the curve's notes do not say it."""
+    """Warnings where a scene differs from what its curve's file states, unless the curve's notes already say so."""
     notes = [
         note
         for member in problem.members
@@ -146,9 +146,10 @@ def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
 
 
 def _only_together(covariance: FloatArray) -> bool:
-    """Whether some parameter of a group is badly known by itself, and well were the others known.
+    """Whether a parameter of a correlated group is badly known by itself, but well if the others were known.
 
-    A strong correlation alone says nothing: both may be known to a per mille.
+    A strong correlation alone is harmless: both parameters may be known to a per mille. `covariance` is that of the
+    group's scaled parameters, (g, g).
     """
     single, inverse = np.diag(covariance), np.diag(np.linalg.pinv(covariance))
     alone = np.divide(1.0, inverse, out=np.full_like(inverse, np.inf), where=inverse > 0.0)
@@ -173,7 +174,10 @@ def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
 
 
 def _residuals(correlated: Sequence[ResidualDiagnostics | None], *, is_weighed: bool) -> list[FitWarning]:
-    """One warning per curve whose residuals hang together; `is_weighed` where intervals allow for that."""
+    """One warning per curve with correlated residuals.
+
+    `is_weighed` says that the intervals allow for the correlation.
+    """
     warnings = []
     # A correlation time alone is no better: with white noise on top, the rule, its intervals are too narrow.
     advice = (
@@ -197,7 +201,7 @@ def _residuals(correlated: Sequence[ResidualDiagnostics | None], *, is_weighed: 
 
 
 def too_deep(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
-    """One warning per curve whose tip goes deeper than the layer is thick, at values (SI), (k,)."""
+    """One warning per curve whose tip goes deeper than the layer is thick, at parameter values (SI), (k,)."""
     warnings = []
     for member in problem.members:
         values = member.values_at(physical)
@@ -210,7 +214,17 @@ def too_deep(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
 def ignored_sides(
     problem: Problem, physical: FloatArray, laws: Sequence[ContactLaw]
 ) -> tuple[FitWarning, ...]:
-    """One warning per curve, whose law is one of `laws`, of a sample with sides that matter and are ignored."""
+    """One warning per curve whose layer has a finite width that its law neglects although it matters.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    physical : FloatArray
+        Parameter values (SI), (k,).
+    laws : sequence of ContactLaw
+        Law of each curve.
+    """
     warnings = []
     for member, law in zip(problem.members, laws, strict=True):
         if member.scene.layer.half_width is None or member.scene.layer.has_sides:
@@ -226,14 +240,20 @@ def ignored_sides(
 
 
 def _deepest(member: Member, values: Mapping[str, float]) -> float:
-    """Largest depth (m) of the tip at values (SI) by path, from the readings."""
+    """Largest depth (m) of the tip in a curve's readings: less the contact depth and what the frame gives way.
+
+    `values` are the numbers of the scene (SI) by path.
+    """
     compliance, baseline = values["instrument.compliance"], values["instrument.baseline"]
     bent = compliance * max(float(member.curve.force.max()) - baseline, 0.0) if compliance else 0.0
     return float(member.curve.depth.max()) - values["instrument.contact_depth"] - bent
 
 
 def against_priors(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
-    """One warning per parameter that the data pull far out of what was measured before, at values (SI), (k,)."""
+    """One warning per parameter that ended more than 3.4 prior standard deviations off its prior.
+
+    `physical` are the parameter values (SI), (k,).
+    """
     warnings = []
     for coordinate, value in zip(problem.coordinates, physical.tolist(), strict=True):
         off = abs(coordinate.prior.penalty(value)[0])
@@ -249,7 +269,7 @@ def against_priors(problem: Problem, physical: FloatArray) -> tuple[FitWarning, 
 
 
 def over_correlated(noises: Sequence[NoiseModel], whitened: Sequence[FloatArray]) -> tuple[FitWarning, ...]:
-    """One warning per curve whose noise is taken for more correlated than its whitened residuals (n,) are."""
+    """One warning per curve whose noise model assumes more correlation than its whitened residuals (n,) show."""
     warnings = []
     for number, (noise, own) in enumerate(zip(noises, whitened, strict=True), start=1):
         if noise.correlation and over_whitened(own):
@@ -266,7 +286,10 @@ def over_correlated(noises: Sequence[NoiseModel], whitened: Sequence[FloatArray]
 
 
 def _law_range(laws: Sequence[ContactLaw]) -> list[FitWarning]:
-    """One warning per curve whose law, one of `laws`, leaves its range; `too_deep` speaks of the curve's depth."""
+    """One warning per curve whose law is used outside its range of validity.
+
+    Depths beyond the thickness of the layer are left to `too_deep`.
+    """
     warnings = []
     for number, law in enumerate(laws, start=1):
         left = [str(entry) for entry in law.warnings if not isinstance(entry, DeeperThanLayer)]
@@ -279,7 +302,10 @@ def _law_range(laws: Sequence[ContactLaw]) -> list[FitWarning]:
 
 
 def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
-    """The law's relative error of the force moves a modulus by as much: compare it with its error."""
+    """One warning per parameter whose standard error is smaller than the law's own relative error of the force.
+
+    That error moves a modulus by as much.
+    """
     warnings = []
     for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
         if (

@@ -1,12 +1,12 @@
-"""Least-squares fit of a problem: start, descend, settle, judge.
+"""Least-squares fit of a problem: start, search, settle, judge.
 
-A problem is compiled into weighted residuals, of all its readings and of blocks of neighbouring ones. `scan`
-finds starts from the data alone; `candidates` descends from each on the blocks and keeps the minima that may be
-the optimum; `settle` goes on from those on all readings, renewing the noise where that is learnt from the fit;
-and `judge` makes the result of the best: standard errors, second optima, and what to beware of.
+A problem is compiled into weighted residuals, of all its readings and of blocks of neighbouring ones. `scan` finds
+starts from the data alone; `candidates` searches from each on the blocks and keeps the minima that may be the
+optimum; `settle` goes on from those on all readings, estimating the noise again where it was not given; and `judge`
+makes the result of the best: standard errors, second optima, and warnings.
 
-Standard errors are those of the delta method: the inverse of J'J in scaled coordinates, times (dx/dq)^2, with J
-the derivatives of the whitened residuals, q a scaled coordinate and x its value in SI.
+Standard errors are those of the delta method: the inverse of J'J in scaled parameters, times (dx/dq)^2, with J the
+derivatives of the whitened residuals, q a scaled parameter and x its value in SI.
 """
 
 from __future__ import annotations
@@ -78,15 +78,15 @@ def fit(
     problem : Problem
         What is fitted.
     method : {"leastsq", "least_squares"}
-        lmfit's minimiser that `Fit.lmfit` asks, begun at the optimum, and that has the last word where the
-        engine did not settle: Levenberg-Marquardt (MINPACK) or trust region.
+        Minimiser of lmfit, Levenberg-Marquardt (MINPACK) or trust region: `Fit.lmfit` runs it from the optimum, and
+        its optimum is taken where this program's own search did not converge.
     robust : {"soft_l1", "huber", "cauchy", "arctan"}, optional
         Loss that makes outliers count less; uses ``"least_squares"``.
     start : {"scan", "given"}
-        From the data alone (see `scan.py`), or from the scene's own values.
+        Start from the data alone (see `scan.py`), or from the scene's own values.
     refine : bool
-        Fit again with the exact law and a smaller tolerance until the law's own error is below a third of
-        every standard error it would move.
+        Fit again with the exact law and a smaller tolerance until the law's own error is below a third of every
+        standard error it would move.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def fit(
     Raises
     ------
     InputError
-        If a word is not one of these.
+        If `method`, `robust` or `start` is not one of these words.
     FitError
         If no start has a contact law.
     """
@@ -115,7 +115,7 @@ def fit(
 
 @one_thread()
 def quick_fit(problem: Problem, *, start: str = "scan") -> Fit:
-    """Fit as `fit` does, by the engine alone: for the thousands of fits of maps, redraws and rivals.
+    """Fit as `fit` does, but without lmfit: for the thousands of fits of maps, simulated curves and rival models.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def quick_fit(problem: Problem, *, start: str = "scan") -> Fit:
 
 
 def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
-    """Fit once, with the law as it is: the four steps of this module."""
+    """Fit once, with the problem's own solver: the four steps of this module. Without lmfit if that is None."""
     began = time.perf_counter()
     places: Sequence[FloatArray] = [problem.start]
     if start == "scan":
@@ -148,7 +148,10 @@ def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
 
 
 def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> Fit:
-    """Fit again without the readings beside a jump whose side of it is not determined, until these are the same."""
+    """Fit again without the readings beside a jump of the force that the other readings cannot place.
+
+    Repeated until the readings left out stay the same. `began` is the clock (s) at the start of the fit.
+    """
     # Not loaded for a scene without adhesion.
     from underlay.inference.least_squares.jump_readings import (  # noqa: PLC0415
         about_left_out,
@@ -180,14 +183,17 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
 
 
 def _of_readings(problem: Problem, kept: Sequence[NDArray[np.bool_]]) -> list[NoiseModel] | None:
-    """Noise of the readings that are kept; None where nobody stated any."""
+    """Noise of the readings kept by masks (n,), one model per curve; None if the problem gives no noise."""
     if not problem.noise_is_stated:
         return None
     return [member.noise.of_readings(keep) for member, keep in zip(problem.members, kept, strict=True)]
 
 
 def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatArray], began: float) -> Fit:
-    """Settle from scaled vectors (k,) on all readings, and judge the best."""
+    """Settle on all readings from several scaled vectors (k,), and make the result of the best.
+
+    `began` is the clock (s) at the start of the fit. Raises FitError where no start has a contact law.
+    """
     robust = lmfit if lmfit is not None and lmfit.loss else None
     ways = Ways() if len(places) > 1 else None
     settled = []
@@ -202,7 +208,7 @@ def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatAr
 
 
 def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
-    """Optimum below the first start, where it explains the data and every other start is far worse; else None."""
+    """Optimum below the best start if it explains the data and every other start is far worse; else None."""
     others = [misfit for _, misfit in starts[1:]]
     if not others or min(others) <= LIKELY or problem.n_points > _FEW_POINTS or not _has_blocks(problem):
         return None
@@ -223,7 +229,10 @@ def _is_far(change: FloatArray) -> bool:
 
 
 def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -> Fit:
-    """Make the result of the best of some optima, `began` being the clock (s) at the start of the fit."""
+    """Make the result of the best of some optima, `began` being the clock (s) at the start of the fit.
+
+    Where lmfit is given it runs from that optimum if the search did not converge, or ended on a plateau.
+    """
     robust = lmfit is not None and lmfit.loss is not None
     best = min(settled, key=lambda optimum: optimum.loss) if len(settled) > 1 else settled[0]
     others = [other.vector for other in settled if other is not best]
@@ -237,7 +246,7 @@ def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -
 
 
 def _on_a_plateau(best: Optimum) -> bool:
-    """Whether some parameter could change by its whole scale and the residuals would not tell."""
+    """Whether some scaled parameter could change by 1 and the residuals, in all, by less than one sigma."""
     columns = best.triangle[:, best.objective.active]
     return bool(((columns * columns).sum(axis=0) < 1.0).any())
 
@@ -250,7 +259,7 @@ def _stated(found: Fit) -> States:
 
 
 def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) -> Sequence[FloatArray]:
-    """Places below the starts that may be the optimum, best first; none where a scan found no start."""
+    """Scaled vectors (k,) below the starts that may be the optimum, best first; empty if there are no starts."""
     few = len(starts) == 1 and problem.n_points <= _FEW_POINTS and not robust
     if few or not starts:
         return starts
@@ -268,12 +277,12 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
 
 
 def _has_blocks(problem: Problem) -> bool:
-    """Whether neighbouring readings may be taken together: blocks of depths have no time, and no jump."""
+    """Whether neighbouring readings may be averaged: not where the force depends on time or jumps."""
     return not any(member.forward.history is not None or member.scene.adhesion for member in problem.members)
 
 
 def _no_law(problem: Problem) -> FitError:
-    """Build the error of a fit without a start: what the contact law says at the scene's own values."""
+    """Build the error of a fit whose starts have no contact law, with the solver's reason at the scene's values."""
     try:
         problem.residuals(problem.start)
     except InputError as error:
@@ -290,7 +299,10 @@ def _check(method: str, robust: str | None, start: str) -> None:
 
 
 def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
-    """Start a little inside the bounds: on one, the transformed gradient of a bounded search is zero."""
+    """Move a scaled start (k,) a little inside the bounds.
+
+    On a bound the transformed gradient of lmfit's bounded search is zero.
+    """
     low, high = problem.bounds.T
     # Open bounds are any distance apart, closed ones a hundredth of it at most.
     room = 0.01 * np.minimum(high - low, 1.0)
@@ -298,7 +310,7 @@ def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
 
 
 def law_bias(fit: Fit) -> float:
-    """Largest shift of a parameter over its standard error if the force is off by the law's own error."""
+    """Largest shift of a parameter, over its standard error, due to the law's estimated relative error."""
     shifts = shift_of_the_law(fit.problem, fit.vector, fit.scaled_covariance, fit.sigmas)
     deviation = np.sqrt(np.diag(fit.scaled_covariance))
     fixed = deviation > 0.0
@@ -311,8 +323,9 @@ def shift_of_the_law(
 ) -> FloatArray:
     """Shift (k,) of the scaled parameters per unit of relative error of the force at every depth.
 
-    First order: C J' V^-1 P, with P the contact force. A modulus that scales the force takes all of it.
-    Correlation of the noise is left out: a shift of the mean hardly depends on it.
+    First order: C J' V^-1 P, with P the contact force and J its derivatives in the scaled parameters. A modulus
+    that scales the force takes all of it. Correlation of the noise is left out: a shift of the mean hardly depends
+    on it.
 
     Parameters
     ----------
@@ -321,7 +334,7 @@ def shift_of_the_law(
     vector : FloatArray
         Scaled vector of the optimum, (k,).
     covariance : FloatArray
-        C, in scaled coordinates, (k, k).
+        C, of the scaled parameters, (k, k).
     sigmas : tuple of FloatArray
         Standard deviations of the noise (N), one array (n,) per curve: V is their squares.
     """
@@ -335,11 +348,11 @@ def shift_of_the_law(
 
 
 class Ways:
-    """Paths of searches that follow one another: one that comes onto the path of an earlier one need not go on.
+    """Paths of successive searches: a `GiveUp` callback that ends a search which joins an earlier one's path.
 
     Starts that end at the edge of what a start may explore often lie in one long valley. Below each of them the
-    search would go the same way down it, model for model. Kept are the scaled vectors (k,) at which each search
-    stood; the next search asks before each of its steps.
+    search would go the same way down it, evaluation for evaluation. The scaled vectors (k,) of every step are kept,
+    and compared before each step of a later search.
     """
 
     def __init__(self) -> None:
@@ -348,13 +361,13 @@ class Ways:
         self._lowest = np.inf
 
     def begin(self) -> None:
-        """Close the path of the last search: the next begins."""
+        """Close the path of the last search, before the next one begins."""
         if len(self._own) > 1:
             self._earlier.append((np.array(self._own), self._lowest))
         self._own, self._lowest = [], np.inf
 
     def __call__(self, ahead: Ahead) -> bool:
-        """Whether a search stands on the way of an earlier one that went lower, about to go along it."""
+        """Whether a search lies on the path of an earlier one that went lower, and its next step goes along it."""
         step = ahead.there - ahead.here
         self._own.append(ahead.here)
         self._lowest = ahead.square
@@ -364,7 +377,7 @@ class Ways:
 
 
 def _leads_along(way: FloatArray, here: FloatArray, step: FloatArray) -> bool:
-    """Whether a step (k,) from a place (k,) on a way (n, k) goes the way's own direction."""
+    """Whether a scaled vector (k,) lies on a path (n, k) and a step (k,) from it goes in the path's direction."""
     first, along = way[:-1], np.diff(way, axis=0)
     lengths = np.sqrt(np.square(along).sum(axis=1))
     long = lengths > _LONG

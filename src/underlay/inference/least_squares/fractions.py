@@ -1,9 +1,9 @@
-"""Relaxing fractions, in which the force is nearly linear: solved for together with the moduli, never negative.
+"""Relaxing fractions of a Prony series, solved for together with the moduli and never negative.
 
-While the contact grows, P = E_inf A + sum_k E f_k z_k, with E the instantaneous modulus, f_k the relaxing
-fractions, A the elastic force per modulus and z_k its integrals over the record: linear in the moduli
-E_inf = E (1 - sum f) and E f_k, all of which are positive or zero. On the way out the point of equal radius moves
-with them, so the force at the solution is computed again.
+The force is nearly linear in them. While the contact grows, P = E_inf A + sum_k E f_k z_k, with P the force, E the
+instantaneous modulus, f_k the relaxing fractions, A the elastic force per modulus and z_k its integrals over the
+record: linear in the moduli E_inf = E (1 - sum f) and E f_k, all of which are positive or zero. During unloading
+the earlier moment of equal contact radius changes with them, so the force at the solution is computed again.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _LEAST_FACTOR = 0.1
 
 @dataclass(frozen=True)
 class _Layer:
-    """Fractions of one relaxing layer: its free entries, and the sum of the fixed ones."""
+    """Fractions of one relaxing layer: entries of the free ones in a vector, and the sum of the fixed ones."""
 
     entries: list[int]
     fixed: float
@@ -40,7 +40,7 @@ class _Layer:
 
 @dataclass(frozen=True)
 class Fractions:
-    """The relaxing fractions among the free parameters.
+    """The relaxing fractions among the free parameters, solved for by constrained linear least squares.
 
     Parameters
     ----------
@@ -49,7 +49,8 @@ class Fractions:
     layers : list
         The fractions of each relaxing layer.
     directions : LinearDirections
-        Baselines, fractions, and the moduli together where they scale the force, in this order.
+        Directions in which the model is linear: baselines, fractions, and the moduli together where they scale the
+        force, in this order.
     """
 
     problem: Problem
@@ -58,7 +59,10 @@ class Fractions:
 
     @classmethod
     def of(cls, problem: Problem, free: set[int], linear: LinearDirections) -> Self | None:
-        """Fractions among the entries `free`, solved for beside what is `linear`; None where there are none."""
+        """Find the relaxing fractions among the entries `free` of a parameter vector; None where there are none.
+
+        `linear` are the other directions in which the model is linear, solved for at the same time.
+        """
         layers = [_layer_of(member, free) for member in problem.members]
         entries = sorted({entry for layer in layers for entry in layer.entries})
         if not entries:
@@ -70,7 +74,7 @@ class Fractions:
         return cls(problem, [layer for layer in layers if layer.entries], known)
 
     def feasible(self, vector: FloatArray) -> FloatArray:
-        """The vector (k,) with fractions that sum over 1 brought back in proportion."""
+        """The scaled vector (k,) with fractions that sum to more than 1 reduced in proportion."""
         for layer in self.layers:
             values = self._values(vector, layer)
             if values.sum() > 1.0 - layer.fixed:
@@ -78,7 +82,10 @@ class Fractions:
         return vector
 
     def solved(self, point: Point) -> FloatArray | None:
-        """Vector (k,) with the fractions and what is linear at their best; None where it is not worth a model."""
+        """Scaled vector (k,) with the fractions and the other linear parameters at their least-squares values.
+
+        None where that is infeasible or promises too little to be worth another evaluation of the model.
+        """
         rows = self.directions.rows
         normal, gradient = rows @ point.normal @ rows.T, rows @ point.gradient
         if not (np.diag(normal) > 0.0).all():
@@ -109,10 +116,11 @@ class Fractions:
         return mask
 
     def _moduli(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Moduli of every layer over its E, as slope (m, k) times a step plus offset (m,).
+        """Relaxed and relaxing moduli of every layer, over its E, as a linear function of a step.
 
-        A step is that of the linear model: in the moduli the relative change of E, in a fraction F (f' - f) with F
-        the factor on E.
+        They are `slope` (m, k) times the step (k,) plus `offset` (m,), and must not be negative. A step is that of
+        the linear model: for the moduli the relative change of E, for a fraction F (f' - f), with F the factor on E
+        and f, f' the fraction before and after.
         """
         scale = np.array([1.0 if c.scale is None else c.scale for c in self.problem.coordinates])
         grows = self.directions.rows[-1] if self.directions.scales else np.zeros(len(scale))
@@ -142,7 +150,10 @@ class Fractions:
 
 
 def _layer_of(member: Member, free: set[int]) -> _Layer:
-    """Free fractions of a curve's layer."""
+    """Relaxing fractions of a curve's layer; no free ones where some are held fixed by the search.
+
+    `free` are the entries of a parameter vector that may be solved for.
+    """
     paths = [path for path in member.base if ".relaxation.fractions[" in path]
     held = [path for path in paths if member.entries.get(path) not in free]
     if any(path in member.entries for path in held):
@@ -155,9 +166,19 @@ def _layer_of(member: Member, free: set[int]) -> _Layer:
 def _least(
     normal: FloatArray, gradient: FloatArray, slope: FloatArray, offset: FloatArray
 ) -> FloatArray | None:
-    """Minimum of s'Ns / 2 + g's where slope s + offset >= 0: by an active set.
+    """Minimise s'Ns / 2 + g's over steps s (p,) with slope s + offset >= 0, by an active-set method.
 
-    None where it does not settle or the active constraints are not independent.
+    Parameters
+    ----------
+    normal, gradient : FloatArray
+        N, (p, p), and g, (p,).
+    slope, offset : FloatArray
+        The m linear constraints, (m, p) and (m,).
+
+    Returns
+    -------
+    FloatArray or None
+        The step s; None where the iteration does not end or the active constraints are not independent.
     """
     active: list[int] = []
     p = len(gradient)

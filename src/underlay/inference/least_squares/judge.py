@@ -1,4 +1,4 @@
-"""The result of a fit from the optimum it found: errors, missing error bars, second optima, statistics."""
+"""The result of a fit from its optimum: standard errors, missing error bars, second optima, statistics."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _ENGINE = "projected Levenberg-Marquardt"
 
 
 def times_told_by(problem: Problem) -> list[tuple[float, float]]:
-    """Shortest and longest relaxation time (s) that the record of every relaxing curve tells."""
+    """Shortest and longest relaxation time (s) that each relaxing curve can show: its time step and its length."""
     clocks = [
         member.curve.time
         for member in problem.members
@@ -66,7 +66,7 @@ def times_told_by(problem: Problem) -> list[tuple[float, float]]:
 
 
 def about_relaxation(problem: Problem, vector: FloatArray) -> list[FitWarning]:
-    """Warnings of relaxation times that ended outside of what the records tell; none without relaxation."""
+    """Warnings of relaxation times outside the range that the curves can show; none without relaxation."""
     ranges = times_told_by(problem)
     if not ranges:
         return []
@@ -101,7 +101,7 @@ def judge(
     seconds : float
         Time that the fit took.
     state : callable
-        Makes what the fit states of itself (answers, verdict), called when first asked for.
+        Function that makes the answers and the verdict of the fit, called when they are first read.
     """
     objective, vector = optimum.objective, optimum.vector
     problem = objective.problem
@@ -166,10 +166,10 @@ def judge(
 def scaled_covariance(
     objective: Objective, triangle: FloatArray, bounds_hit: dict[str, str]
 ) -> tuple[FloatArray, dict[str, str]]:
-    """Covariance (k, k) in scaled coordinates, and the parameters without error bars with the reason.
+    """Covariance (k, k) of the scaled parameters, and the parameters without error bars with the reason.
 
-    A parameter on a bound is taken as known there; a direction the data do not fix takes the error bars of
-    the parameters it is made of, and of no others.
+    A parameter on a bound is taken as known there. Where the data do not fix a combination of parameters, those
+    that take part in it have no error bar, and all others keep theirs.
 
     Parameters
     ----------
@@ -213,7 +213,19 @@ def _alternatives(
     deviation: FloatArray,
     others: Sequence[FloatArray],
 ) -> tuple[Alternative, ...]:
-    """Other optima that the data hardly reject."""
+    """Other optima whose rise of chi-square is below 11.6, each once and separated from the best by a higher ridge.
+
+    Parameters
+    ----------
+    objective : Objective
+        With the noise of the best optimum.
+    vector : FloatArray
+        Scaled vector of the best optimum, (k,).
+    residuals, deviation : FloatArray
+        Its whitened residuals, (n,), and standard errors of the scaled parameters, (k,).
+    others : sequence of FloatArray
+        Scaled vectors (k,) of the optima of other starts.
+    """
     base = float(residuals @ residuals)
     found: list[Alternative] = []
     for other in others:
@@ -240,7 +252,7 @@ def _bounds_hit(problem: Problem, vector: FloatArray, active: list[int]) -> dict
 
 
 def _joined(objective: Objective, one: FloatArray, other: FloatArray, top: float) -> bool:
-    """Whether one can go straight from one place to the other with sums of squares no higher than `top`."""
+    """Whether the sum of squares stays at or below `top` on the straight line between two scaled vectors (k,)."""
     return all(objective.square(one + share * (other - one)) <= top for share in (0.5, 0.25, 0.75))
 
 

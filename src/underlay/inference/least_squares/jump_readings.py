@@ -1,13 +1,13 @@
-"""Readings beside a jump of the force that a fit leaves out: the others do not tell on which side they lie.
+"""Readings beside a jump of the force that a fit leaves out, since the others do not fix on which side they lie.
 
-Where a tip that sticks comes off, or jumps in, the force jumps. A reading there is on one side or on the other,
-and the sum of squares jumps as soon as the model has it on the wrong one: no search along slopes gets over that
-wall. Just before a pull-off the force turns as a root does, with a slope that has no bound: there standard errors,
+Where an adhesive contact breaks, or forms, the force jumps. A reading there is on one side or on the other, and the
+sum of squares jumps as soon as the model has it on the wrong one: no search along derivatives gets over that step.
+Just before a pull-off the force turns as a square root does, with a slope that has no bound: there standard errors,
 which come from slopes, are too small.
 
 The rule: the reading next to the jump on either side is left out where it lies within four standard errors of the
-place of the jump, as all other readings tell that place. The fit is then made again, until it leaves out what it
-left out before. Both readings stay where the two tell the place of the jump better than all others do: it lies
+depth of the jump, as all other readings determine that depth. The fit is then made again, until it leaves out what
+it left out before. Both readings stay where the two fix the depth of the jump better than all others do: it lies
 between them, anywhere, which is a standard deviation of their distance over the root of 12. So it is with a contact
 whose modulus and thickness are known only together.
 """
@@ -40,7 +40,7 @@ _STEP = 1e-3
 
 
 def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
-    """Which readings of each curve to keep, by the place of its jumps as a fit tells it.
+    """Which readings of each curve to keep, given a fit that places the jumps of the force.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
     Returns
     -------
     list of ndarray of bool (n,)
-        One for each curve: False beside a jump whose side the other readings do not tell.
+        One for each curve: False for a reading beside a jump that the other readings leave on either side of it.
     """
     objective = Objective(found.problem, freeze(found.problem, found.vector, found.noises))
     rows = objective.jacobian(found.vector)[:, objective.active]
@@ -74,7 +74,7 @@ def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
 
 
 def about_left_out(problem: Problem, kept: list[NDArray[np.bool_]]) -> list[FitWarning]:
-    """Warnings of the readings left out of a problem's curves, by masks (n,) of those kept; none where none was."""
+    """Warnings about readings left out beside a jump, from masks (n,) of those kept, one per curve."""
     warnings = []
     for number, (member, keep) in enumerate(zip(problem.members, kept, strict=True), start=1):
         gone = member.forward.depth[~keep]
@@ -93,9 +93,9 @@ def about_left_out(problem: Problem, kept: list[NDArray[np.bool_]]) -> list[FitW
 
 
 def for_all_readings(statistics: FitStatistics, readings: int) -> FitStatistics:
-    """Return the statistics with a log-likelihood that counts those left out as the mean of the others.
+    """Return the statistics with a log-likelihood in which readings left out count as the mean of the others.
 
-    So that models which leave out different ones may be compared.
+    So models which leave out different readings may be compared. `readings` is the number of all readings.
     """
     more = statistics.log_likelihood * (readings / statistics.points - 1.0)
     return replace(
@@ -107,14 +107,17 @@ def for_all_readings(statistics: FitStatistics, readings: int) -> FitStatistics:
 
 
 def _next_to(depth: FloatArray, place: float) -> NDArray[np.intp]:
-    """The readings (m) next to `place` (m), one on either side if there are two sides."""
+    """Indices of the depth readings (m), (n,), next to `place` (m): one on either side of it, if any."""
     apart = depth - place
     sides = (np.where(side, np.abs(apart), np.inf) for side in (apart > 0.0, apart <= 0.0))
     return np.array([side.argmin() for side in sides if np.isfinite(side).any()])
 
 
 def _jumps(found: Fit, member: Member, active: list[int]) -> list[tuple[float, FloatArray]]:
-    """Places (m) of the jumps on the axis of depth, and their slopes in the scaled coordinates that vary."""
+    """Depth readings (m) at which the force of a curve jumps, each with its slopes.
+
+    The slopes are those of the depth (m) in the scaled parameters `active`.
+    """
     places = _places(found.problem, member, found.vector)
     slopes = np.zeros((len(places), len(active)))
     for column, index in enumerate(active):
@@ -125,7 +128,10 @@ def _jumps(found: Fit, member: Member, active: list[int]) -> list[tuple[float, F
 
 
 def _moved(problem: Problem, member: Member, vector: FloatArray, index: int) -> FloatArray:
-    """Places (m) of the jumps one step ahead in a scaled coordinate; by the step back where no law is ahead."""
+    """Depth readings (m) of the jumps after one step in the scaled parameter `index`.
+
+    Where there is no law after the step they are extrapolated from the opposite step.
+    """
     step = np.zeros_like(vector)
     step[index] = _STEP
     try:

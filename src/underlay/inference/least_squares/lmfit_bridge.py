@@ -1,4 +1,4 @@
-"""lmfit's part in a fit: it confirms the engine's optimum in its users' language, and carries robust losses."""
+"""lmfit's part in a fit: it confirms an optimum by a minimiser that its users know, and minimises robust losses."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _UNNAMEABLE = re.compile(r"\W+")
 
 @dataclass(frozen=True)
 class LastWord:
-    """What lmfit found: scaled vector (k,), and its `MinimizerResult`, with scaled coordinates for values."""
+    """Optimum found by lmfit: scaled vector (k,), and its `MinimizerResult`, whose values are scaled parameters."""
 
     vector: FloatArray
     result: Any
@@ -48,21 +48,21 @@ class LastWord:
 
 @dataclass(frozen=True)
 class Minimiser:
-    """One of lmfit's minimisers, with the loss that it lowers.
+    """One of lmfit's minimisers, with the loss function that it minimises.
 
     Parameters
     ----------
     method : {"leastsq", "least_squares"}
         Levenberg-Marquardt (MINPACK) or trust region.
     loss : str, optional
-        One of `LOSSES`, for which the method must be ``"least_squares"``.
+        One of `LOSSES`, for which the method must be ``"least_squares"``; by default the sum of squares.
     """
 
     method: str = "leastsq"
     loss: str | None = None
 
     def __call__(self, objective: Objective, start: FloatArray) -> LastWord:
-        """Minimise the weighted sum of squares, or its loss, from a scaled start (k,)."""
+        """Minimise the weighted sum of squares, or its robust loss, from a scaled vector (k,)."""
         # The engine alone needs no lmfit, and it takes a second to load.
         import lmfit  # noqa: PLC0415
 
@@ -111,7 +111,10 @@ class Minimiser:
 
 @dataclass
 class _Lowest:
-    """The lowest place that a search has asked for: scaled vector (k,), residuals, and the sum of their `rho`."""
+    """The lowest point that a search has evaluated.
+
+    It holds the scaled vector (k,), the residuals (n,), and the sum of their loss `rho`.
+    """
 
     rho: Callable[[FloatArray], FloatArray]
     vector: FloatArray

@@ -1,8 +1,8 @@
-"""Models of curves and their derivatives as searches ask for them, the noise that weighs them, robust losses.
+"""Models of curves and their derivatives as searches need them, the noise that weighs them, robust losses.
 
-A model is asked at one vector, and kept, or at several vectors together. The noise is frozen while a search runs
-(`FrozenNoise`). Robust losses are those of `scipy.optimize.least_squares`, functions of the square z = r^2 of a
-whitened residual r: what a minimiser lowers in place of the sum of squares, and what that does to standard errors.
+Models are computed at one parameter vector, and kept, or at several together. The noise is frozen while a search
+runs (`FrozenNoise`). Robust losses are those of `scipy.optimize.least_squares`, functions of the square z = r^2 of
+a whitened residual r: what a minimiser lowers in place of the sum of squares, and its effect on standard errors.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ __all__ = ["LOSSES", "SQUARES", "FrozenNoise", "Loss", "Models", "freeze", "robu
 
 @dataclass(frozen=True)
 class FrozenNoise:
-    """Noise of every curve, frozen: model and standard deviations (N), one array (n,) each."""
+    """Noise of every curve, fixed during a search: its model and standard deviations (N), one array (n,) each."""
 
     models: tuple[NoiseModel, ...]
     sigmas: tuple[FloatArray, ...]
 
 
 def freeze(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -> FrozenNoise:
-    """Freeze the noise at the model of a scaled vector (k,)."""
+    """Fix the noise of every curve at the standard deviations that it has at a scaled vector (k,)."""
     sigmas = tuple(
         member.sigma(member.reading(problem.physical(vector)) if noise.follows_force else None, noise)
         for member, noise in zip(problem.members, noises, strict=True)
@@ -44,12 +44,12 @@ def freeze(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -
 
 
 class Loss(NamedTuple):
-    """One loss; its three parts are functions of z (n,), the squares of whitened residuals r.
+    """One robust loss; its three parts are functions of z (n,), the squares of whitened residuals r.
 
     Parameters
     ----------
     rho : callable
-        rho(z), of which the sum is lowered.
+        rho(z), whose sum is minimised.
     weight : callable
         rho'(z), the weight of a residual.
     slope : callable
@@ -95,11 +95,11 @@ def robust_inflation(residuals: FloatArray, loss: str | None) -> float:
 
 
 class Models:
-    """What the curves' models say at vectors in SI, (k,) or (s, k); `count` counts them.
+    """Forces of the curves and their derivatives at parameters in SI, (k,) or (s, k); `count` counts evaluations.
 
     MINPACK asks for its first point twice and lmfit for its last; the noise may change in between. So the last
-    answers are kept, without weights. And nearly every point whose force is asked is then asked for its
-    derivatives, which bring the force along: where they cost no law they are computed at once.
+    results are kept, without weights. And nearly every point whose force is needed then needs its derivatives,
+    which bring the force along: where they cost no further law they are computed at once.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Models:
 
     @cached_property
     def in_batches(self) -> bool:
-        """Whether derivatives at several vectors at once are less work than one by one."""
+        """Whether computing several parameter vectors together is less work than one by one."""
         return self._one_law and all(
             not member.forward.laws.is_solved
             and goes_together(member.forward, member.base, tuple(member.entries))
@@ -142,7 +142,10 @@ class Models:
         return self._last_models[1]
 
     def columns(self, physical: FloatArray, *, rough: bool) -> list[FloatArray]:
-        """d force / d own entry (SI), (n, own), of every curve; `rough` as in `Forward.jacobian`."""
+        """Derivatives of every curve's force in the parameters it depends on (SI), (n, own).
+
+        `rough` allows less exact ones, as in `Forward.jacobian`. Raises InputError where no law exists.
+        """
         key = physical.tobytes()
         for is_rough in (False, True) if rough else (False,):
             last, columns = self._last_columns.get(is_rough, (b"", []))
@@ -161,9 +164,10 @@ class Models:
         return columns
 
     def follow(self, physical: FloatArray, near: Callable[[FloatArray, list[FloatArray]], bool]) -> bool:
-        """Whether the models at a vector (k,) follow by their slopes from those asked last, and are kept so.
+        """Extrapolate the models linearly from the last vector to another, (k,), if that is accurate enough.
 
-        `near` is told the step (k,) and the derivatives, (n, own) each, in SI: whether it is little.
+        Returns whether it was; the extrapolated models are then kept as those of that vector. `near` takes the step
+        (k,) and the derivatives, (n, own) each, in SI, and returns whether the step is small enough.
         """
         key, columns = self._last_columns.get(False, (b"", []))
         if not key or key in (self._followed[0], physical.tobytes()) or key != self._last_models[0]:
@@ -182,16 +186,19 @@ class Models:
         return True
 
     def asked_for(self, physical: FloatArray) -> FloatArray:
-        """Vector (k,) of the laws behind the models at a vector (k,): that itself, or the one they `follow`."""
+        """Parameters (k,) at which the laws behind the models of a vector (k,) were built.
+
+        The vector itself, or the one that its models were extrapolated from (`follow`).
+        """
         there, key = self._followed
         return np.frombuffer(key) if physical.tobytes() == there else physical
 
     def several(
         self, physical: FloatArray, possible: NDArray[np.bool_]
     ) -> tuple[list[FloatArray], list[FloatArray]]:
-        """d force / d own entry, (s, own, n), and forces, (s, n), of every curve at vectors (s, k).
+        """Derivatives in the parameters of each curve, (s, own, n), and its forces, (s, n), at vectors (s, k), SI.
 
-        Rows without a law are taken out of `possible` (s,), and zero.
+        Rows without a law are zero, and set to False in `possible` (s,).
         """
         if len(physical) == 1:
             return self._one(physical, possible)
@@ -220,7 +227,7 @@ class Models:
     def _one(
         self, physical: FloatArray, possible: NDArray[np.bool_]
     ) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Derivatives and forces at one vector (1, k), as `several` returns them."""
+        """Derivatives and forces at one vector (1, k), shaped as `several` returns them."""
         if possible[0]:
             try:
                 own = self.columns(physical[0], rough=True)
@@ -232,7 +239,10 @@ class Models:
     def _together(
         self, physical: FloatArray
     ) -> tuple[list[FloatArray], list[FloatArray], NDArray[np.bool_]] | None:
-        """Derivatives and forces of all rows at once, and which rows (s,) have a law; None where a curve cannot."""
+        """Derivatives and forces of all rows at once, and which rows (s,) have a law.
+
+        None where some curve cannot be computed at several vectors together.
+        """
         found = [
             batched_jacobians(
                 member.forward, member.values_of(physical), len(physical), tuple(member.entries)

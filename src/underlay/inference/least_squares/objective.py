@@ -1,11 +1,11 @@
-"""Weighted residuals of a problem with their analytic Jacobian: what the engine and lmfit minimise.
+"""Weighted residuals of a problem with their analytic Jacobian: what the searches minimise.
 
-The noise is frozen: it is that of a current model, and a fit renews it from outside until nothing changes.
-(Weights that follow the parameters without the normalisation of the likelihood would pull the model towards
-large noise.)
+The noise is frozen: it is that of a current model, and a fit updates it from outside until nothing changes.
+(Weights that follow the parameters without the normalisation of the likelihood would pull the model towards large
+noise.)
 
-Two parameters are stepped in a number of their own, in which the force is nearly straight: a base's modulus
-(`BaseSteps`) and a layer's Poisson's ratio (`PoissonSteps`).
+Two parameters are stepped in a transformed number in which the force is nearly linear: the modulus of the base,
+which is what the layer stands on (`BaseSteps`), and a layer's Poisson's ratio (`PoissonSteps`).
 """
 
 from __future__ import annotations
@@ -47,13 +47,14 @@ _UNTOLD = 1e-3
 
 @dataclass(frozen=True)
 class BaseSteps:
-    """Steps of free moduli of bases, m of them, in a number that the force is nearly straight in.
+    """Steps of the free moduli of m bases, in a transformed number in which the force is nearly linear.
 
-    Of the ratio k of base to layer, the force goes nearly with a power of k where the base is soft, and with its
-    compliance 1/k where it is stiff: with u = -ln(1 + 1/k) at both ends. A step that is straight in ln k leads far
-    too far down from a stiff base, and up towards a rigid one it never arrives.
+    With k the ratio of the base's modulus to the layer's, the force goes nearly with a power of k where the base is
+    soft, and with its compliance 1/k where it is stiff: with u = -ln(1 + 1/k) in both cases. A step that is
+    straight in ln k leads far too far down from a stiff base, and up towards a rigid one it never arrives.
 
-    A step is measured so that it begins as one of the scaled entry, ln E2, does.
+    Steps are scaled so that a small one equals the change of the scaled parameter, the logarithm of the base's
+    modulus.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ class BaseSteps:
     layers : ndarray of int (m,)
         Entries of the layers' moduli; any where they are known.
     free : FloatArray
-        One where that modulus is free, zero where it is known, (m,).
+        One where the layer's modulus is free, zero where it is known, (m,).
     at_start : FloatArray
         ln k of the scene's own numbers, (m,).
     """
@@ -89,16 +90,24 @@ class BaseSteps:
         return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(start))
 
     def at(self, vectors: FloatArray) -> Bent:
-        """How steps of the bases' moduli from scaled vectors (s, k) go."""
+        """The transformation of steps of the bases' moduli at scaled vectors (s, k)."""
         log_ratio = vectors[:, self.bases] - self.free * vectors[:, self.layers] + self.at_start
         inverse = np.exp(-log_ratio)
         return Bent(self.bases, log_ratio, -np.log1p(inverse), inverse / (1.0 + inverse))
 
 
 class Bent(NamedTuple):
-    """Steps of the entries `bases` (m,) from ln k: u there, and du/d(ln k) = 1 / (1 + k), each (s, m).
+    """Conversion between changes of bases' moduli and steps in u = -ln(1 + 1/k), from s points.
 
-    Up from a soft base they are straight in the logarithm: u would lead beyond what is as good as rigid.
+    k is the ratio of the base's modulus to the layer's. Steps up from a soft base (k < 1) stay linear in ln k: in u
+    they would lead beyond what is as good as rigid.
+
+    Parameters
+    ----------
+    bases : ndarray of int (m,)
+        Entries of the bases' moduli in a scaled vector.
+    log_ratio, u, slope : FloatArray
+        ln k, u and du/d(ln k) = 1 / (1 + k) at the points, each (s, m).
     """
 
     bases: NDArray[np.intp]
@@ -107,14 +116,17 @@ class Bent(NamedTuple):
     slope: FloatArray
 
     def straight(self, changes: FloatArray) -> FloatArray:
-        """Steps (s, k) that lead to `changes` (s, k), which may be infinite, of scaled vectors; overwrites them."""
+        """Transformed steps (s, k) that lead to `changes` (s, k) of scaled vectors; overwrites `changes`.
+
+        Changes may be infinite.
+        """
         change = changes[:, self.bases]
         steps = (bent(self.log_ratio + change) - self.u) / self.slope
         changes[:, self.bases] = np.where(self._up_from_soft(change), change, steps)
         return changes
 
     def taken(self, steps: FloatArray, longest: float) -> FloatArray:
-        """Changes (s, k) of scaled vectors that steps (s, k) lead to, of a base's at most `longest`."""
+        """Changes (s, k) of scaled vectors that transformed steps (s, k) lead to, of a base at most `longest`."""
         step = steps[:, self.bases]
         # Beyond a rigid base there is nothing.
         there = np.minimum(self.u + self.slope * step, bent(self.log_ratio + longest))
@@ -128,26 +140,29 @@ class Bent(NamedTuple):
 
 
 def bent(log_ratio: FloatArray) -> FloatArray:
-    """Number u = -ln(1 + 1/k) of ln k that the force is nearly straight in."""
+    """u = -ln(1 + 1/k), in which the force is nearly linear, from ln k.
+
+    k is the modulus of the base over that of the layer.
+    """
     return np.asarray(-np.logaddexp(0.0, -log_ratio))
 
 
 @dataclass(frozen=True)
 class PoissonSteps:
-    """Steps of free Poisson's ratios of isotropic layers, m of them, up towards one half.
+    """Steps of the free Poisson's ratios of m isotropic layers, in a transformed number towards one half.
 
-    A bonded layer that is thin beside the contact answers with its modulus of compression without side strain,
-    which grows with 1/(1 - 2 nu) until the layer gives way sideways instead. Where a curve tells Poisson's ratio at
-    all it does so by that; a step that is straight in nu leads too far up.
+    A bonded layer that is thin compared with the contact responds with its confined compression modulus, which
+    grows with 1/(1 - 2 nu) until the layer yields sideways instead. Where a curve shows Poisson's ratio at all it
+    does so by that; a step that is straight in nu leads too far up.
 
-    A step is measured so that it begins as one of the scaled entry does.
+    Steps are scaled so that a small one equals the change of the scaled parameter.
 
     Parameters
     ----------
     entries : ndarray of int (m,)
         Their entries in a scaled vector.
     reference, scale : FloatArray
-        Reference and scale of their coordinates, (m,).
+        Reference and scale of their coordinates, (m,): nu = reference + scale * scaled parameter.
     """
 
     entries: NDArray[np.intp]
@@ -158,7 +173,7 @@ class PoissonSteps:
     def of(cls, members: Sequence[Member], coordinates: Sequence[Coordinate]) -> Self | None:
         """Find the free Poisson's ratios of isotropic layers of a problem's curves; None where there are none.
 
-        The in-plane ratio of a transversely isotropic layer goes up to one, and tells something else.
+        The in-plane ratio of a transversely isotropic layer goes up to one, and acts in another way.
         """
         others = {
             m.entries[_NU] for m in members if _NU in m.entries and not m.scene.layer.material.isotropic
@@ -170,28 +185,34 @@ class PoissonSteps:
         return cls(np.array(list(found)), reference, scale)
 
     def at(self, vectors: FloatArray) -> Risen:
-        """How steps of the Poisson's ratios from scaled vectors (s, k) go."""
+        """The transformation of steps of the Poisson's ratios at scaled vectors (s, k)."""
         room = 1.0 - 2.0 * (self.reference + self.scale * vectors[:, self.entries]) + _SIDEWAYS
         return Risen(self.entries, room / (2.0 * self.scale))
 
 
 class Risen(NamedTuple):
-    """Steps of the `entries` (m,) from where so much `room` (s, m) is left, in their scaled coordinates.
+    """Conversion between changes of Poisson's ratios and steps that go up linearly in the logarithm of `room`.
 
-    Up they are straight in ln(room).
+    Parameters
+    ----------
+    entries : ndarray of int (m,)
+        Entries of the Poisson's ratios in a scaled vector.
+    room : FloatArray
+        Distance of Poisson's ratio from (1 + `_SIDEWAYS`) / 2, a little above one half, in scaled parameters, (s,
+        m).
     """
 
     entries: NDArray[np.intp]
     room: FloatArray
 
     def straight(self, changes: FloatArray) -> FloatArray:
-        """Steps (s, k) that lead to `changes` (s, k) of scaled vectors; overwrites them."""
+        """Transformed steps (s, k) that lead to `changes` (s, k) of scaled vectors; overwrites `changes`."""
         change = changes[:, self.entries]
         changes[:, self.entries] = np.where(change > 0.0, -self.room * np.log1p(-change / self.room), change)
         return changes
 
     def taken(self, steps: FloatArray, longest: float) -> FloatArray:
-        """Changes (s, k) of scaled vectors that steps (s, k) lead to; none is longer than its step."""
+        """Changes (s, k) of scaled vectors that transformed steps (s, k) lead to, none longer than its step."""
         del longest
         step = steps[:, self.entries]
         result = steps.copy()
@@ -201,7 +222,7 @@ class Risen(NamedTuple):
 
 @dataclass
 class Objective:
-    """Residuals and Jacobian at full scaled vectors, for frozen noise; counts what it is asked.
+    """Weighted residuals and their Jacobian at full scaled vectors, for frozen noise; counts evaluations.
 
     Prior measurements (`Prior.penalty`) follow the points as further residuals, one per informative prior.
 
@@ -212,16 +233,16 @@ class Objective:
     noise : FrozenNoise
         Frozen noise of every curve.
     held : frozenset of int
-        Entries of a vector that a search leaves alone.
+        Entries of a vector that a search leaves unchanged.
     members : tuple of Member, optional
-        Curves that stand for the problem's, such as their blocks.
+        Curves used in place of the problem's, such as their block averages.
     failures : int
-        How many models were asked where no contact law exists.
+        How many evaluations failed because no contact law exists.
 
     Attributes
     ----------
     asked : Models
-        Where models and their derivatives come from.
+        Source of models and their derivatives.
     """
 
     problem: Problem
@@ -257,7 +278,7 @@ class Objective:
 
     @property
     def has_measured_priors(self) -> bool:
-        """Whether a prior pulls, so that the size of the noise moves the optimum."""
+        """Whether some prior is informative, so that the size of the noise moves the optimum."""
         return bool(self._informative)
 
     # --- what lmfit and the results ask -----------------------------------------------------------------
@@ -298,7 +319,10 @@ class Objective:
         return self._rows(self.asked.columns(physical, rough=rough), physical).T
 
     def normals(self, vector: FloatArray) -> tuple[list[FloatArray], FloatArray]:
-        """J'J over the active entries of each curve, and of all with the priors, each (active, active)."""
+        """J'J over the parameters that vary, of each curve and of all with the priors, each (active, active).
+
+        J are the derivatives of the whitened residuals in the scaled parameters at a vector (k,).
+        """
         physical = self.problem.physical(vector)
         slopes, kept = self.problem.space.slopes(physical), np.ix_(self.active, self.active)
         scale = np.outer(slopes, slopes)
@@ -311,7 +335,7 @@ class Objective:
         return parts, sum(parts, self._prior_places(vector[None], physical[None]).normal[0][kept])
 
     def exists(self, vector: FloatArray) -> bool:
-        """Whether there is a contact law at a vector (k,), and beside it for its derivatives."""
+        """Whether a contact law, and those that its derivatives need, exist at a scaled vector (k,)."""
         if np.abs(vector).max(initial=0.0) > _FAR:
             return False
         try:
@@ -321,9 +345,10 @@ class Objective:
         return True
 
     def follows(self, vector: FloatArray, square: float) -> bool:
-        """Whether models at a vector (k,) follow by slopes from those asked last, whose squares sum to `square`.
+        """Whether the last models can be extrapolated linearly to a scaled vector (k,), and keep them there if so.
 
-        Not where a law was refused on the way.
+        The error must be small beside the standard errors, `square` being the sum of squares. False where a law was
+        refused on the way.
         """
         physical = self.problem.physical(vector)
         slopes = np.abs(self.problem.space.slopes(physical))
@@ -357,7 +382,7 @@ class Objective:
     # --- what the engine asks ---------------------------------------------------------------------------
 
     def point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
-        """Place of the search at `vector` (k,), its linear parameters solved for within the bounds (k,).
+        """Point of the search at `vector` (k,), its linear parameters solved for within the bounds (k,).
 
         None where there is no law. Relaxing fractions are solved for too where that is worth a further model.
         """
@@ -371,19 +396,22 @@ class Objective:
         return there if there is not None and here is not None and there.square < here.square else here
 
     def places(self, vectors: FloatArray, low: FloatArray, high: FloatArray) -> Places:
-        """Points of vectors (s, k), each between its own ends (s, k)."""
+        """Points of the search at s scaled vectors, their linear parameters solved for.
+
+        `vectors`, and the limits `low` and `high` of each, are (s, k).
+        """
         if self._fractions is None:
             return self._places(vectors, low, high)
         points = [self.point(*one) for one in zip(vectors, low, high, strict=True)]
         return Places.of(points, vectors)
 
     def _point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
-        """`point` with the relaxing fractions held."""
+        """`point` without solving for the relaxing fractions."""
         place = self._places(vector[None], low[None], high[None])
         return place.point(0) if np.isfinite(place.square[0]) else None
 
     def _places(self, vectors: FloatArray, low: FloatArray, high: FloatArray) -> Places:
-        """`places` with the relaxing fractions held."""
+        """`places` without solving for the relaxing fractions."""
         possible = np.abs(vectors).max(axis=1, initial=0.0) <= _FAR
         if not possible.all():
             vectors = np.where(possible[:, None], vectors, 0.0)
@@ -408,17 +436,17 @@ class Objective:
 
     @cached_property
     def bases(self) -> BaseSteps | None:
-        """Steps of the moduli of bases; None where none is free."""
+        """Transformed steps of the moduli of bases; None where none is free."""
         return BaseSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def poissons(self) -> PoissonSteps | None:
-        """Steps of the Poisson's ratios of layers; None where none is free."""
+        """Transformed steps of the Poisson's ratios of layers; None where none is free."""
         return PoissonSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def courses(self) -> tuple[BaseSteps | PoissonSteps, ...]:
-        """Steps of the entries in which the force is far from straight."""
+        """Transformed steps of the parameters in which the force is far from linear."""
         return tuple(steps for steps in (self.bases, self.poissons) if steps is not None)
 
     @cached_property
@@ -430,7 +458,10 @@ class Objective:
         return Fractions.of(self.problem, set(self.active) - set(self._informative), self._linear)
 
     def _normal(self, rows: list[FloatArray], entries: list[NDArray[np.intp]]) -> FloatArray:
-        """J'J of the points (k, k), in SI."""
+        """J'J of the readings (k, k), in SI.
+
+        `rows` are each curve's whitened derivatives (own, n), `entries` the parameters (own,) that they belong to.
+        """
         k = len(self.problem.coordinates)
         total = np.zeros((k, k))
         for own, here in zip(rows, entries, strict=True):
@@ -439,7 +470,10 @@ class Objective:
         return total
 
     def _prior_places(self, vectors: FloatArray, physical: FloatArray) -> Places:
-        """What the informative priors say at vectors (s, k), which are `physical`."""
+        """Contributions of the informative priors to r'r, J'r and J'J at scaled vectors (s, k).
+
+        r are their residuals and J the derivatives; `physical` are the same vectors in SI.
+        """
         count, k = vectors.shape
         square, gradient, normal = np.zeros(count), np.zeros((count, k)), np.zeros((count, k, k))
         for row in range(count if self._informative else 0):
@@ -451,7 +485,10 @@ class Objective:
 
     @cached_property
     def _some_entries(self) -> list[NDArray[np.intp] | None]:
-        """Entries (own,) that each curve reads, as `Rows.entries`: None where they are all, in order."""
+        """Entries (own,) of a vector that each curve depends on; None where they are all, in order.
+
+        As in `Rows.entries`.
+        """
         everything = np.arange(len(self.problem.coordinates))
         return [None if np.array_equal(entries, everything) else entries for entries in self._entries]
 
@@ -465,7 +502,7 @@ class Objective:
         return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
     def _rows(self, columns: list[FloatArray], physical: FloatArray) -> FloatArray:
-        """Derivatives of the residuals in the entries of a vector, (k, n + p)."""
+        """Derivatives of the residuals in the scaled parameters, (k, n + p), from those of each curve in SI."""
         slopes = self.problem.space.slopes(physical)
         rows = np.zeros((len(slopes), self.points + len(self._informative)))
         end = 0
@@ -482,7 +519,10 @@ class Objective:
         )
 
     def _whitened(self, forces: list[FloatArray]) -> list[FloatArray]:
-        """Forces (N), (..., n) each, over the noise."""
+        """Forces (N), (..., n) each, divided by the noise and decorrelated.
+
+        Errors that several curves have in common are included.
+        """
         own = self._each_whitened(forces)
         return own if self._common is None else self._common.whitened(own)
 
@@ -490,14 +530,17 @@ class Objective:
         return self._spread(self._each_whitened([own.T for own in columns]))
 
     def _each_whitened(self, forces: list[FloatArray]) -> list[FloatArray]:
-        """Forces (N), (..., n) each, over the noise of their curve alone."""
+        """Forces (N), (..., n) each, divided by the noise of their own curve and decorrelated."""
         return [
             noise.whiten(force / sigma, member.curve.time)
             for force, (member, noise, sigma) in zip(forces, self._curves(), strict=True)
         ]
 
     def _spread(self, rows: list[FloatArray]) -> list[FloatArray]:
-        """Whitened rows of each curve's own entries, (..., e, n); of all where curves have errors in common."""
+        """Whitened derivatives of each curve in its own parameters, (..., e, n).
+
+        In all parameters where curves have errors in common.
+        """
         if self._common is None:
             return rows
         spread = []
@@ -511,7 +554,7 @@ class Objective:
         return zip(self.members, self.noise.models, self.noise.sigmas, strict=True)
 
     def _penalties(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals of the informative priors (p,) and their slopes in SI (p, k)."""
+        """Residuals of the informative priors (p,) and their derivatives in SI (p, k)."""
         which = self._informative
         values, slopes = np.zeros(len(which)), np.zeros((len(which), len(physical)))
         for row, index in enumerate(which):

@@ -1,8 +1,8 @@
-"""Variable projection: parameters in which the model is linear are solved for at every place of a search.
+"""Variable projection: parameters in which the model is linear are solved for at every point of a search.
 
 A step along the valley of modulus and thickness leaves the modulus behind; solving for what is linear (Golub and
-Pereyra 1973, doi:10.1137/0710036) puts it right without another model. Several places of a search go at once: steps
-of a search from one start cost calls, not arithmetic, and as many calls serve all starts.
+Pereyra 1973, doi:10.1137/0710036) corrects it without another model. Several points are treated at once: the time
+of a step goes into calls, not arithmetic, and the same calls serve all of them.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ _IDLE, _FLAT = 1e-10, 1e-4
 
 @dataclass(frozen=True)
 class Point:
-    """A place of a search; r are the whitened residuals there, J their derivatives.
+    """A point of a search; r are the whitened residuals there, J their derivatives in the scaled parameters.
 
     Parameters
     ----------
     vector : FloatArray
-        Scaled, (k,).
+        Scaled parameters, (k,).
     square : float
         Sum of squares r'r.
     gradient : FloatArray
@@ -56,33 +56,36 @@ class Point:
 
 
 class Sums(Protocol):
-    """Places of a search, as `Places` has them: scaled vectors (s, k), J'r (s, k) and J'J (s, k, k)."""
+    """What `LinearDirections.steps` needs of s points: scaled vectors (s, k), J'r (s, k) and J'J (s, k, k).
+
+    r are the whitened residuals, J their derivatives in the scaled parameters.
+    """
 
     @property
     def vector(self) -> FloatArray:
-        """Scaled, (s, k)."""
+        """Scaled parameters, (s, k)."""
 
     @property
     def gradient(self) -> FloatArray:
-        """J'r, (s, k)."""
+        """J'r of residuals r and their derivatives J, (s, k)."""
 
     @property
     def normal(self) -> FloatArray:
-        """J'J, (s, k, k)."""
+        """J'J of the residuals' derivatives J, (s, k, k)."""
 
 
 @dataclass(frozen=True)
 class LinearSteps:
-    """Steps in the linear parameters from several places; zero where none is taken.
+    """Steps in the linear parameters from s points; zero for a point that takes none.
 
     Parameters
     ----------
     change : FloatArray
         Changes of the scaled vectors, (s, k).
     along : FloatArray
-        The residuals change by J times this, exactly, (s, k).
+        Step by which the residuals change as J times it, exactly, (s, k); J are their derivatives.
     grown : FloatArray
-        Factors (s, k) by which the derivatives have grown there.
+        Factors (s, k) by which the step multiplies the derivatives.
     """
 
     change: FloatArray
@@ -92,17 +95,17 @@ class LinearSteps:
 
 @dataclass(frozen=True)
 class LinearDirections:
-    """Directions in which the model is linear.
+    """Directions of the scaled parameters in which the model is linear.
 
     Parameters
     ----------
     rows : FloatArray
-        The directions, (p, k): baselines, and the moduli together where one factor on them is a factor on the
-        force of every curve.
+        The directions, (p, k): baselines, and the moduli together where one factor on them is a factor on the force
+        of every curve.
     scales : bool
         Whether the last is that of the moduli: a step there is the logarithm of the factor.
     through_force : ndarray of bool (k,)
-        Entries that act through the contact force.
+        Parameters that act through the contact force.
     """
 
     rows: FloatArray
@@ -111,7 +114,10 @@ class LinearDirections:
 
     @classmethod
     def of(cls, problem: Problem, free: set[int]) -> Self:
-        """Find the linear directions among the entries `free`, those neither held nor measured otherwise."""
+        """Find the linear directions among the entries `free` of a vector.
+
+        These are the parameters that are neither held nor have a measured prior.
+        """
         unit = np.eye(len(problem.coordinates))
         baseline = np.array([coordinate.path in _LINEAR for coordinate in problem.coordinates])
         # What a lever bends goes with the whole reading.
@@ -126,10 +132,10 @@ class LinearDirections:
         return cls(np.reshape(rows, (len(rows), len(unit))), scales, ~baseline)
 
     def steps(self, places: Sums, low: FloatArray, high: FloatArray) -> LinearSteps | None:
-        """Steps of the linear parameters to their best from places (s, k), within the ends (s, k).
+        """Steps that bring the linear parameters to their least-squares values at s points, within limits (s, k).
 
-        A place takes no step where a linear parameter does not act, the force would vanish, or an end would be
-        passed; None where no place takes one.
+        A point takes no step where a linear parameter has no effect, the force would vanish, or a limit would be
+        passed; None where no point takes one.
         """
         if not len(self.rows):
             return None
@@ -164,7 +170,10 @@ class LinearDirections:
 
 
 def _common_moduli(members: Sequence[Member]) -> set[int]:
-    """Entries that carry all moduli (and works of adhesion) of all curves in one factor; or none."""
+    """Entries of all moduli (and works of adhesion) where one factor on them is a factor on every curve's force.
+
+    Empty where there is no such factor: a modulus is fixed, the frame or the cantilever yields, or curves differ.
+    """
     found: list[set[int]] = []
     for member in members:
         gives = bool(member.base["instrument.compliance"]) or "instrument.compliance" in member.entries
@@ -177,27 +186,27 @@ def _common_moduli(members: Sequence[Member]) -> set[int]:
 
 
 def _may_bend(member: Member) -> bool:
-    """Whether a lever may bend otherwise than what was taken off the depth."""
+    """Whether the cantilever may bend by other than what was subtracted from the depth readings."""
     return SENSITIVITY_RATIO in member.entries or member.forward.bends(member.base)
 
 
 def acting(norms: FloatArray) -> NDArray[np.bool_]:
-    """Which entries act at all, (..., k), by the lengths of their columns of whitened derivatives, (..., k)."""
+    """Which parameters have an effect, (..., k), by the norms of their whitened derivatives, (..., k)."""
     largest = norms.max(axis=-1, keepdims=True, initial=0.0)
     return np.asarray(norms > np.maximum(_IDLE * largest, _FLAT))
 
 
 class Rows(NamedTuple):
-    """One curve's part of several places.
+    """Residuals and derivatives of one curve at s points.
 
     Parameters
     ----------
     residuals : FloatArray
         Whitened, (s, n).
     derivatives : FloatArray
-        Derivatives of the residuals in the scaled entries that the curve reads, (s, own, n).
+        Derivatives of the residuals in the scaled parameters that the curve depends on, (s, own, n).
     entries : ndarray of int (own,) or None
-        The entries that it reads; None where they are all, in order.
+        Entries of those parameters in a vector; None where they are all, in order.
     """
 
     residuals: FloatArray
@@ -207,16 +216,16 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True)
 class Places:
-    """Several places of a search, each as `Point` describes one; the first axis counts them.
+    """Several points of a search, each as `Point` describes one; the first axis counts them.
 
     Parameters
     ----------
     vector : FloatArray
-        Scaled, (s, k).
+        Scaled parameters, (s, k).
     square : FloatArray
-        Sum of squares, (s,); infinite where there is no law.
+        Sum of squares r'r of the whitened residuals r, (s,); infinite where there is no law.
     gradient : FloatArray
-        J'r, (s, k).
+        J'r, with J the derivatives of the residuals, (s, k).
     normal : FloatArray
         J'J, (s, k, k).
     """
@@ -228,7 +237,7 @@ class Places:
 
     @classmethod
     def of(cls, points: Sequence[Point | None], vectors: FloatArray) -> Self:
-        """Gather places; None is one without a law, at its row of `vectors` (s, k)."""
+        """Gather s points; None stands for one without a law, at its row of `vectors` (s, k)."""
         count, k = vectors.shape
         places = cls(np.array(vectors), np.full(count, np.inf), np.zeros((count, k)), np.zeros((count, k, k)))
         for row, point in enumerate(points):
@@ -238,15 +247,15 @@ class Places:
         return places
 
     def point(self, row: int) -> Point:
-        """The place at a row."""
+        """The point at a row."""
         return Point(self.vector[row], float(self.square[row]), self.gradient[row], self.normal[row])
 
     def part(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Self:
-        """The places at some rows."""
+        """The points at some rows, by indices or a mask (s,)."""
         return type(self)(self.vector[rows], self.square[rows], self.gradient[rows], self.normal[rows])
 
     def replaced(self, which: NDArray[np.bool_], other: Self) -> Self:
-        """These places, with those of `other` at the rows `which` (s,)."""
+        """These points, with those of `other` at the rows `which` (s,)."""
         if not which.any():
             return self
         if which.all():
@@ -262,18 +271,18 @@ class Places:
 def projected(
     curves: Sequence[Rows], prior: Places, linear: LinearDirections, low: FloatArray, high: FloatArray
 ) -> Places:
-    """Places with what is linear taken to its best, where that is within the ends (s, k).
+    """Points with the linear parameters at their least-squares values, where those are within the limits (s, k).
 
     Parameters
     ----------
     curves : sequence of Rows
-        Residuals and derivatives of every curve at the places' vectors.
+        Residuals and derivatives of every curve at the scaled vectors of `prior`.
     prior : Places
-        What the priors add to the sums there; its squares are infinite where there is no law.
+        The scaled vectors, and what the priors add to the sums there; squares are infinite where there is no law.
     linear : LinearDirections
-        What is solved for.
+        Directions that are solved for.
     low, high : FloatArray
-        Ends of the scaled vectors, (s, k).
+        Limits of the scaled vectors, (s, k).
     """
     gradient, normal, square = prior.gradient, prior.normal.copy(), prior.square
     for curve in curves:
@@ -301,7 +310,10 @@ def projected(
 def _against(
     curves: Sequence[Rows], residuals: Sequence[FloatArray], prior: Places, grown: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """J'r (s, k), its derivatives grown by factors (s, k), and r'r (s,), with what the priors add."""
+    """J'r (s, k) and r'r (s,) of the residuals r of all curves, with what the priors add.
+
+    `grown` (s, k) are factors on the derivatives J; one by default.
+    """
     gradient, square = np.zeros(prior.gradient.shape), prior.square.copy()
     for curve, r in zip(curves, residuals, strict=True):
         square += np.einsum("sn,sn->s", r, r)

@@ -1,4 +1,4 @@
-"""Where a result came from: versions, hashes of what went in, and the modulus of the instrument's own software."""
+"""Origin of a result: versions, hashes of the input, and the modulus found by the instrument's own software."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _PATH = "layer.E"
 
 
 def curve_hash(curve: Curve) -> str:
-    """SHA-256 of the depths and forces as they were used."""
+    """SHA-256 of the depths and forces of a curve as they were fitted, in hexadecimal."""
     digest = hashlib.sha256(curve.depth.tobytes())
     digest.update(curve.force.tobytes())
     return digest.hexdigest()
 
 
 def provenance(curves: Sequence[Curve]) -> dict[str, Any]:
-    """Versions of what computed, and of every curve its name, file and hashes."""
+    """Versions of this program and its libraries, and of every curve its name, file and hashes."""
     return {
         "versions": {"underlay": VERSION} | version_record(("numpy", "scipy", "lmfit")),
         "curves": [
@@ -70,20 +70,20 @@ def _version(name: str) -> str:
 
 @dataclass(frozen=True)
 class InstrumentModulus:
-    """What the file of a curve says of the sample's stiffness, beside what was found here.
+    """Modulus that the file of a curve states, compared with the fitted one.
 
-    Instruments write the reduced modulus E / (1 - nu^2), or a Young's modulus at a Poisson's ratio of their
-    own; readers keep the first. Both are brought to the Young's modulus of our Poisson's ratio.
+    Instruments write the reduced modulus E / (1 - nu^2), or a Young's modulus at a Poisson's ratio of their own;
+    readers keep the first. Both are converted to the Young's modulus at our Poisson's ratio.
 
     Parameters
     ----------
     reduced : float
         The instrument's E / (1 - nu^2) (Pa), nearly always of a half-space.
     youngs : float
-        Young's modulus ``layer.E`` (Pa) that has this reduced modulus; of a transversely isotropic layer, with
-        the ratios of its other moduli kept.
+        Young's modulus ``layer.E`` (Pa) that has this reduced modulus; of a transversely isotropic layer, with the
+        ratios of its other moduli kept.
     nu : float
-        Poisson's ratio ``layer.nu`` with which that was done.
+        Poisson's ratio ``layer.nu`` of that conversion.
     difference : float
         Our modulus over the instrument's, less one.
     """
@@ -95,7 +95,7 @@ class InstrumentModulus:
 
 
 def instrument_modulus(scene: Scene, curve: Curve) -> InstrumentModulus | None:
-    """Compare the layer of a fitted scene with what the curve's file says; None where it says nothing."""
+    """Compare the layer of a fitted scene with the modulus in the curve's file; None where the file gives none."""
     reduced = curve.metadata.get(STATED)
     if isinstance(reduced, bool) or not isinstance(reduced, int | float):
         return None
@@ -110,7 +110,10 @@ def instrument_modulus(scene: Scene, curve: Curve) -> InstrumentModulus | None:
 def instrument_moduli(
     problem: Problem, scenes: Sequence[Scene], curves: Sequence[Curve]
 ) -> dict[str, InstrumentModulus]:
-    """Comparison for every fitted ``layer.E``, by its name; none for one that several curves share."""
+    """The instrument's modulus beside every fitted ``layer.E``, by the name of that parameter.
+
+    None is given for a parameter that several curves share.
+    """
     found: dict[str, InstrumentModulus] = {}
     for member, scene, curve in zip(problem.members, scenes, curves, strict=True):
         entry = member.entries.get(_PATH)

@@ -1,12 +1,13 @@
-"""Starts of a fit from the data alone: scan what is not linear, solve for what is.
+"""Starting points of a fit from the data alone: a grid over the nonlinear parameters, the linear ones solved for.
 
 Thickness, modulus ratio and contact depth are laid on a coarse grid of scale-free values, within the bounds of the
 problem; for each, the layer's modulus (which scales the force when the ratio is held), the baseline and its slope
-follow by linear least squares. Where the base's modulus is known, each thickness takes the ratio at which the
-layer's modulus and that ratio give it. The scene's own values are only one more grid point, so a start wrong by
-orders of magnitude, or the last curve's result, does not decide where a fit ends. Between the points of the grid
-residuals change so evenly that they are read off parabolas. Every local minimum is a start, and so are places
-thinner and thicker than the best: thin and stiffly backed can look like thick and stiff.
+follow by linear least squares. Where the modulus of the base, which is what the layer stands on, is known, each
+thickness takes the ratio that agrees with the layer's modulus found there. The scene's own values are only one more
+grid point, so a start wrong by orders of magnitude, or the last curve's result, does not decide where a fit ends.
+Between the points of the grid residuals change so smoothly that they are interpolated by parabolas. Every local
+minimum is a start, and so are places thinner and thicker than the best: thin and stiffly backed can look like thick
+and stiff.
 """
 
 from __future__ import annotations
@@ -74,7 +75,10 @@ _RIVAL, _APART = np.log(2.7), np.log(1.6)
 
 
 def tried_contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float) -> FloatArray:
-    """Contact depths (m) to try, ascending; `known` alone where it is not free."""
+    """Contact depths (m) to try, (c,), ascending; `known` (m) alone where the contact depth is not free.
+
+    `free` are the free parameters by path, `blocks` the curve.
+    """
     if CONTACT not in free:
         return np.array([known])
     coordinate = free[CONTACT]
@@ -88,7 +92,15 @@ def tried_contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float)
 
 
 def tried_thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]) -> FloatArray:
-    """Thicknesses (m) to try, ascending; empty where it is not free."""
+    """Thicknesses (m) to try, ascending; empty where the thickness is not free.
+
+    Parameters
+    ----------
+    free : mapping of path to Coordinate
+        The free parameters.
+    radii : (float, float)
+        Smallest and largest contact radius (m) of the curves, as on a half-space.
+    """
     if THICKNESS not in free:
         return np.zeros(0)
     coordinate = free[THICKNESS]
@@ -106,7 +118,11 @@ def tried_thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]
 
 
 def tried_base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float]) -> FloatArray:
-    """Moduli (Pa) of the base to try under the scene's layer, ascending; empty where no ratio is free."""
+    """Moduli (Pa) of the base to try under a layer of the scene's modulus, ascending.
+
+    Empty where neither modulus is free, or there is no elastic base. `free` are the free parameters and `base` all
+    numbers of the scene (SI), by path.
+    """
     if BASE_MODULUS not in base or not {MODULUS, BASE_MODULUS} & free.keys():
         return np.zeros(0)
     (softest, hardest), (lowest, highest) = (
@@ -123,16 +139,22 @@ def tried_base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float])
 
 
 def _with(values: FloatArray, *own: float) -> FloatArray:
-    """Each of the values (n,) and of `own` once, ascending: numpy.unique takes ten times as long on so few."""
+    """The values (n,) and `own` in ascending order, each once: numpy.unique takes ten times as long on so few."""
     return np.array(sorted({*values.tolist(), *own}))
 
 
 @dataclass(frozen=True)
 class _Grid:
-    """How well one curve goes with the places of the grid.
+    """Fit of one curve at every thickness and modulus ratio of the grid.
 
-    Its misfit (N^2) and its best values (SI) by path are each (thicknesses, moduli); `residuals` (N) are those of
-    its blocks, (thicknesses, moduli, m).
+    Parameters
+    ----------
+    misfit : FloatArray
+        Sum of squared residuals (N^2), (thicknesses, moduli).
+    values : dict of path to FloatArray
+        Best parameter values (SI), (thicknesses, moduli).
+    residuals : FloatArray
+        Residuals (N) of the curve's m blocks, (thicknesses, moduli, m).
     """
 
     misfit: FloatArray
@@ -140,7 +162,7 @@ class _Grid:
     residuals: FloatArray
 
     def best_along(self, axis: int) -> _Grid:
-        """The best place along one axis (0 thicknesses, 1 moduli), which then has one entry."""
+        """The grid with the best entry along one axis (0 thicknesses, 1 moduli), which then has length one."""
         which = np.argmin(self.misfit, axis=axis)
         others = np.arange(len(which))
         best = (which[None], others[None]) if axis == 0 else (others[:, None], which[:, None])
@@ -160,17 +182,17 @@ class _Grid:
 
 
 def scan(problem: Problem, count: int = 3) -> list[Start]:
-    """Starts of a fit: local minima of the grid, best first.
+    """Starting points of a fit: local minima of the misfit over a grid, best first.
 
-    Thickness and moduli that curves share are scanned together; what is a curve's own is chosen by it alone.
-    Where something sticks, the pull-off tells more: see `adhesive_starts`.
+    Thickness and moduli that curves share are scanned together; what is a curve's own is chosen by it alone. For
+    adhesive contacts the pull-off is used instead: see `adhesive_starts`.
 
     Parameters
     ----------
     problem : Problem
         What will be fitted.
     count : int
-        Local minima at most; rivals thinner and thicker than the best come on top.
+        Largest number of local minima; starts thinner and thicker than the best come on top.
 
     Returns
     -------
@@ -192,10 +214,18 @@ def scan(problem: Problem, count: int = 3) -> list[Start]:
 
 @dataclass(frozen=True)
 class Landscape:
-    """Misfit of a problem's curves over the grid.
+    """Misfit of all curves of a problem over the grid of thicknesses and modulus ratios.
 
-    `curves` and `grids` are one for each curve; `steps` is how many rows there are from a thickness tried to the
-    next, with the interpolated ones between.
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    curves : tuple of ScanCurve
+        Each curve in blocks.
+    grids : tuple of _Grid
+        Fit of each curve over the grid.
+    steps : int
+        Rows from one thickness of the coarse grid to the next, interpolated ones between.
     """
 
     problem: Problem
@@ -205,7 +235,7 @@ class Landscape:
 
     @classmethod
     def of(cls, problem: Problem) -> Self:
-        """Scan the curves of a problem in which nothing sticks."""
+        """Scan the curves of a problem without adhesion."""
         curves = tuple(_scanned(member, problem) for member in problem.members)
         radii = [
             _radius_scale(m.scene, curve.blocks) for m, curve in zip(problem.members, curves, strict=True)
@@ -221,12 +251,15 @@ class Landscape:
 
     @cached_property
     def misfit(self) -> FloatArray:
-        """Sum of squares (N^2) of all curves, (thicknesses, moduli); inf where there is no law."""
+        """Sum of squared residuals (N^2) of all curves, (thicknesses, moduli); inf where there is no law."""
         first, *others = (grid.misfit for grid in self.grids)
         return sum(others, first)
 
     def minima(self, count: int) -> list[tuple[int, int]]:
-        """At most `count` local minima, best first, and places thinner and thicker than the best; none hopeless."""
+        """Up to `count` local minima, best first, then places thinner and thicker than the best, as grid indices.
+
+        Places whose misfit is more than 25 times the best are left out.
+        """
         total = self.misfit
         minima = np.isfinite(total)
         minima[1:] &= total[1:] <= total[:-1]
@@ -251,13 +284,13 @@ class Landscape:
         return [place for place in chosen if total[place] <= _HOPELESS * total[chosen[0]]]
 
     def places(self) -> list[tuple[int, int]]:
-        """Places tried that have a law, best first."""
+        """Indices (thickness, modulus) of the points of the coarse grid that have a law, best first."""
         tried = np.zeros(self.misfit.shape, dtype=bool)
         tried[:: self.steps] = True
         return self._ranked(tried & np.isfinite(self.misfit))
 
     def vector(self, place: tuple[int, int]) -> FloatArray:
-        """Scaled vector (k,) of a place."""
+        """Scaled vector (k,) of a place, given by its indices (thickness, modulus)."""
         return _vector(self.problem, self.curves, self.grids, place)
 
     def _ranked(self, which: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -269,10 +302,19 @@ class Landscape:
 def _rivals(
     total: FloatArray, log_thickness: FloatArray, chosen: Sequence[tuple[int, int]]
 ) -> list[tuple[int, int]]:
-    """Places a rival's distance thinner and thicker than the best, where none is chosen yet.
+    """Grid indices a factor of 2.7 thinner and thicker than the best place, where none is chosen yet.
 
-    A second basin may be as narrow as the noise and stand between the points of the grid: then no local minimum
-    of the grid tells of it. Rivals were found 2.5 to 3 times thinner or thicker than the best.
+    A second minimum may be as narrow as the noise and lie between the points of the grid: then no local minimum of
+    the grid shows it. Second minima were found 2.5 to 3 times thinner or thicker than the best.
+
+    Parameters
+    ----------
+    total : FloatArray
+        Misfit of all curves, (thicknesses, moduli).
+    log_thickness : FloatArray
+        ln of each thickness, (thicknesses,).
+    chosen : sequence of (int, int)
+        Places chosen so far, best first.
     """
     added: list[tuple[int, int]] = []
     for aim in (log_thickness[chosen[0][0]] + side * _RIVAL for side in (-1.0, 1.0)) if chosen else ():
@@ -286,7 +328,7 @@ def _rivals(
 def _vector(
     problem: Problem, curves: Sequence[ScanCurve], grids: Sequence[_Grid], place: tuple[int, int]
 ) -> FloatArray:
-    """Scaled vector of what each curve found; a shared parameter takes the mean."""
+    """Scaled vector (k,) of the values that each curve found at a place; a shared parameter takes the mean."""
     found: list[list[float]] = [[] for _ in problem.coordinates]
     for member, curve, grid in zip(problem.members, curves, grids, strict=True):
         values = {path: float(value[place]) for path, value in grid.values.items()}
@@ -311,10 +353,10 @@ def _scanned(member: Member, problem: Problem) -> ScanCurve:
 
 
 def _way_in(member: Member) -> Curve:
-    """The readings that the grid goes by: of a sample that remembers those up to its deepest.
+    """The readings that the grid is fitted to: of a sample that remembers, those up to its deepest.
 
-    The grid knows no time. To its laws a force that falls at one depth is a noise at the deepest readings, and what
-    explains it best is a layer as thin as may be.
+    The laws of the grid know no time. To them a force that falls at one depth is a noise at the deepest readings,
+    and what explains it best is a layer as thin as possible.
     """
     curve = member.curve
     if member.forward.history is None:
@@ -325,7 +367,10 @@ def _way_in(member: Member) -> Curve:
 
 
 def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[float, float]) -> _Grid:
-    """Best of one curve for every place of the shared grid."""
+    """Fit of one curve at every place of the grid; `radii` as in `tried_thicknesses`.
+
+    Axes of parameters that curves do not share are reduced to the curve's best value.
+    """
     alone = len(problem.members) == 1
     thicknesses = tried_thicknesses(curve.free, radii)
     moduli_are_shared = alone or not {MODULUS, BASE_MODULUS}.isdisjoint(problem.shared)
@@ -355,7 +400,7 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
 
 
 def _parabolas(x: FloatArray) -> FloatArray:
-    """Weights (p, t) of values at x (t,) for those at more places, by parabolas through the nearest three."""
+    """Weights (p, t) that interpolate values at x (t,) to p places, by parabolas through the nearest three."""
     count = _BETWEEN * (len(x) - 1) + 1
     row = np.arange(count)
     steps = row / _BETWEEN
@@ -370,7 +415,10 @@ def _parabolas(x: FloatArray) -> FloatArray:
 
 
 def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray) -> GridFit:
-    """Fit of the curve at every thickness on the first base, then on the second, and so on."""
+    """Fit of the curve at every thickness on the first base, then on the second, and so on.
+
+    `thicknesses` are in m and `bases` are moduli (Pa) of the base; either may be empty.
+    """
     rows: dict[str, float | FloatArray] = dict(member.base)
     count = max(thicknesses.size, 1)
     if thicknesses.size:
@@ -383,10 +431,17 @@ def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: Floa
 
 
 def _consistent(grid: _Grid, log_ratios: FloatArray, beyond: FloatArray) -> _Grid:
-    """Fit at each thickness where the base has the modulus that is known, between the ratios tried.
+    """Fit at each thickness with the base's known modulus, interpolated between the ratios tried.
 
-    `beyond` (thicknesses, moduli) is the logarithm of the base's modulus that goes with the layer's, over the
-    known one, where the ratio's is `log_ratios` (moduli,).
+    Parameters
+    ----------
+    grid : _Grid
+        Fit at ratios of the base's modulus to the layer's, the layer's modulus free.
+    log_ratios : FloatArray
+        ln of those ratios, (moduli,).
+    beyond : FloatArray
+        ln of the base's modulus that the ratio and the fitted layer give, over the known one, (thicknesses,
+        moduli).
     """
     usable = np.isfinite(grid.misfit)
     below, above = beyond[:, :-1], beyond[:, 1:]
@@ -398,7 +453,7 @@ def _consistent(grid: _Grid, log_ratios: FloatArray, beyond: FloatArray) -> _Gri
     share = np.where(crosses, (at - start) / np.where(crosses, end - start, 1.0), 0.0)
 
     def between(values: FloatArray) -> FloatArray:
-        """At the crossings, then at the ratios tried."""
+        """Values at the crossings of the known modulus, then at the ratios tried."""
         inside = (1.0 - share) * values[:, :-1] + share * values[:, 1:]
         return np.concatenate((inside, values), axis=1)
 
@@ -417,7 +472,7 @@ def _consistent(grid: _Grid, log_ratios: FloatArray, beyond: FloatArray) -> _Gri
 
 
 def _radius_scale(scene: Scene, blocks: Blocks) -> float:
-    """Contact radius (m) on a half-space at the curve's whole range of depth."""
+    """Contact radius (m) on a half-space when the tip is pressed by the curve's whole range of depth."""
     travel = np.array([blocks.span])
     limit = scene.indenter.max_radius
     if np.isfinite(limit) and not scene.indenter.has_edge:

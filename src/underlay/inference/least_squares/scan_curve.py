@@ -1,8 +1,8 @@
-"""One curve in blocks of neighbouring readings, and its misfit at the points of the grid that `scan` lays.
+"""One curve in blocks of neighbouring readings, and its misfit at the points of the grid of `scan`.
 
 A start is found with blocks, and searched from with them: a step on blocks costs a fraction of what it costs on all
-readings, and their averages lose little of what the readings tell. On a grid every contact depth is tried at once,
-linear parameters solved for, and the contact laws of all rows are asked together.
+readings, and their averages lose little of the information. On a grid every contact depth is tried at once, linear
+parameters solved for, and the contact laws of all rows are computed together.
 """
 
 from __future__ import annotations
@@ -64,10 +64,14 @@ _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 @dataclass(frozen=True)
 class Blocks:
-    """A curve with neighbouring readings taken together.
+    """A curve with neighbouring readings combined into m blocks.
 
-    Depth (m) and force (N) of the blocks, each (m,); of averages also the variance (m^2) of the depths within each
-    block, (m,).
+    Parameters
+    ----------
+    depth, force : FloatArray
+        Depth (m) and force (N) of the blocks, (m,).
+    variance : FloatArray, optional
+        Variance (m^2) of the depths within each block, (m,), where blocks are averages.
     """
 
     depth: FloatArray
@@ -76,12 +80,12 @@ class Blocks:
 
     @property
     def span(self) -> float:
-        """Range of depth (m), the blocks being in order."""
+        """Range of depth (m), from the first block to the last."""
         return float(self.depth[-1] - self.depth[0])
 
     @classmethod
     def of(cls, curve: Curve, count: int, *, averages: bool = False) -> Blocks:
-        """Take neighbouring depths together in `count` blocks: medians, so that no outlier decides, or averages."""
+        """Combine neighbouring depths into `count` blocks: medians, so that no outlier decides, or averages."""
         order = np.argsort(curve.depth, kind="stable")
         count = min(count, len(order))
         size, longer = divmod(len(order), count)
@@ -104,8 +108,8 @@ class Blocks:
     def straightened(self) -> Blocks:
         """The blocks without what curvature adds to an average: f(mean w) = mean f - f'' var(w)/2.
 
-        f'' is that of the parabola through a block and two some blocks away: through its neighbours it would
-        bring a tenth of a block's scatter along.
+        w is the depth and f the force. f'' is that of the parabola through a block and two some blocks away:
+        through its neighbours it would bring a tenth of a block's scatter along.
         """
         w, f, away = self.depth, self.force, _AWAY
         if self.variance is None or len(w) <= 2 * away or not (np.diff(w) > 0.0).all():
@@ -118,7 +122,7 @@ class Blocks:
 def blocked_objective(
     problem: Problem, *, robust: bool, forwards: Sequence[Forward] | None = None
 ) -> Objective:
-    """Objective of the curves in blocks; its noise is the scatter of the readings about a smooth curve.
+    """Residuals over block averages of the curves; the noise is the scatter of the readings about a smooth curve.
 
     Parameters
     ----------
@@ -127,7 +131,7 @@ def blocked_objective(
     robust : bool
         Whether blocks are medians; else they are averages, whose optimum is nearly that of all readings.
     forwards : sequence of Forward, optional
-        Models that stand for those of the curves.
+        Models to use in place of those of the curves.
     """
     members, noises, sigmas = [], [], []
     own = forwards or [member.forward for member in problem.members]
@@ -144,7 +148,10 @@ def blocked_objective(
 
 
 def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
-    """`blocked_objective` by laws of paraboloids; None where no curve gains by them, or a tip's size is free."""
+    """`blocked_objective` with spheres replaced by paraboloids, whose laws are cheaper; None where that is no gain.
+
+    None too where the tip's size is free or the curves cannot be computed in batches.
+    """
     forwards = [
         forward
         for member in problem.members
@@ -161,7 +168,7 @@ def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
 def blocked_forward(
     forward: Forward, blocks: Blocks, rtol: float, tried: Sequence[str] | None = None
 ) -> Forward:
-    """A curve's model at the depths of its blocks, with coarse laws of its own.
+    """Model of a curve at the depths of its blocks, with less accurate laws kept separately.
 
     Parameters
     ----------
@@ -195,19 +202,19 @@ def _medians(rows: FloatArray) -> FloatArray:
 
 
 def _middles(ordered: FloatArray) -> FloatArray:
-    """Medians of rows in order."""
+    """Medians (rows,) of rows (rows, n) whose values are in order."""
     middle = ordered.shape[1] // 2
     return ordered[:, middle] if ordered.shape[1] % 2 else 0.5 * (ordered[:, middle - 1] + ordered[:, middle])
 
 
 @dataclass(frozen=True)
 class LawRows:
-    """Laws of some rows: neighbours of equal ratios share one.
+    """Contact laws of the r rows of a grid: neighbouring rows of equal ratios share one.
 
     Parameters
     ----------
     b, c : FloatArray
-        Factors of P(w) = c P_ref(b w), each (r, 1, 1).
+        Factors of similarity in P(w) = c P_ref(b w), with P the force and w the depth, each (r, 1, 1).
     possible : ndarray of bool (r,)
         Which rows have a law.
     shared : list of (slice, law)
@@ -215,8 +222,8 @@ class LawRows:
     over : TipOverPowerLaw, optional
         The tip, where the laws are those of its power law.
     together : callable, optional
-        Forces (N), (laws, n), at depths (m), (laws, n) or (1, n) for all, of laws that serve the same factors each,
-        in place of `shared`.
+        Used in place of `shared` where every law serves rows of the same b: forces (N), (laws, n), of all laws at
+        depths (m), (laws, n) or (1, n) for all.
     places : int
         Rows that each of these laws serves.
     """
@@ -231,7 +238,7 @@ class LawRows:
 
     @classmethod
     def of(cls, forward: Forward, rows: Rows, deepest: float) -> Self:
-        """Find or build the laws for tip depths up to `deepest` (m)."""
+        """Find or build the laws of a model at the numbers `rows`, for tip depths up to `deepest` (m)."""
         similarity = forward.similarity
         count = max(value.size if isinstance(value, np.ndarray) else 1 for value in rows.values())
         # `factors` and `reduced` divide and multiply: arrays go through them as numbers do.
@@ -286,7 +293,10 @@ class LawRows:
 def _reaching(
     forward: Forward, ratios: tuple[float, ...], depths: FloatArray
 ) -> tuple[ContactLaw | None, NDArray[np.bool_]]:
-    """Law that reaches as many of `depths` (m), (r,), as can be, and which those are."""
+    """Law that reaches as many of the depths (m), (r,), as any can, and a mask (r,) of those it reaches.
+
+    `ratios` identify the law, as `Similarity.reduced` returns them. None where no law reaches any.
+    """
     within = np.ones(len(depths), dtype=bool)
     try:
         return forward.laws.law(ratios, float(depths.max())), within
@@ -300,25 +310,25 @@ def _reaching(
 
 
 def _deepest(depths: FloatArray, groups: Sequence[tuple[tuple[float, ...], Sequence[object]]]) -> list[float]:
-    """Largest of the depths (r,) of every group of neighbours."""
+    """Largest of the depths (m), (r,), in each group of neighbouring rows."""
     ends = np.cumsum([0] + [len(group) for _, group in groups])
     return [float(depths[start:stop].max()) for start, stop in pairwise(ends.tolist())]
 
 
 @dataclass(frozen=True)
 class GridFit:
-    """How well a curve goes with the rows of a grid, each (r,).
+    """Fit of one curve at the r rows of a grid.
 
     Parameters
     ----------
     misfit : FloatArray
-        Sum of squares (N^2); infinite where no law reaches.
+        Sum of squared residuals (N^2), (r,); infinite where no law reaches.
     contact : FloatArray
-        Best contact depth (m).
+        Best contact depth (m), (r,).
     amplitude : FloatArray
-        Factor on the moduli that goes with it.
+        Best factor on the moduli at that contact depth, (r,).
     lowest : FloatArray
-        Contact depth (m) where the parabola through the misfits of the best and its neighbours is lowest.
+        Contact depth (m) where the parabola through the misfits of the best and its neighbours is lowest, (r,).
     residuals : FloatArray
         Residuals of the blocks (N), (r, m).
     """
@@ -330,7 +340,7 @@ class GridFit:
     residuals: FloatArray
 
     def better(self, other: GridFit) -> GridFit:
-        """Row by row the one that fits better."""
+        """Take from each row the fit, this or the other, of the smaller misfit."""
         lower = other.misfit < self.misfit
         pairs = (
             (self.misfit, other.misfit),
@@ -344,7 +354,19 @@ class GridFit:
 
 
 class _Tried(NamedTuple):
-    """Contacts c tried of every row: shapes (r, c, m) whose multiples, (r, c), should be the target (m,) (N)."""
+    """Fits of c contact depths at each of r rows: multiples of computed forces to the m measured ones.
+
+    Parameters
+    ----------
+    target : FloatArray
+        Measured forces (N) less what the baseline explains, (m,).
+    shapes : FloatArray
+        Computed forces (N), less the same, (r, c, m).
+    amplitude : FloatArray
+        Best factor on them, (r, c).
+    misfit : FloatArray
+        Sum of squared residuals (N^2), (r, c); infinite where there is no law.
+    """
 
     target: FloatArray
     shapes: FloatArray
@@ -352,13 +374,13 @@ class _Tried(NamedTuple):
     misfit: FloatArray
 
     def residuals(self, which: tuple[NDArray[np.intp], NDArray[np.intp]] | EllipsisType = ...) -> FloatArray:
-        """Residuals (N) of the blocks, of all contacts tried (r, c, m) or of some."""
+        """Residuals (N) of the blocks, (r, c, m), or at the (row, contact) indices `which`, (i, m)."""
         return np.asarray(self.target - self.amplitude[which][..., None] * self.shapes[which])
 
 
 @dataclass(frozen=True)
 class ScanCurve:
-    """A curve in blocks, to be tried at the rows of a grid.
+    """A curve in blocks, to be fitted at the rows of a grid.
 
     Parameters
     ----------
@@ -381,11 +403,11 @@ class ScanCurve:
     scales: bool
 
     def laws(self, rows: Rows) -> LawRows:
-        """Laws of the rows for every contact that is tried."""
+        """Laws of the rows that reach as deep as every contact depth needs."""
         return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]))
 
     def best_contact(self, rows: Rows, laws: LawRows) -> GridFit:
-        """Best of the contacts that are tried of every row."""
+        """Fit of every row at the best of the contact depths tried."""
         tried = self._tried(rows, laws, self.contacts[None])
         best = np.argmin(tried.misfit, axis=1)
         chosen = np.arange(len(best)), best
@@ -399,9 +421,9 @@ class ScanCurve:
         return GridFit(misfit, contact, amplitude, lowest, tried.residuals(chosen))
 
     def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
-        """The best contact of each row found again about the lowest point of its parabola, where that is better.
+        """Fit of every row at three contact depths about the lowest point of its parabola, where that is better.
 
-        Between contacts so close together residuals are parabolas too.
+        Between contacts so close together the residuals themselves are interpolated by parabolas.
         """
         step = _NEAR * self._step
         # No earlier than the first: the laws reach no deeper.
@@ -423,11 +445,11 @@ class ScanCurve:
 
     @property
     def _step(self) -> float:
-        """Distance (m) from a contact tried to the next."""
+        """Distance (m) between the contact depths tried."""
         return float(self.contacts[1] - self.contacts[0])
 
     def _tried(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> _Tried:
-        """Every row at contact depths (m), (r, c) or (1, c)."""
+        """Fit every row at contact depths (m), (r, c) or (1, c)."""
         forces = laws.force(self._travel(rows) - contacts[:, :, None])
         basis = self._linear_basis
         target = _project_out(self.blocks.force - self._fixed_offset(rows), basis)
@@ -455,9 +477,10 @@ class ScanCurve:
         return dict(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
 
     def _amplitudes(self, rows: Rows, power: FloatArray, along: FloatArray) -> FloatArray:
-        """Factor (r, c) on the layer's modulus that fits best, within its bounds; one if it is fixed.
+        """Least-squares factor (r, c) on the layer's modulus, within its bounds; one where the modulus is fixed.
 
-        From the squares of the forces, and their products with the target, each (r, c).
+        `power` are the sums of squares of the computed forces and `along` their products with the measured ones,
+        (r, c).
         """
         if not self.scales:
             return np.ones(power.shape)
@@ -471,7 +494,7 @@ class ScanCurve:
         return np.asarray(np.minimum(np.maximum(amplitude, lowest / start), coordinate.high / start))
 
     def _travel(self, rows: Rows) -> FloatArray:
-        """Depth without the frame's share, which the measured force gives without knowing the sample."""
+        """Depth (m), (m,), less the deflection of the frame under the measured force."""
         compliance = rows["instrument.compliance"]
         return self.blocks.depth - compliance * self.blocks.force if compliance else self.blocks.depth
 
@@ -499,7 +522,7 @@ class ScanCurve:
 
 
 def _steps_to_lowest(before: FloatArray, here: FloatArray, after: FloatArray) -> FloatArray:
-    """Steps (r,) from the middle of three to where the parabola through them is lowest; none where it is not."""
+    """Steps (r,) from the middle of three values to the minimum of the parabola through them; zero without one."""
     # Where no law reaches all three are infinite.
     reached = here < np.inf
     if not reached.all():
@@ -509,5 +532,5 @@ def _steps_to_lowest(before: FloatArray, here: FloatArray, after: FloatArray) ->
 
 
 def _project_out(rows: FloatArray, basis: FloatArray | None) -> FloatArray:
-    """What remains of `rows` (..., m) after a least-squares fit of the orthonormal columns `basis` (m, p)."""
+    """Residuals of `rows` (..., m) after a least-squares fit by the orthonormal columns `basis` (m, p)."""
     return rows if basis is None else np.asarray(rows - (rows @ basis) @ basis.T)

@@ -1,10 +1,10 @@
-"""Settle a fit on all readings, renewing the noise that is learnt from it until the weights stay.
+"""Fit all readings from one start, estimating the noise again until the weights no longer change.
 
 The noise is estimated where it was not given, and computed again where it follows the model. Its numbers are found
 by restricted maximum likelihood at the current optimum (Harville 1977, doi:10.1080/01621459.1977.10480998): minus
 log-likelihood plus half the logarithm of det(J'V^-1 J), with J the derivatives of the model and V the covariance of
-the noise, which pays for the parameters already fitted. For white noise of unknown size that is the familiar
-S / (n - k), of the sum of squares S of n readings with k parameters.
+the noise, which accounts for the parameters already fitted. For white noise of unknown size that is the familiar S
+/ (n - k), of the sum of squares S of n readings with k parameters.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ _SWINGING = 0.05
 
 @dataclass(frozen=True)
 class Renewal:
-    """Noise at an optimum, estimated or computed again.
+    """Noise estimated or computed again at an optimum.
 
     Parameters
     ----------
     vector : FloatArray
-        The vector with the numbers of the noise renewed, (k,).
+        Scaled vector with the new numbers of the noise, (k,).
     noise : FrozenNoise
         Frozen noise there.
     settled : bool
@@ -82,7 +82,7 @@ class Renewal:
 
 
 def first_noises(problem: Problem, vector: FloatArray) -> tuple[NoiseModel, ...]:
-    """Noise of every curve at a scaled vector; an unknown size from the scatter of neighbouring points."""
+    """Noise of every curve at a scaled vector (k,); an unknown size from the scatter of neighbouring points."""
     return tuple(
         noise.of_size(member.scatter) if member.scale_is_unknown else noise
         for member, noise in zip(problem.members, problem.noises(vector), strict=True)
@@ -99,7 +99,7 @@ def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
     vector : FloatArray
         Scaled vector of the optimum, (k,).
     robust : bool
-        Whether the size comes from the median of the residuals, as outliers need it.
+        Whether an unknown size comes from the median of the residuals, so that outliers do not count.
     """
     problem = objective.problem
     if problem.noise_entries:
@@ -135,7 +135,11 @@ def _is_settled(objective: Objective, renewed: FrozenNoise, *, robust: bool) -> 
 
 
 def _sizes(objective: Objective, vector: FloatArray, *, robust: bool) -> list[float]:
-    """Size of the noise (N) of every curve from its residuals, S / (n - k) with the k it pays for."""
+    """Standard deviation of the noise (N) of every curve from its residuals: root of S / (n - k).
+
+    S is the sum of squares of its n residuals, k the curve's share of the fitted parameters. With `robust` it is
+    scaled from the median absolute residual instead.
+    """
     ends = np.cumsum([len(member.force) for member in objective.problem.members])
     # Noise of unknown size is white: all its points have one standard deviation.
     before = [float(sigma[0]) for sigma in objective.noise.sigmas]
@@ -163,7 +167,7 @@ def most_likely(
     entries: Sequence[int],
     linear: Sequence[tuple[Reading, FloatArray]],
 ) -> FloatArray:
-    """Vector (k,) with its noise entries at the maximum of the restricted likelihood.
+    """Scaled vector (k,) with its noise parameters at the maximum of the restricted likelihood.
 
     Parameters
     ----------
@@ -172,9 +176,9 @@ def most_likely(
     vector : FloatArray
         Scaled vector, (k,).
     entries : sequence of int
-        Entries of the noise's numbers.
+        Entries of the noise parameters.
     linear : sequence of (Reading, FloatArray)
-        Of every curve its reading and the derivatives (n, k) in SI.
+        For every curve its model and the model's derivatives (n, k) in SI.
     """
     low, high = problem.bounds[list(entries)].T
 
@@ -192,10 +196,10 @@ def most_likely(
 
 
 def noise_covariance(problem: Problem, vector: FloatArray) -> FloatArray:
-    """Scaled covariance (m, m) of the free numbers of the noise, in the order of their entries.
+    """Covariance (m, m) of the scaled free parameters of the noise, in the order of their entries.
 
-    The inverse curvature of the restricted likelihood, by central differences; the model is frozen, to which
-    the noise of a Gaussian is orthogonal. Infinite variances where the curvature is not that of a maximum.
+    The inverse curvature of the restricted likelihood, by central differences; the model is frozen, to which the
+    noise of a Gaussian is orthogonal. Infinite variances where the curvature is not that of a maximum.
     """
     entries = sorted(problem.noise_entries)
     physical = problem.physical(vector)
@@ -224,9 +228,9 @@ def _with(vector: FloatArray, entries: Sequence[int], part: FloatArray) -> Float
 def restricted_log_likelihood(
     problem: Problem, vector: FloatArray, linear: Sequence[tuple[Reading, FloatArray]]
 ) -> float:
-    """Restricted log-likelihood, up to a constant, of the noise in `vector`; the model is frozen in `linear`.
+    """Restricted log-likelihood, up to a constant, of the noise in a scaled vector (k,), the model unchanged.
 
-    `linear` holds for every curve the reading and its derivatives (n, k) in SI.
+    `linear` holds for every curve its model and the model's derivatives (n, k) in SI.
     """
     physical, slopes = problem.physical(vector), problem.slopes(vector)
     mechanical = [i for i in range(len(vector)) if i not in problem.noise_entries]
@@ -267,7 +271,7 @@ class Optimum:
     message : str
         Why it stopped.
     minimiser : Minimiser, optional
-        lmfit's, where it had the last word.
+        lmfit's minimiser, where the optimum is its.
     lmfit : MinimizerResult, optional
         lmfit's result.
     """
@@ -291,7 +295,7 @@ class Optimum:
 
     @cached_property
     def triangle(self) -> FloatArray:
-        """R of the QR decomposition of `jacobian`, (k, k): of the same singular values and directions."""
+        """R of the QR decomposition of `jacobian`, (k, k), with the same singular values and directions."""
         jacobian = self.jacobian
         count = jacobian.shape[1]
         # As numpy.linalg.qr has it, without the calls.
@@ -320,16 +324,16 @@ def settle(
     vector : FloatArray
         Scaled start, (k,).
     robust : Minimiser, optional
-        lmfit's, with a robust loss; by default the engine lowers squares.
+        lmfit's, with a robust loss; by default the engine minimises squares.
     steps : int, optional
-        Steps that the engine makes at most.
+        Largest number of steps of the engine.
     give_up : callable, optional
-        Asked before each step whether to leave the search.
+        Called with an `Ahead` before each step; the search is abandoned where it returns True.
 
     Returns
     -------
     Optimum or None
-        None if there is no contact law at the start, or `give_up` said so.
+        None if there is no contact law at the start, or the search was abandoned.
     """
     try:
         objective = Objective(problem, freeze(problem, vector, first_noises(problem, vector)))

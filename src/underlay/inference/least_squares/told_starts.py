@@ -1,4 +1,4 @@
-"""Starts that the memory of a sample reads off the curve, where it is more than one law seen through time."""
+"""Starting points that a sample's memory estimates from the curve, where it is not linear in one elastic force."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ __all__ = ["Start", "told_starts"]
 
 
 class Start(NamedTuple):
-    """A place to search from: scaled vector (k,), and its misfit over that of the best start."""
+    """A point to search from: scaled vector (k,), and its misfit divided by that of the best start."""
 
     vector: FloatArray
     misfit: float
 
 
 def told_starts(problem: Problem, count: int) -> list[Start]:
-    """At most `count` starts, best first: one curve's numbers as its memory reads them off it, the others' best.
+    """At most `count` starts, best first, from values that each curve's memory estimates from its readings.
 
-    `history.starts` of a curve gives such numbers; a curve whose memory gives none keeps those of the scene.
+    Each start takes such values for one curve (`history.starts`) and the first of them for the others; a curve
+    whose memory gives none keeps the values of its scene.
     """
     read_off = [_read_off(member, problem) for member in problem.members]
     own = problem.start
@@ -46,7 +47,7 @@ def told_starts(problem: Problem, count: int) -> list[Start]:
 
 
 def _read_off(member: Member, problem: Problem) -> list[Mapping[str, float]]:
-    """Values (SI) by path that the memory of one curve reads off it, best first."""
+    """Parameter values (SI) by path that the memory of one curve estimates from its readings, best first."""
     history = member.forward.history
     if not isinstance(history, WholeHistory):
         return []
@@ -59,7 +60,7 @@ def _read_off(member: Member, problem: Problem) -> list[Mapping[str, float]]:
 
 
 def _with(problem: Problem, member: Member, values: Mapping[str, float], vector: FloatArray) -> FloatArray:
-    """Scaled vector (k,) with the numbers of one curve at `values`."""
+    """Scaled vector (k,) with the parameters of one curve set to `values` (SI, by path), within their bounds."""
     found = np.array(vector)
     for path, entry in member.entries.items():
         if path in values:
@@ -69,7 +70,7 @@ def _with(problem: Problem, member: Member, values: Mapping[str, float], vector:
 
 
 def _misfit(problem: Problem, vector: FloatArray) -> float:
-    """Sum of squares over the scatter of every curve; inf where there is no law."""
+    """Sum of squared residuals over the squared scatter of every curve; inf where there is no law."""
     physical = problem.physical(vector)
     try:
         return sum(
