@@ -1,6 +1,6 @@
 """Check an inverse problem and compile it: every mistake is found here, before anything is computed.
 
-Two things are found on the way: a free parameter that cannot act on the curve (`require_acting`), and a lever
+Two things are found on the way: a free parameter that cannot act on the curve (`require_acting`), and a cantilever
 softer than the sample, whose noise is in depth and force alike (`lever_seen`, `against_travel`).
 """
 
@@ -51,7 +51,7 @@ _BEFORE = 0.05
 def require_acting(
     path: str, scene: Scene, free: Collection[str], solver: Solver, noise: Collection[str]
 ) -> None:
-    """Refuse a path the scene does not have, or that cannot change the curve.
+    """Refuse a parameter that the scene does not have, or that cannot change the curve.
 
     Parameters
     ----------
@@ -60,9 +60,9 @@ def require_acting(
     scene : Scene
         The test.
     free : collection of str
-        Every free path, `path` included.
+        Paths of all free parameters, `path` included.
     solver : Solver
-        What builds the law.
+        Solver of the contact laws.
     noise : collection of str
         Paths of the numbers of its noise model.
 
@@ -109,17 +109,18 @@ def require_acting(
 
 
 def lever_seen(depth: FloatArray, force: FloatArray, stated: float | None = None) -> float | None:
-    """Spring constant (N/m) of a lever whose noise depth and force share; None where they do not.
+    """Spring constant (N/m) of a cantilever whose noise depth and force share; None where they do not.
 
-    Depth is the scanner's travel z less the deflection, w = z - F/k. The detector's noise is then in both with
-    opposite signs: their second differences correlate at -1, and the ratio of their sizes is k.
+    Depth is the scanner's travel z less the deflection, w = z - F/k, with F the force and k the spring constant.
+    The detector's noise is then in both with opposite signs: their second differences correlate at -1, and the
+    ratio of their sizes is k.
 
     Parameters
     ----------
     depth, force : FloatArray
         Readings in order of time (m, N), (n,).
     stated : float, optional
-        The constant that the curve's file states: where the noise confirms it, a weaker correlation will do.
+        The constant that the curve's file states (N/m): where the noise confirms it, a weaker correlation will do.
 
     Returns
     -------
@@ -146,9 +147,10 @@ def lever_seen(depth: FloatArray, force: FloatArray, stated: float | None = None
 
 
 def _constant(rows: FloatArray, limit: float) -> float | None:
-    """Constant (N/m) of two rows of second differences that correlate below the limit.
+    """Spring constant (N/m) from the second differences of depth (m) and force (N), (2, n).
 
-    What else shakes the depth, the scanner, is in its own square alone.
+    None unless they correlate below `limit`. Noise of the scanner is in the depth alone, and does not enter the
+    ratio.
     """
     (xx, xy), (_, yy) = rows @ rows.T
     if not (xx > 0.0 and yy > 0.0) or xy / (xx * yy) ** 0.5 > limit:
@@ -157,14 +159,15 @@ def _constant(rows: FloatArray, limit: float) -> float | None:
 
 
 def against_travel(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Scene, Curve]:
-    """A test with its lever as a compliance in series and its curve against the travel, where its noise asks it.
+    """Return scene and curve with the depth replaced by the travel and the cantilever as a compliance in series.
 
-    Against the travel z = w + F/k, with the lever a compliance 1/k in series, the noise of the detector is in the
-    force alone and white again. Fitted against the depth w it is an error in the variable, which no weight of the
-    force's residuals makes good (Fuller 1987, doi:10.1002/9780470316665).
+    This is done where the noise shows that depth and force share it; otherwise both come back unchanged. Against
+    the travel z = w + F/k, with w the depth, F the force and k the spring constant, the noise of the detector is in
+    the force alone and white again. Fitted against the depth it is an error in the variable, which no weight of the
+    force's residuals corrects (Fuller 1987, doi:10.1002/9780470316665).
 
-    Readings keep their depth where the lever is free, so that the contact depth keeps its meaning. What has a lever
-    or a frame of its own is left as it is.
+    The travel is counted so that depth readings before contact stay as they are: the contact depth keeps its
+    meaning. A scene with a cantilever or a frame compliance of its own is left as it is.
     """
     if scene.lever is not None or scene.instrument.compliance != 0.0 or Frame.path in free:
         return scene, curve
@@ -193,7 +196,28 @@ def compile_members(
     solver: Solver,
     store: LawStore,
 ) -> tuple[tuple[Member, ...], tuple[Coordinate, ...]]:
-    """Check a problem and compile it; see `Problem` for what is refused."""
+    """Check a problem and compile each curve with its scene; see `Problem` for what is refused.
+
+    Parameters
+    ----------
+    tests : sequence of (Scene, Curve)
+        The curves and their scenes.
+    free : mapping of str to Prior, (low, high) or None
+        Free parameters, with what is known of them.
+    shared : tuple of str
+        Paths of parameters with one value for all curves.
+    noise : NoiseModel, a sequence of them, or None
+        Noise of all curves, or one for each; None where it is unknown.
+    solver : Solver
+        Solver of the contact laws.
+    store : LawStore
+        Where laws are kept.
+
+    Returns
+    -------
+    tuple of Member, tuple of Coordinate
+        The compiled curves, and the free parameters with their scaling.
+    """
     stated = _noises(noise, len(tests))
     _check_tests(tests)
     noises = [_noise_of(entry, curve) for entry, (_, curve) in zip(stated, tests, strict=True)]
@@ -243,7 +267,7 @@ def compile_members(
 
 
 def _quantities_of(noise: NoiseModel) -> dict[str, Quantity]:
-    """What the numbers of a noise model are, by path."""
+    """Description (unit, bounds, scale) of each number of a noise model, by path."""
     return {f"noise.{name}": known for name, known in field_quantities(noise).items()}
 
 
@@ -258,12 +282,12 @@ def _noises(noise: NoiseModel | Sequence[NoiseModel | None] | None, count: int) 
 
 
 def _noise_of(given: NoiseModel | None, curve: Curve) -> NoiseModel:
-    """The noise that is given; else of unknown size, but for means alone, whose errors are known."""
+    """The given noise model; else one of unknown size, or of known size for a curve of one or two mean values."""
     return given or Noise(scatter(curve) if means_alone(curve) else None)
 
 
 def _require_unstated(path: str, scene: Scene) -> None:
-    """Refuse a number that is both fitted and stated with an uncertainty."""
+    """Refuse a parameter that is fitted although its value is given with an uncertainty."""
     if isinstance(scene.uncertainties, Mapping) and path in scene.uncertainties:
         raise InputError(
             f"{path} is free and has an uncertainty: state it as a prior of the fit (Normal) or leave it out of fit"
@@ -297,7 +321,7 @@ def _require(part: object, kind: type, number: int) -> None:
 
 
 def _identities(curve: Curve) -> list[tuple[tuple[object, ...], str]]:
-    """What no two curves of a problem may have in common, with its name."""
+    """Keys that no two curves of a problem may share (their data, their file), each with a name for messages."""
     identities: list[tuple[tuple[object, ...], str]] = [
         (("data", curve.depth.tobytes(), curve.force.tobytes()), "the same data")
     ]
@@ -312,7 +336,7 @@ def _identities(curve: Curve) -> list[tuple[tuple[object, ...], str]]:
 
 @dataclass(frozen=True)
 class _Request:
-    """One free parameter: its name, path, prior or bounds as given, and the numbers of the curves it acts on."""
+    """One free parameter: its name, its path, its prior or bounds as given, and the curves it acts on."""
 
     name: str
     path: str
@@ -339,7 +363,7 @@ def _requests(free: Mapping[str, Given], shared: tuple[str, ...], count: int) ->
 
 
 def _numbered(free: Mapping[str, Given], shared: tuple[str, ...], count: int) -> dict[str, dict[int, Given]]:
-    """Priors or bounds given for single curves, ``"layer.E[1]"``, by path and number."""
+    """Priors or bounds given for single curves, with keys such as ``"layer.E[1]"``, by path and curve number."""
     single: dict[str, dict[int, Given]] = {}
     for key, given in free.items():
         path, number = path_of(key), curve_of(key)

@@ -24,13 +24,13 @@ __all__ = ["Coordinate", "ScaledSpace", "Spans", "make_coordinate"]
 
 @dataclass(frozen=True)
 class Spans:
-    """Ranges of the curves a parameter acts on: depth (m), force (N)."""
+    """Ranges of depth (m) and force (N) of the curves that a parameter acts on."""
 
     depth: float
     force: float
 
     def of(self, kind: str) -> float | None:
-        """The curves' own scale (SI) of a physical kind, or None where they have none."""
+        """Natural scale (SI) of a length, force, stiffness or compliance from the ranges; None for other kinds."""
         scales = {
             "length": self.depth,
             "force": self.force,
@@ -42,7 +42,9 @@ class Spans:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One free parameter: its physical value x (SI) and its scaled coordinate q.
+    """Scaling of one free parameter: its physical value x (SI) and its scaled coordinate q.
+
+    q = ln(x / reference) for a quantity that is positive by nature, else q = (x - reference) / scale.
 
     Parameters
     ----------
@@ -51,15 +53,15 @@ class Coordinate:
     path : str
         The path.
     quantity : Quantity
-        What its dataclass declares of it.
+        Description of the quantity: unit, bounds, kind.
     prior : Prior
-        Density in x.
+        Prior density of x.
     low, high : float
         Bounds of x (SI): prior's support within what is physically possible.
     reference : float
-        x0 (SI): q = 0 there.
+        Value (SI) at which q = 0, that of the scene.
     scale : float or None
-        s (SI), or None for q = ln(x / x0).
+        Change of x (SI) per unit of q, or None for q = ln(x / reference).
     """
 
     name: str
@@ -73,25 +75,25 @@ class Coordinate:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """(low, high) of q; infinite where x is unbounded."""
+        """Lower and upper bound of the scaled coordinate q; infinite where the physical value is unbounded."""
         if self.scale is None:
             low = np.log(self.low / self.reference) if self.low > 0.0 else -np.inf
             return float(low), float(np.log(self.high / self.reference))
         return (self.low - self.reference) / self.scale, (self.high - self.reference) / self.scale
 
     def physical(self, q: FloatArray) -> FloatArray:
-        """Physical values x (SI) at scaled ones q, same shape."""
+        """Physical values x (SI) at scaled coordinates q, same shape."""
         return self.reference * np.exp(q) if self.scale is None else self.reference + self.scale * q
 
     def scaled(self, value: float) -> float:
-        """Scaled value q at a physical one x (SI)."""
+        """Scaled coordinate q at a physical value x (SI)."""
         if self.scale is None:
             return float(np.log(value / self.reference))
         return (value - self.reference) / self.scale
 
     @property
     def even_density(self) -> float | None:
-        """Log-density of q inside the bounds where it is the same everywhere; None where it is not."""
+        """Log-density of the scaled coordinate q within its bounds if it is uniform there; None otherwise."""
         if self.scale is None and isinstance(self.prior, LogUniform):
             return -float(np.log(np.log(self.prior.high / self.prior.low)))
         if self.scale is not None and isinstance(self.prior, Uniform):
@@ -99,7 +101,10 @@ class Coordinate:
         return None
 
     def log_prior(self, q: FloatArray) -> FloatArray:
-        """Log-density of q: that of x plus ln |dx/dq|; -inf outside the bounds."""
+        """Log-density of the scaled coordinate q, same shape; -inf outside the bounds.
+
+        It is the log-density of the physical value x plus ln |dx/dq|.
+        """
         value = self.physical(np.asarray(q, dtype=np.float64))
         jacobian = np.log(value) if self.scale is None else np.log(self.scale)
         inside = (value >= self.low) & (value <= self.high)
@@ -108,16 +113,18 @@ class Coordinate:
 
 @dataclass(frozen=True, eq=False)
 class ScaledSpace:
-    """All coordinates of a problem at once: vectors (..., k) in and out without a loop over entries.
+    """Scaling of all free parameters of a problem at once, for vectors (..., k) without a loop over entries.
+
+    x are the physical values (SI) and q the scaled ones: q = ln(x / reference) or (x - reference) / scale.
 
     Parameters
     ----------
     reference, scale, logarithmic : ndarray (k,)
-        x0 and s of every coordinate, and whether it is ln(x / x0); the scale of such a one is 1.
+        Reference and scale of every coordinate, and whether it is a logarithm, whose scale is set to 1.
     low, high : ndarray (k,)
-        Bounds (SI).
+        Bounds of x (SI).
     even : float
-        Sum of the log-densities of the coordinates whose density is the same everywhere.
+        Sum of the log-densities of the coordinates whose density in q is uniform.
     uneven : tuple of (int, Coordinate)
         The others, with their entries.
     """
@@ -132,7 +139,7 @@ class ScaledSpace:
 
     @classmethod
     def of(cls, coordinates: Sequence[Coordinate]) -> ScaledSpace:
-        """Gather the coordinates of a problem."""
+        """Collect the scalings of a problem's free parameters."""
         densities = [c.even_density for c in coordinates]
         return cls(
             reference=np.array([c.reference for c in coordinates]),
@@ -145,7 +152,7 @@ class ScaledSpace:
         )
 
     def log_prior(self, q: FloatArray, physical: FloatArray) -> FloatArray:
-        """Log-density (...) of scaled vectors (..., k), whose values (SI) are `physical`."""
+        """Log-density (...) of the prior at scaled vectors `q` (..., k), which are `physical` (..., k) in SI."""
         inside = ((physical >= self.low) & (physical <= self.high)).all(axis=-1)
         total = np.where(inside, self.even, -np.inf)
         for index, coordinate in self.uneven:
@@ -153,25 +160,25 @@ class ScaledSpace:
         return total
 
     def physical(self, q: FloatArray) -> FloatArray:
-        """Values (SI), (..., k), at scaled vectors (..., k)."""
+        """Physical values (SI), (..., k), at scaled vectors q (..., k)."""
         values = self.reference + self.scale * q
         np.exp(q, out=values, where=self.logarithmic)
         return np.multiply(values, self.reference, out=values, where=self.logarithmic)
 
     def scaled(self, physical: FloatArray) -> FloatArray:
-        """Scaled vectors (..., k) at values (SI), (..., k)."""
+        """Scaled vectors (..., k) at physical values (SI), (..., k)."""
         ratio = np.where(self.logarithmic, physical / np.where(self.logarithmic, self.reference, 1.0), 1.0)
         return np.where(self.logarithmic, np.log(ratio), (physical - self.reference) / self.scale)
 
     def slopes(self, physical: FloatArray) -> FloatArray:
-        """dx/dq (SI), (..., k), at values (..., k)."""
+        """Derivatives dx/dq (SI) of physical values x in scaled ones q, (..., k), at physical values (..., k)."""
         return np.where(self.logarithmic, physical, self.scale)
 
 
 def make_coordinate(
     name: str, path: str, quantity: Quantity, start: float, given: Given, spans: Spans
 ) -> Coordinate:
-    """Scale one free parameter.
+    """Choose the scaling and the bounds of one free parameter.
 
     Parameters
     ----------
@@ -180,7 +187,7 @@ def make_coordinate(
     start : float
         Value in the scene (SI).
     given : Prior, (low, high) or None
-        What the caller says of it. Finite bounds mean LogUniform for a positive quantity whose lower bound is
+        Prior or bounds from the caller. Finite bounds mean LogUniform for a positive quantity whose lower bound is
         positive and Uniform otherwise; open ones or None mean `Flat`.
     spans : Spans
         Ranges of the curves it acts on.
@@ -223,7 +230,10 @@ def _prior(name: str, given: Given, *, logarithmic: bool) -> Prior:
 
 
 def _scale(quantity: Quantity, prior: Prior, spans: Spans) -> float:
-    """Natural size of a change of the parameter (SI)."""
+    """Natural size of a change of the parameter (SI), by which it is scaled.
+
+    From the curves' ranges, else the width of its prior, else the quantity's default.
+    """
     own = spans.of(quantity.kind)
     if own is not None:
         return own

@@ -1,10 +1,11 @@
 """The forward model of one curve, compiled once: parameter values in, instrument readings out.
 
-The tip's depth follows from the reading by the links of the instrument (`Chain`), the force from the depth by a
-contact law and what the sample remembers, and the force reading from that by the links again. Laws belong to the
-reference of a `Similarity` (`laws.py`), so that a fit in which the ratios stay put needs one law. What a law leaves
-out, where its sizes are numbers of the scene, is put on it here (`LeftOutLaws`); what a layer puts on the law of
-linear elasticity is in `on_law.py`.
+The tip's depth follows from the reading by the links of the instrument (`Chain`: contact depth, frame, baseline),
+the force from the depth by a contact law and the sample's memory, and the force reading from that by the links
+again. Laws are built for the reference scene of a `Similarity` and scaled (`laws.py`), so that a fit in which the
+ratios of moduli and lengths stay fixed needs one law. Corrections for effects that a law neglects, where their
+sizes are numbers of the scene, are added here (`LeftOutLaws`); what a layer changes in the law of linear elasticity
+is in `on_law.py`.
 """
 
 from __future__ import annotations
@@ -51,27 +52,29 @@ _READING = frozenset({"instrument", "lever"})
 
 @dataclass(frozen=True)
 class TipOverPowerLaw:
-    """A sphere's force from that of its paraboloid: near enough to search with, for the tables of one power law.
+    """Approximate force of a sphere from that of its paraboloid: quicker to compute, for searches.
 
-    dP/dw depends on the contact radius alone, whatever the tip, and at one radius the depths and the forces of
-    two tips have nearly the same ratio on every body. So the power law is asked where it has the tip's radius
-    on a half-space, and its force taken times the ratio there. Of a sphere with a/R up to 0.7 (a the contact
-    radius, R that of the tip) the force is off by up to 2 % where a/h is 0.7, by 4 % where it is 2, h the
-    thickness (the ratio at one depth: 9 and 12 %).
+    The law of a power-law tip comes from tables. dP/dw, the slope of force P against depth w, depends on the
+    contact radius alone, whatever the tip, and at one radius the depths and the forces of two tips have nearly the
+    same ratio on every body. So the power law is evaluated where it has the tip's radius on a half-space, and its
+    force multiplied by the ratio there. Of a sphere with a/R up to 0.7 (a the contact radius, R that of the tip)
+    the force is off by up to 2 % where a/h is 0.7, by 4 % where it is 2, h the thickness (the ratio at one depth: 9
+    and 12 %).
 
     Parameters
     ----------
     tip, power_law : Indenter
-        The tip, and the power law that stands for it.
+        The tip, and the power-law indenter used in its place.
     """
 
     tip: Indenter
     power_law: Indenter
 
     def seen(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Depths (m) to ask the power law at, for the tip's (m), and factors on its force, one out of contact.
+        """Depths (m) at which to evaluate the power law for depths (m) of the tip, and factors on its force.
 
-        Its stiffness there is nearly that of the tip.
+        Both have the shape of `depth`; the factor is one out of contact. The power law's stiffness there is nearly
+        that of the tip.
         """
         asked, ratio = np.array(depth), np.ones(depth.shape)
         touching = depth > 0.0
@@ -85,7 +88,10 @@ class TipOverPowerLaw:
     def stiffness(
         self, asked: FloatArray, ratio: FloatArray, force: FloatArray, stiffness: FloatArray
     ) -> FloatArray:
-        """Derivative (N/m) of the tip's force, from what the power law says at the depths that `seen` returned."""
+        """Derivative (N/m) of the tip's force in its depth, from the power law's force (N) and stiffness (N/m).
+
+        `asked` (m) and `ratio` are what `seen` returned; all arrays have the same shape.
+        """
         touching = asked > 0.0
         w, factor = asked[touching], ratio[touching]
         radius = self.power_law.halfspace_radius(w)
@@ -97,7 +103,10 @@ class TipOverPowerLaw:
         return slope
 
     def slope(self, path: str, slopes: LawSlopes) -> FloatArray:
-        """dP/dp (n,) at fixed depths of the tip, those of `slopes`, whose law is the power law's."""
+        """Derivative (n,) of the tip's force in the parameter at `path` (SI), at fixed depths.
+
+        `slopes` holds the tip's depths, and the law of the power-law indenter.
+        """
         asked, ratio = self.seen(slopes.w)
         P, S, told = slopes.law.with_slopes(asked)
         inner = replace(slopes, w=asked, P=P, S=S, told=told)
@@ -105,28 +114,28 @@ class TipOverPowerLaw:
 
 
 class BuildsBare(Protocol):
-    """A source of laws of linear elasticity, without what they leave out: a `Forward`."""
+    """Interface to laws of linear elasticity, without corrections for what they neglect: `Forward` has it."""
 
     @property
     def laws(self) -> LawSource:
-        """Source of the laws."""
+        """Source of the contact laws."""
 
     def bare_law(self, values: Mapping[str, float], deepest: float) -> ContactLaw:
-        """Law at `values` for depths up to `deepest` (m)."""
+        """Law of linear elasticity at numbers `values` (SI, by path) for depths up to `deepest` (m)."""
 
     def solved_by(self, solver: Solver) -> Self:
-        """Return the forward model with laws of another solver."""
+        """Return the same model with laws of another solver."""
 
 
 @dataclass(frozen=True)
 class LeftOutLaws:
-    """What the law of one scene leaves out, where its sizes are numbers of the scene: at one set, or at many.
+    """Corrections of a contact law for friction and finite strain, where their sizes are numbers of the scene.
 
-    The force is P + s (P_stuck - P) + P (A e + B g). P and P_stuck are laws of the same numbers by two solvers,
-    s the share of full friction, A and B the sizes of finite strain and of both (`scene/discrepancy.py`). g is
-    the measured function of both forces and the depth; e is that of depth over thickness and contact radius
-    over tip radius. The radius is that of the scene's own ratios, seen through the sizes: where Poisson's ratio
-    moves, e is off by less than a tenth of itself, and its size is known to a half.
+    The force is P + s (P_stuck - P) + P (A e + B g). P and P_stuck are the forces of the frictionless and of the
+    no-slip contact, s is the share of full friction, A and B the sizes of finite strain alone and of both effects
+    together (`scene/discrepancy.py`). g is the measured function of both forces and the depth; e is that of depth
+    over thickness and contact radius over tip radius. The radius is taken from the law of the scene's own ratios,
+    scaled: where Poisson's ratio moves, e is off by less than a tenth of itself, and its size is known to a half.
 
     Parameters
     ----------
@@ -135,7 +144,7 @@ class LeftOutLaws:
     deepest : float
         Depth (m) that the curve reaches.
     strains : bool
-        Whether a size of what large strains add is not zero, or may vary.
+        Whether a size of finite strain, A or B, is not zero or may vary.
     """
 
     values: Mapping[str, float]
@@ -144,12 +153,12 @@ class LeftOutLaws:
 
     @classmethod
     def of(cls, scene: Scene, depth: FloatArray, free: Collection[str]) -> Self:
-        """Prepare for depth readings (m), (n,), when the parameters at the paths `free` vary.
+        """Prepare the corrections for depth readings (m), (n,), when the parameters at the paths `free` vary.
 
         Raises
         ------
         InputError
-            If finite strain is of a size, or free, and its shape is not known there.
+            If finite strain has a size, or is free, and its effect has not been measured for this contact.
         """
         deepest = max(float(depth.max()) - scene.instrument.contact_depth, 0.0)
         values = scene.parameters
@@ -159,7 +168,7 @@ class LeftOutLaws:
         return cls(values, deepest, bool(strains))
 
     def law(self, forward: BuildsBare, values: Mapping[str, float], deepest: float) -> DiscrepantLaw:
-        """Law at `values` for depths up to `deepest` (m)."""
+        """Corrected law at numbers `values` (SI, by path) for depths up to `deepest` (m)."""
         free = forward.bare_law(values, deepest)
         sticks = self.sticking(forward).bare_law(values, deepest)
 
@@ -174,11 +183,11 @@ class LeftOutLaws:
 
     @staticmethod
     def sticking(forward: BuildsBare) -> BuildsBare:
-        """Return the same contacts with a tip that sticks."""
+        """Return the same model with laws of a no-slip contact."""
         return forward.solved_by(forward.laws.solver.without_slip)
 
     def slope(self, forward: BuildsBare, path: str, slopes: LawSlopes) -> FloatArray:
-        """dP/dp (SI) of the parameter at `path` at fixed tip depths, (n,)."""
+        """Derivative (n,) of the force in the parameter at `path` (SI), at fixed tip depths."""
         values, deepest, w = slopes.values, slopes.deepest, slopes.w
         law = self.law(forward, values, deepest)
         if law.sticks is not None and path == FRICTION_PATH:
@@ -196,7 +205,10 @@ class LeftOutLaws:
         return np.asarray(first_possible(force, STENCILS) / size)
 
     def excess(self, forward: BuildsBare, values: Mapping[str, Any], depth: FloatArray) -> FloatArray:
-        """Return e at depths (m), (n,), or (sets, n) of numbers (sets, 1)."""
+        """Relative excess e of the force by finite strain at depths (m), (n,).
+
+        (sets, n) for many parameter sets, whose varying numbers in `values` are (sets, 1).
+        """
         if not self.strains:
             return np.zeros_like(depth)
         own = self.values
@@ -212,7 +224,11 @@ class LeftOutLaws:
     def further(
         self, values: Mapping[str, Any], sticks: FloatArray, free: FloatArray, depth: FloatArray
     ) -> FloatArray:
-        """Return g at depths (m) with forces (N), each (n,), or (sets, n) of numbers (sets, 1)."""
+        """Function g, by which friction and finite strain act together, at depths (m) with the forces (N) there.
+
+        `sticks` and `free` are the forces of the no-slip and the frictionless contact. All are (n,), or (sets, n)
+        where the numbers in `values` are (sets, 1).
+        """
         if not self.strains:
             return np.zeros_like(depth)
         return further_of(
@@ -220,7 +236,7 @@ class LeftOutLaws:
         )
 
     def _known(self, forward: BuildsBare) -> ContactLaw:
-        """Law of the scene's own numbers, of one range whatever is asked."""
+        """Law of the scene's own numbers, always built up to the same depth, whatever is asked of it."""
         deepest = max(_FURTHER * self.deepest, np.finfo(float).tiny)
         try:
             return forward.bare_law(self.values, deepest)
@@ -230,10 +246,18 @@ class LeftOutLaws:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a forward model says of one curve at one set of parameters.
+    """Prediction of the forward model for one curve at one set of parameters.
 
-    Contact force P (N), its stiffness dP/dw (N/m) and the instrument's force (N), each (n,), and whether
-    derivatives that came along are rough ones (`Forward.jacobian`).
+    Parameters
+    ----------
+    contact : FloatArray
+        Contact force P (N), (n,).
+    stiffness : FloatArray
+        Its derivative dP/dw (N/m) in the tip's depth w, (n,).
+    force : FloatArray
+        Force reading of the instrument (N), (n,).
+    is_rough : bool
+        Whether derivatives computed with it are less exact ones (`Forward.jacobian`).
     """
 
     contact: FloatArray
@@ -249,23 +273,23 @@ class Forward:
     Parameters
     ----------
     similarity : Similarity
-        Compiled from the scene.
+        Scaling of the laws, compiled from the scene.
     depth : FloatArray
-        Depth readings (m), (n,); or, for a batch alone, those of every set, (sets, n).
+        Depth readings (m), (n,); or, in batches only, those of every parameter set, (sets, n).
     laws : LawSource
-        Where its laws come from.
+        Source of its contact laws.
     history : History or None
-        What the sample remembers.
+        Memory of the sample (viscoelastic, poroelastic).
     time : FloatArray or None
-        Times of the readings (s), (n,), for a sample that remembers.
+        Times of the readings (s), (n,), for a sample with memory.
     bending : FloatArray or None
-        What was taken off the depth readings for the bending of a lever (m), (n,).
+        Deflection of the cantilever that was subtracted from the depth readings (m), (n,).
     left_out : LeftOutLaws, OnLinear or None
-        What linear elasticity leaves out, where its sizes are numbers of the scene.
+        Corrections of the law of linear elasticity, where their sizes are numbers of the scene.
     is_unbent : bool
-        Whether the depths are without what a lever bends beyond what was taken off: of a batch alone.
+        Whether the depths are already without the cantilever's further bending: in batches only.
     over : TipOverPowerLaw or None
-        The tip, where the laws are those of its power law: to search with, and for `jacobian` alone.
+        The tip, where the laws are those of its power law: for searches, and in `jacobian` only.
     """
 
     similarity: Similarity
@@ -291,7 +315,8 @@ class Forward:
     ) -> Forward:
         """Compile `scene` for readings `depth` (m) at `time` (s) when the parameters at the paths `free` vary.
 
-        A lever needs the `force` readings (N), (n,), too.
+        Laws come from `solver` and are kept in `store`. A scene with a cantilever needs the `force` readings (N),
+        (n,), too.
         """
         elastic = scene.elastic
         if elastic.discrepancy is not None:
@@ -316,30 +341,34 @@ class Forward:
         return cls(similarity, depth, laws, scene.memory, timed, bending, left_out)
 
     def solved_by(self, solver: Solver) -> Forward:
-        """Return the model with laws of another solver that scale alike, kept beside its own."""
+        """Return the model with laws of another solver that scale in the same way, stored apart from its own."""
         return replace(self, laws=replace(self.laws, solver=solver, table=None, tips=None, beside=()))
 
     def moved(self, depth: FloatArray, force: FloatArray, laws: LawSource | None = None) -> Forward:
-        """Return the model for other depth readings (m), force readings (N), (n,), and `laws`, if given."""
+        """Return the model for other depth readings (m) and force readings (N), each (n,).
+
+        `laws` replaces the source of its laws, if given.
+        """
         lever = self.similarity.scene.lever
         bending = None if lever is None else lever.bending(force)
         return replace(self, depth=depth, bending=bending, laws=laws or self.laws)
 
     def of_set(self, row: int) -> Forward:
-        """Return the model for the depths of one set, where every set has its own, (sets, n)."""
+        """Return the model for the depths of one parameter set, where every set has its own, (sets, n)."""
         return self if self.depth.ndim == 1 else replace(self, depth=self.depth[row])
 
     def depth_at(self, values: Mapping[str, Any]) -> FloatArray:
-        """Depth readings (m) by the lever's sensitivity in `values`: (n,), or (sets, n) of numbers (sets, 1).
+        """Depth readings (m) corrected for the cantilever's sensitivity in `values`, from the measured forces.
 
-        By the measured forces, noise and all: a search begins with it, `reading` asks the model's own force.
+        (n,), or (sets, n) where numbers are (sets, 1). The measured forces bring their noise along, so this only
+        starts a search; `reading` uses the model's own force.
         """
         if self.bending is None:
             return self.depth
         return np.asarray(self.depth - (values[SENSITIVITY_RATIO] - 1.0) * self.bending)
 
     def law(self, values: Mapping[str, float], deepest: float) -> ContactLaw:
-        """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
+        """Contact law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
 
         Raises
         ------
@@ -353,13 +382,16 @@ class Forward:
         )
 
     def bare_law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
-        """Return the law of linear elasticity at `values`, without what it leaves out; raises as `law` does."""
+        """Law of linear elasticity at `values`, without corrections for what it neglects; raises as `law` does."""
         b, c = self.similarity.factors(values)
         law = self.reference_law(self.similarity.reduced(values), b * deepest)
         return ScaledLaw.of(law, b, c, self.similarity.length_ratio(values))
 
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
-        """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
+        """Contact law of the reading at `values`, for its error estimate and its validity warnings.
+
+        Raises as `law` does.
+        """
         if isinstance(self.left_out, OnLinear):
             return self.law(values, self._deepest(*self._chain(values)))
         b, _ = self.similarity.factors(values)
@@ -368,9 +400,10 @@ class Forward:
         )
 
     def reading(self, values: Mapping[str, float], *, stiffness: bool = True) -> Reading:
-        """Force and stiffness at every reading; raises as `law` does.
+        """Contact force, stiffness and force reading at every depth reading; raises as `law` does.
 
-        Without `stiffness` a sample that remembers is not asked for it: it is zero.
+        `values` are all numbers of the scene (SI) by path. Without `stiffness` that of a sample with memory is left
+        zero.
         """
         chain, depth = self._chain(values)
         if isinstance(self.history, WholeHistory):
@@ -385,7 +418,7 @@ class Forward:
         return Reading(contact, slope, chain.reading(contact, self.depth))
 
     def force(self, values: Mapping[str, float]) -> FloatArray:
-        """Force of the instrument (N), (n,), alone; raises as `law` does."""
+        """Force reading of the instrument (N), (n,), at numbers `values`; raises as `law` does."""
         chain, depth = self._chain(values)
         if isinstance(self.history, WholeHistory):
             w = chain.travel(self.depth)
@@ -399,11 +432,11 @@ class Forward:
     def jacobian(
         self, values: Mapping[str, float], paths: Sequence[str], *, rough: bool = False
     ) -> tuple[Reading, FloatArray]:
-        """Reading, and the derivative of its force in each parameter (SI) at `paths`, shape (n, k).
+        """Model, and the derivative of its force reading in each parameter (SI) at `paths`, shape (n, k).
 
-        Every link says its own (`Chain`); what moves the law's force goes through the links behind it. A
-        `rough` derivative takes its ratios from one further law instead of two: off by 1e-3 of itself, which
-        costs a minimiser nothing.
+        Every link of the instrument gives its own derivative (`Chain`); what moves the law's force is passed
+        through the links after it. With `rough`, derivatives in ratios of moduli and lengths come from one further
+        law instead of two: off by 1e-3 of themselves, which does not slow a minimiser.
         """
         chain, depth = self._chain(values, paths)
         if isinstance(self.history, WholeHistory):
@@ -438,7 +471,7 @@ class Forward:
         return reading, rows.T
 
     def _whole(self, history: WholeHistory, chain: Chain) -> Reading:
-        """Reading of a sample that answers a motion itself, without what gives way in series."""
+        """Reading of a sample whose memory gives the force of a whole motion itself, without a frame in series."""
         w = chain.travel(self.depth)
         contact = history.answer(w, checked_times(self.time, w))
         return Reading(contact, history.stiffness(w, contact), chain.reading(contact, self.depth))
@@ -446,7 +479,7 @@ class Forward:
     def _whole_jacobian(
         self, history: WholeHistory, chain: Chain, paths: Sequence[str]
     ) -> tuple[Reading, FloatArray]:
-        """`jacobian` of a sample that answers a motion itself."""
+        """`jacobian` of a sample whose memory gives the force of a whole motion itself."""
         reading, columns = self._whole(history, chain), chain.offset_slopes(self.depth)
         own = [path for path in paths if path not in columns]
         w = chain.travel(self.depth)
@@ -461,16 +494,16 @@ class Forward:
         return ratio * P, self.over.stiffness(asked, ratio, P, S), told
 
     def _remembered(self, law: Response, history: History, values: Mapping[str, float]) -> Remembered:
-        """The law seen through the history with the numbers of `values`."""
+        """The elastic law combined with the memory, whose numbers are taken from `values`."""
         own = {path: value for path, value in values.items() if self._remembers(path)}
         return Remembered(law, replace_values(history, own, history.prefix))
 
     def _remembers(self, path: str) -> bool:
-        """Whether a number is one of the history."""
+        """Whether the parameter at `path` is one of the sample's memory."""
         return self.history is not None and path.startswith(f"{self.history.prefix}.")
 
     def _slope(self, path: str, slopes: LawSlopes) -> FloatArray:
-        """dP/dp (n,) at fixed depth of the tip."""
+        """Derivative (n,) of the contact force in the parameter at `path` (SI), at fixed depth of the tip."""
         if self.left_out is not None:
             return self.left_out.slope(self, path, slopes)
         return slopes.of(path) if self.over is None else self.over.slope(path, slopes)
@@ -478,9 +511,9 @@ class Forward:
     def _through_history(
         self, history: History, slopes: LawSlopes, paths: Sequence[str], columns: dict[str, FloatArray]
     ) -> FloatArray:
-        """Force (N), (n,), that a history makes of the law's; its derivatives are added to `columns`.
+        """Force (N), (n,), of the sample with memory; its derivatives at `paths` are added to `columns`.
 
-        The law's own derivatives go through the history as the law's force does.
+        The derivatives of the elastic law are passed through the memory as its force is.
         """
         values, w, law = slopes.values, slopes.w, slopes.law
         history, time = self._remembered(law, history, values).history, checked_times(self.time, w)
@@ -505,11 +538,12 @@ class Forward:
         return force
 
     def _chain(self, values: Mapping[str, float], free: Sequence[str] = ()) -> tuple[Chain, FloatArray]:
-        """Links of `values`, and the readings (m) that they are asked for.
+        """Links of the instrument at `values`, and the depth readings (m), (n,), to start from.
 
-        What a lever bends beyond what was taken off goes with the model's reading, as a frame's compliance does.
-        With the measured one its noise would be in the depth too, and more of it taken for bending makes residuals
-        smaller: each reading pulls at the sensitivity by its share of stiffness, dP/dw / k.
+        A cantilever's bending beyond what was subtracted from the depths follows the model's force, as a frame's
+        compliance does. With the measured force its noise would be in the depth too, and more of it taken for
+        bending makes residuals smaller: each reading pulls at the sensitivity by its share of stiffness, dP/dw / k,
+        with P the force, w the tip's depth and k the spring constant.
         """
         chain, beyond = Chain.of(values, free), self._lever_compliance(values)
         if not beyond:
@@ -518,56 +552,66 @@ class Forward:
         return chain.with_compliance(values[Frame.path] + beyond), self.depth - beyond * offset
 
     def _lever_compliance(self, values: Mapping[str, float]) -> float:
-        """(sigma - 1) / k (m/N) of a lever whose sensitivity is off; zero without one."""
+        """Compliance (sigma - 1) / k (m/N) that a cantilever adds if its sensitivity is off; zero without one.
+
+        sigma is the ratio of the true sensitivity to the calibrated one and k the spring constant.
+        """
         return float(self.lever_compliances(values))
 
     def lever_compliances(self, values: Mapping[str, Any]) -> Any:  # a number, or one per set
-        """(sigma - 1) / k (m/N) of a lever whose sensitivity is off, of each set of numbers; zero without one."""
+        """Compliance (sigma - 1) / k (m/N) that a cantilever adds if its sensitivity is off, of each parameter set.
+
+        sigma is the ratio of the true sensitivity to the calibrated one and k the spring constant; zero without a
+        cantilever.
+        """
         if self.similarity.scene.lever is None or self.is_unbent:
             return 0.0
         return (values[SENSITIVITY_RATIO] - 1.0) / values[SPRING_CONSTANT]
 
     def bends(self, values: Mapping[str, Any]) -> bool:
-        """Whether a lever bends otherwise than what was taken off, in any set of numbers."""
+        """Whether the cantilever bends by other than what was subtracted from the depths, in any parameter set."""
         return bool(np.any(self.lever_compliances(values)))
 
     def _tip_depth(self, chain: Chain, law: Response, depth: FloatArray) -> FloatArray:
-        """Depth of the tip (m) at readings (m); raises RangeError where a lever gives way."""
+        """Depth of the tip (m) at depth readings (m), (n,).
+
+        Raises RangeError where the cantilever would give way faster than the sample resists.
+        """
         w = chain.tip_depth(law, depth)
         if chain.frame is not None and chain.frame.compliance < 0.0:
             chain.frame.require_standing(law.stiffness(w))
         return w
 
     def _deepest(self, chain: Chain, depth: FloatArray) -> float:
-        """Largest depth (m) that a law is asked for at readings (m)."""
+        """Largest tip depth (m) that a law must reach for the readings (m)."""
         deepest = max(float(chain.travel(np.asarray(depth.max()))), 0.0)
         return FURTHER * deepest if chain.frame is not None and chain.frame.compliance < 0.0 else deepest
 
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
-        """Law at the reference with these ratios, for its depths up to `depth` (m)."""
+        """Law of the reference scene with ratios `reduced` (see `Similarity.reduced`), up to `depth` (m) there."""
         return self.laws.law(reduced, depth)
 
 
 class _Kept(Response):
-    """A law that remembers what it answered to the depths asked last: several derivatives ask the same."""
+    """A law that keeps its results at depths already computed: several derivatives need the same ones."""
 
     def __init__(self, law: ContactLaw) -> None:
         self.law, self.max_depth = law, law.max_depth
         self._answers: dict[bytes, tuple[FloatArray, FloatArray, FloatArray]] = {}
 
     def with_slopes(self, depth: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """As `ContactLaw.with_slopes`."""
+        """Force (N), stiffness (N/m) and further derivatives at depths (m), as `ContactLaw.with_slopes`."""
         key = depth.tobytes()
         if key not in self._answers:
             self._answers[key] = self.law.with_slopes(depth)
         return self._answers[key]
 
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Force (N), (n,)."""
+        """Force (N), (n,), at depths (m)."""
         del time
         return self.with_slopes(np.asarray(depth))[0]
 
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Stiffness (N/m), (n,)."""
+        """Stiffness dP/dw (N/m), (n,), at depths (m)."""
         del time
         return self.with_slopes(np.asarray(depth))[1]

@@ -1,26 +1,26 @@
-"""The forward model for many parameter sets at once, as a sampler asks for it.
+"""The forward model for many parameter sets at once, as a sampler needs it.
 
 The sets are computed in one of eight ways, the first that applies:
 
-1. something adheres, and of the ratios only that of the work of adhesion may vary: the sets are read off the
-   adhesion's own table (`sticking`), a frame's compliance included;
-2. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
-3. one ratio alone varies: every set's curve is read off the table of its cell (`curve_family`);
-4. a tip sticks to the surface or is a sphere, and one ratio alone varies: the sets are read off a surface in it and
+1. the contact is adhesive, and of the ratios only that of the work of adhesion may vary: the sets are read from
+   a table of adhesive laws (`sticking`), a frame's compliance included;
+2. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors; 3. one
+ratio alone varies: every set's curve is read from tables over that ratio (`curve_family`); 4. a no-slip contact or
+a sphere, and one ratio alone varies: the sets are read from a surface over that ratio and
    the depth (`ratio_surface`);
-5. the tip is no power law and Poisson's ratios stay: the sets are read off tables of the flat punch (`TipSets`);
-6. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
+5. the tip is no power law and Poisson's ratios stay: the sets are read from tables of the flat punch (`TipSets`);
+6. the solver's laws can be computed by `ExactBatch` (an isotropic layer on an isotropic or rigid base): the sets
    go through it, in groups whose stiffness ratio and range are alike;
-7. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
-8. otherwise set by set, through `Forward.reading`: so DMT and a flat punch that sticks, a law and 1 to 2 ms a set,
+7. moduli and thicknesses of a stack of layers vary: through `ExactBatch` too, in groups of like ratios; 8.
+otherwise set by set, through `Forward.reading`: so DMT and a flat punch without slip, a law and 1 to 2 ms a set,
    and Maugis, two tenths of a second.
 
-The second to the seventh are in `ratio_batch.py`, the last is `groups.set_by_set`. A sample that remembers goes
-one of these ways with its elastic force, and then through its memory (`remembered_batch.py`). In a frame that
-gives way, or under a lever that bends beyond what was taken off, the depth of the tip is found by Newton's method
-(`_given_way`).
+The second to the seventh are in `ratio_batch.py`, the last is `groups.set_by_set`. For a sample with memory the
+elastic force is computed in one of these ways, and then the memory applied (`remembered_batch.py`). With a
+compliant frame, or a cantilever that bends by other than what was subtracted, the depth of the tip is found by
+Newton's method (`_given_way`).
 
-A set's answer does not depend on the company it is asked in: a chain can be repeated bit by bit.
+The result of a set does not depend on the other sets of the batch: a chain can be repeated bit by bit.
 """
 
 from __future__ import annotations
@@ -45,7 +45,10 @@ _SETTLED, _MOST_STEPS = 1e-9, 50
 
 
 def sticking(forward: Forward, values: Values, sets: int) -> Readings:
-    """Readings of all sets off the tables of their adhesion; of sets out of reach, or without, one by one."""
+    """Readings of all parameter sets of an adhesive contact from its table of laws; one by one where it has none.
+
+    `values` are all numbers of the scene (SI) by path, (sets,) where they vary.
+    """
     # A table solves for the tip's depth itself: the chain is asked for travel and offsets alone.
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     table, work, ratio = _adhesion_table(asked)
@@ -60,7 +63,11 @@ def sticking(forward: Forward, values: Values, sets: int) -> Readings:
 
 
 def _adhesion_table(asked: ParameterSets) -> tuple[AdhesionTable | None, FloatArray, FloatArray | None]:
-    """Table of the sets' adhesion, if they have one, their works, and their ratio of moduli where it varies."""
+    """Table of the sets' adhesive laws, None if there is none, with the places at which to read it.
+
+    These are the works of adhesion (sets,), scaled as by `Similarity.reduced`, and the ratio of moduli (sets,) that
+    varies, None where none does.
+    """
     similarity = asked.forward.similarity
     ratios = dict(zip(similarity.ratio_paths, asked.ratios, strict=True))
     work = np.broadcast_to(ratios.pop(similarity.energies[0]), (asked.sets,))
@@ -73,7 +80,7 @@ def _adhesion_table(asked: ParameterSets) -> tuple[AdhesionTable | None, FloatAr
 
 
 def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[FloatArray, FloatArray] | None:
-    """Pull-off force (N) and depth (m) of many parameter sets, each (sets,); None without a table for them all.
+    """Pull-off force (N) and depth (m) of many parameter sets, each (sets,); None without a table for all of them.
 
     Parameters are those of `batched_readings`.
     """
@@ -89,7 +96,11 @@ def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[Floa
 
 
 def bending(forward: Forward, values: Values, empty: Readings) -> Readings:
-    """Readings of all sets of a lever that bends beyond what was taken off; together where they go so without."""
+    """Readings of all parameter sets with a cantilever that bends by other than its calibration assumed.
+
+    What was subtracted from the depths for its bending is then wrong. Computed together where sets of unlike depths
+    can be, else one by one. `empty` is a `Readings` of zeros that gives the shape.
+    """
     sets = len(empty.possible)
     if forward.left_out is not None or is_shaped_by_lengths(forward):
         return set_by_set(forward, values, range(sets), empty)
@@ -108,7 +119,11 @@ def bending(forward: Forward, values: Values, empty: Readings) -> Readings:
 
 
 def _given_way(forward: Forward, values: Values, empty: Readings) -> Readings:
-    """All sets of a frame or lever of a compliance (m/N), (sets,), of either sign, by Newton's method (`Frame`)."""
+    """Readings of all parameter sets with a frame or cantilever in series, by Newton's method (`Frame`).
+
+    The compliance in `values` (m/N), (sets,), may have either sign. `empty` is a `Readings` of zeros that gives the
+    shape.
+    """
     sets = len(empty.possible)
     compliance = np.broadcast_to(values[Frame.path], sets)[:, None]
     stiff = {**values, Frame.path: 0.0}
@@ -145,12 +160,12 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     sets : int
         How many sets.
     stiffness : bool, default True
-        Without it the stiffness is left zero, for a likelihood that does not ask.
+        Whether to compute the contact stiffness; it is left zero otherwise.
 
     Returns
     -------
     Readings
-        A set without a law does not exist; its row is zero.
+        Its `possible` is False for a set without a law, whose row is zero.
     """
     empty = Readings.empty(sets, forward.depth.shape[-1])
     if forward.bends(values):
@@ -165,7 +180,7 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
 
 
 def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
-    """All sets of a sample whose force depends on the depth alone."""
+    """Readings of all parameter sets of a sample without memory, whose force depends on depth alone."""
     sets = len(empty.possible)
     if forward.similarity.energies:
         return sticking(forward, values, sets)
@@ -180,7 +195,7 @@ def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffne
 
 
 def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
-    """All sets of a sample that remembers: together where they can, else one by one."""
+    """Readings of all parameter sets of a sample with memory, together if possible, else one by one."""
     # Not loaded for a sample that does not remember.
     from underlay.inference.model.remembered_batch import remembered_readings  # noqa: PLC0415  see above
 
@@ -195,7 +210,7 @@ def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness:
 
 
 def _with_left_out(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
-    """All sets of a law with what it leaves out: together where they can, else one by one."""
+    """Readings of all parameter sets of a law with corrections, together if possible, else one by one."""
     # Not loaded for a scene without it.
     from underlay.inference.model.left_out_batch import left_out_readings  # noqa: PLC0415  see above
 

@@ -1,8 +1,8 @@
-"""Parameter sets of one curve as arrays, and gathered into groups that share the nodes of one `ExactBatch`.
+"""Parameter sets of one curve as arrays, and their grouping for `ExactBatch`, the solver of many laws at once.
 
-`ParameterSets` says what the sets have in common, where they differ, and how they scale; `set_by_set` is the way
-that always works. The groups' limits are fixed numbers, not taken from the sets at hand: a set's answer does not
-depend on the company it is asked in.
+`ParameterSets` holds what the sets have in common, where they differ, and how they scale; `set_by_set` computes
+them one by one, which always works. The groups' limits are fixed numbers, not taken from the sets at hand: the
+result of a set does not depend on the other sets of the batch.
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ _MOST_RATIOS = 4
 
 
 def values_of(values: Values, row: int) -> dict[str, float]:
-    """Every number (SI) of one set, by path."""
+    """Every number (SI) of one set, by path; `row` is the set's index."""
     return {path: float(v[row]) if isinstance(v, np.ndarray) else v for path, v in values.items()}
 
 
 class ParameterSets:
-    """Parameter sets of one curve.
+    """Many parameter sets of one curve.
 
     Parameters
     ----------
@@ -85,13 +85,13 @@ class ParameterSets:
     Attributes
     ----------
     ratios : tuple of float or ndarray (sets,)
-        See `Similarity.reduced`.
+        Ratios of moduli and lengths that the laws depend on; see `Similarity.reduced`.
     shared : tuple of float or None
         The ratios of all sets where none varies between them.
     tip : ndarray (sets, n)
-        Indentation depths (m) by the reading, without compliance.
+        Indentation depths (m) from the readings, the compliance of a frame not subtracted.
     deepest : ndarray (sets,)
-        The largest of each, not negative.
+        Largest indentation depth (m) of each set, not negative.
     """
 
     def __init__(self, forward: Forward, values: Values, sets: int) -> None:
@@ -111,31 +111,34 @@ class ParameterSets:
 
     @property
     def rtol(self) -> float:
-        """Relative error asked of the laws."""
+        """Relative tolerance of the contact laws."""
         return self.forward.laws.solver.tolerance
 
     def varies(self, path: str) -> bool:
-        """Whether a number may differ between the sets."""
+        """Whether the number at `path` may differ between the sets."""
         return isinstance(self.values[path], np.ndarray)
 
     def column(self, path: str) -> FloatArray:
-        """Values of one number, (sets, 1)."""
+        """Values (SI) of the number at `path`, (sets, 1)."""
         value = self.values[path]
         return value[:, None] if isinstance(value, np.ndarray) else np.full((self.sets, 1), value)
 
     @property
     def gain(self) -> FloatArray:
-        """Force reading over force of each set, (sets,)."""
+        """Force reading over true force of each set, (sets,): not one where a cantilever's calibration is off."""
         numbers: Any = self.values  # as in __init__
         gain = self.forward.similarity.gain(numbers)
         return gain if isinstance(gain, np.ndarray) else np.full(self.sets, gain)
 
     def instrument_force(self, contact: FloatArray) -> FloatArray:
-        """Force of the instrument (N), (sets, n), of that of the contact."""
+        """Force reading of the instrument (N), (sets, n), for a contact force (N), (sets, n)."""
         return self.chain.reading(contact, self.forward.depth)
 
     def varpi(self, thickness: FloatArray) -> FloatArray:
-        """Largest half-space contact radius over thickness of each set."""
+        """varpi (sets,): the largest contact radius of each set on a half-space, over the layer's thickness.
+
+        `thickness` is in m, (sets,).
+        """
         measure = self.forward.similarity.scene.indenter.power_law
         # w = A F_2 a^lambda, so a goes with A^(-1/lambda).
         radius = measure.halfspace_radius(self.deepest)
@@ -148,7 +151,7 @@ class ParameterSets:
         return any(self.varies(path) for path in self.forward.similarity.shape)
 
     def _coefficient_ratio(self) -> FloatArray:
-        """A over that of the reference shape, (sets,): what b leaves when the thickness is taken out."""
+        """Coefficient A of the tip's shape A r^lambda over that of the reference shape, (sets,)."""
         similarity = self.forward.similarity
         if not similarity.shape or similarity.exponent is None:
             return np.ones(self.sets)
@@ -157,7 +160,10 @@ class ParameterSets:
         return np.asarray(stretch**-similarity.exponent / self.factors[0])
 
     def abel_coefficients(self) -> FloatArray | None:
-        """A F_2 of the shape of each set, (sets,), where it varies."""
+        """A F_2 of each set, (sets,), in the half-space relation w = A F_2 a^lambda; None where the shape is fixed.
+
+        w is the depth, a the contact radius, A r^lambda the tip's shape, and F_2 a function of lambda.
+        """
         indenter = self.forward.similarity.scene.indenter
         if not self._shape_varies or not isinstance(indenter, PowerLawShape):
             return None
@@ -165,16 +171,25 @@ class ParameterSets:
 
     @cached_property
     def factors(self) -> tuple[FloatArray, FloatArray]:
-        """The factors b and c of `Similarity`, each (sets,)."""
+        """The factors b and c in P(w) = c P_ref(b w) of force P and depth w, each (sets,); see `Similarity`."""
         numbers: Any = self.values  # as in __init__
         b, c = self.forward.similarity.factors(numbers)
         return np.broadcast_to(b, self.sets), np.broadcast_to(c, self.sets)
 
 
 class Readings(NamedTuple):
-    """Models of many parameter sets.
+    """Predictions of the forward model at many parameter sets.
 
-    Contact force (N), stiffness (N/m) and instrument force (N), each (sets, n), and which sets exist, (sets,).
+    Parameters
+    ----------
+    contact : FloatArray
+        Contact force (N), (sets, n).
+    stiffness : FloatArray
+        Its derivative in the tip's depth (N/m), (sets, n).
+    force : FloatArray
+        Force reading of the instrument (N), (sets, n).
+    possible : ndarray of bool (sets,)
+        Which sets have a contact law; rows of the others are zero.
     """
 
     contact: FloatArray
@@ -184,7 +199,7 @@ class Readings(NamedTuple):
 
     @classmethod
     def empty(cls, sets: int, points: int) -> Readings:
-        """Room for `sets` sets, none of which exists yet."""
+        """Zeros for `sets` sets of `points` readings, none of which has been computed."""
         contact, stiffness, force = (np.zeros((sets, points)) for _ in range(3))
         return cls(contact, stiffness, force, np.zeros(sets, dtype=bool))
 
@@ -203,7 +218,7 @@ def set_by_set(
     rows : iterable of int
         The sets that are computed.
     readings : Readings
-        Where they are put; a set without a law stays as it is there.
+        Readings of all sets, into which the results are written; a set without a law is left as it is.
     stiffness : bool
         Whether the stiffness is computed too.
     """
@@ -219,14 +234,14 @@ def set_by_set(
 
 
 def is_shaped_by_lengths(forward: Forward) -> bool:
-    """Whether the tip's shape varies otherwise than through one coefficient."""
+    """Whether the size or shape of the tip, or the thickness, acts in a way that no scaling of a law covers."""
     return any(path.startswith(("indenter.", "layer.thickness")) for path in forward.similarity.direct)
 
 
 def exact_groups(
     sets: ParameterSets, stiffness_ratio: FloatArray, thickness: FloatArray
 ) -> Iterator[tuple[NDArray[np.intp], ExactBatch | None]]:
-    """Gather sets whose stiffness ratio, thickness and range are alike.
+    """Group sets whose stiffness ratio, thickness and range are alike.
 
     Parameters
     ----------
@@ -240,7 +255,7 @@ def exact_groups(
     Yields
     ------
     (ndarray of int, ExactBatch or None)
-        Rows of a group, and what is compiled for them; None where no law reaches them.
+        Rows of a group, and the solver compiled for them; None where no law reaches them.
     """
     tops = sets.varpi(thickness)
     soft = np.where(
@@ -257,7 +272,18 @@ def exact_groups(
 
 
 def _compiled(sets: ParameterSets, soft: float, octave: float, thin: float | None) -> ExactBatch | None:
-    """What is compiled for a group, kept in the problem's store; None where no law reaches it."""
+    """Solver compiled for one group, kept in the problem's store; None where no law reaches so deep.
+
+    Parameters
+    ----------
+    sets : ParameterSets
+        All sets.
+    soft : float
+        Logarithm of the group's stiffness ratio, in the steps of the grouping; infinite on a rigid base.
+    octave, thin : float, float or None
+        Logarithms, in its steps, of the group's range over the thickness, and of the thickness (m) of a sphere's
+        layer.
+    """
     forward = sets.forward
     scene, store = forward.similarity.scene, forward.laws.store
     key = ("batch", forward.laws.number, soft, octave, thin)
@@ -291,7 +317,7 @@ def _compiled(sets: ParameterSets, soft: float, octave: float, thin: float | Non
 
 
 def has_stack_batches(asked: ParameterSets) -> bool:
-    """Whether the sets are of a stack under a power law, and differ in moduli and thicknesses alone."""
+    """Whether the sets are of a stack under a power-law tip, and differ in moduli and thicknesses only."""
     similarity, laws = asked.forward.similarity, asked.forward.laws
     if not (isinstance(laws.contact.kernel, StackKernel) and laws.solver.has_table(laws.contact)):
         return False
@@ -301,7 +327,7 @@ def has_stack_batches(asked: ParameterSets) -> bool:
 
 
 def _varying(asked: ParameterSets) -> dict[str, FloatArray]:
-    """Ratios that differ between the sets, (sets,) each, by the path that a reference law is built with."""
+    """Ratios that differ between the sets, (sets,) each, by path as in `Similarity.ratio_paths`."""
     similarity = asked.forward.similarity
     # `reduced` divides arrays as it does numbers.
     values: Any = asked.values
@@ -311,15 +337,15 @@ def _varying(asked: ParameterSets) -> dict[str, FloatArray]:
 
 
 def stack_groups(asked: ParameterSets) -> Iterator[tuple[NDArray[np.intp], ExactBatch | None]]:
-    """Gather sets of a stack whose ratios and range are alike.
+    """Group sets of a stack of layers whose ratios and range are alike.
 
-    Sets share nodes when every ratio of moduli and of thicknesses that varies lies within a factor, and so does
-    their range; the nodes are proved by doubling at the group's middle, at a tenth of the tolerance.
+    Sets share integration nodes when every ratio of moduli and of thicknesses that varies lies within a factor, and
+    so does their range; the nodes are checked by doubling at the group's middle, at a tenth of the tolerance.
 
     Yields
     ------
     (ndarray of int, ExactBatch or None)
-        Rows of a group, and what is compiled for them; None where no law reaches them.
+        Rows of a group, and the solver compiled for them; None where no law reaches them.
     """
     ratios = _varying(asked)
     thickness = asked.column("layer.thickness")[:, 0]
@@ -359,7 +385,7 @@ def _stack_groups_compiled(
 
 
 def stacked(asked: ParameterSets, rows: NDArray[np.intp]) -> tuple[Recursion, FloatArray]:
-    """The kernel of some of the sets, and theta of their surfaces (Pa), (rows,)."""
+    """Kernel of the stack for some of the sets, and half the indentation modulus of its surface (Pa), (rows,)."""
     kernel = asked.forward.laws.contact.kernel
     if not isinstance(kernel, StackKernel):
         raise TypeError(f"no stack: {kernel.description}")
@@ -372,7 +398,10 @@ def stacked(asked: ParameterSets, rows: NDArray[np.intp]) -> tuple[Recursion, Fl
 
 
 def _constants(asked: ParameterSets, part: str, rows: NDArray[np.intp]) -> PlaneConstants:
-    """Plane constants of one part, entries (rows, 1)."""
+    """Plane elastic constants of one layer or of the base, for some of the sets, entries (rows, 1).
+
+    `part` is the path of the layer or base, such as ``"layer"``.
+    """
     axial = f"{part}.E_axial" in asked.values
     names = ("E", "E_axial", "nu", "nu_axial", "G_axial") if axial else ("E", "nu")
     numbers = [asked.column(f"{part}.{name}")[rows] for name in names]

@@ -1,9 +1,10 @@
-"""The forward model with its derivatives at several parameter sets at once: what a search from many starts asks.
+"""The forward model with its derivatives at several parameter sets at once, for a search from many starts.
 
-A step of one search costs calls, not arithmetic; here as many calls serve every start. Of three ways the first
-that applies is taken: no ratio varies, and one law serves all; one ratio varies, and the sets are read off its
-tables, which know their derivative in it; tables of the flat punch give the laws of a tip that is no power law.
-What depends on more than the depth, or on the frame, goes one by one (`Forward.jacobian`).
+The time of a search's step goes into calls, not arithmetic; here the same calls serve every start. Of three ways
+the first that applies is taken: no ratio of moduli or lengths varies, and one law serves all; one ratio varies, and
+the sets are read from tables over it, which give the derivative in it; tables of the flat punch give the laws of a
+tip that is no power law. Samples with memory, corrections or adhesion, and compliant frames, go one by one
+(`Forward.jacobian`).
 """
 
 from __future__ import annotations
@@ -30,7 +31,17 @@ __all__ = ["Jacobians", "batched_jacobians", "goes_together"]
 
 
 class Jacobians(NamedTuple):
-    """Force of the instrument (N), (sets, n), its derivatives (SI), (sets, k, n), and which sets have them."""
+    """Force readings and their derivatives at many parameter sets.
+
+    Parameters
+    ----------
+    force : FloatArray
+        Force of the instrument (N), (sets, n).
+    columns : FloatArray
+        Its derivatives in k parameters (SI), (sets, k, n).
+    possible : ndarray of bool (sets,)
+        Which sets were computed.
+    """
 
     force: FloatArray
     columns: FloatArray
@@ -38,7 +49,18 @@ class Jacobians(NamedTuple):
 
 
 class _Laws(NamedTuple):
-    """P (N), dP/dw (N/m), and dP/d ln(number) (N) by path through the ratios that it moves, each (sets, n)."""
+    """Contact laws of many parameter sets at their depths.
+
+    Parameters
+    ----------
+    force, stiffness : FloatArray
+        Force P (N) and its derivative dP/dw (N/m) in the depth w, (sets, n).
+    through_ratios : mapping of path to FloatArray
+        The part of dP/d ln(number) (N) that comes from the ratios of moduli and lengths which the number at that
+        path changes, (sets, n).
+    possible : ndarray of bool (sets,)
+        Which sets have a law accurate enough.
+    """
 
     force: FloatArray
     stiffness: FloatArray
@@ -47,7 +69,7 @@ class _Laws(NamedTuple):
 
 
 def goes_together(forward: Forward, values: Values, paths: Sequence[str]) -> bool:
-    """Whether sets that differ in the parameters at `paths`, otherwise at `values`, are worth asking together."""
+    """Whether sets that differ in the parameters at `paths` can be computed together; `values` are all numbers."""
     elsewhere = (forward.history, forward.left_out, forward.bending)
     if any(part is not None for part in elsewhere) or forward.similarity.energies:
         return False
@@ -75,7 +97,8 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
     Returns
     -------
     Jacobians or None
-        A set that is not possible here may be so alone. None where the sets cannot be computed together.
+        A set that is not possible here may be so when computed alone. None where the sets cannot be computed
+        together.
     """
     if not goes_together(forward, values, paths):
         return None
@@ -119,7 +142,10 @@ def _laws(asked: ParameterSets) -> _Laws | None:
 
 
 def _of_tips(asked: ParameterSets, sets: TipSets, unit: FloatArray) -> _Laws | None:
-    """All sets off the tables of the flat punch; None where the tip has no size."""
+    """Laws of all sets from the tables of the flat punch; None where the tip has no size.
+
+    `unit` (m), (sets,), is the length in which `sets` counts the tip.
+    """
     similarity, tips = asked.forward.similarity, asked.forward.laws.tips
     if not similarity.lengths or tips is None:
         return None
@@ -138,7 +164,7 @@ def _of_tips(asked: ParameterSets, sets: TipSets, unit: FloatArray) -> _Laws | N
 
 
 def _slope(asked: ParameterSets, path: str, laws: _Laws) -> FloatArray:
-    """dP/dp at fixed tip depth, as in `LawSlopes`: the two factors, then the ratios the parameter moves."""
+    """Derivative of the force in the parameter at `path` (SI), (sets, n), at fixed tip depth."""
     similarity = asked.forward.similarity
     total = slope_by_factors(similarity, path, asked.values, asked.tip, laws.force, laws.stiffness)
     if path in laws.through_ratios:
@@ -147,7 +173,7 @@ def _slope(asked: ParameterSets, path: str, laws: _Laws) -> FloatArray:
 
 
 def _tabulated(asked: ParameterSets, table: OneRatio) -> _Laws | None:
-    """All sets off the tables of the one ratio that varies."""
+    """Laws of all sets from the tables over the one ratio that varies."""
     indenter = asked.forward.similarity.scene.indenter
     if not isinstance(indenter, PowerLawShape) or table.family is None:
         return None

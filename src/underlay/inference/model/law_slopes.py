@@ -1,7 +1,8 @@
 """Derivatives of a contact law's force in the numbers of a scene, at fixed depth of the tip.
 
-A number moves the two factors of a `Similarity`, and through its ratios the law of the reference. Where no law
-tells its derivative in a ratio itself, that is a difference of two laws, taken where both exist.
+A number changes the two factors of a `Similarity`, and through its ratios of moduli and lengths the law of the
+reference. Where no law gives its derivative in a ratio itself, that is a difference of two laws, taken where both
+exist.
 """
 
 from __future__ import annotations
@@ -46,9 +47,21 @@ _RATIO_STEP = 1e-3
 
 
 def first_possible(force: Callable[[float], FloatArray], stencils: Sequence[Stencil]) -> FloatArray:
-    """Difference quotient per step, by the first stencil that stays inside what is physically possible.
+    """Difference quotient by the first stencil whose points are all physically possible.
 
     At nu = 0.5 and at the incompressible limit of an anisotropic material only one side exists.
+
+    Parameters
+    ----------
+    force : callable
+        Force (N), (n,), at a number of steps from the current value.
+    stencils : sequence of Stencil
+        Difference formulas, best first.
+
+    Returns
+    -------
+    FloatArray
+        Change of the force per step (N), (n,).
     """
     problem: InputError | None = None
     for steps, weights in stencils:
@@ -62,7 +75,7 @@ def first_possible(force: Callable[[float], FloatArray], stencils: Sequence[Sten
 
 
 def force_scale(similarity: Similarity, path: str, values: Mapping[str, float]) -> float | None:
-    """d ln P / dp of a parameter p that is a factor on the force and no more; None where it is more than that."""
+    """d ln P / dp where the parameter p at `path` only multiplies the force P; None where it does more."""
     log_b, log_c = similarity.factor_slopes(path, values)
     if log_b or similarity.ratio_slopes(path, values):
         return None
@@ -72,9 +85,20 @@ def force_scale(similarity: Similarity, path: str, values: Mapping[str, float]) 
 def slope_by_factors(
     similarity: Similarity, path: str, values: Mapping[str, Any], w: FloatArray, P: FloatArray, S: FloatArray
 ) -> FloatArray:
-    """dP/d ln p (N) at fixed depths w (m) and ratios, from P (N) and S = dP/dw (N/m), each (n,) or (sets, n).
+    """Derivative dP/d ln p (N) of the force P in the parameter p at `path`, through the factors of similarity only.
 
-    With numbers (sets,) in `values`, one for each row.
+    The ratios of moduli and lengths stay fixed, and so does the depth.
+
+    Parameters
+    ----------
+    similarity : Similarity
+        Gives the two factors.
+    path : str
+        The parameter.
+    values : mapping of path to float or FloatArray
+        Every number of the scene (SI), (sets,) where it varies.
+    w, P, S : FloatArray
+        Depths (m), force (N) and stiffness dP/dw (N/m) there, each (n,) or (sets, n).
     """
     # Numbers, or arrays where those of `values` are.
     factors: tuple[Any, Any] = similarity.factor_slopes(path, values)
@@ -92,24 +116,24 @@ def slope_by_factors(
 
 @dataclass(frozen=True)
 class LawSlopes:
-    """A law at one set of numbers, pressed to some depths.
+    """Derivatives of one contact law, at one set of numbers and some depths.
 
     Parameters
     ----------
     similarity : Similarity
-        How the numbers (SI) in `values` become factors and ratios.
+        Gives the factors and ratios of the numbers in `values`.
     laws : LawSource
-        Where laws at other ratios come from.
+        Source of laws at other ratios.
     values : mapping of str to float
-        The numbers, by path.
+        Every number of the scene (SI), by path.
     law : ContactLaw
         The law at these numbers.
     deepest : float
-        Depth (m) up to which laws are asked for.
+        Depth (m) that laws must reach.
     w, P, S : FloatArray
-        Depths (m), and force (N) and stiffness (N/m) there, each (n,).
+        Depths (m), and force (N) and stiffness dP/dw (N/m) there, each (n,).
     told : FloatArray
-        Slopes that the law says itself, (numbers, n): see `ContactLaw.with_slopes`.
+        Derivatives that the law gives itself, (numbers, n): see `ContactLaw.with_slopes`.
     rough : bool
         Whether a ratio's derivative is taken from one further law instead of two.
     """
@@ -129,11 +153,14 @@ class LawSlopes:
 
     @property
     def are_rough(self) -> bool:
-        """Whether one of the derivatives asked for so far comes from one further law alone."""
+        """Whether any derivative computed so far comes from only one further law."""
         return self.rough and bool(self._differenced)
 
     def of(self, path: str) -> FloatArray:
-        """dP/dp (n,): by the two factors, then by the ratios that the parameter moves."""
+        """Derivative dP/dp (n,) of the force in the parameter at `path` (SI), at fixed depths.
+
+        It has a part from the two factors of similarity, and one from the ratios that the parameter changes.
+        """
         value = self.values[path]
         derivative = slope_by_factors(self.similarity, path, self.values, self.w, self.P, self.S) / value
         if self.laws.table is not None and len(self.told) and (slope := self.laws.table.slope(path)):
@@ -147,7 +174,10 @@ class LawSlopes:
         return derivative
 
     def _known(self, ratio: str) -> FloatArray | None:
-        """dP/d ln k of a ratio (dP/dk of a direct one) where the law says it itself."""
+        """Derivative of the force in a ratio where the law gives it itself; None otherwise.
+
+        dP/d ln k (N) of a ratio k of moduli or lengths, dP/dk of a number that is taken as it is.
+        """
         if ratio == "adhesion.work":
             in_log, is_direct = self.law.work_slope(self.w), ratio in self.similarity.direct
             return in_log / self.values[ratio] if is_direct and in_log is not None else in_log
@@ -167,7 +197,10 @@ class LawSlopes:
         return in_size(self.w, self.P, self.S, in_thickness) if alone else None
 
     def _difference(self, ratio: str) -> FloatArray:
-        """dP/d ln k (dP/dk of a direct one) at fixed depth and factors, by a difference of two laws."""
+        """Derivative of the force in a ratio, at fixed depth and factors, from the difference of laws.
+
+        dP/d ln k (N) of a ratio k of moduli or lengths, dP/dk of a number that is taken as it is.
+        """
         self._differenced.add(ratio)
         b, c = self.similarity.factors(self.values)
         reduced = dict(zip(self.similarity.ratio_paths, self.similarity.reduced(self.values), strict=True))

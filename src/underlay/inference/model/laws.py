@@ -1,8 +1,8 @@
-"""Where the laws of a forward model come from: built, read off tables, and kept.
+"""Source of the contact laws of a forward model: built by a solver, read from tables, and kept.
 
-The range of a law that is solved for is its needed depth rounded up to a power of two: it is then a function of
-the parameters alone, not of what was asked before. Where one ratio alone varies (`one_ratio`), laws are read off
-the tables of `curve_family`.
+The range of a law that is solved for is its needed depth rounded up to a power of two: it is then a function of the
+parameters alone, not of earlier calls. Where one ratio of moduli or lengths alone varies (`one_ratio`), laws are
+read from the tables of `curve_family`.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ _NOT_TABULATED = RangeError("no table has this law")
 
 @dataclass(frozen=True)
 class OneRatio:
-    """The one ratio in which the bodies of a problem differ: their laws are then read off tables (`curve_family`).
+    """The one ratio in which the samples of a problem differ: laws come from tables over it (`curve_family`).
 
     Parameters
     ----------
     family : Family or None
-        The bodies; None where there is one alone.
+        The layered bodies at any value of the ratio; None where there is only one.
     path, over : str
-        Paths of the number and of that which it is divided by.
+        Paths of the ratio's numerator and denominator, such as ``"substrate.E"`` and ``"layer.E"``.
     """
 
     family: Family | None
@@ -61,24 +61,24 @@ class OneRatio:
     over: str = ""
 
     def of(self, values: Mapping[str, Number]) -> Number | float:
-        """Value of the ratio."""
+        """Value of the ratio at numbers by path; infinite where there is no ratio."""
         return values[self.path] / values[self.over] if self.path else np.inf
 
     def slope(self, path: str) -> float:
-        """d ln(ratio)/d ln(number at `path`)."""
+        """d ln(ratio)/d ln(number at `path`): 1, -1 or 0."""
         return float(path == self.path) - float(path == self.over)
 
 
 @dataclass(frozen=True)
 class _OneUnknown:
-    """The bodies of a scene of which one modulus or thickness is not known.
+    """The layered bodies of a scene in which only one modulus or thickness varies.
 
     Parameters
     ----------
     scene : Scene
         The scene at a ratio of one.
     path : str
-        Path of the number that is not known.
+        Path of the number that varies.
     unit : float
         Value of that number at a ratio of one (SI).
     """
@@ -88,21 +88,23 @@ class _OneUnknown:
     unit: float
 
     def kernel(self, ratio: float) -> Kernel:
-        """Kernel at one ratio."""
+        """Kernel of the body (its surface response by wavenumber) at one value of the ratio."""
         return self.scene.with_values({self.path: ratio * self.unit}).contact.kernel
 
 
 def one_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequence[str]) -> OneRatio | None:
-    """Find the one ratio that the free parameters move; None where they move more, or a Poisson's ratio.
+    """Find the one ratio that the free parameters change, under a power-law tip.
+
+    None where they change more than one, or a Poisson's ratio.
 
     Parameters
     ----------
     similarity : Similarity
-        What scales out of the laws.
+        Scaling of the laws.
     body : IsotropicLayer or None
         Body of the reference, where it is an isotropic layer.
     free : sequence of str
-        Paths that vary.
+        Paths of the parameters that vary.
     """
     if similarity.exponent is None or set(similarity.direct).intersection(free):
         return None
@@ -129,9 +131,9 @@ def one_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequenc
 
 
 def tip_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequence[str]) -> OneRatio | None:
-    """Find the bodies under a tip that is no power law; None where tables are not for what varies.
+    """Find the one ratio of moduli that may vary under a tip that is no power law.
 
-    `body` as in `one_ratio`.
+    None where tables do not cover what varies. Parameters are those of `one_ratio`.
     """
     if similarity.exponent is not None or body is None or not similarity.moduli:
         return None
@@ -146,19 +148,19 @@ def tip_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequenc
 def quiet_law(scene: Scene, solver: Solver, max_depth: float, beside: tuple[Beside, ...] = ()) -> ContactLaw:
     """Build the law of a scene without warnings.
 
-    A published correction warns where it leaves its range; a fit passes through such places and reports only
-    those of its result, which the law carries itself.
+    A published correction warns where it leaves its range; a fit passes through such places and reports only those
+    of its result, which the law carries itself.
 
     Parameters
     ----------
     scene : Scene
         The test.
     solver : Solver
-        What builds the law.
+        Solver that builds the law.
     max_depth : float
-        Depth (m) up to which it is needed.
+        Depth (m) that the law must reach.
     beside : tuple of Beside
-        Bodies a step away, towards which the law says its derivatives.
+        Slightly different bodies, from which the law computes its derivatives.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnderlayWarning)
@@ -169,9 +171,9 @@ def quiet_law(scene: Scene, solver: Solver, max_depth: float, beside: tuple[Besi
 
 @dataclass
 class LawStore:
-    """The laws built last, or why one could not be, and what is compiled for batches; `built` counts laws.
+    """Cache of one problem: contact laws, errors of those that could not be built, and compiled batch solvers.
 
-    Owned by one problem.
+    `built` counts the laws.
     """
 
     laws: OrderedDict[tuple[object, ...], ContactLaw | RangeError] = field(default_factory=OrderedDict)
@@ -183,17 +185,17 @@ class LawStore:
     built: int = 0
 
     def number(self, reference: tuple[object, ...]) -> int:
-        """Short name of a reference scene, given its parts: equal ones share their laws."""
+        """Short name of a reference scene, given its parts: equal scenes share their laws."""
         if reference not in self.references:
             self.references.append(reference)
         return self.references.index(reference)
 
     def get(self, key: tuple[object, ...]) -> ContactLaw | RangeError | None:
-        """Return a kept law, or None."""
+        """Return the law kept under a key, or the error of its failed construction, or None."""
         return self.laws.get(key)
 
     def keep(self, key: tuple[object, ...], law: ContactLaw | RangeError) -> ContactLaw | RangeError:
-        """Keep a law; the oldest goes."""
+        """Keep a law, or the error of its failed construction, under a key and return it; the oldest is dropped."""
         self.built += 1
         self.laws[key] = law
         if len(self.laws) > _LAWS_KEPT:
@@ -203,31 +205,31 @@ class LawStore:
 
 @dataclass(frozen=True)
 class LawSource:
-    """Laws of one reference scene at any ratios of its moduli, lengths and Poisson's ratios.
+    """Contact laws of one reference scene at any ratios of its moduli, lengths and Poisson's ratios.
 
     Parameters
     ----------
     similarity : Similarity
-        The reference and what scales.
+        The reference, and how laws scale from it.
     solver : Solver
-        What builds them.
+        Solver that builds the laws.
     store : LawStore
         Where they are kept.
     number : int
-        Name of the reference in the store.
+        Number of the reference in the store.
     contact : Contact
         The contact of the reference.
     table : OneRatio or None
-        The one ratio that can change the law, where the solver reads such laws off a table.
+        The one ratio that can change the law, where the solver has tables over it.
     tips : OneRatio or None
-        The one ratio of a tip that is no power law: its size over the thickness may vary too.
+        The same under a tip that is no power law: its size over the thickness may vary too.
     beside : tuple of str
-        Paths of the ratios in which laws that are solved for say their own derivatives (`Contact.beside`); beside
-        tables in the order of the tables' own.
+        Paths of the ratios in which laws that are solved for give their own derivatives (`Contact.beside`); where
+        there are tables, in the order of the tables' derivatives.
     scattered : bool
-        Whether it is asked for ratios far apart, as a grid holds them: each is solved for itself.
+        Whether laws at ratios far apart are needed, as on a grid: each is then solved for itself.
     rough : bool
-        Whether sets of unlike depths share the law of the deepest: what one says then depends on the others,
+        Whether sets of different depths share the law of the deepest: the result of one then depends on the others,
         by less than the law's own error.
     """
 
@@ -251,13 +253,16 @@ class LawSource:
         solver: Solver,
         store: LawStore,
     ) -> LawSource:
-        """Source for what may vary at the paths `free`; the parts of the `reference` name its laws in the store."""
+        """Source of laws where the parameters at the paths `free` may vary.
+
+        The parts of `reference`, the scene at which the laws are built, identify them in the store.
+        """
         contact = similarity.scene.contact
         source = cls(similarity, solver, store, store.number(reference), contact, None)
         return source.varying(free)
 
     def varying(self, free: Sequence[str]) -> LawSource:
-        """Return the source where only the paths `free` vary: tables serve more the fewer these are."""
+        """Return the source for only the paths `free` varying: the fewer vary, the more laws come from tables."""
         similarity, solver = self.similarity, self.solver
         body = self.contact.isotropic
         table = one_ratio(similarity, body, free) if solver.has_table(self.contact) else None
@@ -267,7 +272,7 @@ class LawSource:
     def _slopes_wanted(
         self, table: OneRatio | None, tips: OneRatio | None, free: Sequence[str]
     ) -> tuple[str, ...]:
-        """What `beside` is where the paths `free` vary; nothing where the solver's laws say no slopes."""
+        """Value of `beside` where the paths `free` vary; empty where the solver gives no such derivatives."""
         similarity = self.similarity
         if not self.solver.has_slopes(self.contact):
             return ()
@@ -280,21 +285,23 @@ class LawSource:
 
     @property
     def is_solved(self) -> bool:
-        """Whether each law is solved for by itself, its derivatives with it."""
+        """Whether laws come from the solver, one at a time and with derivatives, and not from tables."""
         return self.table is None and self.tips is None and bool(self.beside)
 
     @property
     def know_slopes(self) -> bool:
-        """Whether the laws say their derivatives in what may vary: no further law is needed for them."""
+        """Whether the laws give their derivatives in what may vary, so that none are taken by differences."""
         return self.table is not None or self.tips is not None or bool(self.beside)
 
     @property
     def for_differences(self) -> LawSource:
-        """The source with laws that may be subtracted: of one kind, and not rougher than the step allows."""
+        """The source with laws accurate enough, and alike enough, to be subtracted for a derivative."""
         return replace(self, solver=self.solver.for_differences(_STENCIL_RTOL))
 
     def law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law with these ratios for depths up to `depth` (m), kept and used again.
+
+        `reduced` are the ratios as `Similarity.reduced` returns them.
 
         Raises
         ------
@@ -312,7 +319,10 @@ class LawSource:
     def laws_of(
         self, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]
     ) -> list[ContactLaw | None]:
-        """Laws with these ratios for depths (m) that are less work all at once; None for every other."""
+        """Laws with several sets of ratios, where computing them together saves work; None for every other.
+
+        `reduced` are the ratios as `Similarity.reduced` returns them, `depths` (m) what each law must reach.
+        """
         found: list[ContactLaw | None] = [None] * len(depths)
         rows = [row for row, depth in enumerate(depths) if depth > 0.0]
         if self.tips is not None and len(rows) > 1:
@@ -324,9 +334,19 @@ class LawSource:
     def side_by_side(
         self, reduced: Sequence[tuple[float, ...]], depth: float
     ) -> Callable[[FloatArray], FloatArray] | None:
-        """Forces (N), (laws, n), of these ratios' laws at depths (m) up to `depth`, (laws, n) or (1, n) for all.
+        """Function that computes the forces of several laws at once; None where laws must be used one by one.
 
-        None where the laws are asked one by one.
+        Parameters
+        ----------
+        reduced : sequence of tuple of float
+            Ratios of each law, as `Similarity.reduced` returns them.
+        depth : float
+            Depth (m) that the laws must reach.
+
+        Returns
+        -------
+        callable or None
+            Function from depths (m), (laws, n) or (1, n) for all, to forces (N), (laws, n).
         """
         if self.table is None or self.table.family is None or not (self.scattered and depth > 0.0):
             return None
@@ -338,9 +358,11 @@ class LawSource:
         return self.solver.side_by_side(self.contact, self.table.family, ratios, depth)
 
     def for_statements(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
-        """Law of the same kind that ends at `depth` (m), where its errors and flags depend on the range.
+        """Law whose range ends at `depth` (m), for error estimates and warnings that depend on its range.
 
-        A kept law reaches up to twice as deep, and a published correction may leave its own range there.
+        A law kept for reuse may reach up to twice as deep, where a published correction can leave its own range of
+        validity. If the solver's laws do not depend on their range, the kept law is returned. `reduced` are the
+        ratios as `Similarity.reduced` returns them.
         """
         law = self.law(reduced, depth)
         if not self.solver.judges_range or depth == 0.0:
@@ -348,9 +370,9 @@ class LawSource:
         return quiet_law(self._scene(reduced), self.solver, depth)
 
     def adhesion_table(self, fixed: Mapping[str, float], varying: str | None) -> AdhesionTable | None:
-        """Table of laws at any work of adhesion, at these ratios; None where there is none.
+        """Table of laws over the work of adhesion; None where the adhesion model has none.
 
-        `varying` is the path of one ratio of moduli more that may vary.
+        `fixed` are the ratios that stay, by path; `varying` is the path of one ratio of moduli that may vary too.
         """
         key = (self.number, self.solver, self.similarity.length, varying, *fixed.values())
         if key not in self.store.adhesion_tables:
@@ -367,11 +389,11 @@ class LawSource:
         return self.store.adhesion_tables[key]
 
     def spans(self, depth: FloatArray) -> FloatArray:
-        """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""
+        """Number of the range that each depth (m), (sets,), belongs to: sets of one range share a law."""
         return np.zeros(depth.shape) if self.rough else self.solver.ranges(self.contact, depth)
 
     def _from_table(self, table: OneRatio, reduced: tuple[float, ...], depth: float) -> ContactLaw | None:
-        """Law read off a table, to the end of the table's range; None where there is none."""
+        """Law with ratios `reduced` read from a table, up to the end of the table's range; None if it has none."""
         similarity = self.similarity
         number = self.solver.table_number(self.contact, depth)
         key = (self.number, self.solver, similarity.length, reduced, "table", number)
@@ -389,9 +411,9 @@ class LawSource:
     def _of_tips(
         self, tips: OneRatio, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]
     ) -> list[ContactLaw | RangeError | None]:
-        """Laws read off the tables of the flat punch, to the end of their range, or why there are none so deep.
+        """Laws with several sets of ratios `reduced`, read from the tables of the flat punch up to their end.
 
-        None where there is no table.
+        A RangeError in place of a law that cannot reach its depth in `depths` (m); None where there is no table.
         """
         similarity = self.similarity
         found: list[ContactLaw | RangeError | None] = [None] * len(reduced)
@@ -424,7 +446,7 @@ class LawSource:
         return found
 
     def tip_contact(self, numbers: Mapping[str, float]) -> Contact:
-        """The reference's contact with a tip and a layer of these sizes."""
+        """The reference's contact with the tip's sizes and the thickness (SI) replaced by `numbers`, by path."""
         prefix = "indenter."
         sizes = {
             path.removeprefix(prefix): value for path, value in numbers.items() if path.startswith(prefix)
@@ -453,7 +475,7 @@ class LawSource:
     def _refusal(
         self, key: tuple[object, ...], reduced: tuple[float, ...], depth: float, law: ContactLaw | RangeError
     ) -> RangeError:
-        """Why a law ends before `depth` (m), in the words of its solver; asked once for each law."""
+        """Error that says, in the solver's words, why a law ends before `depth` (m); made once for each law."""
         if key not in self.store.refusals:
             try:
                 quiet_law(self._scene(reduced), self.solver, depth)
@@ -468,7 +490,7 @@ class LawSource:
         return similarity.scene.with_values(dict(zip(similarity.ratio_paths, reduced, strict=True)))
 
     def _build(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | RangeError:
-        """Law up to `depth` (m), or why it does not reach so deep."""
+        """Law with ratios `reduced` up to `depth` (m), or the error why it does not reach so deep."""
         scene = self._scene(reduced)
         try:
             return quiet_law(scene, self.solver, depth, self._bodies_beside(scene, reduced))
@@ -476,7 +498,7 @@ class LawSource:
             return error
 
     def _bodies_beside(self, scene: Scene, reduced: tuple[float, ...]) -> tuple[Beside, ...]:
-        """Bodies a step away in each of the ratios `beside`; none where one of them does not exist."""
+        """Bodies with each of the ratios `beside` changed by a small step; empty where one cannot exist."""
         found, here = [], scene.contact
         shorter = float(np.exp(-_KERNEL_STEP))
         try:

@@ -1,4 +1,7 @@
-"""Laws with what they leave out at many parameter sets: both laws in batches, then the sizes of each set."""
+"""Laws with corrections for friction and finite strain, at many parameter sets.
+
+The frictionless and the no-slip law are computed in batches, and then combined by the sizes of each set.
+"""
 
 from __future__ import annotations
 
@@ -24,18 +27,24 @@ Found = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]
 def left_out_readings(
     forward: Forward, values: Values, sets: int, batched: Callable[[Forward, Values, int], Found]
 ) -> Found | None:
-    """Readings of all sets; None where they are to be asked one by one.
+    """Readings of all parameter sets of a law with corrections; None where they must be computed one by one.
 
     Parameters
     ----------
     forward : Forward
-        Forward model with what its law leaves out.
+        Forward model with corrections of its law (`LeftOutLaws`).
     values : mapping of path to float or FloatArray
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
         How many sets.
     batched : callable
-        Readings of a law that leaves nothing out; without stiffness.
+        Function that computes the readings of a model without corrections; without stiffness.
+
+    Returns
+    -------
+    tuple or None
+        Contact force (N), stiffness (N/m, left zero) and instrument force (N), each (sets, n), and which sets have
+        a law.
     """
     left_out = forward.left_out
     if not isinstance(left_out, LeftOutLaws) or np.any(values[Frame.path]):

@@ -1,4 +1,4 @@
-"""One curve of a problem, compiled: which entries of a vector it reads, its law, its noise, and shared errors."""
+"""One curve of a problem, compiled: its parameters, law and noise, and errors shared by several curves."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _SECOND_DIFFERENCE = 6.0**0.5 * 0.6744897501960817
 
 
 def means_alone(curve: Curve) -> bool:
-    """Whether a curve is one or two holds of a test in steps: means with known errors, which no residual tells."""
+    """Whether a curve is one or two mean values of holds, with known errors, too few to estimate scatter from."""
     return not np.diff(curve.force, 2).size
 
 
 def scatter(curve: Curve) -> float:
-    """Standard deviation (N) of the force about a smooth curve, robust; never zero."""
+    """Standard deviation (N) of the force about a smooth curve, from second differences; robust, never zero."""
     force = curve.force[np.argsort(curve.depth, kind="stable")] if curve.time is None else curve.force
     # In order, which takes a third of numpy.median's time.
     second = np.sort(np.abs(np.diff(force, 2)))
@@ -56,7 +56,7 @@ def noise_start(
     prior: Prior | None,
     bounds: tuple[float, float] | None,
 ) -> float:
-    """Start (SI) of a free number of the noise: the model's own, else a guess from the curves.
+    """Starting value (SI) of a free number of the noise: the model's own, else a guess from the curves.
 
     Parameters
     ----------
@@ -97,7 +97,9 @@ def _time_step(curve: Curve) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """One scene and one curve of a problem.
+    """One scene and one curve of a problem, compiled.
+
+    A parameter vector (k,) holds all free parameters of the problem; a curve may depend on some of them only.
 
     Parameters
     ----------
@@ -106,13 +108,13 @@ class Member:
     forward : Forward
         The compiled scene.
     noise : NoiseModel
-        What disturbs the force; its size may be unknown.
+        Noise of the force; its size may be unknown.
     base : mapping
         Every number of the scene (SI).
     entries : mapping of path to int
-        Entry of a vector that holds a number of the scene.
+        Entry of a parameter vector that holds a number of the scene.
     noise_entries : mapping of field name to int
-        Entry of a vector that holds a number of the noise.
+        Entry of a parameter vector that holds a number of the noise.
     """
 
     scene: Scene
@@ -140,7 +142,10 @@ class Member:
 
     @cached_property
     def by_power_law(self) -> Forward | None:
-        """The model by the laws of a sphere's paraboloid, to search with; None where they are no less work."""
+        """Approximate model with a sphere's paraboloid in place of the sphere, for searches.
+
+        None where the tip is no sphere, or that saves no work.
+        """
         tip, laws = self.scene.indenter, self.forward.laws
         if not isinstance(tip, Sphere) or laws.tips is None:
             return None
@@ -156,52 +161,56 @@ class Member:
         return replace(forward, over=TipOverPowerLaw(tip, rounded))
 
     def values_at(self, physical: FloatArray) -> dict[str, float]:
-        """Every number of the scene (SI) at a physical vector (k,)."""
+        """Every number of the scene (SI), by path, at parameters (k,) in SI."""
         values = dict(self.base)
         for path, entry in self.entries.items():
             values[path] = float(physical[entry])
         return values
 
     def scene_at(self, physical: FloatArray) -> Scene:
-        """Scene with the numbers of a physical vector (k,)."""
+        """Scene with the parameters (k,), in SI, put in."""
         return self.scene.with_values({path: float(physical[j]) for path, j in self.entries.items()})
 
     def noise_at(self, physical: FloatArray) -> NoiseModel:
-        """Noise with the numbers of a physical vector (k,)."""
+        """Noise with the parameters (k,), in SI, put in."""
         return self.noise.at({name: float(physical[j]) for name, j in self.noise_entries.items()})
 
     def noise_of(self, physical: FloatArray) -> NoiseModel:
-        """Noise with the numbers of physical vectors (B, k); of size 1 N where that is unknown."""
+        """Noise at many parameter vectors (B, k), SI; of size 1 N where its size is unknown."""
         known = self.noise.of_size(1.0) if self.scale_is_unknown else self.noise
         return known.at({name: physical[:, j, None] for name, j in self.noise_entries.items()})
 
     def model(self, physical: FloatArray) -> FloatArray:
-        """Instrument's force (N), (n,), at a physical vector (k,); raises as `reading` does."""
+        """Force reading of the instrument (N), (n,), at parameters (k,), SI; raises as `reading` does."""
         return self.forward.force(self.values_at(physical))
 
     def reading(self, physical: FloatArray) -> Reading:
-        """Model at a physical vector (k,); raises InputError where no law exists."""
+        """Predicted readings at parameters (k,), SI; raises InputError where no law exists."""
         return self.forward.reading(self.values_at(physical))
 
     def law(self, physical: FloatArray) -> ContactLaw:
-        """Contact law behind the model at a physical vector (k,), at the reference of the similarity.
+        """Contact law behind the model at parameters (k,), SI, for its error estimate and warnings.
 
-        The range of the exact law is up to twice the curve's, so its error estimate is not below that of the
-        curve.
+        Except for layers that stiffen or have sides it is the law of the reference contact (`Similarity`), before
+        scaling. The exact solver's law may reach up to twice as deep as the curve, and its error estimate covers
+        that whole range.
         """
         return self.forward.law_behind(self.values_at(physical))
 
     def jacobian(self, physical: FloatArray, *, rough: bool = False) -> tuple[Reading, FloatArray]:
-        """Model and d force / d vector (SI), (n, k); zero for entries this curve does not read."""
+        """Model at parameters (k,), SI, and the derivatives of its force in them, (n, k).
+
+        Columns of parameters that this curve does not depend on are zero. `rough` as in `Forward.jacobian`.
+        """
         reading, own = self.forward.jacobian(self.values_at(physical), tuple(self.entries), rough=rough)
         columns = np.zeros((len(self.force), len(physical)))
         columns[:, list(self.entries.values())] = own
         return reading, columns
 
     def sigma(self, reading: Reading | None, noise: NoiseModel) -> FloatArray:
-        """Standard deviation (N), (n,); the force's range where the size is unknown.
+        """Standard deviation of the noise (N), (n,); the range of the forces where its size is unknown.
 
-        Noise that does not follow the force needs no `reading`.
+        Noise whose size does not depend on the force needs no `reading`.
         """
         known = noise.of_size(float(np.ptp(self.force))) if noise.size_is_unknown else noise
         if reading is None:
@@ -209,20 +218,20 @@ class Member:
         return known.sigma(reading.contact, reading.stiffness, self.curve.time)
 
     def whitened(self, physical: FloatArray) -> FloatArray:
-        """Whitened residuals (n,) at a physical vector (k,)."""
+        """Whitened residuals, data minus model, (n,), at parameters (k,), SI."""
         reading, noise = self.reading(physical), self.noise_at(physical)
         return noise.whiten((self.force - reading.force) / self.sigma(reading, noise), self.curve.time)
 
     def log_likelihood(self, physical: FloatArray) -> FloatArray:
-        """Log-likelihood (B,) at physical vectors (B, k); -inf where no law exists."""
+        """Log-likelihood (B,) at parameter vectors (B, k), SI; -inf where no law exists."""
         return self.log_likelihood_along(physical, np.zeros((len(self.force), 0)))[0]
 
     def log_likelihood_along(
         self, physical: FloatArray, directions: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Log-likelihood (B,), and the whitened residuals along directions (n, m): (B, m).
+        """Log-likelihood (B,) at parameter vectors (B, k), SI, and projections of the whitened residuals.
 
-        -inf and zero where no law exists.
+        The projections are on the columns of `directions` (n, m), so (B, m). -inf and zero where no law exists.
         """
         noise, time = self.noise_of(physical), self.curve.time
         readings = self.readings(physical, stiffness=noise.needs_stiffness)
@@ -249,11 +258,11 @@ class Member:
         return result, along
 
     def readings(self, physical: FloatArray, *, stiffness: bool = True) -> Readings:
-        """Model at physical vectors (B, k); without `stiffness` that is left zero."""
+        """Predicted readings at parameter vectors (B, k), SI; with `stiffness` false that is left zero."""
         return batched_readings(self.forward, self.values_of(physical), len(physical), stiffness=stiffness)
 
     def values_of(self, physical: FloatArray) -> Values:
-        """Every number of the scene at physical vectors (B, k): (B,) where it is free."""
+        """Every number of the scene (SI) by path, at parameter vectors (B, k): (B,) where it is free."""
         values: dict[str, float | FloatArray] = dict(self.base)
         for path, entry in self.entries.items():
             values[path] = physical[:, entry]
@@ -262,16 +271,16 @@ class Member:
 
 @dataclass(frozen=True)
 class CommonErrors:
-    """Errors of one size in several curves: what one law gets wrong, it gets wrong in all of them.
+    """Errors that several curves have in common: one contact law is wrong in the same way in all of them.
 
-    The readings of all curves over their noise, each whitened by its own, are e = z + A u, z and u independent
-    and of unit variance, the rows of A those of the curves one after the other. With A = U S V' their
-    covariance is I + A A', whose inverse root is
+    The readings of all curves over their noise, each whitened by its own, are e = z + A u, z and u independent and
+    of unit variance, the rows of A those of the curves one after the other. With A = U S V' their covariance is I +
+    A A', whose inverse root is
 
         P = I - U (1 - (1 + S^2)^(-1/2)) U',
 
     and half the logarithm of whose determinant is sum ln(1 + s^2) / 2. A depends on no parameter: sizes are
-    over the noise, and that is stated.
+    relative to the noise, and that is given.
 
     Parameters
     ----------
@@ -289,12 +298,12 @@ class CommonErrors:
 
     @classmethod
     def of(cls, members: Sequence[Member]) -> CommonErrors | None:
-        """Find the common errors in the noise of these curves; None where there are none.
+        """Find the common errors in the noise models of these curves; None where there are none.
 
         Raises
         ------
         InputError
-            If some curves have other numbers of them than others.
+            If the curves' noise models do not all have the same number of them.
         """
         columns = [_common(member) for member in members]
         counts = {own.shape[1] for own in columns}
@@ -315,22 +324,28 @@ class CommonErrors:
 
     @property
     def log_determinant(self) -> float:
-        """Half the logarithm of the determinant of I + A A'."""
+        """Half the logarithm of the determinant of I + A A', the covariance of the whitened readings."""
         return 0.5 * float(np.log1p(self.sizes**2).sum())
 
     def whitened(self, parts: Sequence[FloatArray]) -> list[FloatArray]:
-        """Residuals that each curve's noise has whitened, (..., n) each, whitened of the common errors too."""
+        """Whiten the residuals of the common errors too, after each curve's own noise, (..., n) each."""
         together = sum(own @ along for own, along in zip(parts, self.directions, strict=True))
         less = together * (1.0 - 1.0 / np.sqrt(1.0 + self.sizes**2))
         return [own - less @ along.T for own, along in zip(parts, self.directions, strict=True)]
 
     def log_density(self, along: FloatArray) -> FloatArray:
-        """What common errors add to the log-likelihood, (...), at residuals along the directions, (..., m)."""
+        """Contribution of common errors to the log-likelihood, (...).
+
+        `along` (..., m) are the whitened residuals of all curves projected on `directions`.
+        """
         share = self.sizes**2 / (1.0 + self.sizes**2)
         return np.asarray(0.5 * np.square(along) @ share - self.log_determinant)
 
     def innovations(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Whitened readings of all curves (..., n) less what those before say, and ln of their deviations."""
+        """Whitened readings of all curves (..., n) less their predictions from the readings before them.
+
+        Also returned are the logarithms of the standard deviations of these differences, (n,).
+        """
         noise = LowRankNoise(force=1.0, columns=np.concatenate(self.rows))
         return noise.whiten(white), noise.log_deviations(np.ones(white.shape[-1]))
 

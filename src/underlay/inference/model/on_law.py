@@ -1,4 +1,4 @@
-"""What a layer puts on the law of linear elasticity, stiffening and sides, at the numbers of a problem.
+"""Changes that a layer makes to the law of linear elasticity: it stiffens with strain, or has a finite width.
 
 The linear laws come from `Forward.bare_law`, tables and all, as without it. Derivatives in E and in the layer's own
 numbers are exact; in numbers that move the linear law otherwise than by a scale (thickness, radius, Poisson's
@@ -30,15 +30,15 @@ _STEP = 1e-3
 
 
 class Linear(Protocol):
-    """A source of linear laws: a `Forward`."""
+    """Interface to laws of linear elasticity: `Forward` has it."""
 
     def bare_law(self, values: Mapping[str, float], deepest: float) -> ContactLaw:
-        """Law at `values` for depths up to `deepest` (m)."""
+        """Law of linear elasticity at numbers `values` (SI, by path) for depths up to `deepest` (m)."""
 
 
 @dataclass(frozen=True)
 class OnLinear:
-    """What the layer of one scene puts on the linear law.
+    """Changes that the layer of one scene makes to the law of linear elasticity: strain stiffening, finite width.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class OnLinear:
     layered : bool
         Whether it stands on a rigid base.
     gain : callable
-        Force reading over force, of numbers by path: of a lever whose calibration is off.
+        Force reading over true force, from numbers by path: not one where a cantilever's calibration is off.
     """
 
     layer: Layer
@@ -56,13 +56,13 @@ class OnLinear:
 
     @classmethod
     def of(cls, scene: Scene, gain: Callable[[Mapping[str, Any]], Any]) -> OnLinear:
-        """Prepare for a scene whose law is not linear."""
+        """Prepare for a scene whose layer stiffens or has a finite width."""
         return cls(scene.layer, isinstance(scene.substrate, Rigid), gain)
 
     def laws(self, values: Mapping[str, Any]) -> tuple[StiffLayer | None, Sides | None]:
         """The layer's stiffening and its sides, each None if it has none, at numbers (SI) by path.
 
-        Numbers that vary are (sets, 1).
+        Numbers that vary between parameter sets are (sets, 1).
         """
         stiff = None
         if self.layer.stiffening is not None:
@@ -73,7 +73,7 @@ class OnLinear:
         return stiff, sides_at(values, self.layer, self.gain(values))
 
     def law(self, forward: Linear, values: Mapping[str, float], deepest: float) -> ContactLaw:
-        """Law at `values` for depths up to `deepest` (m)."""
+        """Law of the layer at numbers `values` (SI, by path) for depths up to `deepest` (m)."""
         build: Callable[[float], ContactLaw] = partial(forward.bare_law, values)
         for outer in self.laws(values):
             if outer is not None:
@@ -81,7 +81,7 @@ class OnLinear:
         return build(deepest)
 
     def slope(self, forward: Linear, path: str, slopes: LawSlopes) -> FloatArray:
-        """dP/dp (SI) of the parameter at `path` at fixed tip depths, (n,)."""
+        """Derivative (n,) of the force in the parameter at `path` (SI), at fixed tip depths."""
         values, law, w = slopes.values, slopes.law, slopes.w
         section, _, name = path.rpartition(".")
         if path == "layer.E":

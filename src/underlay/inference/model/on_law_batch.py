@@ -1,4 +1,4 @@
-"""Layers that stiffen, or have sides, at many parameter sets: one linear law, factors of each set as arrays."""
+"""Layers that stiffen, or have a finite width, at many parameter sets: one linear law, corrections as arrays."""
 
 from __future__ import annotations
 
@@ -42,14 +42,16 @@ _TINY = float(np.sqrt(np.finfo(float).tiny))
 
 @dataclass(frozen=True)
 class _Between:
-    """Reference laws of sets that differ in one ratio: logarithms by a polynomial of its own through a few laws.
+    """Linear laws of sets that differ in one ratio, interpolated in that ratio.
+
+    The logarithms of force and contact radius are interpolated by a polynomial through a few laws.
 
     Parameters
     ----------
     laws : sequence of ContactLaw
-        At the nodes.
+        Laws at the interpolation nodes.
     shares : FloatArray
-        What each has in each set, (laws, sets, 1).
+        Weight of each law in each set, (laws, sets, 1).
     """
 
     laws: Sequence[ContactLaw]
@@ -57,7 +59,10 @@ class _Between:
 
     @classmethod
     def of(cls, forward: Forward, ratios: Sequence[Any], deepest: float) -> ContactLaw | _Between | None:
-        """Law of all sets up to a depth (m) of the reference, by ratios of `ParameterSets`; None if far apart."""
+        """Law that serves all sets up to `deepest` (m) at the reference; None where they are too far apart.
+
+        `ratios` are those of `ParameterSets`. A single law if no ratio varies between the sets.
+        """
         varying = [i for i, ratio in enumerate(ratios) if isinstance(ratio, np.ndarray)]
         if not varying:
             return forward.reference_law(tuple(ratios), deepest)
@@ -76,7 +81,7 @@ class _Between:
         return cls(laws, (chebyshev.chebvander(there, _NODES - 1) @ inverse).T[:, :, None])
 
     def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) and dP/dw (N/m)."""
+        """Force (N) and its derivative in depth (N/m), (sets, n), at depths (m), (sets, n)."""
         found = [law.force_and_stiffness(depth) for law in self.laws]
         force = self._mean([own for own, _ in found])
         return force, force * sum(
@@ -84,11 +89,11 @@ class _Between:
         )
 
     def force(self, depth: FloatArray) -> FloatArray:
-        """Force (N)."""
+        """Force (N), (sets, n), at depths (m), (sets, n)."""
         return self._mean([law.force(depth) for law in self.laws])
 
     def contact_radius(self, depth: FloatArray) -> FloatArray:
-        """Contact radius (m)."""
+        """Contact radius (m), (sets, n), at depths (m), (sets, n)."""
         return self._mean([law.contact_radius(depth) for law in self.laws])
 
     def _mean(self, values: Sequence[FloatArray]) -> FloatArray:
@@ -98,7 +103,15 @@ class _Between:
 
 @dataclass(frozen=True)
 class _Similar:
-    """The linear laws of all sets, c P(b w) of one law P; depths w are (..., sets, n)."""
+    """Linear laws of all sets, scaled from one law P: c P(b w), with radius s a(b w), at depths w (..., sets, n).
+
+    Parameters
+    ----------
+    law : ContactLaw or _Between
+        The law of the reference, or interpolated laws.
+    b, c, s : FloatArray
+        Factors on depth, force and length of each set, (sets, 1).
+    """
 
     law: ContactLaw | _Between
     b: FloatArray
@@ -106,23 +119,25 @@ class _Similar:
     s: FloatArray
 
     def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) and dP/dw (N/m)."""
+        """Force (N) and its derivative in depth (N/m) at depths (m), (..., sets, n)."""
         force, slope = self.law.force_and_stiffness(self.b * depth)
         return self.c * force, self.c * self.b * slope
 
     def force(self, depth: FloatArray) -> FloatArray:
-        """Force (N)."""
+        """Force (N) at depths (m), (..., sets, n)."""
         return np.asarray(self.c * self.law.force(self.b * depth))
 
     def contact_radius(self, depth: FloatArray) -> FloatArray:
-        """Contact radius (m)."""
+        """Contact radius (m) at depths (m), (..., sets, n)."""
         return np.asarray(self.s * self.law.contact_radius(self.b * depth))
 
 
 def on_law_readings(
     forward: Forward, values: Values, sets: int, on_linear: OnLinear, *, stiffness: bool
 ) -> Readings:
-    """Readings of all sets of a layer that stiffens, or has sides: together where one linear law serves them.
+    """Readings of all parameter sets of a layer that stiffens, or has a finite width.
+
+    Together where one linear law serves them, else one by one.
 
     Parameters
     ----------
@@ -133,9 +148,9 @@ def on_law_readings(
     sets : int
         How many sets.
     on_linear : OnLinear
-        What the layer puts on the linear law.
+        Changes that the layer makes to the linear law.
     stiffness : bool
-        Whether the stiffness is asked for.
+        Whether the stiffness is computed too.
     """
     readings = Readings.empty(sets, forward.depth.shape[-1])
     asked = ParameterSets(replace(forward, left_out=None), values, sets)
@@ -180,7 +195,10 @@ def on_law_readings(
 
 
 def stiffening_factors(forward: Forward, values: Values, sets: int, on_linear: OnLinear) -> FloatArray:
-    """G at the deepest point of the curve, (sets,); infinite where stiffening is not known so far."""
+    """Factor G by which the layer has stiffened at the deepest point of the curve, (sets,).
+
+    Infinite where the relation for stiffening does not reach so deep. Parameters are those of `on_law_readings`.
+    """
     asked = ParameterSets(replace(forward, left_out=None), values, sets)
     groups = _near(asked)
     if len(groups) > 1:
@@ -204,7 +222,7 @@ def stiffening_factors(forward: Forward, values: Values, sets: int, on_linear: O
 
 
 def _near(asked: ParameterSets) -> list[NDArray[np.intp]]:
-    """Sets in groups that one `_Between` serves; each alone where more than one ratio varies."""
+    """Rows of the sets in groups that one interpolated law serves; each alone where more than one ratio varies."""
     varying = [np.log(ratio) for ratio in asked.ratios if isinstance(ratio, np.ndarray)]
     if not varying:
         return [np.arange(asked.sets)]
@@ -215,14 +233,18 @@ def _near(asked: ParameterSets) -> list[NDArray[np.intp]]:
 
 
 def _of(values: Values, rows: NDArray[np.intp]) -> Values:
-    """Numbers of some sets; of one alone they are numbers, not arrays."""
+    """Numbers of the sets at `rows`, by path; of a single set they are numbers, not arrays."""
     if len(rows) == 1:
         return values_of(values, int(rows[0]))
     return {path: v[rows] if isinstance(v, np.ndarray) else v for path, v in values.items()}
 
 
 def _linear(asked: ParameterSets, deepest: FloatArray, upright: Any) -> _Similar | None:
-    """The linear laws of all sets up to depths (m), (sets, 1); None where they are far apart, or out of reach."""
+    """Linear laws of all sets up to depths (m), (sets, 1), by scaling one law.
+
+    None where the sets are too far apart for one law, or the law cannot reach so deep. `upright` are the numbers of
+    the scene (SI) by path, (sets, 1) where they vary.
+    """
     b, c = (np.asarray(factor)[:, None] for factor in asked.factors)
     s = np.broadcast_to(asked.forward.similarity.length_ratio(upright), (asked.sets, 1))
     try:
@@ -233,9 +255,19 @@ def _linear(asked: ParameterSets, deepest: FloatArray, upright: Any) -> _Similar
 
 
 def _shallow(stiff: StiffLayer, top: FloatArray) -> tuple[StiffLayer, FloatArray, NDArray[np.bool_]]:
-    """The layer and largest depths (m), (sets, 1), with sets that go deeper than is known asked at a shallow depth.
+    """Replace depths beyond the range of the stiffening relation by a shallow one, whose result is not used.
 
-    Third is which sets are known as deep as they go, (sets, 1).
+    Parameters
+    ----------
+    stiff : StiffLayer
+        The layer at all sets.
+    top : FloatArray
+        Largest depth (m) of each set, (sets, 1).
+
+    Returns
+    -------
+    tuple
+        The layer and the depths with those sets replaced, and which sets lie within the range, (sets, 1).
     """
     reach = largest_by_depth(stiff.radius, stiff.thickness)
     known = stiff.asked(top).depth <= reach
@@ -249,7 +281,7 @@ def _shallow(stiff: StiffLayer, top: FloatArray) -> tuple[StiffLayer, FloatArray
 def _pressed(
     stiff: StiffLayer | None, sides: Sides | None, linear: _Similar, depth: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Force (N) and dP/dw (N/m) at depths (m) in contact, (sets, n)."""
+    """Force (N) and its derivative in depth (N/m) at depths (m) in contact, (sets, n)."""
 
     def inner(u: FloatArray) -> tuple[FloatArray, FloatArray]:
         if stiff is None:

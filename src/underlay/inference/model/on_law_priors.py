@@ -1,4 +1,4 @@
-"""Priors of a layer's stiffening where nobody states any, and what a curve alone cannot tell of it."""
+"""Default priors of a layer's strain stiffening, and what a curve alone cannot determine of it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LEFT_OPEN = {
 
 
 def usual_prior(path: str, given: Given, scene: Scene) -> Given:
-    """Prior or bounds of a parameter as given, or the usual prior of a stiffening layer's number without any."""
+    """Prior or bounds of a parameter: as given, else the default of a strain-stiffening parameter."""
     if given is not None or not path.startswith(_SECTION):
         return given
     name = path.removeprefix(_SECTION)
@@ -42,7 +42,10 @@ def usual_prior(path: str, given: Given, scene: Scene) -> Given:
 
 
 def begun(path: str, start: float, given: Given) -> float:
-    """Start (SI) of a search: a number of zero has no logarithm, and begins in the middle of its prior."""
+    """Starting value (SI) of a search: the middle of its prior for a stiffening parameter that is zero.
+
+    Zero has no logarithm to search in. `given` are the prior or bounds.
+    """
     if start != 0.0 or not path.startswith(_SECTION) or path.endswith(".form") or given is None:
         return start
     if isinstance(given, Prior):
@@ -52,7 +55,7 @@ def begun(path: str, start: float, given: Given) -> float:
 
 
 def require_told_thickness(free: Mapping[str, Given] | Iterable[str]) -> None:
-    """Refuse stiffening and thickness both free where nothing is known of the thickness.
+    """Refuse stiffening and thickness both free where the thickness has no informative prior.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Many parameter sets of a sample whose force depends on the depth alone, by what of their ratios varies."""
+"""Many parameter sets of a sample without memory, computed together according to which of their ratios vary."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ __all__ = ["by_one_law", "by_ratios", "goes_together", "has_exact_batches", "set
 
 
 def by_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Readings:
-    """Readings of all sets, by the second to the sixth of the ways of `forward_batch`, else set by set.
+    """Readings of all parameter sets, by the second to the seventh of the ways of `forward_batch`, else set by set.
 
     Parameters
     ----------
     asked : ParameterSets
         The sets.
     empty : Readings
-        Room for them.
+        Zeros of the right shape, into which sets that are computed one by one are written.
     stiffness : bool
-        Whether the stiffness is asked for; laws read off a surface know none.
+        Whether the stiffness is computed too; surfaces (`ratio_surface`) do not give it.
     """
     table, tips = asked.forward.laws.table, sets_of_a_tip(asked)
     entry = None if stiffness else _entry_of_surfaces(asked)
@@ -57,13 +57,16 @@ def by_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Read
 
 
 def goes_together(asked: ParameterSets) -> bool:
-    """Whether sets that differ in their depths go together."""
+    """Whether sets with different depth readings can be computed together."""
     tabulated = asked.shared is not None or asked.forward.laws.table is not None
     return tabulated or has_exact_batches(asked) or has_stack_batches(asked)
 
 
 def by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
-    """Readings of all sets through one law; through another where the range that a set needs is another span."""
+    """Readings of all parameter sets by scaling one law, or one for each range of depth that they need.
+
+    `reduced` are the ratios that all sets share, as `Similarity.reduced` returns them.
+    """
     readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     b, c = asked.factors
     depth = b * asked.deepest
@@ -90,7 +93,10 @@ def by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: b
 
 
 def _from_tables(asked: ParameterSets, table: OneRatio, *, stiffness: bool) -> Readings:
-    """All sets through the tables of the exact law; those without a table one by one."""
+    """Readings of all parameter sets from tables of the exact law over the one ratio that varies.
+
+    Sets that the tables do not cover are computed one by one.
+    """
     scene = asked.forward.similarity.scene
     if not isinstance(scene.indenter, PowerLawShape):
         raise TypeError(f"only power-law tips are tabulated, not {scene.indenter!r}")
@@ -116,9 +122,10 @@ def _from_tables(asked: ParameterSets, table: OneRatio, *, stiffness: bool) -> R
 
 
 def sets_of_a_tip(asked: ParameterSets) -> tuple[TipSets, FloatArray] | None:
-    """Sets of a tip that is no power law for the tables of the flat punch, and the tip's unit (m) in each, (sets,).
+    """The parameter sets in the form that tables of the flat punch take, for tips that are no power law.
 
-    None where they have no tables, or the tip has more sizes than one.
+    Returned with them is the tip's unit of length (m) in each set, (sets,). None where there are no tables, or the
+    tip has more sizes than one.
     """
     laws, similarity = asked.forward.laws, asked.forward.similarity
     tips = laws.tips
@@ -144,7 +151,10 @@ def sets_of_a_tip(asked: ParameterSets) -> tuple[TipSets, FloatArray] | None:
 
 
 def _off_tip_tables(asked: ParameterSets, sets: TipSets, unit: FloatArray, *, stiffness: bool) -> Readings:
-    """All sets off the tables of the flat punch; those without one by one."""
+    """Readings of all parameter sets from tables of the flat punch, which serve tips that are no power law.
+
+    Sets that the tables do not cover are computed one by one. `sets` and `unit` are what `sets_of_a_tip` returned.
+    """
     b, c = asked.factors
     theta = (c * asked.forward.laws.contact.theta)[:, None]
     unit = unit[:, None]
@@ -155,14 +165,14 @@ def _off_tip_tables(asked: ParameterSets, sets: TipSets, unit: FloatArray, *, st
 
 
 def has_exact_batches(asked: ParameterSets) -> bool:
-    """Whether the exact law of an isotropic layer on an isotropic or rigid base may be taken."""
+    """Whether the sets can be computed by `ExactBatch`: an isotropic layer on an isotropic or rigid base."""
     laws = asked.forward.laws
     fixed_shape = isinstance(laws.contact.indenter, PowerLawShape) or not asked.varies("indenter.radius")
     return fixed_shape and laws.solver.has_batches(laws.contact)
 
 
 def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
-    """All sets through compiled batches of the exact law."""
+    """Readings of all parameter sets by `ExactBatch`, in groups of like stiffness ratio and range."""
     readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     inner = isotropic_constants(asked.column("layer.E"), asked.column("layer.nu"))
     theta = np.asarray(inner.theta)[:, 0]
@@ -197,7 +207,7 @@ def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
 
 
 def _in_stack_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
-    """All sets of a stack through compiled batches of the exact law."""
+    """Readings of all parameter sets of a stack of layers by `ExactBatch`, in groups of like ratios and range."""
     readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
     abel = asked.abel_coefficients()
@@ -221,7 +231,7 @@ def _in_stack_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
 
 
 def _entry_of_surfaces(asked: ParameterSets) -> int | None:
-    """Number of the one ratio that varies, where the laws are read off surfaces in it; else None."""
+    """Index of the one ratio that varies, where laws are interpolated over it by surfaces; else None."""
     laws = asked.forward.laws
     varying = [entry for entry, ratio in enumerate(asked.ratios) if isinstance(ratio, np.ndarray)]
     if len(varying) != 1 or not laws.solver.has_surfaces(laws.contact):
@@ -231,7 +241,10 @@ def _entry_of_surfaces(asked: ParameterSets) -> int | None:
 
 
 def _on_surfaces(asked: ParameterSets, entry: int) -> Readings:
-    """All sets off surfaces; those without a surface one by one."""
+    """Readings of all parameter sets from surfaces (`RatioSurface`) over the ratio at index `entry`.
+
+    Sets without a surface are computed one by one.
+    """
     # Not loaded for laws that have tables.
     from underlay.inference.model.ratio_surface import surfaces  # noqa: PLC0415  see above
 
@@ -253,5 +266,5 @@ def _on_surfaces(asked: ParameterSets, entry: int) -> Readings:
 
 
 def _take(constants: PlaneConstants, rows: NDArray[np.intp]) -> PlaneConstants:
-    """Plane constants of some of the sets, entries (rows, 1)."""
+    """Plane elastic constants of the sets at `rows`, entries (rows, 1)."""
     return PlaneConstants(*(np.asarray(entry)[rows] for entry in constants))

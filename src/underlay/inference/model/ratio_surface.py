@@ -1,11 +1,11 @@
-"""Laws that differ in one number, read off a surface in that number and the depth.
+"""Laws that differ in one number, interpolated by a polynomial surface in that number and the depth.
 
-For a tip that sticks, whose laws are dear, and for a sphere, whose size over the thickness no scaling removes.
-Where of all ratios of a scene one alone varies between parameter sets (Poisson's ratio, a modulus of the base,
-a radius over a thickness), the law of the reference is built at a few values of it, and ln(P/w^(1+1/p)) is a
+For a no-slip contact, whose laws cost most, and for a sphere, whose size over the thickness no scaling removes.
+Where of all ratios of a scene one alone varies between parameter sets (Poisson's ratio, a modulus of the base, a
+radius over a thickness), the law of the reference is built at a few values of it, and ln(P/w^(1+1/p)) is a
 polynomial in that number and in w^(1/p), to which the contact radius is proportional at first; P is the force at
-the depth w, p the exponent of the tip's shape. Cells of the number and ranges of the depth are fixed, so that a
-set's answer does not depend on the company it is asked in. Where the number is a length of the tip, depths are
+the depth w, p the exponent of the tip's shape. Cells of the number and ranges of the depth are fixed, so that the
+result of a set does not depend on the other sets of the batch. Where the number is a length of the tip, depths are
 counted in it: a sphere ends on its own scale, and a curve's depth is known on it. The error of a surface is
 measured at values and depths between its own, and one that is off by more than the tolerance is not used.
 """
@@ -42,14 +42,16 @@ _SPARE, _SEEN = 0.2, 0.5
 
 @dataclass(frozen=True)
 class RatioSurface:
-    """ln(P/w^(1+1/p)) over one cell of the number and depths up to `reach` (m).
+    """ln(P/w^(1+1/p)) over one cell of the varying number and depths w up to `reach`.
+
+    P is the force at the depth w, p the exponent of the tip's shape.
 
     Parameters
     ----------
     low, high : float
-        Ends of the cell.
+        Ends of the cell, in the number or its logarithm.
     reach : float
-        Largest depth of the reference, as `surfaces` counts it.
+        Largest depth of the reference (m), or over the tip's length if `in_lengths`.
     power : float
         1/p.
     in_lengths : bool
@@ -69,7 +71,23 @@ class RatioSurface:
     def of(
         cls, source: LawSource, entry: int, ratios: tuple[float, ...], cell: float, octave: float
     ) -> Self | None:
-        """Solve the laws of a cell; None where one has none, or the surface is off by more than the tolerance."""
+        """Compute the surface of one cell of the varying ratio; None where that fails.
+
+        It fails where a law of the cell does not exist, or the error exceeds the tolerance.
+
+        Parameters
+        ----------
+        source : LawSource
+            Source of the laws.
+        entry : int
+            Index of the ratio that varies.
+        ratios : tuple of float
+            As `Similarity.reduced` returns them; the entry that varies is not used.
+        cell : float
+            Number of the cell.
+        octave : float
+            Binary logarithm of the largest depth, as in `reach`.
+        """
         width, edge = _cells(source, entry)
         low, high, reach = edge + (cell - 1.0) * width, edge + cell * width, float(np.exp2(octave))
         tolerance = source.solver.tolerance
@@ -78,7 +96,10 @@ class RatioSurface:
         power = 1.0 / (source.similarity.exponent or 2.0)
 
         def logs(places: Sequence[float], shares: FloatArray) -> FloatArray:
-            """Logarithms (places, n) at shares (n,) of the reach."""
+            """ln(P/w^(1+1/p)), (places, n), at places in [-1, 1] in the cell and depths w as `shares` (n,).
+
+            The shares are those of the largest depth.
+            """
             numbers = [0.5 * (low + high + place * (high - low)) for place in places]
             values = [float(np.exp(number)) if _in_log(source, entry) else number for number in numbers]
             reduced = [(*ratios[:entry], value, *ratios[entry + 1 :]) for value in values]
@@ -102,7 +123,10 @@ class RatioSurface:
         return None
 
     def logs(self, place: FloatArray, root: FloatArray) -> FloatArray:
-        """ln(P/w^(1+1/p)), (sets, n), at places (sets,) in [-1, 1] and (w/reach)^(1/p), (sets, n)."""
+        """ln(P/w^(1+1/p)), (sets, n), at places in the cell (sets,) in [-1, 1] and (w/reach)^(1/p), (sets, n).
+
+        P is the force at the depth w, p the exponent of the tip's shape.
+        """
         # Not by a product of matrices: its last bit depends on how many sets there are.
         table = chebyshev.chebvander(place, len(self.coefficients) - 1)
         own = (table[:, :, None] * self.coefficients).sum(axis=1)
@@ -110,7 +134,10 @@ class RatioSurface:
         return np.asarray(chebyshev.chebval(z, own.T[:, :, None], tensor=False))
 
     def force(self, number: FloatArray, depth: FloatArray) -> FloatArray:
-        """Force (N), (sets, n), at values (sets,) of the number and depths (m) of the reference, (sets, n)."""
+        """Force (N), (sets, n), at values (sets,) of the number and depths (m) of the reference, (sets, n).
+
+        The values are logarithms where the cell is one of logarithms.
+        """
         place = 2.0 * (number - self.low) / (self.high - self.low) - 1.0
         reach = self.reach * np.exp(number)[:, None] if self.in_lengths else self.reach
         inside = np.where(depth > 0.0, depth, reach)
@@ -123,20 +150,26 @@ class RatioSurface:
 def surfaces(
     source: LawSource, entry: int, ratios: tuple[float, ...], value: FloatArray, depth: FloatArray
 ) -> list[tuple[NDArray[np.intp], FloatArray, RatioSurface | None]]:
-    """Rows of sets that belong to one surface, their numbers as it takes them, and that surface.
+    """Assign sets to the surfaces that cover them, and compute missing surfaces.
 
     Parameters
     ----------
     source : LawSource
-        Where the laws come from.
+        Source of the laws.
     entry : int
         Index of the ratio that varies.
     ratios : tuple of float
-        As `Similarity.reduced`; the entry that varies is not read.
+        As `Similarity.reduced`; the entry that varies is not used.
     value : FloatArray
         Value of that ratio in each set, (sets,).
     depth : FloatArray
         Largest depth (m) of each set at the reference, (sets,), positive.
+
+    Returns
+    -------
+    list of (ndarray of int, FloatArray, RatioSurface or None)
+        Rows of the sets of one surface, their values as `RatioSurface.force` takes them, and the surface, None
+        where there is none.
     """
     width, edge = _cells(source, entry)
     number = np.log(value) if _in_log(source, entry) else value
@@ -157,13 +190,16 @@ def surfaces(
 
 
 def _in_log(source: LawSource, entry: int) -> bool:
-    """Whether a ratio is one of moduli or lengths; a Poisson's ratio is taken as it is."""
+    """Whether the ratio at index `entry` is interpolated in its logarithm: not a Poisson's ratio."""
     path = source.similarity.ratio_paths[entry]
     return path not in source.similarity.direct or kind_of(path) != "dimensionless"
 
 
 def _cells(source: LawSource, entry: int) -> tuple[float, float]:
-    """Width and an edge of the cells of a number."""
+    """Width of the interpolation cells of the ratio at index `entry`, and one of their edges.
+
+    Both are in the ratio or its logarithm, see `_in_log`.
+    """
     return (_LOG_CELL, _LOG_EDGE) if _in_log(source, entry) else (_CELL, _EDGE)
 
 
@@ -176,7 +212,7 @@ def _logs(law: ContactLaw, depth: FloatArray, power: float) -> FloatArray:
 
 
 def _coefficients(values: FloatArray) -> FloatArray:
-    """Chebyshev coefficients (n, m) of columns known at the nodes, (n, m)."""
+    """Chebyshev coefficients (n, m) of the columns of values (n, m) at the Chebyshev nodes."""
     count = len(values)
     vander = chebyshev.chebvander(_nodes(count), count - 1)
     vander[:, 0] *= 0.5

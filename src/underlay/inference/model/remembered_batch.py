@@ -1,7 +1,8 @@
-"""A sample that remembers at many parameter sets at once: the elastic forces of all, then the memory of all.
+"""A sample with memory at many parameter sets at once: the elastic forces of all, then the memory of all.
 
-It serves a relaxing layer in and out, whatever the contact point of a set, and a memory that answers many sets
-itself. What no closed construction holds for, such as a second cycle, and a frame that yields go one by one.
+It serves a relaxing layer during loading and unloading, whatever the contact point of a set, and a memory that
+gives the forces of many sets itself. Motions without a closed construction, such as a second cycle, and a compliant
+frame are computed one by one.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ __all__ = ["remembered_readings"]
 
 
 class _Read(Protocol):
-    """Readings of the elastic sets, as far as memory needs them."""
+    """Readings of the elastic sets, as far as the memory needs them."""
 
     @property
     def contact(self) -> FloatArray:
@@ -38,7 +39,7 @@ class _Read(Protocol):
 def remembered_readings(
     forward: Forward, values: Values, sets: int, elastic: Callable[..., _Read]
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
-    """Forces of all sets of a sample that remembers.
+    """Forces of all sets of a sample with memory.
 
     Parameters
     ----------
@@ -49,13 +50,13 @@ def remembered_readings(
     sets : int
         How many sets.
     elastic : callable
-        Reads a forward model without memory, as `batched_readings`.
+        Function that computes the readings of a model without memory, as `batched_readings`.
 
     Returns
     -------
     tuple or None
-        Contact force and instrument force (N), each (sets, n), which sets exist, (sets,), and the rows that must be
-        asked one by one; None where that is all of them.
+        Contact force and instrument force (N), each (sets, n), which sets have a law, (sets,), and the rows that
+        must be computed one by one; None where that is all of them.
     """
     history, time = forward.history, forward.time
     if isinstance(history, WholeHistory):
@@ -99,7 +100,10 @@ def remembered_readings(
 def _whole_readings(
     history: WholeHistory, forward: Forward, values: Values, sets: int
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
-    """The same of a memory that answers a motion itself, where all sets have one contact point."""
+    """`remembered_readings` of a memory that gives the force of a whole motion itself.
+
+    None where the sets have different contact points, or the memory cannot treat many sets at once.
+    """
     chain = Chain.of(_upright(values))
     depth = chain.travel(forward.depth)
     found = (
@@ -112,5 +116,5 @@ def _whole_readings(
 
 
 def _upright(values: Values) -> dict[str, float | FloatArray]:
-    """The numbers beside readings: (sets, 1) where they vary."""
+    """The numbers shaped to broadcast over readings: (sets, 1) where they vary."""
     return {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}

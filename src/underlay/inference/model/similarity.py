@@ -42,17 +42,20 @@ _ANGLE_STEP = 1e-6  # relative; central difference of cot(half_angle): error 1e-
 
 @dataclass(frozen=True)
 class Similarity:
-    """How the law of a scene follows from that of its reference.
+    """Scaling of a scene's contact law from the law of a reference scene: P(w) = c P_ref(b w).
+
+    P is the force at the depth w. Numbers of the scene act through the factors b and c, or through ratios for which
+    a law of the reference is built.
 
     Parameters
     ----------
     scene : Scene
         The reference.
     moduli : tuple of str
-        Paths of its moduli; the first, ``layer.E``, carries the force scale, the others are ratios to it. None
+        Paths of its moduli; the first, ``layer.E``, carries the force scale, the others act as ratios to it. Empty
         where nothing scales.
     direct : tuple of str
-        Paths taken as they are: Poisson's ratios, and lengths and shapes that no scaling removes.
+        Paths of numbers taken as they are: Poisson's ratios, and lengths and shapes that no scaling removes.
     lengths : tuple of str
         Lengths of the indenter that count relative to the layer's thickness (shapes without a power law).
     length : str or None
@@ -78,7 +81,11 @@ class Similarity:
     energies: tuple[str, ...] = ()
 
     def reduced(self, values: Mapping[str, float]) -> tuple[float, ...]:
-        """Values of the ratio-like parameters, in the order of `ratio_paths`."""
+        """Ratios that a law of the reference is built with, in the order of `ratio_paths`.
+
+        Moduli over ``layer.E``, works of adhesion and lengths over their scales, and the numbers of `direct`.
+        `values` are all numbers of the scene (SI) by path.
+        """
         E, s = self._modulus_ratio(values), self.length_ratio(values)
         return (
             *(values[path] / E for path in self.moduli[1:]),
@@ -89,16 +96,22 @@ class Similarity:
 
     @property
     def ratio_paths(self) -> tuple[str, ...]:
-        """Paths that a reference law is built with."""
+        """Paths of the numbers that act through ratios, for which a law of the reference is built."""
         return (*self.moduli[1:], *self.energies, *self.lengths, *self.direct)
 
     @property
     def force_scales(self) -> tuple[str, ...]:
-        """Paths of which one factor on all is a factor on the force; none where nothing scales."""
+        """Paths of moduli and works of adhesion, of which one factor on all multiplies the force.
+
+        Empty where nothing scales.
+        """
         return (*self.moduli, *self.energies) if self.moduli else ()
 
     def factors(self, values: Mapping[str, float]) -> tuple[float, float]:
-        """(b, c) of P(w) = c P_ref(b w); c holds the gain of a lever whose calibration is off."""
+        """Factors (b, c) of P(w) = c P_ref(b w), with P the force at the depth w, at numbers (SI) by path.
+
+        c contains the gain of a cantilever whose calibration is off.
+        """
         E, s = self._modulus_ratio(values) * self.gain(values), self.length_ratio(values)
         if self.exponent is None:
             return 1.0 / s, E * s * s
@@ -106,7 +119,7 @@ class Similarity:
         return s**-self.exponent / A, E * A * s ** (self.exponent + 1.0)
 
     def factor_slopes(self, path: str, values: Mapping[str, float]) -> tuple[float, float]:
-        """d(ln b)/d(ln p), d(ln c)/d(ln p) for the parameter p at `path`."""
+        """d(ln b)/d(ln p) and d(ln c)/d(ln p) of the factors b and c, for the parameter p at `path`."""
         if path in _GAINS:
             return 0.0, -1.0
         if path in self.moduli[:1]:
@@ -119,7 +132,10 @@ class Similarity:
         return 0.0, 0.0
 
     def ratio_slopes(self, path: str, values: Mapping[str, float]) -> dict[str, float]:
-        """d(ln k)/d(ln p) of the scaled ratios, dk/dp of the direct ones, where not zero."""
+        """Derivatives of the ratios k that the parameter p at `path` changes, by path of the ratio.
+
+        d(ln k)/d(ln p), or dk/dp of a number in `direct`; ratios that do not change are left out.
+        """
         if path in self.moduli[:1]:
             return dict.fromkeys((*self.moduli[1:], *self.energies), -1.0)
         if path in self.ratio_paths:
@@ -132,13 +148,13 @@ class Similarity:
         return {}
 
     def _coefficient_slope(self, path: str, values: Mapping[str, Any]) -> Any:  # a number, or one per set
-        """d(ln A)/d(ln p)."""
+        """d(ln A)/d(ln p) of the tip's coefficient A, in A r^lambda, for the parameter p at `path`."""
         up, down = ({**values, path: values[path] * (1.0 + step)} for step in (_ANGLE_STEP, -_ANGLE_STEP))
         change = self._coefficient_ratio(up) / self._coefficient_ratio(down)
         return np.log(change) / (2.0 * _ANGLE_STEP)
 
     def _energy_ratio(self, values: Mapping[str, float]) -> float:
-        """Works of adhesion over those of the reference that give a similar contact."""
+        """Factor on works of adhesion, relative to the reference, that gives a similar contact."""
         E, s = self._modulus_ratio(values), self.length_ratio(values)
         if self.exponent is None:
             return E * s
@@ -146,14 +162,14 @@ class Similarity:
         return ratio
 
     def gain(self, values: Mapping[str, Any]) -> Any:  # a number, or one per set
-        """Force reading over force: of the lever, one without."""
+        """Force reading over true force: not one where a cantilever's calibration is off."""
         return 1.0 / (values[_GAINS[0]] * values[_GAINS[1]]) if self.scene.lever is not None else 1.0
 
     def _modulus_ratio(self, values: Mapping[str, float]) -> float:
         return values["layer.E"] / self.values["layer.E"] if self.moduli else 1.0
 
     def length_ratio(self, values: Mapping[str, float]) -> float:
-        """Lengths of the contact over those of the reference."""
+        """Factor on the lengths of the contact, relative to the reference."""
         return values[self.length] / self.values[self.length] if self.length else 1.0
 
     def _coefficient_ratio(self, values: Mapping[str, Any]) -> Any:  # a number, or one per set
@@ -172,7 +188,7 @@ class Similarity:
 def compile_similarity(
     scene: Scene, free: Iterable[str], *, scaling: Scaling = Scaling.POWER_LAW
 ) -> Similarity:
-    """Find what scales out of the law of a scene.
+    """Determine which numbers of a scene act on its law by scaling, and which through ratios.
 
     Parameters
     ----------
@@ -181,7 +197,7 @@ def compile_similarity(
     free : iterable of str
         Paths of the parameters that vary.
     scaling : Scaling
-        What the solver's laws keep when they are scaled: with less, more parameters need laws of their own.
+        How far the solver's laws may be scaled: the less, the more parameters need laws of their own.
     """
     values, known = scene.parameters, scene.quantities
     layered = scene.substrate is not None and np.isfinite(scene.layer.thickness)
