@@ -1,1 +1,1 @@
-"""The modulus depth by depth: what one curve says of the layer at each depth, beside what the fit says."""
+"""The layer's modulus at each depth of one curve, for comparison with the modulus of the fit."""

@@ -1,8 +1,8 @@
-"""The layer modulus at which a body shows a given force, or a given stiffness, at a depth: a law read backwards.
+"""The layer modulus at which the contact law gives a measured force, or a measured stiffness, at a depth.
 
-Every modulus of the layer is multiplied by one share, its ratios kept. Where the layer's are the only moduli of
-the body, the force P(w) and dP/dw (Argatov and Sabina, 9.1) are proportional to the share. On an elastic base
-they are not, and the share is found among those of a ladder of laws.
+Every modulus of the layer is multiplied by one factor, the share, their ratios kept. Where the layer's are the only
+moduli of the sample, the force P(w) at the depth w and dP/dw (Argatov and Sabina, 9.1) are proportional to the
+share. On an elastic base they are not, and the share is interpolated between the laws of a ladder of shares.
 """
 
 from __future__ import annotations
@@ -33,9 +33,16 @@ _REACH, _RUNGS = 30.0, 17
 
 
 class Explained(NamedTuple):
-    """Layer moduli (Pa), (n,), that explain forces and stiffnesses, and d ln(modulus) / d ln(P or S) of each.
+    """Layer moduli (Pa) that reproduce n measured forces and stiffnesses, and their sensitivity.
 
-    NaN where no modulus on the ladder does.
+    NaN where no modulus of the range that is tried reproduces them.
+
+    Parameters
+    ----------
+    apparent, incremental : FloatArray
+        Modulus (Pa) from the force P and from the stiffness S = dP/dw, w the depth, (n,).
+    apparent_power, incremental_power : FloatArray
+        d ln(modulus) / d ln(P), and d ln(modulus) / d ln(S), (n,).
     """
 
     apparent: FloatArray
@@ -46,16 +53,16 @@ class Explained(NamedTuple):
 
 @dataclass(frozen=True)
 class Body:
-    """A scene without memory whose law is read backwards; some of its numbers may vary.
+    """An elastic scene whose law is inverted for the layer's modulus.
 
     Parameters
     ----------
     forward : Forward
-        Compiled for the depths at which it is asked.
+        Compiled for the depths at which it is evaluated.
     moduli : tuple of str
         Paths of the layer's moduli.
     proportional : bool
-        Whether they are the only moduli of the body.
+        Whether they are the only moduli of the sample, so that the force is proportional to them.
     """
 
     forward: Forward
@@ -70,7 +77,7 @@ class Body:
         free: tuple[str, ...],
         solver: Solver,
     ) -> Body:
-        """Compile `scene` for depth readings (m), (n,), where paths `free` vary."""
+        """Compile `scene` without its memory for depth readings (m), (n,), where the paths `free` vary."""
         elastic = scene.elastic
         known = elastic.quantities
         moduli = tuple(p for p in known if p.startswith("layer.") and known[p].scales == "force")
@@ -86,14 +93,14 @@ class Body:
         return cls(forward, moduli, not others)
 
     def explain(self, values: Mapping[str, float], force: FloatArray, slope: FloatArray) -> Explained:
-        """Layer moduli that explain force readings (N) and their slopes (N/m), each (n,).
+        """Layer moduli that reproduce force readings and their slopes, each (n,).
 
         Parameters
         ----------
         values : mapping of str to float
             Every number of the scene (SI).
         force, slope : FloatArray
-            Reading of the force and its derivative along the depth readings.
+            Force readings (N) and their derivative along the depth readings (N/m).
 
         Raises
         ------
@@ -122,7 +129,10 @@ class Body:
         return Explained(E * np.exp(apparent), E * np.exp(incremental), apparent_power, incremental_power)
 
     def contact(self, values: Mapping[str, float], force: FloatArray, slope: FloatArray) -> Contacts:
-        """Tip depth (m), contact force (N) and stiffness dP/dw (N/m) of readings, each (n,)."""
+        """Tip depth (m), contact force (N) and stiffness dP/dw (N/m), each (n,), from force readings and slopes.
+
+        `force` (N) and `slope` (N/m) are (n,), `values` all numbers of the scene (SI) by path.
+        """
         chain, depth = Chain.of(values), self.forward.depth
         compliance = 0.0 if chain.frame is None else chain.frame.compliance
         P = force - chain.reading(np.zeros_like(depth), depth)
@@ -133,7 +143,10 @@ class Body:
         return Contacts(travel - compliance * P, P, along / (1.0 - beyond * slope - compliance * along))
 
     def reading(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-        """Force (N) that the elastic model shows and its slope (N/m) along the depth readings, each (n,)."""
+        """Force reading of the model (N) and its slope along the depth readings (N/m), each (n,).
+
+        `values` are all numbers of the scene (SI) by path.
+        """
         chain = Chain.of(values)
         found = self.forward.reading(values)
         share = np.ones_like(found.force) if chain.frame is None else chain.frame.share(found.stiffness)
@@ -143,7 +156,10 @@ class Body:
         return found.force, (slope + tilt) / (1.0 + beyond * slope)
 
     def _lever_compliance(self, values: Mapping[str, float]) -> float:
-        """(sigma - 1) / k (m/N) of a lever whose sensitivity is off; zero without one."""
+        """Compliance (sigma - 1) / k (m/N) that a cantilever adds if its sensitivity is off; zero without one.
+
+        sigma is the ratio of the true sensitivity to the calibrated one and k the spring constant.
+        """
         return float(self.forward.lever_compliances(values))
 
     def _law(self, values: Mapping[str, float], share: float, depth: FloatArray) -> ContactLaw:
@@ -176,7 +192,24 @@ def halfspace_of(scene: Scene) -> Scene:
 def _looked_up(
     rungs: FloatArray, targets: FloatArray, log_shares: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """ln share (n,) at which columns of `rungs` (laws, n) reach `targets` (n,), and d ln share / d ln target."""
+    """ln of the share at which each column of computed values reaches its target, by interpolation.
+
+    The share is the factor on the layer's moduli.
+
+    Parameters
+    ----------
+    rungs : FloatArray
+        Forces or stiffnesses by the laws of the ladder, (laws, n).
+    targets : FloatArray
+        Measured ones, (n,).
+    log_shares : FloatArray
+        ln of the share of each law, (laws,).
+
+    Returns
+    -------
+    tuple of FloatArray
+        ln share, and d ln share / d ln target, (n,); NaN where the ladder does not reach the target.
+    """
     found, power = np.full(len(targets), np.nan), np.full(len(targets), np.nan)
     for n, target in enumerate(targets):
         column = rungs[:, n]
@@ -190,7 +223,7 @@ def _looked_up(
 
 
 def require_without_adhesion(scene: Scene) -> None:
-    """Refuse a tip that sticks: its force is not that of a modulus alone.
+    """Refuse an adhesive contact: its force does not determine a modulus alone.
 
     Raises
     ------

@@ -1,17 +1,17 @@
-"""The modulus depth by depth, E(w): the layer modulus that explains what a curve shows at each depth by itself.
+"""Modulus by depth, E(w): the layer modulus that reproduces what a curve shows at each depth w by itself.
 
-Two readings of a curve, each with the half-space and with the layer and what it stands on:
+Two moduli at each depth, each for a half-space and for the layer on what it stands on:
 
 - apparent: the modulus at which the law has the force that was measured at that depth;
-- incremental: the modulus at which it has the local slope dP/dw (Argatov and Sabina, 9.1), which does not remember
-  shallower depths.
+- incremental: the modulus at which it has the local slope dP/dw of force P (Argatov and Sabina, 9.1), which does
+  not depend on shallower depths.
 
 Where the model is right the modulus with the layer is the same at every depth, and the half-space's is a curve that
-can be said beforehand. Contact point, baseline and all other numbers are those of the fit, with their uncertainty.
+can be predicted. Contact point, baseline and all other numbers are those of the fit, with their uncertainty.
 
-What the curve shows at a depth are means over a bin, anchored on the fitted model: in every bin a straight line is
-laid through the residuals of the fit, and what it says at the middle of the bin is added to the model there. Where
-the model is right the line is zero, however bent the model is in the bin.
+The force and slope at a depth are means over a bin, relative to the fitted model: in every bin a straight line is
+fitted to the residuals of the fit, and its value at the middle of the bin is added to the model there. Where the
+model is right the line is zero, however curved the model is in the bin.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ _KNOWN = 1.0
 
 @dataclass(frozen=True)
 class Bins:
-    """Points of one curve, put together by depth.
+    """Readings of one curve, grouped by depth.
 
     Parameters
     ----------
     centre : FloatArray
-        Depth readings in the middle of each bin (m), (n,).
+        Mean depth reading (m) of each bin, (n,).
     points : tuple of arrays of int
-        Indices of the curve's readings that lie in each.
+        Indices of the curve's readings in each bin.
     """
 
     centre: FloatArray
@@ -67,7 +67,15 @@ class Bins:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Force residual (N) and its slope along the depth (N/m) in the middle of each bin, (n,), with their errors."""
+    """Residuals of a fit in depth bins, from a straight line through each, with standard errors.
+
+    Parameters
+    ----------
+    force, slope : FloatArray
+        Data minus model (N) at the centre of each bin, and its derivative along the depth (N/m), (n,).
+    force_error, slope_error : FloatArray
+        Their standard errors, (n,).
+    """
 
     force: FloatArray
     slope: FloatArray
@@ -77,16 +85,24 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of every point (N), and how far errors of means exceed those of independent points."""
+    """Noise of the readings of one curve.
+
+    Parameters
+    ----------
+    sigma : FloatArray
+        Standard deviation of every reading (N).
+    inflation : float
+        Factor by which correlation makes errors of means larger than those of independent readings.
+    """
 
     sigma: FloatArray
     inflation: float
 
 
 def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
-    """Put the readings beyond contact into bins of equal width.
+    """Group the readings beyond contact into bins of equal width.
 
-    Of a curve that goes in and comes back only the way in is taken.
+    Of a curve with loading and unloading only the loading part is taken.
 
     Parameters
     ----------
@@ -97,7 +113,7 @@ def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
     contact : float
         Depth reading of the contact (m).
     most : int
-        Bins at most.
+        Largest number of bins.
 
     Raises
     ------
@@ -128,10 +144,10 @@ def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
 
 
 def residuals_in(fit: Fit, curve: int, bins: Bins, noise: Noise) -> Residuals:
-    """Lay a straight line through the residuals of every bin, weighted by the noise.
+    """Fit a straight line to the residuals in every bin, weighted by the noise.
 
     The error of a slope falls with the width of a bin to the power 3/2: slopes are those of the bin and its
-    neighbours.
+    neighbours. `curve` is the number of the curve in the fit.
     """
     force, force_error = _lines(fit, curve, bins.points, bins.centre, noise)[0]
     wide = tuple(np.concatenate(bins.points[max(k - 1, 0) : k + 2]) for k in range(len(bins.points)))
@@ -142,7 +158,24 @@ def residuals_in(fit: Fit, curve: int, bins: Bins, noise: Noise) -> Residuals:
 def _lines(
     fit: Fit, curve: int, groups: Sequence[NDArray[np.intp]], centre: FloatArray, noise: Noise
 ) -> FloatArray:
-    """Height at `centre` and slope of a line through the residuals of each group, and their errors: (2, 2, n)."""
+    """Value and slope of a straight line through the residuals of each group, and their errors, (2, 2, n).
+
+    Parameters
+    ----------
+    fit, curve : Fit, int
+        The fit, and the number of the curve.
+    groups : sequence of ndarray of int
+        Indices of the readings in each of the n groups.
+    centre : FloatArray
+        Depth readings (m) at which the value is taken, (n,).
+    noise : Noise
+        Noise of the readings.
+
+    Returns
+    -------
+    FloatArray
+        First axis estimate and standard error, second value (N) and slope (N/m).
+    """
     depth = fit.curves[curve].depth
     found = np.zeros((2, 2, len(groups)))
     for k, points in enumerate(groups):
@@ -159,10 +192,10 @@ def _design(offset: FloatArray) -> FloatArray:
 
 
 def noise_in(fit: Fit, curve: int, bins: Bins) -> Noise:
-    """Noise of the points about a straight line in every bin: stated by the fit's noise, else from the scatter.
+    """Noise of the readings about a straight line in every bin: as given to the fit, else from the scatter.
 
-    A misfit that changes slowly is no noise here: the modulus is to show it. Errors of means grow by
-    sqrt((1 + r) / (1 - r)) where neighbours hang together by r (AR(1)).
+    Misfit that changes slowly with depth does not count as noise: the modulus is to show it. Errors of means grow
+    by sqrt((1 + r) / (1 - r)) where neighbours are correlated by r (AR(1)).
     """
     depth, sigma = fit.curves[curve].depth, fit.sigmas[curve]
     square = product = freedom = 0.0
@@ -181,7 +214,7 @@ def noise_in(fit: Fit, curve: int, bins: Bins) -> Noise:
 
 @dataclass(frozen=True, eq=False)
 class BinnedCurve:
-    """What one curve of a fit says in each bin, and the two bodies with which it is read.
+    """One curve of a fit in depth bins, with the two scenes for which moduli are computed.
 
     Parameters
     ----------
@@ -190,17 +223,17 @@ class BinnedCurve:
     curve : int
         Number of the curve.
     optimum : FloatArray
-        Parameters (k,), SI, about which the moduli and their intervals are.
+        Parameters (k,), SI, of the fit.
     bins : Bins
-        Its points by depth.
+        Its readings by depth.
     residuals : Residuals
         Residuals of the fit in each bin.
     layer, bare : Body
-        The scene, and the layer as a half-space.
+        The scene, and the same with the layer as a half-space.
     bare_numbers : mapping of str to float
         Every number (SI) of the half-space.
     measured : tuple of FloatArray
-        Force (N) and slope (N/m) that each bin shows, (n,).
+        Measured force (N) and slope (N/m) in each bin, (n,).
     """
 
     fit: Fit
@@ -215,7 +248,7 @@ class BinnedCurve:
 
     @classmethod
     def of(cls, fit: Fit, curve: int, points: int) -> BinnedCurve:
-        """Put the readings of a curve into at most `points` bins, and prepare what they are read with."""
+        """Group the readings of a curve into at most `points` bins, and compile the scenes for their depths."""
         member, scene = fit.problem.members[curve], fit.scenes[curve]
         require_without_adhesion(scene)
         optimum = fit.problem.physical(fit.vector)
@@ -237,15 +270,18 @@ class BinnedCurve:
 
     @property
     def member(self) -> Member:
-        """The curve that is read."""
+        """The compiled curve."""
         return self.fit.problem.members[self.curve]
 
     def values(self, physical: FloatArray) -> dict[str, float]:
-        """Every number of the scene (SI) at a physical vector (k,)."""
+        """Every number of the scene (SI) by path, at parameters (k,), SI."""
         return self.member.values_at(physical)
 
     def model(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force reading (N) and slope (N/m) of the model in the middle of each bin, (n,), at a vector (k,)."""
+        """Force reading (N) and its slope (N/m) by the model at the centre of each bin, (n,).
+
+        `physical` are the parameters (k,), SI.
+        """
         if self.member.scene.memory is None:
             return self.layer.reading(self.values(physical))
         # Between the points of a sample that remembers nobody knows the time: a parabola through each bin.
@@ -260,7 +296,10 @@ class BinnedCurve:
         )
 
     def explained(self, physical: FloatArray) -> tuple[Explained, Explained, Explained, Explained]:
-        """Moduli at a vector (k,): of the measured curve by layer and half-space, then of the model's by both."""
+        """Moduli at parameters (k,), SI: of the measured curve, then of the model's curve, each by two scenes.
+
+        The scenes are the layer and the half-space, in this order.
+        """
         values = self.values(physical)
         force, slope = self.measured
         bare = {p: values[p] if p in self.member.entries else v for p, v in self.bare_numbers.items()}
@@ -273,7 +312,7 @@ class BinnedCurve:
         )
 
     def curves(self, level: float) -> dict[str, ModulusCurve]:
-        """The four moduli with their intervals, by name."""
+        """The four moduli with their intervals at a confidence `level`, by the names in `KINDS`."""
         n, z = len(self.bins.centre), float(special.ndtri(0.5 * (1.0 + level)))
 
         def of(draws: FloatArray) -> FloatArray:
@@ -293,7 +332,10 @@ class BinnedCurve:
         return found
 
     def _relative_errors(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Standard errors of contact force and stiffness in each bin from the noise of its own points, relative."""
+        """Relative standard errors of contact force and stiffness in each bin, (n,), from the noise in that bin.
+
+        `physical` are the parameters (k,), SI.
+        """
         values = self.values(physical)
         contact = self.layer.contact(values, *self.measured)
         along = self.measured[1] - values["instrument.baseline_slope"]
@@ -309,7 +351,20 @@ def _row(found: tuple[Explained, ...]) -> FloatArray:
 def _widened(
     low: FloatArray, middle: FloatArray, high: FloatArray, own: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Ends of intervals, (n,), with a half width `own` of ln(modulus) added in quadrature; NaN for no modulus."""
+    """Ends of intervals of moduli with a further uncertainty added in quadrature, in the logarithm.
+
+    Parameters
+    ----------
+    low, middle, high : FloatArray
+        Ends and values of the moduli (Pa), (n,).
+    own : FloatArray
+        Half width of ln(modulus) to add, (n,).
+
+    Returns
+    -------
+    tuple of FloatArray
+        New lower and upper ends (Pa), (n,); NaN where there is no modulus, infinite where an end is open.
+    """
     known = np.isfinite(middle) & (middle > 0.0)
     closed = known & np.isfinite(high) & (low > 0.0)
     ends = np.where(known, -np.inf, np.nan), np.where(known, np.inf, np.nan)

@@ -1,4 +1,4 @@
-"""Moduli of a layer by depth, as a fit gives them."""
+"""Modulus of a layer at each depth of a curve: the result of `pointwise_modulus`."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ KINDS = ("apparent", "incremental", "apparent_halfspace", "incremental_halfspace
 
 @dataclass(frozen=True, eq=False)
 class ModulusCurve:
-    """One modulus at every depth.
+    """One kind of modulus at every depth.
 
     Parameters
     ----------
     modulus, low, high : FloatArray
-        The modulus and its interval (Pa), (n,); NaN where no modulus explains the curve there: the noise of a slope
-        may turn it downwards.
+        The modulus and its interval (Pa), (n,); NaN where no modulus reproduces the curve there: the noise of a
+        slope may make it negative.
     expected : FloatArray
         The modulus if the fitted model were right (Pa), (n,).
     """
@@ -46,15 +46,16 @@ class PointwiseModulus:
     force : FloatArray
         Contact force there (N), (n,), without the baseline.
     points : FloatArray
-        How many points each depth stands on, (n,).
+        Number of readings averaged at each depth, (n,).
     apparent, incremental : ModulusCurve
-        With the layer's thickness and what is under it, from the force and from its local slope.
+        For the layer with its thickness and base, from the force and from its local slope.
     apparent_halfspace, incremental_halfspace : ModulusCurve
-        The two moduli by the formula of a half-space.
+        The same two moduli by the formula of a half-space.
     layered : bool
         Whether there is anything under the layer; otherwise both pairs are the same.
     relaxing : bool
-        Whether the sample relaxes: each modulus is then what was left of it when the tip came by.
+        Whether the sample relaxes: each modulus is then the relaxed value at the time when the tip reached that
+        depth.
     level : float
         Confidence of the intervals, point by point.
     """

@@ -1,1 +1,1 @@
-"""Parts of a profile likelihood; `profiles.py` is the way in."""
+"""Parts of the profile likelihood; the public functions are in `profiles.py`."""

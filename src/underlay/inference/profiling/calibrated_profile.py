@@ -1,20 +1,20 @@
-"""Thresholds of a profile from curves drawn anew, where chi-square is not the law of the likelihood ratio.
+"""Thresholds of a profile from simulated curves, where the likelihood ratio does not follow chi-square.
 
-With two optima, a bound nearby or a parameter the curve hardly shows, the rise t at the truth is not
-distributed as chi-square. Its distribution is then found by simulation (parametric bootstrap; Beran 1987,
-doi:10.1093/biomet/74.3.457; Davison and Hinkley 1997, doi:10.1017/CBO9780511802843, equation 4.11): curves are
-drawn from the best fit that has the hypothesised value (`redrawn`), fitted as the data were, and t of that
-value is taken in each. With N curves the value is inside where its t in the data is at most the k-th smallest
-of those, k = ceil((N + 1) level).
+With two optima, a bound nearby or a parameter the curve hardly shows, t, the rise of chi-square at the true value
+above its minimum, is not distributed as chi-square. Its distribution is then found by simulation (parametric
+bootstrap; Beran 1987, doi:10.1093/biomet/74.3.457; Davison and Hinkley 1997, doi:10.1017/CBO9780511802843, equation
+4.11): curves are simulated from the best fit that has the hypothesised value (`redrawn`), fitted as the data were,
+and t of that value is computed in each. With N curves the value is inside the interval of a level where its t in
+the data is at most the k-th smallest of those, k = ceil((N + 1) level).
 
-The centre is the constrained fit, not the free one: the error of the level is then of higher order in the
-number of points (DiCiccio, Martin and Stern 2001, doi:10.2307/3316051). In 160 curves with two optima both
-centres covered alike within chance (`tests/studies/coverage.py`).
+The centre, the fit from which curves are simulated, is the constrained fit, not the free one: the error of the
+level is then of higher order in the number of points (DiCiccio, Martin and Stern 2001, doi:10.2307/3316051). In 160
+curves with two optima both centres covered alike within chance (`tests/studies/coverage.py`).
 
-An interval would need this at every value. Its ends are where it matters (`calibrated`): curves are drawn at
-the end that chi-square gives, then at the end that follows from them, and so on until the end stays; then at
-the bottom of a basin beyond it that chi-square rejects and its own curves may not. Between these centres the
-root of the threshold is linear in the scaled parameter, beyond them constant.
+An interval would need this at every value. Its ends are where it matters (`calibrated`): curves are simulated at
+the end that chi-square gives, then at the end that follows from them, and so on until the end stays; then at the
+bottom of a basin beyond it that chi-square rejects and its own curves may not. Between these centres the root of
+the threshold is linear in the scaled parameter, beyond them constant.
 """
 
 from __future__ import annotations
@@ -50,22 +50,22 @@ _CLOSE = 0.1
 def redrawn(
     problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], rng: np.random.Generator
 ) -> Problem:
-    """Return the problem measured again in a world where a scaled vector (k,) is the truth.
+    """Return the problem with simulated data, of which the scaled vector (k,) is the truth.
 
-    Every curve gets new noise on the model's force, as the likelihood has it (a depth error through the
+    Every curve gets new noise on the model's force, as the likelihood assumes it (a depth error through the
     stiffness), and every prior that is a measurement is measured again: drawn about the vector's value with the
     prior's own uncertainty, as the curve is.
 
     Parameters
     ----------
     problem : Problem
-        What was measured.
+        The problem with the measured curves.
     vector : FloatArray
-        Truth of the new curves, (k,).
+        True scaled parameters of the simulated curves, (k,).
     noises : sequence of Noise
         Noise of every curve, its size known.
     rng : numpy Generator
-        Where chance comes from.
+        Random generator.
     """
     physical = problem.physical(vector)
     tests = []
@@ -92,7 +92,7 @@ def redrawn(
 
 
 def _measured_again(prior: Prior, value: float, rng: np.random.Generator) -> Prior:
-    """Draw the prior's measurement where `value` is true; what is no measurement stays."""
+    """Draw the centre of a prior that is a measurement about the true `value` (SI); return any other unchanged."""
     if isinstance(prior, Normal):
         return replace(prior, mean=value + prior.sd * rng.standard_normal())
     if isinstance(prior, LogNormal):
@@ -105,7 +105,9 @@ def _measured_again(prior: Prior, value: float, rng: np.random.Generator) -> Pri
 def draw_delta_chi_squares(
     fit: Fit, name: str, value: float, draws: int, seed: int, *, beyond: tuple[float, int] | None = None
 ) -> Draws:
-    """Rise t of a value (SI) in curves drawn from the best fit that has it.
+    """Rise t of chi-square at a value (SI), in curves simulated from the best fit that has this value.
+
+    t is the sum of squares with the parameter held at the value, less its minimum.
 
     Parameters
     ----------
@@ -118,11 +120,11 @@ def draw_delta_chi_squares(
     draws : int
         How many curves.
     seed : int
-        Curve number b is drawn from the seed (seed, b), whatever the hypothesis: neighbouring values
-        share their chance.
+        Curve number b is simulated from the seed (seed, b), whatever the hypothesis, so that neighbouring values
+        use the same random numbers.
     beyond : (float, int), optional
-        Only count rises of at least this size, and stop after so many: where a smaller one is certain
-        without it, the held fit is not made, and its rise is an upper bound.
+        Only count rises of at least this size, and stop after so many: where a smaller one is certain without it,
+        the fit with the parameter held is not made, and its rise is an upper bound.
 
     Raises
     ------
@@ -160,7 +162,19 @@ def draw_delta_chi_squares(
 def _delta_chi_square_of_truth(
     problem: Problem, name: str, value: float, truth: FloatArray, least: float
 ) -> float:
-    """Rise t of the value that a problem was drawn at; an upper bound of it where that is below `least`."""
+    """Rise t of chi-square in a simulated problem at the true value of one parameter; an upper bound below `least`.
+
+    Parameters
+    ----------
+    problem : Problem
+        The simulated problem.
+    name, value : str, float
+        The parameter and its true value (SI).
+    truth : FloatArray
+        True scaled vector, (k,).
+    least : float
+        Rises below this need not be exact.
+    """
     fit = quick_fit(problem)
     objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
     at_truth, at_fit = objective.square(truth), objective.square(fit.vector)
@@ -173,10 +187,10 @@ def _delta_chi_square_of_truth(
 def p_value_at(
     fit: Fit, name: str, value: float, draws: int = 99, seed: int = 0, *, enough: int | None = None
 ) -> float:
-    """How well the data go with one value (SI): the share of curves drawn there that fit it as badly.
+    """p-value of one value (SI) of a parameter: the share of curves simulated there that fit it as badly.
 
-    (1 + number of rises at least as large) / (draws + 1); a calibrated interval of level 1 - p holds the
-    values with more than p.
+    (1 + number of rises of chi-square at least as large) / (draws + 1); a calibrated interval of level 1 - p holds
+    the values with more than p.
 
     Parameters
     ----------
@@ -187,11 +201,11 @@ def p_value_at(
     value : float
         Its hypothesised value (SI).
     draws, seed : int
-        How many curves, and where their chance comes from.
+        How many curves, and the seed of their random numbers.
     enough : int, optional
-        Stop after this many rises at least as large, and return their share of the curves drawn so far
-        (Besag and Clifford 1991, doi:10.1093/biomet/78.2.301): whether the share of all would be above
-        `enough` / (`draws` + 1) is then already known.
+        Stop after this many rises at least as large, and return their share of the curves simulated so far (Besag
+        and Clifford 1991, doi:10.1093/biomet/78.2.301): whether the share of all would be above `enough` / (`draws`
+        + 1) is then already known.
 
     Raises
     ------
@@ -207,7 +221,7 @@ def p_value_at(
 
 
 def calibrated(walked: LikelihoodProfile, level: float, draws: int, seed: int) -> LikelihoodProfile:
-    """Return the profile with thresholds from curves drawn at the ends of its interval.
+    """Return the profile with thresholds from curves simulated at the ends of its interval.
 
     Parameters
     ----------
@@ -216,7 +230,7 @@ def calibrated(walked: LikelihoodProfile, level: float, draws: int, seed: int) -
     level : float
         Confidence of the interval.
     draws, seed : int
-        Curves per centre, and where their chance comes from.
+        Curves per centre, and the seed of their random numbers.
 
     Raises
     ------
@@ -246,7 +260,10 @@ def _with_end(
 def _next_place(
     profile: LikelihoodProfile, centres: Sequence[Draws], level: float, *, upper: bool
 ) -> float | None:
-    """Where the threshold is needed and not known yet (SI); None if nowhere."""
+    """Next value (SI) of the parameter at which to simulate curves for one end; None if no more are needed.
+
+    `centres` are the simulations made so far for this end.
+    """
     value, reason = profile.end_of_hull(level, upper=upper)
     # Where the data set no end there is no place to draw at; the side stays open.
     if reason != "data":

@@ -1,6 +1,6 @@
 """The profile likelihood of a parameter, its thresholds, and the confidence interval where it crosses them.
 
-Ends of an interval may not be there, and in words it says so. Thresholds that come from drawn curves (`Draws`,
+An interval may have no end on one side, and its text then says so. Thresholds from simulated curves (`Draws`,
 `Calibration`) are made by `calibrated_profile.py`.
 """
 
@@ -48,12 +48,12 @@ class Interval:
     level : float
         Confidence, e.g. 0.95.
     low, high : float
-        Ends (SI): -inf or inf where the data set none. Where a bound given by the caller or the reach of the
-        law ends it, that value.
+        Ends (SI): -inf or inf where the data set none. Where a bound given by the caller or the reach of the law
+        ends it, that value.
     low_reason, high_reason : str
         ``"data"``, ``"bound"`` (the caller's), ``"law"`` (no contact law beyond), or ``"none"``.
     calibrated : bool
-        Whether its thresholds come from curves drawn at its ends.
+        Whether its thresholds come from curves simulated at its ends.
     """
 
     name: str
@@ -87,14 +87,15 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Rises t of a value in curves drawn where it is the truth.
+    """Rises t of chi-square at one value of a parameter, in curves simulated with that value.
 
     Parameters
     ----------
     value : float
         The value (SI).
     delta_chi_squares : FloatArray
-        t in every curve, (N,), increasing.
+        t in every curve, (N,), increasing: the sum of squares with the parameter held at the value, less its
+        minimum.
     failures : int
         Curves that could not be fitted.
     """
@@ -104,7 +105,7 @@ class Draws:
     failures: int = 0
 
     def threshold(self, level: float) -> float:
-        """The rise t that ends an interval of this confidence.
+        """Rise t of chi-square up to which a value lies inside an interval of this confidence.
 
         Raises
         ------
@@ -116,16 +117,16 @@ class Draws:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Thresholds from drawn curves, one set per end.
+    """Thresholds of a profile from simulated curves, separately for the two ends of the interval.
 
     Parameters
     ----------
     level : float
-        Confidence whose ends the curves were drawn at.
+        Confidence of the interval at whose ends the curves were simulated.
     draws, seed : int
-        Curves per centre, and where their chance came from.
+        Curves per simulated value, and the seed of their random numbers.
     below, above : tuple of Draws
-        Centres at the lower and at the upper end; none where the data set no end.
+        Simulations at the lower and at the upper end; none where the data set no end.
     """
 
     level: float
@@ -135,16 +136,19 @@ class Calibration:
     above: tuple[Draws, ...] = ()
 
     def side(self, *, upper: bool) -> tuple[Draws, ...]:
-        """Centres of one end."""
+        """Simulations at one end."""
         return self.above if upper else self.below
 
     def with_side(self, centres: tuple[Draws, ...], *, upper: bool) -> Calibration:
-        """Return the calibration with other centres at one end."""
+        """Return the calibration with other simulations at one end."""
         return replace(self, above=centres) if upper else replace(self, below=centres)
 
 
 def _rank(curves: int, level: float) -> int:
-    """Rank of the threshold among the rises, counted from the smallest; raises as `Draws.threshold`."""
+    """Rank of the threshold among the rises of so many curves, counted from the smallest.
+
+    Raises as `Draws.threshold`.
+    """
     if not 0.0 < level < 1.0:
         raise InputError(f"level must be between 0 and 1; got {level!r}")
     # Rounded first: 20 times 0.95 is 19, not a rounding error above it.
@@ -159,7 +163,7 @@ def _rank(curves: int, level: float) -> int:
 
 
 def require_draws(draws: int, level: float, seed: int) -> None:
-    """Refuse a number of curves that cannot tell the level.
+    """Refuse a number of simulated curves too small for the confidence level.
 
     Raises
     ------
@@ -171,7 +175,7 @@ def require_draws(draws: int, level: float, seed: int) -> None:
 
 
 def require_chance(draws: int, seed: int) -> None:
-    """Refuse, by InputError, a number of curves or a seed that is none."""
+    """Refuse, by InputError, a number of curves below 1, a negative seed, or either if not whole."""
     for name, value, least in (("the number of curves to draw", draws, 1), ("the seed", seed, 0)):
         if value != int(value) or value < least:
             raise InputError(f"{name} must be a whole number, {least} or more; got {value!r}")
@@ -186,22 +190,22 @@ class LikelihoodProfile:
     name : str
         The parameter.
     fit : Fit
-        The optimum it starts from; a better one than was handed in, if the walk found one.
+        The optimum it starts from; a better one than the caller's, if one was found along the profile.
     values : FloatArray
         Values of the parameter (SI), (m,), increasing.
     delta_chi_square : FloatArray
-        t at each, (m,): zero at the optimum.
+        t at each, (m,): the rise of chi-square, minimised over the other parameters; zero at the optimum.
     vectors : FloatArray
         Scaled vectors with the other parameters fitted, (m, k).
     ends : tuple of str
-        Why the walk ended below and above: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
+        Why the profile ends below and above: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
     branches : tuple of LikelihoodProfile
         Profiles about every other optimum of the fit, t still measured from the best.
     calibration : Calibration, optional
-        Curves drawn at the ends, where the thresholds come from them.
+        Curves simulated at the ends, where the thresholds come from them.
     averaged : bool
-        Whether `delta_chi_square` is the squared normal deviate of the level at which a value becomes an end of
-        the interval that averages over what the residuals may be, as in `Fit.interval`.
+        Whether `delta_chi_square` is the squared normal deviate of the level at which a value becomes an end of the
+        interval that averages over what the residuals may be, as in `Fit.interval`.
     """
 
     name: str
@@ -216,23 +220,26 @@ class LikelihoodProfile:
 
     @property
     def index(self) -> int:
-        """Entry of the parameter in a vector."""
+        """Entry of the parameter in a scaled vector."""
         return self.fit.names.index(self.name)
 
     @property
     def has_two_basins(self) -> bool:
-        """Whether chi-square is in doubt: the fit has another optimum, or the profile falls again."""
+        """Whether the profile may have two minima, so that thresholds of chi-square are too small.
+
+        So it is if the fit has another optimum, or the profile falls again away from its minimum.
+        """
         outwards = (self.delta_chi_square[self.best :], self.delta_chi_square[self.best :: -1])
         falls = any((np.diff(side) < -_FALL).any() for side in outwards)
         return falls or bool(self.fit.alternatives)
 
     @property
     def best(self) -> int:
-        """Index of the value at which the rise is smallest."""
+        """Index of the value at which the profile is lowest."""
         return int(np.argmin(self.delta_chi_square))
 
     def threshold(self, level: float, *, upper: bool | None = None) -> float:
-        """Rise t that bounds an interval of this confidence.
+        """Rise t of chi-square up to which a value lies inside an interval of this confidence.
 
         Parameters
         ----------
@@ -244,7 +251,7 @@ class LikelihoodProfile:
         Raises
         ------
         InputError
-            If the level is not between 0 and 0.999, or higher than the drawn curves can tell.
+            If the level is not between 0 and 0.999, or higher than the number of simulated curves allows.
         """
         plain = self._plain(level)
         if upper is None:
@@ -257,12 +264,15 @@ class LikelihoodProfile:
         return not self.averaged and not self.name.startswith("noise.")
 
     def _plain(self, level: float) -> float:
-        """Threshold t without calibration: chi-square's too where the profile is averaged or of the noise."""
+        """Threshold of chi-square's rise t without calibration, by F or chi-square as the noise requires.
+
+        Chi-square's where the profile is averaged over noise models or of a noise parameter.
+        """
         plain = interval_threshold(self.fit, level)
         return plain if self._is_of_one_noise else float(special.chdtri(1, 1.0 - level))
 
     def basis(self, level: float = 0.95) -> str:
-        """What the thresholds are and why, in a sentence."""
+        """One sentence with the threshold and the distribution that it comes from."""
         plain = self._plain(level)
         if self.averaged:
             return (
@@ -295,9 +305,9 @@ class LikelihoodProfile:
         )
 
     def interval(self, level: float = 0.95) -> Interval:
-        """Values the data do not reject at this level; see `Interval` for ends that are not there.
+        """Confidence interval: the values that the data do not reject at this level.
 
-        With a second optimum that is not rejected it is the hull of both.
+        With a second optimum that is not rejected it is the hull of both. See `Interval` for sides without an end.
         """
         low, low_reason = self.end_of_hull(level, upper=False)
         high, high_reason = self.end_of_hull(level, upper=True)
@@ -305,9 +315,9 @@ class LikelihoodProfile:
         return Interval(self.name, level, low, high, low_reason, high_reason, known)
 
     def parts(self, level: float = 0.95) -> list[tuple[float, float]]:
-        """Stretches of the interval (SI), lowest first: what each optimum keeps, joined where they meet.
+        """Connected parts of the interval (SI), lowest first: one per optimum, joined where they overlap.
 
-        Where the data set no end a stretch goes as far as the profile was walked.
+        Where the data set no end a part goes as far as the profile was computed.
         """
         limits = [self.limit(level, upper=upper) for upper in (False, True)]
         stretches = []
@@ -332,13 +342,13 @@ class LikelihoodProfile:
         return bool((np.sqrt(part.delta_chi_square) <= limit(part.vectors[:, self.index])).any())
 
     def end_of_hull(self, level: float, *, upper: bool) -> tuple[float, str]:
-        """One end of the interval (SI), and why it is there: a reason as in `Interval`."""
+        """One end of the interval over all optima (SI), and the reason for it as in `Interval`."""
         limit = self.limit(level, upper=upper)
         ends = [part.end(limit, upper=upper) for part in (self, *self.branches) if self._keeps(part, limit)]
         return (max if upper else min)(ends, key=lambda end: end[0])
 
     def bottoms_beyond(self, value: float, *, upper: bool) -> list[float]:
-        """Values (SI) beyond one where t has a minimum that is not rejected at 99.9 %, the nearest first."""
+        """Values (SI) beyond `value` at which the profile has a minimum not rejected at 99.9 %, nearest first."""
         bottoms = []
         for part in (self, *self.branches):
             t = np.concatenate([[np.inf], part.delta_chi_square, [np.inf]])
@@ -348,7 +358,10 @@ class LikelihoodProfile:
         return sorted(beyond, reverse=not upper)
 
     def limit(self, level: float, *, upper: bool) -> Limit:
-        """Largest z inside the interval on one side, by scaled value of the parameter; raises as `threshold`."""
+        """Largest z = sqrt(t) inside the interval on one side, as a function of the scaled parameter.
+
+        t is the rise of chi-square. Raises as `threshold`.
+        """
         plain = self._plain(level)
         centres = () if self.calibration is None else self.calibration.side(upper=upper)
         if not centres:
@@ -359,7 +372,10 @@ class LikelihoodProfile:
         return lambda q: np.interp(q, places, roots)
 
     def end(self, z: float | Limit, *, upper: bool) -> tuple[float, str]:
-        """Where the values below `z` end on one side (SI), branches left aside, and why; see `Interval`."""
+        """One end of the interval (SI) on this branch only, and the reason for it as in `Interval`.
+
+        `z` is the limit of sqrt(t), a number or a function of the scaled parameter, with t the rise of chi-square.
+        """
         limit = z if callable(z) else _constant(z)
         coordinate = self.fit.problem.coordinates[self.index]
         outwards = slice(self.best, None) if upper else slice(self.best, None, -1)
@@ -375,7 +391,9 @@ class LikelihoodProfile:
 
 
 def interval_threshold(fit: Fit, level: float) -> float:
-    """Rise t that bounds an interval: chi-square's quantile, F's where the noise was estimated.
+    """Rise t of chi-square at the ends of an interval of this confidence.
+
+    It is the quantile of chi-square with one degree of freedom, or of F where the noise was estimated.
 
     Raises
     ------
@@ -398,7 +416,10 @@ def _constant(z: float) -> Limit:
 
 
 def _crossing(q: FloatArray, z: FloatArray, limit: Limit) -> float | None:
-    """Outermost place where z passes the limit, walking outwards; None if it never does for good."""
+    """Outermost scaled value at which z = sqrt(t) rises above the limit for good; None if it never does.
+
+    `q` and `z` are the profile from its minimum outwards, (m,); t is the rise of chi-square.
+    """
     last = int(np.flatnonzero(z <= limit(q))[-1])
     if last == len(z) - 1:
         return None

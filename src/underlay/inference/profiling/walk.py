@@ -1,6 +1,6 @@
 """Steps of a profile from an optimum to one side, the other parameters fitted again at each.
 
-Steps are of about half a standard deviation of z = sqrt(t), in which a profile is nearly straight.
+With t the rise of chi-square, steps are of about half a unit of z = sqrt(t), in which a profile is nearly straight.
 """
 
 from __future__ import annotations
@@ -63,7 +63,25 @@ _BACK_TO_PLATEAU = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """Steps of a profile from the optimum to one side."""
+    """Points of a profile from the optimum to one side, the other parameters fitted at each.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    index : int
+        Entry of the profiled parameter in a scaled vector.
+    objective : Objective
+        Residuals with that parameter held and the noise frozen.
+    base : float
+        Sum of squares of the fit.
+    vectors : list of FloatArray
+        Scaled vectors (k,) of the points, from the start outwards.
+    delta_chi_squares : list of float
+        Rise of chi-square above the fit at each.
+    reason : str
+        Why the profile ends: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
+    """
 
     fit: Fit
     index: int
@@ -75,7 +93,7 @@ class Walk:
 
     @classmethod
     def start(cls, fit: Fit, index: int, vector: FloatArray) -> Walk:
-        """Stand at the optimum or another place (k,), with the noise of the fit frozen."""
+        """Begin a profile at the optimum or another scaled vector (k,), with the noise of the fit frozen."""
         noise = freeze(fit.problem, fit.vector, fit.noises)
         objective = Objective(fit.problem, noise, held=frozenset({index}))
         base = objective.square(fit.vector)
@@ -84,15 +102,18 @@ class Walk:
 
     @property
     def deepest(self) -> tuple[float, FloatArray]:
-        """Smallest t met, and where: below zero if the fit was not the optimum."""
+        """Smallest rise of chi-square met, and its scaled vector (k,).
+
+        The rise is below zero if the fit was not the optimum.
+        """
         lowest = int(np.argmin(self.delta_chi_squares))
         return self.delta_chi_squares[lowest], self.vectors[lowest]
 
     def with_bottoms(self) -> Walk:
-        """Return the walk with the bottoms of the basins it crossed, found with the parameter free.
+        """Return the profile with its local minima added, found with the parameter free.
 
-        Steps are long where a profile is flat: without its bottom a basin would be read too narrow, and a
-        deeper optimum in it missed.
+        Steps are long where a profile is flat: without its minimum a basin would be read too narrow, and a deeper
+        optimum in it missed.
         """
         free = Objective(self.fit.problem, self.objective.noise)
         q = [float(vector[self.index]) for vector in self.vectors]
@@ -116,10 +137,10 @@ class Walk:
         return replace(self, vectors=vectors, delta_chi_squares=rises)
 
     def go(self, direction: float, highest: float = HIGHEST) -> Walk:
-        """Walk until z is above `highest`, which ends every interval, or the parameter or the law ends.
+        """Step outwards until z = sqrt(t) exceeds `highest`, or the parameter or the contact law ends.
 
-        Where the others turn out to be better elsewhere at that end, the walk is made again and looks at
-        every step.
+        t is the rise of chi-square, `direction` 1 or -1. Where the other parameters turn out at that end to fit
+        better elsewhere, the profile is made again with a search at every step.
         """
         walked = self._afresh()._steps(direction, highest, watchful=False)  # noqa: SLF001  own class
         if walked.reason != "lost":
@@ -127,11 +148,15 @@ class Walk:
         return self._afresh()._steps(direction, highest, watchful=True)  # noqa: SLF001  own class
 
     def _afresh(self) -> Walk:
-        """Return a walk that stands where this one began."""
+        """Return the profile with its starting point only."""
         return replace(self, vectors=self.vectors[:1], delta_chi_squares=self.delta_chi_squares[:1])
 
     def _steps(self, direction: float, highest: float, *, watchful: bool) -> Walk:
-        """Walk once; ``"lost"`` if only its end showed that the others are better elsewhere."""
+        """Make the profile once, up to z = sqrt(t) of `highest`, t the rise of chi-square.
+
+        The reason of its end is ``"lost"`` if only there a better fit of the other parameters was found. With
+        `watchful` such a fit is looked for at every step.
+        """
         bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
         here = float(self.vectors[0][self.index])
         room = abs(bound - here)
@@ -177,12 +202,15 @@ class Walk:
         return replace(self, reason="none")
 
     def _left(self, direction: float, travelled: float) -> float:
-        """Distance (scaled) left to where a walk ends on a plateau: nothing is asked further out."""
+        """Distance (scaled) to where a profile that stays flat ends: nothing is computed further out.
+
+        `direction` is 1 or -1, `travelled` the distance from the start.
+        """
         left = _FARTHEST - min(travelled, direction * float(self.vectors[-1][self.index]))
         return left if left > _ROUNDED else np.inf
 
     def delta_chi_square(self, found: Point) -> float:
-        """Rise t at a place."""
+        """Rise t of chi-square above the fit at a point."""
         return found.square - self.base
 
     @staticmethod
@@ -194,16 +222,19 @@ class Walk:
         return _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
 
     def _next_step(self, step: float) -> float:
-        """Step for half a unit of z, from the slope of the last one."""
+        """Step in the scaled parameter for half a unit of z = sqrt(t), from the slope of z over the last step."""
         slope = abs(self._z(self.delta_chi_squares[-1]) - self._z(self.delta_chi_squares[-2])) / step
         return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
 
     def in_doubt(self, found: Point | None) -> bool:
-        """Whether a better place for the others would matter to an interval."""
+        """Whether a better fit of the other parameters than this one would change an interval."""
         return found is None or self.delta_chi_square(found) > _DOUBTED
 
     def look_elsewhere(self, q: float, found: Point | None) -> Point | None:
-        """Others fitted with the parameter at q from a scan; `found` if that is no better."""
+        """Fit the other parameters with this one held at q (scaled), starting from a scan.
+
+        Returns `found`, the fit known so far, if that is no better.
+        """
         pinned = _with(self.vectors[-1] if found is None else found.vector, self.index, q)
         low, high = self.fit.problem.bounds.T
         for start in _starts_with_held(self.fit.problem, self.index, pinned):
@@ -219,9 +250,9 @@ class Walk:
         return found
 
     def follow(self, q: float, most_steps: int = _FINE.steps, *, rough: bool = False) -> Point | None:
-        """Others fitted with the parameter at q, starting where the last two steps point.
+        """Fit the other parameters with this one held at q (scaled), starting from the extrapolated last two steps.
 
-        A `rough` answer is enough where the step went so far that it will be taken again.
+        A `rough` result is enough where the step went so far that it will be taken again. None where no law exists.
         """
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
@@ -244,7 +275,7 @@ class Walk:
         return None
 
     def _roughly(self, begin: FloatArray) -> Point | None:
-        """Others fitted from a start; not to the end where the walk went too far, and will go again."""
+        """Fit the other parameters from a scaled vector (k,), but stop early if the step was clearly too long."""
         quick = self._search(begin, replace(_FINE, steps=_QUICK))
         if quick is None or quick.success:
             return None if quick is None else self._off_plateau(quick.point)
@@ -256,16 +287,19 @@ class Walk:
     def _minimised(
         self, start: FloatArray, search: Search = _FINE, known: Point | None = None
     ) -> Point | None:
-        """Others fitted from a start; None if there is no law there or where that leads, or it leads to `known`."""
+        """Fit the other parameters from a scaled vector (k,), and retry those without effect.
+
+        None if there is no law there or where that leads, or it leads to `known`.
+        """
         found = self._searched(start, search, known)
         return None if found is None else self._off_plateau(found)
 
     def _searched(
         self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
     ) -> Point | None:
-        """Lowest place that a search asked for: its last step moves nothing that an interval could tell.
+        """Fit the other parameters from a scaled vector (k,); the lowest point whose model was computed.
 
-        None where that leads to what is `known`; of an entry that is on a `plateau` there, anywhere far out on it.
+        None where the search leads to `known`; a parameter `plateau` without effect there may have any large value.
         """
         found = self._search(start, search, known, plateau)
         return None if found is None else found.point
@@ -273,7 +307,7 @@ class Walk:
     def _search(
         self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
     ) -> Minimum | None:
-        """The minimum of `_searched`, which says whether it settled; None as there."""
+        """Minimise over the other parameters from a scaled vector (k,); None as in `_searched`."""
         refused = self.objective.failures + _MOST_REFUSED
 
         def leaves(ahead: Ahead) -> bool:
@@ -289,10 +323,10 @@ class Walk:
         return minimise(self.objective, start, search, leaves)
 
     def _off_plateau(self, found: Point) -> Point:
-        """Try again with an entry that does not act at the scene's own value, and keep the better.
+        """Fit again with each parameter that has no effect set to the scene's value, and keep the better fit.
 
-        A minimiser finds no way back from the middle of a plateau: a base left rigid there would stay so,
-        and the profile of the thickness would not know that a thinner layer on a softer base answers alike.
+        A minimiser finds no way back from the middle of a plateau: a base left rigid there would stay so, and the
+        profile of the thickness would miss that a thinner layer on a softer base fits as well.
         """
         for i in self._flat(found):
             other = self._searched(_with(found.vector, i, 0.0), _ROUGH, found, i)
@@ -311,12 +345,15 @@ class Walk:
         return found
 
     def _flat(self, found: Point) -> list[int]:
-        """Entries that do not act at a place."""
+        """Entries of the parameters that have no effect at a point."""
         norms = np.sqrt(np.diagonal(found.normal))
         return [i for i in self.objective.active if norms[i] < _FLAT]
 
     def _tangent(self) -> FloatArray:
-        """d others / d parameter along the profile at the optimum, from the covariance."""
+        """Derivatives of all scaled parameters (k,) in the profiled one along the profile at the optimum.
+
+        From the covariance of the fit.
+        """
         column = np.array(self.fit.scaled_covariance[self.index])
         own = column[self.index]
         tangent: FloatArray = column / own if own > 0.0 else np.zeros_like(column)
@@ -333,10 +370,10 @@ def _with(vector: FloatArray, index: int, q: float) -> FloatArray:
 def _starts_with_held(problem: Problem, index: int, vector: FloatArray) -> list[FloatArray]:
     """Starts (k,) of the other parameters with entry `index` held at its value in `vector` (k,).
 
-    Where thin and soft competes with thick and stiff, the valley of the optimum can fold back in the parameter
-    that is held: a step along it then leads up a wall while the other side of the fold explains the data well.
-    Only a scan finds that side. The other entries of `vector` are one more point of it. Empty where nothing
-    else is free, or no point of the scan has a law.
+    Where thin and soft competes with thick and stiff, the valley of the optimum can fold back in the parameter that
+    is held: a step along it then leads to a bad fit while the other side of the fold explains the data well. Only a
+    scan finds that side. The other entries of `vector` are one more point of it. Empty where nothing else is free,
+    or no point of the scan has a law.
     """
     others = {
         coordinate.name: coordinate.prior

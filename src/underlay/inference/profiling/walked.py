@@ -1,6 +1,6 @@
-"""A profile walked to both sides of every optimum that a fit knows, and the best fit with one parameter held.
+"""Profiles to both sides of every optimum that a fit found, and the best fit with one parameter held.
 
-A held fit starts from every optimum that the fit knows and from a scan.
+A fit with a parameter held starts from every optimum that the fit found and from a scan.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ _BETTER = 1e-3
 
 
 def walked(fit: Fit, name: str, highest: float) -> tuple[LikelihoodProfile, FloatArray | None]:
-    """Profile of a parameter up to z = `highest`, and a scaled vector (k,) that fits better, were one met."""
+    """Profile of a parameter up to z = sqrt(t) of `highest`, with t the rise of chi-square.
+
+    Returned with it is a scaled vector (k,) that fits better than the fit, None if none was met.
+    """
     index = fit.names.index(name)
     below, above = _both_sides(fit, index, fit.vector, highest)
     rise, deepest = min((below.deepest, above.deepest), key=lambda basin: basin[0])
@@ -35,7 +38,7 @@ def walked(fit: Fit, name: str, highest: float) -> tuple[LikelihoodProfile, Floa
 
 
 def _both_sides(fit: Fit, index: int, vector: FloatArray, highest: float) -> list[Walk]:
-    """Walk down and up from an optimum."""
+    """Profile below and above a scaled vector (k,), up to z = sqrt(t) of `highest`, t the rise of chi-square."""
     return [Walk.start(fit, index, vector).go(side, highest).with_bottoms() for side in (-1.0, 1.0)]
 
 
@@ -57,12 +60,12 @@ def _joined(
 
 
 def index_of(fit: Fit, name: str) -> int:
-    """Entry of a free parameter that is not the noise's.
+    """Entry of a free parameter in a scaled vector.
 
     Raises
     ------
     InputError
-        If the parameter is not free, or is the noise's.
+        If the parameter is not free, or is one of the noise.
     """
     if name not in fit.names:
         raise InputError(f"{name!r} is not free here; free are {', '.join(fit.names)}")
@@ -75,11 +78,11 @@ def index_of(fit: Fit, name: str) -> int:
 
 
 def delta_chi_square_at(fit: Fit, name: str, value: float) -> float:
-    """Rise t of one value (SI): how much the sum of squares rises when the parameter is held there.
+    """Rise t of chi-square when a parameter is held at a value (SI), the others fitted again.
 
-    It rises from that of the fit, or of a better one that is found with the parameter let go again. The
-    value is inside the interval of a level where this is at most `LikelihoodProfile.threshold`; two refits
-    instead of a walk.
+    It is counted from the fit, or from a better one that is found when the parameter is free again. The value is
+    inside the interval of a level where this is at most `LikelihoodProfile.threshold`; two refits instead of a
+    whole profile.
 
     Parameters
     ----------
@@ -100,7 +103,7 @@ def delta_chi_square_at(fit: Fit, name: str, value: float) -> float:
 
 
 def missed(fit: Fit, vector: FloatArray) -> float:
-    """Rise t, zero or below, of a fit begun at a scaled vector (k,) over the fit handed in.
+    """Change of chi-square, zero or negative, if the fit is made again from a scaled vector (k,).
 
     Of two optima a fit may have found the higher one only.
     """
@@ -114,7 +117,7 @@ def missed(fit: Fit, vector: FloatArray) -> float:
 def constrained_fit(
     fit: Fit, name: str, value: float, near: FloatArray | None = None
 ) -> tuple[float, FloatArray]:
-    """Rise t above the fit, and the scaled vector (k,), of the best fit that has a value (SI).
+    """Best fit with one parameter held at a value (SI): its rise t of chi-square and its scaled vector (k,).
 
     Raises as `delta_chi_square_at`.
 
@@ -127,7 +130,7 @@ def constrained_fit(
     value : float
         Its value (SI).
     near : FloatArray, optional
-        Scaled vector (k,) to begin at instead of the optima: the truth of a drawn curve.
+        Scaled vector (k,) to begin at instead of the optima: the truth of a simulated curve.
     """
     index = index_of(fit, name)
     coordinate = fit.problem.coordinates[index]
