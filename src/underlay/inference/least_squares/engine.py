@@ -98,7 +98,8 @@ def damped_steps(
 def _outward(gradient: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
     """Which parameters (s, k) are at a limit that steepest descent would leave outwards or not at all.
 
-    `gradient` is J'r; `low` and `high` are the changes that are still allowed, all (s, k).
+    `gradient` is J'r, half the gradient of the sum of squares of residuals r with derivatives J; `low` and `high`
+    are the changes that are still allowed, all (s, k).
     """
     return ((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0))
 
@@ -157,8 +158,9 @@ def _solved(
 ) -> FloatArray:
     """Damped least-squares steps (s, k) of the entries `which` (s, k), zero for the others.
 
-    They solve (J'J + damping) step = -J'r. `gradient` is J'r (s, k), `normal` J'J (s, k, k), `norms` the roots of
-    its diagonal, by which columns are scaled before the `damping` (s,) is added.
+    They solve (J'J + damping) step = -J'r, with r the residuals and J their derivatives. `gradient` is J'r (s, k),
+    `normal` J'J (s, k, k), `norms` the roots of its diagonal, by which columns are scaled before the `damping` (s,)
+    is added.
     """
     scale, diagonal, downhill = norms, 1.0 + damping[:, None], gradient
     rest = not which.all()
@@ -567,7 +569,11 @@ class _Running(NamedTuple):
 
 
 def _why(little: bool, endless: bool, stuck: bool) -> str:
-    """Why a search ended, in words, from the three reasons; empty where it goes on."""
+    """Message why a search ended, from three flags; empty where it goes on.
+
+    `little`: the last step gained too little; `endless`: the sum of squares falls on and on without gain; `stuck`:
+    no step leads further down.
+    """
     if little:
         return "the last step gained nothing"
     if endless:

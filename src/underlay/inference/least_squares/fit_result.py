@@ -201,11 +201,12 @@ class Fit:
         return self.state(self)
 
     def answer(self, name: str, level: float = 0.95) -> Answer:
-        """Return the answer of one quantity: the number that every screen, table, page and file prints.
+        """Return the answer for one quantity: its value, its interval and the parts of its uncertainty.
 
-        Its value is the one with which the model describes the fitted range (least squares). The statistical part
-        is from noise and misfit that the curve shows, the systematic part from inputs and from what the model
-        leaves out; `Answer.budget` lists them. It is computed when first asked for, and kept.
+        All tables, pages and files print this number. Its value is the one with which the model describes the
+        fitted range (least squares). The statistical part of the uncertainty comes from noise and misfit that the
+        curve shows, the systematic part from inputs and from effects that the model neglects; `Answer.budget` lists
+        them. It is computed when first read, and kept.
 
         Parameters
         ----------
@@ -217,7 +218,7 @@ class Fit:
         Returns
         -------
         Answer
-            Its ends are infinite where the data leave them open.
+            The ends of its interval are infinite where the data do not bound the quantity.
 
         Raises
         ------
@@ -296,7 +297,7 @@ class Fit:
 
     @property
     def verdict(self) -> Advice:
-        """``"good"``, ``"check"`` or ``"reject"``, with reason, likely cause and next step."""
+        """Verdict on the fit: ``"good"``, ``"check"`` or ``"reject"``, with reason, likely cause and next step."""
         return self.statement.verdict
 
     @property
@@ -311,7 +312,7 @@ class Fit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The fitted parameters, in order."""
+        """Names of the fitted parameters, in the order of all vectors."""
         return self.problem.names
 
     @cached_property

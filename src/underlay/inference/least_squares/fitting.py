@@ -131,7 +131,10 @@ def quick_fit(problem: Problem, *, start: str = "scan") -> Fit:
 
 
 def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
-    """Fit once, with the problem's own solver: the four steps of this module. Without lmfit if that is None."""
+    """Fit once with the problem's own solver: scan for starts, search, settle on all readings, judge.
+
+    `lmfit` is None for a fit without it; `start` as in `fit`.
+    """
     began = time.perf_counter()
     places: Sequence[FloatArray] = [problem.start]
     if start == "scan":
@@ -190,7 +193,7 @@ def _of_readings(problem: Problem, kept: Sequence[NDArray[np.bool_]]) -> list[No
 
 
 def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatArray], began: float) -> Fit:
-    """Settle on all readings from several scaled vectors (k,), and make the result of the best.
+    """Fit all readings from several starts, scaled vectors (k,), and make the result of the best optimum.
 
     `began` is the clock (s) at the start of the fit. Raises FitError where no start has a contact law.
     """
@@ -208,7 +211,10 @@ def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatAr
 
 
 def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
-    """Optimum below the best start if it explains the data and every other start is far worse; else None."""
+    """Optimum reached from the best start, if it explains the data and every other start is far worse.
+
+    None otherwise: all starts must then be searched from.
+    """
     others = [misfit for _, misfit in starts[1:]]
     if not others or min(others) <= LIKELY or problem.n_points > _FEW_POINTS or not _has_blocks(problem):
         return None
@@ -259,7 +265,11 @@ def _stated(found: Fit) -> States:
 
 
 def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) -> Sequence[FloatArray]:
-    """Scaled vectors (k,) below the starts that may be the optimum, best first; empty if there are no starts."""
+    """Search from the starts on block averages of the curves, to choose where to go on with all readings.
+
+    Returns scaled vectors (k,) of minima that may be the optimum, best first; the starts themselves where blocks
+    are no help. With `robust` blocks are medians.
+    """
     few = len(starts) == 1 and problem.n_points <= _FEW_POINTS and not robust
     if few or not starts:
         return starts
@@ -277,7 +287,7 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
 
 
 def _has_blocks(problem: Problem) -> bool:
-    """Whether neighbouring readings may be averaged: not where the force depends on time or jumps."""
+    """Whether neighbouring readings may be averaged: not where the force depends on time, or jumps."""
     return not any(member.forward.history is not None or member.scene.adhesion for member in problem.members)
 
 

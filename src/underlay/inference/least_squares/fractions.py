@@ -74,7 +74,7 @@ class Fractions:
         return cls(problem, [layer for layer in layers if layer.entries], known)
 
     def feasible(self, vector: FloatArray) -> FloatArray:
-        """The scaled vector (k,) with fractions that sum to more than 1 reduced in proportion."""
+        """Return the scaled vector (k,) with relaxing fractions that sum to more than 1 reduced in proportion."""
         for layer in self.layers:
             values = self._values(vector, layer)
             if values.sum() > 1.0 - layer.fixed:

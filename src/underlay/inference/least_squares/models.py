@@ -131,7 +131,10 @@ class Models:
         )
 
     def models(self, physical: FloatArray) -> list[FloatArray]:
-        """Instrument's force (N), (n,), of every curve; raises InputError where no law exists."""
+        """Force readings (N), (n,), that the models of all curves predict at parameters (k,), SI.
+
+        Raises InputError where no contact law exists.
+        """
         key = physical.tobytes()
         if self._last_models[0] != key:
             if self._one_law:
@@ -227,7 +230,7 @@ class Models:
     def _one(
         self, physical: FloatArray, possible: NDArray[np.bool_]
     ) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Derivatives and forces at one vector (1, k), shaped as `several` returns them."""
+        """Derivatives and forces of every curve at one parameter vector (1, k), as `several` returns them."""
         if possible[0]:
             try:
                 own = self.columns(physical[0], rough=True)

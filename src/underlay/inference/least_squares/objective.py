@@ -90,7 +90,7 @@ class BaseSteps:
         return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(start))
 
     def at(self, vectors: FloatArray) -> Bent:
-        """The transformation of steps of the bases' moduli at scaled vectors (s, k)."""
+        """Conversion between changes of the bases' moduli and transformed steps, at scaled vectors (s, k)."""
         log_ratio = vectors[:, self.bases] - self.free * vectors[:, self.layers] + self.at_start
         inverse = np.exp(-log_ratio)
         return Bent(self.bases, log_ratio, -np.log1p(inverse), inverse / (1.0 + inverse))
@@ -116,9 +116,9 @@ class Bent(NamedTuple):
     slope: FloatArray
 
     def straight(self, changes: FloatArray) -> FloatArray:
-        """Transformed steps (s, k) that lead to `changes` (s, k) of scaled vectors; overwrites `changes`.
+        """Steps (s, k) in the transformed numbers that lead to `changes` (s, k) of scaled vectors.
 
-        Changes may be infinite.
+        Changes may be infinite; the array is overwritten.
         """
         change = changes[:, self.bases]
         steps = (bent(self.log_ratio + change) - self.u) / self.slope
@@ -126,7 +126,10 @@ class Bent(NamedTuple):
         return changes
 
     def taken(self, steps: FloatArray, longest: float) -> FloatArray:
-        """Changes (s, k) of scaled vectors that transformed steps (s, k) lead to, of a base at most `longest`."""
+        """Changes (s, k) of scaled vectors that steps (s, k) in the transformed numbers lead to.
+
+        A base's modulus changes by at most `longest` in its logarithm.
+        """
         step = steps[:, self.bases]
         # Beyond a rigid base there is nothing.
         there = np.minimum(self.u + self.slope * step, bent(self.log_ratio + longest))
@@ -185,7 +188,7 @@ class PoissonSteps:
         return cls(np.array(list(found)), reference, scale)
 
     def at(self, vectors: FloatArray) -> Risen:
-        """The transformation of steps of the Poisson's ratios at scaled vectors (s, k)."""
+        """Conversion between changes of Poisson's ratios and transformed steps, at scaled vectors (s, k)."""
         room = 1.0 - 2.0 * (self.reference + self.scale * vectors[:, self.entries]) + _SIDEWAYS
         return Risen(self.entries, room / (2.0 * self.scale))
 
@@ -206,13 +209,19 @@ class Risen(NamedTuple):
     room: FloatArray
 
     def straight(self, changes: FloatArray) -> FloatArray:
-        """Transformed steps (s, k) that lead to `changes` (s, k) of scaled vectors; overwrites `changes`."""
+        """Steps (s, k) in the transformed numbers that lead to `changes` (s, k) of scaled vectors.
+
+        The array of changes is overwritten.
+        """
         change = changes[:, self.entries]
         changes[:, self.entries] = np.where(change > 0.0, -self.room * np.log1p(-change / self.room), change)
         return changes
 
     def taken(self, steps: FloatArray, longest: float) -> FloatArray:
-        """Changes (s, k) of scaled vectors that transformed steps (s, k) lead to, none longer than its step."""
+        """Changes (s, k) of scaled vectors that steps (s, k) in the transformed numbers lead to.
+
+        None is longer than its step.
+        """
         del longest
         step = steps[:, self.entries]
         result = steps.copy()
@@ -284,10 +293,10 @@ class Objective:
     # --- what lmfit and the results ask -----------------------------------------------------------------
 
     def residuals(self, vector: FloatArray) -> FloatArray:
-        """Whitened (model - data) / sigma of all points, then the priors' residuals.
+        """Whitened residuals, (model - data) / sigma, of all points and of the priors, at a scaled vector (k,).
 
-        Where no law exists every residual is the root of the largest sum of squares seen: a minimiser
-        steps back.
+        Where no contact law exists every residual is the root of the largest sum of squares seen, so that a
+        minimiser steps back.
         """
         if np.abs(vector).max(initial=0.0) > _FAR:
             return self._refused()
@@ -309,12 +318,15 @@ class Objective:
         return np.full(self.points + len(self._informative), self._largest)
 
     def square(self, vector: FloatArray) -> float:
-        """Sum of squares of the residuals at (k,)."""
+        """Sum of the squared whitened residuals at a scaled vector (k,)."""
         residuals = self.residuals(vector)
         return float(residuals @ residuals)
 
     def jacobian(self, vector: FloatArray, *, rough: bool = False) -> FloatArray:
-        """d residuals / d vector, (n + priors, k); `rough` as in `Forward.jacobian`."""
+        """Derivatives of the whitened residuals in the scaled parameters at a vector (k,), (n + priors, k).
+
+        `rough` allows less exact ones, as in `Forward.jacobian`.
+        """
         physical = self.problem.physical(vector)
         return self._rows(self.asked.columns(physical, rough=rough), physical).T
 
@@ -366,7 +378,7 @@ class Objective:
         return not self.failures and self.asked.follow(physical, near)
 
     def loss(self, vector: FloatArray) -> float:
-        """Minus twice the log-likelihood with the frozen noise, priors' residuals included, at (k,)."""
+        """Minus twice the log-likelihood at a scaled vector (k,), with the noise frozen and the priors included."""
         normalisation = sum(
             float(noise.log_normalisation(sigma, member.curve.time))
             for member, noise, sigma in self._curves()
@@ -376,7 +388,7 @@ class Objective:
         return self.square(vector) - 2.0 * normalisation
 
     def models(self, vector: FloatArray) -> list[FloatArray]:
-        """Instrument's force (N) of every curve at a vector (k,); raises InputError where no law exists."""
+        """Force readings (N) of every curve at a scaled vector (k,); raises InputError where no law exists."""
         return self.asked.models(self.problem.physical(vector))
 
     # --- what the engine asks ---------------------------------------------------------------------------
@@ -436,17 +448,17 @@ class Objective:
 
     @cached_property
     def bases(self) -> BaseSteps | None:
-        """Transformed steps of the moduli of bases; None where none is free."""
+        """Transformation in which the force is nearly linear in the bases' moduli; None where none is free."""
         return BaseSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def poissons(self) -> PoissonSteps | None:
-        """Transformed steps of the Poisson's ratios of layers; None where none is free."""
+        """Transformation in which the force is nearly linear in Poisson's ratios; None where none is free."""
         return PoissonSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def courses(self) -> tuple[BaseSteps | PoissonSteps, ...]:
-        """Transformed steps of the parameters in which the force is far from linear."""
+        """Transformations of those parameters in which the force is far from linear."""
         return tuple(steps for steps in (self.bases, self.poissons) if steps is not None)
 
     @cached_property
@@ -458,9 +470,9 @@ class Objective:
         return Fractions.of(self.problem, set(self.active) - set(self._informative), self._linear)
 
     def _normal(self, rows: list[FloatArray], entries: list[NDArray[np.intp]]) -> FloatArray:
-        """J'J of the readings (k, k), in SI.
+        """J'J of the readings (k, k), with J their whitened derivatives in SI.
 
-        `rows` are each curve's whitened derivatives (own, n), `entries` the parameters (own,) that they belong to.
+        `rows` are those of each curve (own, n), `entries` the parameters (own,) that they belong to.
         """
         k = len(self.problem.coordinates)
         total = np.zeros((k, k))
@@ -554,7 +566,10 @@ class Objective:
         return zip(self.members, self.noise.models, self.noise.sigmas, strict=True)
 
     def _penalties(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals of the informative priors (p,) and their derivatives in SI (p, k)."""
+        """Residuals of the informative priors, in standard deviations (p,), and their derivatives (p, k).
+
+        `physical` are the parameters (k,) in SI, in which the derivatives are taken.
+        """
         which = self._informative
         values, slopes = np.zeros(len(which)), np.zeros((len(which), len(physical)))
         for row, index in enumerate(which):

@@ -114,9 +114,9 @@ class LinearDirections:
 
     @classmethod
     def of(cls, problem: Problem, free: set[int]) -> Self:
-        """Find the linear directions among the entries `free` of a vector.
+        """Find the directions of a problem's parameters in which the model is linear.
 
-        These are the parameters that are neither held nor have a measured prior.
+        `free` are the entries that vary and have no measured prior.
         """
         unit = np.eye(len(problem.coordinates))
         baseline = np.array([coordinate.path in _LINEAR for coordinate in problem.coordinates])
@@ -310,9 +310,10 @@ def projected(
 def _against(
     curves: Sequence[Rows], residuals: Sequence[FloatArray], prior: Places, grown: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """J'r (s, k) and r'r (s,) of the residuals r of all curves, with what the priors add.
+    """J'r (s, k) and r'r (s,) of all curves and the priors, with residuals r and their derivatives J.
 
-    `grown` (s, k) are factors on the derivatives J; one by default.
+    `residuals` are those of each curve at s points, (s, n); `grown` (s, k) are factors on the derivatives, one by
+    default.
     """
     gradient, square = np.zeros(prior.gradient.shape), prior.square.copy()
     for curve, r in zip(curves, residuals, strict=True):

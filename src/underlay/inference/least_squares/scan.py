@@ -353,10 +353,10 @@ def _scanned(member: Member, problem: Problem) -> ScanCurve:
 
 
 def _way_in(member: Member) -> Curve:
-    """The readings that the grid is fitted to: of a sample that remembers, those up to its deepest.
+    """The readings that the grid is fitted to: of a sample with memory, those up to its deepest one.
 
-    The laws of the grid know no time. To them a force that falls at one depth is a noise at the deepest readings,
-    and what explains it best is a layer as thin as possible.
+    The laws of the grid do not depend on time. To them a force that relaxes at one depth is a noise at the deepest
+    readings, and what explains it best is a layer as thin as possible.
     """
     curve = member.curve
     if member.forward.history is None:

@@ -403,11 +403,11 @@ class ScanCurve:
     scales: bool
 
     def laws(self, rows: Rows) -> LawRows:
-        """Laws of the rows that reach as deep as every contact depth needs."""
+        """Contact laws at the numbers `rows`, deep enough for every contact depth tried."""
         return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]))
 
     def best_contact(self, rows: Rows, laws: LawRows) -> GridFit:
-        """Fit of every row at the best of the contact depths tried."""
+        """Fit of every row of numbers, with their `laws`, at the best of the contact depths tried."""
         tried = self._tried(rows, laws, self.contacts[None])
         best = np.argmin(tried.misfit, axis=1)
         chosen = np.arange(len(best)), best
@@ -421,9 +421,10 @@ class ScanCurve:
         return GridFit(misfit, contact, amplitude, lowest, tried.residuals(chosen))
 
     def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
-        """Fit of every row at three contact depths about the lowest point of its parabola, where that is better.
+        """Fit every row of numbers at three contact depths about the best one found, and keep the better fit.
 
-        Between contacts so close together the residuals themselves are interpolated by parabolas.
+        The three lie about the lowest point of the parabola through the misfits. Between contacts so close together
+        the residuals themselves are interpolated by parabolas.
         """
         step = _NEAR * self._step
         # No earlier than the first: the laws reach no deeper.
@@ -449,7 +450,7 @@ class ScanCurve:
         return float(self.contacts[1] - self.contacts[0])
 
     def _tried(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> _Tried:
-        """Fit every row at contact depths (m), (r, c) or (1, c)."""
+        """Fit every row of numbers, with their `laws`, at given contact depths (m), (r, c) or (1, c)."""
         forces = laws.force(self._travel(rows) - contacts[:, :, None])
         basis = self._linear_basis
         target = _project_out(self.blocks.force - self._fixed_offset(rows), basis)
@@ -500,7 +501,10 @@ class ScanCurve:
 
     @cached_property
     def _linear_columns(self) -> FloatArray | None:
-        """Columns (m, p) of the linear parameters that are free; None where none is."""
+        """Derivatives (m, p) of the force reading in the baseline and its slope, as far as these are free.
+
+        None where neither is.
+        """
         depth = self.blocks.depth
         free = [
             column
@@ -511,7 +515,7 @@ class ScanCurve:
 
     @cached_property
     def _linear_basis(self) -> FloatArray | None:
-        """Orthonormal columns (m, p) that span those of the linear parameters."""
+        """Orthonormal columns (m, p) that span the free ones of baseline and slope; None where none is free."""
         columns = self._linear_columns
         # Columns are brought to unit length first: metres beside ones would cost digits.
         return None if columns is None else np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]

@@ -285,12 +285,12 @@ class Optimum:
 
     @property
     def loss_function(self) -> str | None:
-        """Name of the robust loss; None for squares."""
+        """Name of the robust loss; None for least squares."""
         return None if self.minimiser is None else self.minimiser.loss
 
     @cached_property
     def jacobian(self) -> FloatArray:
-        """Derivatives of the residuals at the optimum, (n + priors, k)."""
+        """Derivatives of the whitened residuals in the scaled parameters at the optimum, (n + priors, k)."""
         return self.objective.jacobian(self.vector)
 
     @cached_property

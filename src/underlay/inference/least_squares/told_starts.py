@@ -1,4 +1,7 @@
-"""Starting points that a sample's memory estimates from the curve, where it is not linear in one elastic force."""
+"""Starting points from the curve itself, for samples with a memory that is not linear in one elastic force.
+
+Such are layers that drain: their model of time (`WholeHistory`) estimates its numbers from the readings.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ class Start(NamedTuple):
 
 
 def told_starts(problem: Problem, count: int) -> list[Start]:
-    """At most `count` starts, best first, from values that each curve's memory estimates from its readings.
+    """At most `count` starts, best first, from values that each sample's memory estimates from its curve.
 
     Each start takes such values for one curve (`history.starts`) and the first of them for the others; a curve
     whose memory gives none keeps the values of its scene.

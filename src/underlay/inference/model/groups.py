@@ -66,7 +66,7 @@ _MOST_RATIOS = 4
 
 
 def values_of(values: Values, row: int) -> dict[str, float]:
-    """Every number (SI) of one set, by path; `row` is the set's index."""
+    """Every number (SI) of one parameter set, by path; `row` is the set's index."""
     return {path: float(v[row]) if isinstance(v, np.ndarray) else v for path, v in values.items()}
 
 
@@ -125,7 +125,7 @@ class ParameterSets:
 
     @property
     def gain(self) -> FloatArray:
-        """Force reading over true force of each set, (sets,): not one where a cantilever's calibration is off."""
+        """Force reading over true force of each set, (sets,): one unless a cantilever's calibration is off."""
         numbers: Any = self.values  # as in __init__
         gain = self.forward.similarity.gain(numbers)
         return gain if isinstance(gain, np.ndarray) else np.full(self.sets, gain)
@@ -171,7 +171,10 @@ class ParameterSets:
 
     @cached_property
     def factors(self) -> tuple[FloatArray, FloatArray]:
-        """The factors b and c in P(w) = c P_ref(b w) of force P and depth w, each (sets,); see `Similarity`."""
+        """Factors b and c of each set in P(w) = c P_ref(b w), with P the force at the depth w, each (sets,).
+
+        P_ref is the force of the reference scene; see `Similarity`.
+        """
         numbers: Any = self.values  # as in __init__
         b, c = self.forward.similarity.factors(numbers)
         return np.broadcast_to(b, self.sets), np.broadcast_to(c, self.sets)

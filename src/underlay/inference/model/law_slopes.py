@@ -153,7 +153,7 @@ class LawSlopes:
 
     @property
     def are_rough(self) -> bool:
-        """Whether any derivative computed so far comes from only one further law."""
+        """Whether any derivative computed so far is a less exact one, from a one-sided difference of laws."""
         return self.rough and bool(self._differenced)
 
     def of(self, path: str) -> FloatArray:

@@ -185,17 +185,17 @@ class LawStore:
     built: int = 0
 
     def number(self, reference: tuple[object, ...]) -> int:
-        """Short name of a reference scene, given its parts: equal scenes share their laws."""
+        """Number that stands for a reference scene, given by its parts: equal scenes share their laws."""
         if reference not in self.references:
             self.references.append(reference)
         return self.references.index(reference)
 
     def get(self, key: tuple[object, ...]) -> ContactLaw | RangeError | None:
-        """Return the law kept under a key, or the error of its failed construction, or None."""
+        """Return the law kept under `key`, or the error of its failed construction, or None."""
         return self.laws.get(key)
 
     def keep(self, key: tuple[object, ...], law: ContactLaw | RangeError) -> ContactLaw | RangeError:
-        """Keep a law, or the error of its failed construction, under a key and return it; the oldest is dropped."""
+        """Keep a law, or the error of its failed construction, under `key` and return it; the oldest is dropped."""
         self.built += 1
         self.laws[key] = law
         if len(self.laws) > _LAWS_KEPT:
@@ -272,7 +272,10 @@ class LawSource:
     def _slopes_wanted(
         self, table: OneRatio | None, tips: OneRatio | None, free: Sequence[str]
     ) -> tuple[str, ...]:
-        """Value of `beside` where the paths `free` vary; empty where the solver gives no such derivatives."""
+        """Ratios in which laws shall give their derivatives where the paths `free` vary: the value of `beside`.
+
+        Empty where the solver gives no such derivatives.
+        """
         similarity = self.similarity
         if not self.solver.has_slopes(self.contact):
             return ()
@@ -290,16 +293,16 @@ class LawSource:
 
     @property
     def know_slopes(self) -> bool:
-        """Whether the laws give their derivatives in what may vary, so that none are taken by differences."""
+        """Whether the laws give their derivatives in all ratios that may vary, so that none need differences."""
         return self.table is not None or self.tips is not None or bool(self.beside)
 
     @property
     def for_differences(self) -> LawSource:
-        """The source with laws accurate enough, and alike enough, to be subtracted for a derivative."""
+        """The same source with laws accurate enough to take derivatives from their differences."""
         return replace(self, solver=self.solver.for_differences(_STENCIL_RTOL))
 
     def law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
-        """Law with these ratios for depths up to `depth` (m), kept and used again.
+        """Contact law at given ratios of moduli and lengths, for depths up to `depth` (m); kept and used again.
 
         `reduced` are the ratios as `Similarity.reduced` returns them.
 
@@ -319,7 +322,7 @@ class LawSource:
     def laws_of(
         self, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]
     ) -> list[ContactLaw | None]:
-        """Laws with several sets of ratios, where computing them together saves work; None for every other.
+        """Contact laws at several sets of ratios, where computing them together saves work; None for the others.
 
         `reduced` are the ratios as `Similarity.reduced` returns them, `depths` (m) what each law must reach.
         """
@@ -370,7 +373,7 @@ class LawSource:
         return quiet_law(self._scene(reduced), self.solver, depth)
 
     def adhesion_table(self, fixed: Mapping[str, float], varying: str | None) -> AdhesionTable | None:
-        """Table of laws over the work of adhesion; None where the adhesion model has none.
+        """Table of adhesive contact laws for any work of adhesion; None where the adhesion model has none.
 
         `fixed` are the ratios that stay, by path; `varying` is the path of one ratio of moduli that may vary too.
         """

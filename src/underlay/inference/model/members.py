@@ -161,31 +161,31 @@ class Member:
         return replace(forward, over=TipOverPowerLaw(tip, rounded))
 
     def values_at(self, physical: FloatArray) -> dict[str, float]:
-        """Every number of the scene (SI), by path, at parameters (k,) in SI."""
+        """Every number of the scene (SI), by path, with the problem's parameters (k,), in SI, put in."""
         values = dict(self.base)
         for path, entry in self.entries.items():
             values[path] = float(physical[entry])
         return values
 
     def scene_at(self, physical: FloatArray) -> Scene:
-        """Scene with the parameters (k,), in SI, put in."""
+        """Scene with the problem's parameters (k,), in SI, put in."""
         return self.scene.with_values({path: float(physical[j]) for path, j in self.entries.items()})
 
     def noise_at(self, physical: FloatArray) -> NoiseModel:
-        """Noise with the parameters (k,), in SI, put in."""
+        """Noise model with the problem's parameters (k,), in SI, put in."""
         return self.noise.at({name: float(physical[j]) for name, j in self.noise_entries.items()})
 
     def noise_of(self, physical: FloatArray) -> NoiseModel:
-        """Noise at many parameter vectors (B, k), SI; of size 1 N where its size is unknown."""
+        """Noise model for B parameter vectors (B, k) at once, in SI; of size 1 N where its size is unknown."""
         known = self.noise.of_size(1.0) if self.scale_is_unknown else self.noise
         return known.at({name: physical[:, j, None] for name, j in self.noise_entries.items()})
 
     def model(self, physical: FloatArray) -> FloatArray:
-        """Force reading of the instrument (N), (n,), at parameters (k,), SI; raises as `reading` does."""
+        """Force reading of the instrument (N), (n,), predicted at parameters (k,), SI; raises as `reading` does."""
         return self.forward.force(self.values_at(physical))
 
     def reading(self, physical: FloatArray) -> Reading:
-        """Predicted readings at parameters (k,), SI; raises InputError where no law exists."""
+        """Predicted force and stiffness at parameters (k,), SI; raises InputError where no contact law exists."""
         return self.forward.reading(self.values_at(physical))
 
     def law(self, physical: FloatArray) -> ContactLaw:
@@ -258,11 +258,14 @@ class Member:
         return result, along
 
     def readings(self, physical: FloatArray, *, stiffness: bool = True) -> Readings:
-        """Predicted readings at parameter vectors (B, k), SI; with `stiffness` false that is left zero."""
+        """Predicted forces and stiffnesses at B parameter vectors (B, k), SI.
+
+        The stiffness is computed if `stiffness` is true, and left zero otherwise.
+        """
         return batched_readings(self.forward, self.values_of(physical), len(physical), stiffness=stiffness)
 
     def values_of(self, physical: FloatArray) -> Values:
-        """Every number of the scene (SI) by path, at parameter vectors (B, k): (B,) where it is free."""
+        """Every number of the scene (SI) by path, at B parameter vectors (B, k): (B,) where it is free."""
         values: dict[str, float | FloatArray] = dict(self.base)
         for path, entry in self.entries.items():
             values[path] = physical[:, entry]
@@ -334,7 +337,7 @@ class CommonErrors:
         return [own - less @ along.T for own, along in zip(parts, self.directions, strict=True)]
 
     def log_density(self, along: FloatArray) -> FloatArray:
-        """Contribution of common errors to the log-likelihood, (...).
+        """Contribution of errors that curves have in common to the log-likelihood, (...).
 
         `along` (..., m) are the whitened residuals of all curves projected on `directions`.
         """
@@ -342,7 +345,7 @@ class CommonErrors:
         return np.asarray(0.5 * np.square(along) @ share - self.log_determinant)
 
     def innovations(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Whitened readings of all curves (..., n) less their predictions from the readings before them.
+        """Whitened readings of all curves (..., n) less the predictions of each from the readings before it.
 
         Also returned are the logarithms of the standard deviations of these differences, (n,).
         """

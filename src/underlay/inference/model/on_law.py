@@ -47,7 +47,8 @@ class OnLinear:
     layered : bool
         Whether it stands on a rigid base.
     gain : callable
-        Force reading over true force, from numbers by path: not one where a cantilever's calibration is off.
+        Function from the scene's numbers by path to force reading over true force: one unless a cantilever's
+        calibration is off.
     """
 
     layer: Layer

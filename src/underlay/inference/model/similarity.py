@@ -96,7 +96,7 @@ class Similarity:
 
     @property
     def ratio_paths(self) -> tuple[str, ...]:
-        """Paths of the numbers that act through ratios, for which a law of the reference is built."""
+        """Paths of the numbers that act through ratios, for each value of which a law must be built."""
         return (*self.moduli[1:], *self.energies, *self.lengths, *self.direct)
 
     @property
@@ -108,9 +108,10 @@ class Similarity:
         return (*self.moduli, *self.energies) if self.moduli else ()
 
     def factors(self, values: Mapping[str, float]) -> tuple[float, float]:
-        """Factors (b, c) of P(w) = c P_ref(b w), with P the force at the depth w, at numbers (SI) by path.
+        """Factors (b, c) by which the law follows from that of the reference scene, P(w) = c P_ref(b w).
 
-        c contains the gain of a cantilever whose calibration is off.
+        P is the force at the depth w; `values` are all numbers of the scene (SI) by path. c contains the gain of a
+        cantilever whose calibration is off.
         """
         E, s = self._modulus_ratio(values) * self.gain(values), self.length_ratio(values)
         if self.exponent is None:
@@ -119,7 +120,10 @@ class Similarity:
         return s**-self.exponent / A, E * A * s ** (self.exponent + 1.0)
 
     def factor_slopes(self, path: str, values: Mapping[str, float]) -> tuple[float, float]:
-        """d(ln b)/d(ln p) and d(ln c)/d(ln p) of the factors b and c, for the parameter p at `path`."""
+        """Derivatives d(ln b)/d(ln p) and d(ln c)/d(ln p) of the factors in P(w) = c P_ref(b w).
+
+        p is the parameter at `path`, P the force at the depth w.
+        """
         if path in _GAINS:
             return 0.0, -1.0
         if path in self.moduli[:1]:
@@ -154,7 +158,7 @@ class Similarity:
         return np.log(change) / (2.0 * _ANGLE_STEP)
 
     def _energy_ratio(self, values: Mapping[str, float]) -> float:
-        """Factor on works of adhesion, relative to the reference, that gives a similar contact."""
+        """Factor on works of adhesion, relative to the reference scene, that gives a similar contact."""
         E, s = self._modulus_ratio(values), self.length_ratio(values)
         if self.exponent is None:
             return E * s
@@ -162,14 +166,17 @@ class Similarity:
         return ratio
 
     def gain(self, values: Mapping[str, Any]) -> Any:  # a number, or one per set
-        """Force reading over true force: not one where a cantilever's calibration is off."""
+        """Force reading over true force: one unless the calibration of a cantilever is off.
+
+        A number, or one per parameter set.
+        """
         return 1.0 / (values[_GAINS[0]] * values[_GAINS[1]]) if self.scene.lever is not None else 1.0
 
     def _modulus_ratio(self, values: Mapping[str, float]) -> float:
         return values["layer.E"] / self.values["layer.E"] if self.moduli else 1.0
 
     def length_ratio(self, values: Mapping[str, float]) -> float:
-        """Factor on the lengths of the contact, relative to the reference."""
+        """Factor on all lengths of the contact, relative to the reference scene."""
         return values[self.length] / self.values[self.length] if self.length else 1.0
 
     def _coefficient_ratio(self, values: Mapping[str, Any]) -> Any:  # a number, or one per set

@@ -136,11 +136,11 @@ class Calibration:
     above: tuple[Draws, ...] = ()
 
     def side(self, *, upper: bool) -> tuple[Draws, ...]:
-        """Simulations at one end."""
+        """Simulated curves at the upper or at the lower end of the interval."""
         return self.above if upper else self.below
 
     def with_side(self, centres: tuple[Draws, ...], *, upper: bool) -> Calibration:
-        """Return the calibration with other simulations at one end."""
+        """Return the calibration with the simulations of one end replaced."""
         return replace(self, above=centres) if upper else replace(self, below=centres)
 
 
@@ -168,7 +168,7 @@ def require_draws(draws: int, level: float, seed: int) -> None:
     Raises
     ------
     InputError
-        If the number is too small or negative, or the seed is negative.
+        If the number is too small, or the seed is negative.
     """
     require_chance(draws, seed)
     _rank(draws, level)
@@ -235,7 +235,7 @@ class LikelihoodProfile:
 
     @property
     def best(self) -> int:
-        """Index of the value at which the profile is lowest."""
+        """Index into `values` at which the profile is lowest."""
         return int(np.argmin(self.delta_chi_square))
 
     def threshold(self, level: float, *, upper: bool | None = None) -> float:
@@ -246,7 +246,7 @@ class LikelihoodProfile:
         level : float
             The confidence.
         upper : bool, optional
-            Which end of a calibrated profile; the larger of both without it.
+            Which end of a calibrated profile; by default the larger threshold of both.
 
         Raises
         ------

@@ -210,7 +210,7 @@ class Walk:
         return left if left > _ROUNDED else np.inf
 
     def delta_chi_square(self, found: Point) -> float:
-        """Rise t of chi-square above the fit at a point."""
+        """Rise t of chi-square at a point, above the fit."""
         return found.square - self.base
 
     @staticmethod
@@ -227,11 +227,11 @@ class Walk:
         return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
 
     def in_doubt(self, found: Point | None) -> bool:
-        """Whether a better fit of the other parameters than this one would change an interval."""
+        """Whether a better fit of the other parameters than `found` could still change an interval."""
         return found is None or self.delta_chi_square(found) > _DOUBTED
 
     def look_elsewhere(self, q: float, found: Point | None) -> Point | None:
-        """Fit the other parameters with this one held at q (scaled), starting from a scan.
+        """Fit the other parameters with the profiled one held at q (scaled), starting from a scan.
 
         Returns `found`, the fit known so far, if that is no better.
         """
@@ -250,9 +250,10 @@ class Walk:
         return found
 
     def follow(self, q: float, most_steps: int = _FINE.steps, *, rough: bool = False) -> Point | None:
-        """Fit the other parameters with this one held at q (scaled), starting from the extrapolated last two steps.
+        """Fit the other parameters with the profiled one held at q (scaled).
 
-        A `rough` result is enough where the step went so far that it will be taken again. None where no law exists.
+        It starts where the last two steps point. A `rough` result is enough where the step went so far that it will
+        be taken again. None where no law exists.
         """
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
@@ -275,7 +276,10 @@ class Walk:
         return None
 
     def _roughly(self, begin: FloatArray) -> Point | None:
-        """Fit the other parameters from a scaled vector (k,), but stop early if the step was clearly too long."""
+        """Fit the other parameters from a scaled vector (k,), but stop early if the step was clearly too long.
+
+        None where no law exists.
+        """
         quick = self._search(begin, replace(_FINE, steps=_QUICK))
         if quick is None or quick.success:
             return None if quick is None else self._off_plateau(quick.point)
@@ -287,9 +291,10 @@ class Walk:
     def _minimised(
         self, start: FloatArray, search: Search = _FINE, known: Point | None = None
     ) -> Point | None:
-        """Fit the other parameters from a scaled vector (k,), and retry those without effect.
+        """Fit the other parameters from a scaled vector (k,), with the profiled one held.
 
-        None if there is no law there or where that leads, or it leads to `known`.
+        Parameters without effect at the end are tried again from the scene's values. None where no law exists, or
+        the search leads to the point `known`.
         """
         found = self._searched(start, search, known)
         return None if found is None else self._off_plateau(found)
@@ -297,9 +302,10 @@ class Walk:
     def _searched(
         self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
     ) -> Point | None:
-        """Fit the other parameters from a scaled vector (k,); the lowest point whose model was computed.
+        """Fit the other parameters from a scaled vector (k,); returns the lowest point whose model was computed.
 
-        None where the search leads to `known`; a parameter `plateau` without effect there may have any large value.
+        None where no law exists, or the search leads to the point `known`; a parameter `plateau` without effect
+        there may then have any large value.
         """
         found = self._search(start, search, known, plateau)
         return None if found is None else found.point
@@ -307,7 +313,10 @@ class Walk:
     def _search(
         self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
     ) -> Minimum | None:
-        """Minimise over the other parameters from a scaled vector (k,); None as in `_searched`."""
+        """Minimise over the other parameters from a scaled vector (k,), and say whether that converged.
+
+        Arguments and None as in `_searched`.
+        """
         refused = self.objective.failures + _MOST_REFUSED
 
         def leaves(ahead: Ahead) -> bool:
