@@ -18,8 +18,8 @@ __all__ = ["EXPLAINED", "Candidate", "candidates"]
 # The search on blocks. A step that lowers the sum of squares by less than `settled` of it came from within a third
 # of a standard error of the blocks; what is left is far less.
 _SEARCH = Search(steps=24, settled=3e-3, damping=1e-6)
-# Steps after which a start is given up that neither is nor promises to be among those that may be the optimum, once
-# another start explains the data: nothing explains them better than down to their scatter.
+# Steps after which a search is abandoned that neither is nor promises to be low enough to be the optimum, once
+# another one explains the data down to their scatter: no optimum can be much lower.
 _PATIENCE = 1
 #: Chi-square per block below which a model explains the data.
 EXPLAINED = 1.4
@@ -27,9 +27,9 @@ EXPLAINED = 1.4
 # grid point, 0.55 apart in ln h and 2.3 in the logarithm of a ratio; the modulus goes with h^3 along the valley of
 # a thin layer. What lies beyond is found from another start.
 _REACH, _MODULUS_REACH = 0.6, 2.5
-# Two minima closer than the first in every scaled coordinate are one; a start whose next step leads within the
-# second, in standard errors, of a minimum that explains the data is on its way there; a chi-square higher by the
-# third in the blocks is not undone by looking at every reading.
+# Minima closer than `_ONE_PLACE` in every scaled parameter are one; a search whose next step leads within
+# `_ON_THE_WAY` standard errors of a minimum that explains the data is taken to end there; a minimum whose
+# chi-square on the blocks is higher than the best by `_MAY_BE` is not the best on all readings.
 _ONE_PLACE, _ON_THE_WAY, _MAY_BE = 0.05, 2.0, 30.0
 
 
@@ -91,8 +91,8 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     enough = np.inf
     found: list[Candidate] = []
 
-    # One after another, so that a search is left as soon as an earlier one says so; where places are less work
-    # all at once, together.
+    # One after another, so that a search can be abandoned for what an earlier one found; where evaluating several
+    # vectors at once is less work, together.
     rows = np.arange(len(order))
     for group in [rows] if blocked.asked.in_batches else rows[:, None]:
         ends = low[group], high[group]
@@ -105,7 +105,7 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
             if ahead.steps >= _PATIENCE and enough < np.inf:
                 if min(ahead.square, ahead.promised) > enough:
                     return True
-                # What stays at its edge is on its way to the place of another start.
+                # A search that stays at its limit leads to where another start lies.
                 if all(
                     _at_edge(blocked, at, *(end[ahead.row] for end in ends))
                     for at in (ahead.here, ahead.there)
@@ -171,7 +171,8 @@ def _distinct(found: list[Candidate], degrees: int) -> list[Candidate]:
     for entry in found:
         best = found[0]
         may_be = entry.square - best.square <= _MAY_BE * best.square / degrees
-        # Beyond the edge is the place of another start; none is better than one that explains the data.
+        # Beyond the limit of a search lies another start; and no minimum is much better than one that explains the
+        # data.
         leaves = entry is not best and entry.at_edge and best.normal is not None
         if may_be and not leaves and not _near(entry.vector, kept):
             kept.append(entry)

@@ -26,16 +26,17 @@ LONGEST = 3.0
 # Damping (over columns of unit length) beyond which no step leads down; factors on it after a step that did, and
 # after one that did not.
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
-# Below this the damping of two columns that are one to rounding would be rounding itself.
+# With less damping, two columns that are equal to rounding would make the equations singular.
 _LEAST_DAMPING = 1e-13
-# How much harder a step back from up the side of a valley is damped than the one that led there: it then leads back
-# to the bottom there, and not as far along again. Else each small step along a bent valley would cost three models:
-# the next one is too long, and so is one from there.
+# Factor on the damping of the step after an uphill one: it then leads down to the bottom of the valley, and not as
+# far along again. Else each small step along a bent valley would cost three evaluations, since the next step would
+# be too long, and so would the one after it.
 _BACK = 100.0
 _VENTURE = 100.0  # how much higher than its beginning a step up the side may end
-# A last step is not asked for its model. One so long that the model may rise again on the way is no last step.
+# The model is not computed after a last step. A step longer than this, over which the sum of squares may rise
+# again, is not taken as a last one.
 _SURE = 0.05
-# Steps shorter than this in every coordinate move nothing that a curve could tell.
+# Steps shorter than this in every scaled parameter change nothing that a curve could show.
 _SHORTEST = 1e-10
 # A last step that should gain less than this share of the sum of squares, a thousandth of a standard error with
 # 1000 points, is not made: the model is known where the search stands.
@@ -76,7 +77,7 @@ def damped_steps(
         which &= ~outward
     step = _solved(gradient, normal, which, norms, damping)
     if outward.any():
-        # What pulls out of its end here may pull back in from where the others go.
+        # A parameter that would leave its limit from here may turn back inside after the others have moved.
         back = outward & ~_outward(gradient + (normal @ step[:, :, None])[:, :, 0], low, high)
         if back.any():
             which |= back
@@ -138,8 +139,8 @@ def _kept_inside(
     """
     at, held, free = np.zeros_like(step), np.zeros_like(step), which
     while beyond.any():
-        # What would leave its ends first stays there, and the others go to where they are best beside it. From
-        # there the sum falls on: held all at once they may pull each other uphill.
+        # The parameter that would pass its limit first stops there, and the others go to their best with it fixed.
+        # Stopped all at once they may lead uphill.
         end = np.where(step > 0.0, high, low)
         share = np.divide(end - at, step - at, out=np.full_like(step, np.inf), where=beyond)
         first, over = share.argmin(axis=1), np.asarray(beyond.any(axis=1))
@@ -165,7 +166,7 @@ def _solved(
     scale, diagonal, downhill = norms, 1.0 + damping[:, None], gradient
     rest = not which.all()
     if rest:
-        # An entry that rests has a row of its own, and no gradient.
+        # An entry that does not vary gets a row of the unit matrix, and no gradient.
         scale, diagonal = np.where(which, norms, 1.0), np.where(which, diagonal, 1.0)
         downhill = np.where(which, gradient, 0.0)
     scaled = normal / (scale[:, :, None] * scale[:, None, :])
@@ -201,7 +202,7 @@ class Ahead(NamedTuple):
     there: FloatArray
 
 
-#: Asked before each step: whether to leave.
+#: Callback before each step: whether to abandon the search.
 GiveUp: TypeAlias = Callable[[Ahead], bool]
 
 
@@ -554,7 +555,7 @@ class _Running(NamedTuple):
         damping = np.maximum(factor * own, _LEAST_DAMPING)
         endless = lower & (-change <= search.endless * best.square)
         if endless.any():
-            # A step up the side and the one back to the bottom are one of the valley.
+            # An uphill step and the one that leads back down count as one step along the valley.
             endless &= np.abs(there.vector - self.best.vector).max(axis=1) >= LONGEST
         endless |= lower & self.refused & (-change <= search.walled * best.square)
         endless |= lower & self.swung & (-change <= search.swinging * best.square)

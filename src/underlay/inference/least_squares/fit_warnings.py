@@ -22,7 +22,7 @@ __all__ = ["against_priors", "ignored_sides", "over_correlated", "too_deep", "wa
 # Standard error in a scaled coordinate from which it says nothing: a factor e either way, or the whole range of the
 # curve.
 _UNINFORMATIVE = 1.0
-# Standard error in a scaled coordinate whose size tells no more: a factor of a million.
+# Standard error in a scaled coordinate above which its size is not quoted: a factor of a million.
 _BEYOND_SENSE = 14.0
 # Correlation of two parameters from which they may be known only together.
 _STRONG_CORRELATION = 0.99
@@ -123,7 +123,7 @@ def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
     linked = np.abs(correlation) > _STRONG_CORRELATION
     if not np.triu(linked, 1).any():
         return []
-    # Who reaches whom over as many links as there are parameters; the first of those names the group.
+    # Parameters connected by any chain of strong correlations form a group, numbered by its first member.
     reached = np.linalg.matrix_power(linked | np.eye(len(linked), dtype=bool), len(linked))
     group = np.argmax(reached, axis=1)
     warnings = []

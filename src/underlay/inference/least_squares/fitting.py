@@ -245,7 +245,7 @@ def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -
     if lmfit is not None and not robust:
         # Where the engine settled, lmfit moves nothing by 2e-3 of a standard error (tests/test_engine.py):
         # `Fit.lmfit` asks it when that is read, and nobody waits for what he does not read.
-        # On a plateau there is more than one place to stop at: there it has the last word at once.
+        # On a plateau there is more than one place to stop at: there its optimum is taken.
         there = replace(best, minimiser=lmfit)
         best = there if best.success and not _on_a_plateau(there) else confirmed(best, lmfit)
     return judge(best, others, seconds=time.perf_counter() - began, state=_stated)
@@ -258,7 +258,7 @@ def _on_a_plateau(best: Optimum) -> bool:
 
 
 def _stated(found: Fit) -> States:
-    # Most fits of a map are never asked; what answers is loaded with the first that is.
+    # Answers of most fits of a map are never read: the module is loaded with the first that is.
     from underlay.inference.uncertainty.statement import Statement  # noqa: PLC0415
 
     return Statement(found, partial(quick_fit, start="given"))

@@ -157,7 +157,7 @@ def _layer_of(member: Member, free: set[int]) -> _Layer:
     paths = [path for path in member.base if ".relaxation.fractions[" in path]
     held = [path for path in paths if member.entries.get(path) not in free]
     if any(path in member.entries for path in held):
-        # One of them is measured otherwise or held by a search: what is left is not linear by itself.
+        # One of them has a measured prior or is held by a search: the force is not linear in the others alone.
         return _Layer([], 0.0)
     entries = [member.entries[path] for path in paths if path not in held]
     return _Layer(entries, sum(member.base[path] for path in held))

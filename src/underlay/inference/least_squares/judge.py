@@ -44,7 +44,7 @@ _SINGULAR = 1e-9
 # Two minima within this share of a standard error are one; a rise of chi-square beyond 3.4^2 is rejected
 # at 99.9 %.
 _SAME, _REJECTED = 0.3, 11.6
-# Two places with no higher hill of chi-square than this between them lie on one plateau or in one valley.
+# Two minima between which chi-square rises no more than this lie on one plateau or in one valley.
 _HILL = 0.01
 # Name of the minimiser where lmfit had no part.
 _ENGINE = "projected Levenberg-Marquardt"

@@ -159,7 +159,8 @@ class Models:
             for member in self.members
         ]
         columns = [own for _, own in both]
-        # Off tables a derivative is a difference of laws: rough ones serve those alone who ask for no others.
+        # Without tables a derivative is a difference of laws. Less exact ones are kept for callers that accept
+        # them.
         self._last_columns[any(reading.is_rough for reading, _ in both)] = key, columns
         if self._last_models[0] != key:
             self.count += 1

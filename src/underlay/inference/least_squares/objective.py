@@ -41,7 +41,7 @@ _FAR = 40.0
 #: Models are smooth in scaled coordinates: over a step no longer than this derivatives change by as much of
 #: themselves.
 HAIR = 1e-3
-# The models follow by slopes where that leaves them wrong by less than so many standard errors of the fit.
+# Models are extrapolated linearly where that is wrong by less than this share of a standard error of the fit.
 _UNTOLD = 1e-3
 
 
@@ -131,7 +131,7 @@ class Bent(NamedTuple):
         A base's modulus changes by at most `longest` in its logarithm.
         """
         step = steps[:, self.bases]
-        # Beyond a rigid base there is nothing.
+        # u = 0 is a rigid base: no step leads beyond it.
         there = np.minimum(self.u + self.slope * step, bent(self.log_ratio + longest))
         change = np.where(self._up_from_soft(step), step, -np.log(np.expm1(-there)) - self.log_ratio)
         result = steps.copy()

@@ -120,7 +120,7 @@ class LinearDirections:
         """
         unit = np.eye(len(problem.coordinates))
         baseline = np.array([coordinate.path in _LINEAR for coordinate in problem.coordinates])
-        # What a lever bends goes with the whole reading.
+        # The bending of a cantilever depends on the whole reading, baseline included, which is then not linear.
         bends = any(_may_bend(member) for member in problem.members)
         rows = [
             unit[i] for i, is_linear in enumerate(baseline.tolist()) if is_linear and i in free and not bends

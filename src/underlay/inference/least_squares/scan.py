@@ -62,7 +62,7 @@ _BETWEEN = 8  # steps from a thickness tried to the next
 # Of the three points that a parabola goes through: each, and the two others.
 _OWN, _NEXT, _LAST = np.arange(3), np.array([1, 2, 0]), np.array([2, 0, 1])
 _BLOCKS = 16  # blocks of a curve: enough to tell a contact to a grid step
-# A tip this close to its deepest reading, over the range of depths, rests there.
+# Readings this close to the deepest one, over the range of depths, count as a hold there.
 _RESTS = 0.01
 # Misfit over the best's from which a place is no start. A start's misfit is 1.2 to 5 times that of the optimum
 # below it (medians), so that next to none would end lower; where noise decides all are alike, and stay.
@@ -110,8 +110,8 @@ def tried_thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]
     first, last = (low, high) if narrow else (lowest, highest)
     grid = first * (last / first) ** _SHARES
     inside = grid[(grid >= low) & (grid <= high)]
-    # The scene's own is one more, but not next to one of these, nor where a fit is hopeless: the law of so thin a
-    # layer is dear.
+    # The scene's own value is added, but not next to one of these, nor where a fit is hopeless: the law of so thin
+    # a layer takes long to compute.
     own = coordinate.reference
     near = np.abs(np.log(inside / own)).min(initial=np.inf) < _NEAR * np.log(last / first)
     return _with(inside, own) if not inside.size or (own >= lowest and not near) else inside
@@ -277,7 +277,7 @@ class Landscape:
         if len(total) > 1:
             minima[0] &= total[0] == total.min()
         chosen = self._ranked(minima)[:count]
-        # With the base's modulus free the two basins are one valley.
+        # With the base's modulus free the thin and the thick minimum are joined by one valley.
         one_base = not any(BASE_MODULUS in member.entries for member in self.problem.members)
         if one_base and THICKNESS in self.grids[0].values:
             chosen += _rivals(total, np.log(self.grids[0].values[THICKNESS].max(axis=1)), chosen)
@@ -447,7 +447,7 @@ def _consistent(grid: _Grid, log_ratios: FloatArray, beyond: FloatArray) -> _Gri
     below, above = beyond[:, :-1], beyond[:, 1:]
     crosses = usable[:, :-1] & usable[:, 1:] & (below <= 0.0) & (above > 0.0)
     straight = np.where(crosses, -below / np.where(crosses, above - below, 1.0), 0.0)
-    # Between the ratios everything goes nearly straight with what the force is nearly straight in.
+    # Between the ratios tried all values are interpolated linearly in u = -ln(1 + 1/k), k the ratio (see `bent`).
     crossing = log_ratios[:-1] + straight * np.diff(log_ratios)
     start, at, end = (bent(crossing + past) for past in (below, 0.0, above))
     share = np.where(crosses, (at - start) / np.where(crosses, end - start, 1.0), 0.0)
@@ -461,7 +461,8 @@ def _consistent(grid: _Grid, log_ratios: FloatArray, beyond: FloatArray) -> _Gri
     part, own = share[:, :, None], grid.residuals
     residuals = np.concatenate(((1.0 - part) * own[:, :-1] + part * own[:, 1:], own), axis=1)
     misfit = np.einsum("tkm,tkm->tk", residuals, residuals)
-    # A base beyond all that were tried is as good as rigid, or as none: the end tells the layer's modulus.
+    # A base stiffer or softer than all that were tried is as good as rigid, or absent: the last ratio gives the
+    # layer's modulus.
     nearest = np.where(usable, np.abs(beyond), np.inf).argmin(axis=1)
     alone = ~np.any(crosses, axis=1, keepdims=True)
     ends = (np.arange(beyond.shape[1]) == nearest[:, None]) & usable & alone

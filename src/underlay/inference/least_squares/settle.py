@@ -373,13 +373,13 @@ def _searched(
         search = replace(search, steps=steps)
     found: Minimum | None = minimise(objective, start, search, give_up)
     if found is None:
-        # At the start itself there is a law.
+        # The law exists at the start, but not close to it.
         return (
             None
             if give_up
             else Optimum(objective, start, success=False, message="no contact law beside the start")
         )
-    # The last step was not asked for its law, and may lead to where there is none.
+    # No law was computed after the last step, which may lead to where there is none.
     known = objective.follows(found.vector, found.point.square) or objective.exists(found.vector)
     vector = found.vector if known else found.point.vector
     return Optimum(objective, vector, found.success, found.message)

@@ -213,7 +213,7 @@ class LeftOutLaws:
             return np.zeros_like(depth)
         own = self.values
         tip, h = values["indenter.radius"], values.get("layer.thickness", np.inf)
-        # Similar contacts: of one h^2/R on a layer, of one R on a half-space.
+        # Contacts are similar at equal w R/h^2 on a layer, and at equal w/R on a half-space, w being the depth.
         layered = np.isfinite(own.get("layer.thickness", np.inf))
         length = h / own["layer.thickness"] if layered else tip / own["indenter.radius"]
         stretch = length**2 / (tip / own["indenter.radius"])

@@ -49,7 +49,7 @@ def sticking(forward: Forward, values: Values, sets: int) -> Readings:
 
     `values` are all numbers of the scene (SI) by path, (sets,) where they vary.
     """
-    # A table solves for the tip's depth itself: the chain is asked for travel and offsets alone.
+    # The table solves for the tip's depth itself: the links give travel and offsets only.
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     table, work, ratio = _adhesion_table(asked)
     if table is None:
@@ -143,7 +143,7 @@ def _given_way(forward: Forward, values: Values, empty: Readings) -> Readings:
         is_open &= stands & (np.abs(step).max(axis=1) > small)
         if not is_open.any():
             break
-        # A set that has settled stays: its answer does not depend on the company.
+        # A set that has converged is not moved further, so that its result does not depend on the other sets.
         depth -= np.where(is_open[:, None], step, 0.0)
     return found._replace(possible=stands & ~is_open)
 
@@ -184,7 +184,7 @@ def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffne
     sets = len(empty.possible)
     if forward.similarity.energies:
         return sticking(forward, values, sets)
-    # The chain is asked for travel and offsets alone: what a frame gives way is found for all sets here.
+    # The links give travel and offsets only: the deflection of the frame is found for all sets here.
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     if not np.any(values[Frame.path]):
         return by_ratios(asked, empty, stiffness=stiffness)

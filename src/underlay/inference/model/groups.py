@@ -100,7 +100,7 @@ class ParameterSets:
         # `reduced` and `factors` divide and multiply: arrays go through them as numbers do.
         numbers: Any = values
         self.ratios: tuple[Any, ...] = similarity.reduced(numbers)
-        # By what may vary, not by what happens to: one set alone goes the way it would go in company.
+        # By what may vary, not by what does: a single set is computed in the way it would be among others.
         self.shared = None if any(isinstance(ratio, np.ndarray) for ratio in self.ratios) else self.ratios
         upright = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
         self.chain = Chain.of(upright)

@@ -124,7 +124,7 @@ def one_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequenc
         return None
     path = moving[0]
     unit = similarity.values[over[path]]
-    # Whatever the numbers that a fit starts from and stands at: one table for one known rest.
+    # The moving number is set to a fixed ratio, so that all fits with the same known numbers share one table.
     known = similarity.scene.with_values({path: unit})
     bodies = Scene(known.indenter, known.layer, known.substrate, instrument=Instrument())
     return OneRatio(_OneUnknown(bodies, path, unit), path, over[path])
@@ -444,7 +444,7 @@ class LawSource:
             )
             for row, law in zip(missing, built, strict=True):
                 found[row] = law
-                # What the tables do not have is asked for elsewhere: only that is kept.
+                # A law that the tables lack is solved for elsewhere: here only its absence is recorded.
                 self.store.keep(keys[row], _NOT_TABULATED if law is None else law)
         return found
 
@@ -511,7 +511,7 @@ class LawSource:
                     found.append(Beside(here.kernel, 0.0, -_KERNEL_STEP, thickness))
                     continue
                 entry, in_log = self.similarity.ratio_paths.index(path), path not in self.similarity.direct
-                # Downwards: there is nothing beyond a Poisson's ratio of one half.
+                # The step goes down: Poisson's ratio may not exceed one half.
                 value, step = reduced[entry], _KERNEL_STEP
                 if not in_log and kind_of(path) != "dimensionless":
                     step *= abs(value) or 1.0

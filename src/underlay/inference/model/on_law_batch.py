@@ -167,7 +167,7 @@ def on_law_readings(
     upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
     stiff, sides = on_linear.laws(upright)
     w, inside = asked.tip, asked.tip > (0.0 if stiff is None else FIRST_TOUCH * stiff.spread)
-    # Depths before contact are not asked for: they stand where the deepest is, which is.
+    # Depths before contact are replaced by the largest depth, at which the law exists; their force is set to zero.
     top = np.maximum(asked.deepest[:, None], _TINY)
     deepest, possible = top, np.ones((sets, 1), dtype=bool)
     if stiff is not None:

@@ -236,7 +236,7 @@ def _entry_of_surfaces(asked: ParameterSets) -> int | None:
     varying = [entry for entry, ratio in enumerate(asked.ratios) if isinstance(ratio, np.ndarray)]
     if len(varying) != 1 or not laws.solver.has_surfaces(laws.contact):
         return None
-    # Of a tip that slides the laws of a surface are read off its tables, or it is dearer than what it saves.
+    # For a frictionless contact a surface is worth its cost only if its laws can be read from tables.
     return varying[0] if laws.contact.sticks or laws.tips is not None else None
 
 

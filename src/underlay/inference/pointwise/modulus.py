@@ -284,7 +284,7 @@ class BinnedCurve:
         """
         if self.member.scene.memory is None:
             return self.layer.reading(self.values(physical))
-        # Between the points of a sample that remembers nobody knows the time: a parabola through each bin.
+        # A sample with memory has a force at the measured times only: a parabola through the readings of each bin.
         force, depth = self.member.model(physical), self.member.curve.depth
         parabolas = [
             np.polynomial.Polynomial.fit(depth[own] - centre, force[own], 2).convert(domain=[-1.0, 1.0])
@@ -393,7 +393,7 @@ def modulus_by_depth(fit: Fit, *, curve: int = 0, points: int = 30, level: float
     binned = BinnedCurve.of(fit, curve, points)
     curves = binned.curves(level)
     apparent = curves["apparent"]
-    # Against what is expected: a depth must not be shown because noise made its modulus large.
+    # Compared with the expected modulus: a depth must not be shown only because noise made its modulus large.
     shown = np.isfinite(apparent.high) & (apparent.high - apparent.low < 2.0 * _KNOWN * apparent.expected)
     if not shown.any():
         raise CurveError(

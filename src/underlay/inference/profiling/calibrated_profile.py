@@ -179,7 +179,7 @@ def _delta_chi_square_of_truth(
     objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
     at_truth, at_fit = objective.square(truth), objective.square(fit.vector)
     below = missed(fit, truth)
-    # All parameters at the truth explain the curve at most as well as the best fit with one of them there.
+    # With all parameters at the truth the curve fits at most as well as with only this one there.
     bound = at_truth - at_fit - below
     return bound if bound < least else constrained_fit(fit, name, value, truth)[0] - below
 
@@ -265,7 +265,7 @@ def _next_place(
     `centres` are the simulations made so far for this end.
     """
     value, reason = profile.end_of_hull(level, upper=upper)
-    # Where the data set no end there is no place to draw at; the side stays open.
+    # Where the data set no end there is no value to simulate curves at; the side stays open.
     if reason != "data":
         return None
     scaled = profile.fit.problem.coordinates[profile.index].scaled

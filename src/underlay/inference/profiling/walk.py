@@ -27,8 +27,8 @@ HIGHEST = 3.4
 _STEP = 0.5  # step in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
 # A rise of z in one step beyond which the step is taken again, shorter.
 _STEEPEST = 2.0 * _STEP
-# Models after which a step is judged, and the rise of z beyond which it is then taken again: how much too far it
-# went need not be known, and far out on a wall models are dear.
+# Evaluations after which a step is judged, and the rise of z beyond which it is then taken again: how much too far
+# it went need not be known, and where chi-square is steep a law takes long to compute.
 _QUICK, _FAR_TOO_STEEP = 6, 2.0 * _STEEPEST
 _GROWTH = 2.0  # a flattening profile is walked in steps at most this much longer each time
 # Farthest that a walk goes, in scaled coordinates, from the optimum and from the scene's own value: a factor 1.6e5,
@@ -166,14 +166,14 @@ class Walk:
             travelled = abs(float(self.vectors[-1][self.index]) - here)
             is_far = direction * float(self.vectors[-1][self.index]) >= _FARTHEST - _ROUNDED
             at_wall = wall - travelled <= _WALL * first + _WALL_SHARE * travelled
-            # Far out on a plateau it is the numbers that end, and not the laws.
+            # Far out on a plateau it is the range of floating-point numbers that ends, and not that of the laws.
             if at_wall and not is_far:
                 return replace(self, reason="law")
             # Half the way to where there was no law, once that is known.
             step = min(step, room - travelled, 0.5 * (wall - travelled), self._left(direction, travelled))
             if step <= 1e-12 * (1.0 + travelled):
                 return replace(self, reason="bound")
-            # An optimum far out on a plateau (a base that might be rigid) is walked back from all the way.
+            # From an optimum far out on a plateau (a base that might be rigid) the profile goes all the way back.
             if is_far and (at_wall or travelled >= _FARTHEST - _ROUNDED):
                 return replace(self, reason="none")
             q = here + direction * (travelled + step)
@@ -261,7 +261,7 @@ class Walk:
             start = start + moved * (q - start[self.index]) / moved[self.index]
         else:
             start = start + self._tangent() * (q - start[self.index])
-        # An entry on a plateau runs ahead of the walk, and has nothing to find there.
+        # A parameter without effect would be extrapolated further and further: it is kept within these limits.
         last = self.vectors[-1]
         start = np.clip(start, np.minimum(last, -_FARTHEST), np.maximum(last, _FARTHEST))
         low, high = self.fit.problem.bounds.T
@@ -345,7 +345,8 @@ class Walk:
             else:
                 other = None
             if other is None:
-                # Steps along a plateau are cut short, and those of the others with them: these rest too early.
+                # Steps along a plateau are cut short, and those of the other parameters with them, which then stop
+                # too early.
                 held = replace(self.objective, held=self.objective.held | {i})
                 minimum = minimise(held, found.vector, _FINE)
                 other = None if minimum is None else minimum.point
@@ -397,6 +398,6 @@ def _starts_with_held(problem: Problem, index: int, vector: FloatArray) -> list[
         # The value cannot be a scene's: a contact beyond the last point, an impossible material.
         return []
     known = problem.values(vector)
-    # What the walk holds explains the data as the fit does: no start far worse leads lower.
+    # The profile explains the data nearly as well as the fit does: a start that is far worse leads no lower.
     likely = [start.vector for start in scan(held) if start.misfit <= LIKELY]
     return [problem.vector(known | held.values(start)) for start in likely]
