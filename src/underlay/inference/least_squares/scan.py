@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.inference.least_squares.adhesive import adhesive_starts
+from underlay.inference.least_squares.memory_starts import Start, memory_starts
 from underlay.inference.least_squares.objective import bent
 from underlay.inference.least_squares.scan_curve import (
     BASE_MODULUS,
@@ -35,7 +36,6 @@ from underlay.inference.least_squares.scan_curve import (
     ScanCurve,
     blocked_forward,
 )
-from underlay.inference.least_squares.told_starts import Start, told_starts
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
@@ -202,7 +202,7 @@ def scan(problem: Problem, count: int = 3) -> list[Start]:
     if any(member.scene.adhesion for member in problem.members):
         return [Start(vector, 1.0) for vector in adhesive_starts(problem, count)]
     if any(isinstance(member.forward.history, WholeHistory) for member in problem.members):
-        return told_starts(problem, count)
+        return memory_starts(problem, count)
     landscape = Landscape.of(problem)
     places = landscape.minima(count)
     misfits = [float(landscape.misfit[place]) for place in places]

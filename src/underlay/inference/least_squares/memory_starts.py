@@ -16,7 +16,7 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.response import WholeHistory, checked_times
 
-__all__ = ["Start", "told_starts"]
+__all__ = ["Start", "memory_starts"]
 
 
 class Start(NamedTuple):
@@ -26,7 +26,7 @@ class Start(NamedTuple):
     misfit: float
 
 
-def told_starts(problem: Problem, count: int) -> list[Start]:
+def memory_starts(problem: Problem, count: int) -> list[Start]:
     """At most `count` starts, best first, from values that each sample's memory estimates from its curve.
 
     Each start takes such values for one curve (`history.starts`) and the first of them for the others; a curve
