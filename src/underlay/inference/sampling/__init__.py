@@ -1,1 +1,1 @@
-"""The posterior by emcee: where walkers start, how long they go, what is kept and what it means."""
+"""Posteriors by emcee: starting points of the walkers, length of the run, stored draws and their diagnostics."""

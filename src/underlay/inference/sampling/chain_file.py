@@ -1,13 +1,13 @@
-"""A chain on disk that survives being killed at any moment: an HDF5 file filled in place.
+"""A Markov chain on disk that survives a kill at any moment: an HDF5 file filled in place.
 
-The file is laid out once, at its full size (sparse until used), with contiguous datasets. From then on every
-step is a plain overwrite of reserved bytes: nothing of the file's own bookkeeping changes, so a process that
-dies between two of them leaves a valid file. A step counts only once its counter is written, after its data;
-the generator's state alternates between two slots, so that the one belonging to the counter is always whole.
+The file is laid out once, at its full size (sparse until used), with contiguous datasets. From then on every step
+overwrites reserved bytes and nothing of the file's own structure changes, so a process that dies between two steps
+leaves a valid file. A step counts only once its counter is written, after its data; the random generator's state
+alternates between two slots, so that the one that belongs to the counter is always complete.
 
-Layout: ``chain`` (steps, walkers, parameters + 1), the scaled coordinates and the log-posterior; ``state``
-(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,). What moves propose from is not kept: the
-same problem and seed give it again. Files of earlier versions, which keep a mixture beside these, are read.
+Layout: ``chain`` (steps, walkers, parameters + 1), the scaled coordinates and the log-posterior; ``state`` (2,
+629), the Mersenne Twister's words and the counters; ``steps`` (1,). The distribution that moves propose from is not
+stored: the same problem and seed give it again. Files of earlier versions, which also hold a mixture, are read.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ _STATE_SIZE = _WORDS + 5
 
 @dataclass(frozen=True)
 class Progress:
-    """What a chain file held when it was opened.
+    """State of a chain that a file held when it was opened.
 
     Parameters
     ----------
     chain : FloatArray
         (steps, walkers, parameters + 1): scaled coordinates and log-posterior.
     random_state : RandomState
-        State of the generator after the last step.
+        State of the random generator after the last step.
     evaluations, failures : int
-        Model evaluations so far, and those that failed.
+        Number of model evaluations so far, and of those that failed.
     """
 
     chain: FloatArray
@@ -184,7 +184,7 @@ def _lay_out(file: Any, names: tuple[str, ...], shape: tuple[int, int]) -> None:
 
 
 def _reserve(file: Any, name: str, shape: tuple[int, ...]) -> None:
-    """Make a contiguous dataset whose place in the file is fixed now and not filled."""
+    """Make a contiguous HDF5 dataset whose bytes are allocated now and not initialised."""
     library = _hdf5()
     plist = library.h5p.create(library.h5p.DATASET_CREATE)
     plist.set_layout(library.h5d.CONTIGUOUS)
@@ -227,7 +227,7 @@ def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walke
 
 
 def _check_layout(file: Any, parameters: int) -> None:
-    """Refuse what `_lay_out` does not make: other shapes, places outside the file, more than it has."""
+    """Raise ValueError where a file's datasets differ from those of `_lay_out` in shape, kind or storage."""
     library = _hdf5()
     shapes = {"chain": (None, None, parameters + 1), "state": (2, _STATE_SIZE), "steps": (1,)}
     size = file.id.get_filesize()
@@ -247,7 +247,7 @@ def _check_layout(file: Any, parameters: int) -> None:
 
 
 def _steps(file: Any) -> int:
-    """Steps that count, with the generator's state checked that goes with them."""
+    """Number of completed steps in the file, after a check of the chain and of the generator's state."""
     steps = float(file["steps"][0])
     if not (steps.is_integer() and 0.0 <= steps <= len(file["chain"])):
         raise ValueError(f"it counts {steps} steps and has room for {len(file['chain'])}")
@@ -269,7 +269,8 @@ def _put_new(
     shape: tuple[int, int],
     progress: Progress | None = None,
 ) -> None:
-    """Lay out a file beside `path`, fill in what there is so far, and put it in its place in one move."""
+    """Write a new chain file, with the steps of `progress` if given, under a temporary name and move it to `path`.
+    """
     beside = Path(f"{os.fspath(path)}.new")
     # What a killed run left, or a link that would lead out of the output.
     beside.unlink(missing_ok=True)

@@ -1,14 +1,15 @@
-"""Quantities that follow from the parameters, draw by draw, so that their intervals are right.
+"""Quantities computed from the parameters for each draw, so that their intervals are right.
 
-- reduced modulus 2 theta, for an isotropic material E / (1 - nu^2) (Pa): what a shallow indentation sees;
-- oedometric modulus A33 = 1/c, for an isotropic material E (1 - nu) / ((1 + nu)(1 - 2 nu)) (Pa): what a thin
-  confined layer sees; infinite, and left out, where the material is incompressible;
-- instantaneous and equilibrium modulus of a layer that relaxes from one to the other (Pa), E and E e(infinity);
-- aggregate modulus (Pa), diffusivity (m^2/s), drainage time a^2/c (s) and peak over equilibrium force of a
-  layer that drains;
+- reduced modulus 2 theta, for an isotropic material E / (1 - nu^2) (Pa): acts in a shallow indentation;
+- oedometric modulus A33 = 1/c, for an isotropic material E (1 - nu) / ((1 + nu)(1 - 2 nu)) (Pa): acts in a thin
+confined layer; infinite, and left out, where the material is incompressible;
+- instantaneous and equilibrium modulus of a layer that relaxes from one to the other (Pa): E and E e(infinity), e
+being the relaxation function with e(0) = 1;
+- aggregate modulus (Pa), diffusivity c (m^2/s), drainage time a^2/c (s), a the contact radius, and peak over
+equilibrium force of a poroelastic layer;
 - stiffness dP/dw of the contact at the deepest point of the curve (N/m);
-- pull-off force (N) and depth (m) of a contact that sticks, and the radius (m) at which its tip rests unloaded;
-- stiffening factor of a layer that stiffens, at the deepest point of the curve.
+- pull-off force (N) and depth (m) of an adhesive contact, and its contact radius (m) at zero load;
+- stiffening factor of a layer that stiffens with strain, at the deepest point of the curve.
 """
 
 from __future__ import annotations
@@ -84,7 +85,8 @@ class AdhesiveNumber(NamedTuple):
 def adhesive_numbers(scene: Scene, solver: Solver) -> dict[str, float]:
     """Pull-off force (N), pull-off depth (m) and zero-load radius (m) of a scene with adhesion, by name.
 
-    The pull-off force is that of a given load, the depth that at which a stiff instrument loses contact.
+    The pull-off force is that under load control, the depth that at which a stiff (depth-controlled) instrument
+    loses contact.
     """
     law = scene.contact_law(0.0, solver=solver)
     return {f"adhesion.{name}": float(getattr(law, name)) for name in ADHESIVE}
@@ -93,8 +95,8 @@ def adhesive_numbers(scene: Scene, solver: Solver) -> dict[str, float]:
 def adhesive_estimates(result: Fit, curve: int = 0) -> list[AdhesiveNumber]:
     """Pull-off force and depth and zero-load radius of one curve of a fit, with intervals; empty without adhesion.
 
-    A number that follows one parameter has that one's interval, turned over; others have that of `Fit.band`, and
-    none where a parameter that they follow is open.
+    A number that depends on one parameter alone has that parameter's interval, converted; others have the interval
+    of `Fit.band`, which is infinite where a parameter that they depend on is not determined.
     """
     scene, member = result.scenes[curve], result.problem.members[curve]
     if scene.adhesion is None:
@@ -130,7 +132,10 @@ def adhesive_estimates(result: Fit, curve: int = 0) -> list[AdhesiveNumber]:
 
 
 def _followed(scene: Scene, solver: Solver, name: str, path: str, end: float, slope: float) -> float:
-    """The number where the one parameter that it follows is at an end; an open end stays open."""
+    """An adhesive number with its one parameter at the end of that one's interval; infinite for an infinite end.
+
+    `slope` is the derivative of the number, whose sign gives the side.
+    """
     if math.isfinite(end):
         try:
             return adhesive_numbers(scene.with_values({path: end}), solver)[name]
@@ -140,7 +145,7 @@ def _followed(scene: Scene, solver: Solver, name: str, path: str, end: float, sl
 
 
 def _slopes(scene: Scene, solver: Solver, paths: Sequence[str]) -> FloatArray:
-    """d number / d parameter, (parameters, numbers); one-sided where only one side is possible."""
+    """d number / d parameter, (parameters, numbers), by differences; one-sided where only one side is possible."""
     values, slopes = scene.parameters, np.zeros((len(paths), len(ADHESIVE)))
     middle = np.array([*adhesive_numbers(scene, solver).values()])
     for row, path in enumerate(paths):
@@ -211,7 +216,7 @@ def _pull_offs(member: Member, flat: FloatArray) -> dict[str, FloatArray]:
 
 
 def _stiffening(member: Member, flat: FloatArray) -> FloatArray:
-    """G at the deepest point of one curve, (sets,)."""
+    """Stiffening factor G, the force over that without stiffening, at the deepest point of one curve, (sets,)."""
     # Not loaded for a layer that does not stiffen.
     from underlay.inference.model.on_law import OnLinear  # noqa: PLC0415  see above
     from underlay.inference.model.on_law_batch import stiffening_factors  # noqa: PLC0415  see above
@@ -223,7 +228,7 @@ def _stiffening(member: Member, flat: FloatArray) -> FloatArray:
 
 
 def _constants(member: Member, part: str) -> list[str]:
-    """Paths of the constants of a part's material, if any of them is free."""
+    """Paths of all elastic constants of a part's material if at least one of them is free, else none."""
     material = _material(member, part)
     paths = [] if material is None else [f"{part}.{name}" for name in numbers_of(material)]
     return paths if any(path in member.entries for path in paths) else []

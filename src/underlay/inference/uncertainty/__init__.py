@@ -1,1 +1,1 @@
-"""One likelihood of a fit, and what is read from it: answers, budget, verdict; `statement` is the way in."""
+"""The likelihood of a fit, and what is computed from it: answers, budget, verdict; begin with `statement`."""

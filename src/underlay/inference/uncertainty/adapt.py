@@ -1,8 +1,8 @@
-"""Draws that follow what they have found: where a posterior is flat in two directions, no one ridge holds it.
+"""Adaptive importance sampling, for posteriors that are flat in two directions, which draws along one ridge miss.
 
-Adaptive multiple importance sampling (Cornuet et al. 2012, doi:10.1111/j.1467-9469.2011.00756.x): each round draws
-from Student kernels about the draws so far, each as wide as its neighbours lie; all draws of all rounds are weighed
-with the mixture of everything they were drawn from.
+Adaptive multiple importance sampling (Cornuet et al. 2012, doi:10.1111/j.1467-9469.2011.00756.x): each round places
+Student kernels about the draws so far, and all draws are weighed by the mixture of all distributions that were
+drawn from.
 """
 
 from __future__ import annotations
@@ -27,7 +27,15 @@ _ROOTS = np.geomspace(1.0, 0.05, 24)  # powers of the weights that are tried for
 
 @dataclass(frozen=True, eq=False)
 class Kernels:
-    """Student kernels, equally likely: centres (c, q), factors (c, q, q) of their covariances, in entries (q,)."""
+    """A mixture of equally likely Student kernels in some entries of the scaled vector.
+
+    Parameters
+    ----------
+    entries : ndarray of int
+        Indices, (q,), of the entries of the vector that are drawn.
+    centres, factors : FloatArray
+        Centres (c, q) of the c kernels, and Cholesky factors (c, q, q) of their covariances.
+    """
 
     entries: NDArray[np.intp]
     centres: FloatArray
@@ -37,7 +45,7 @@ class Kernels:
     def about(
         cls, draws: FloatArray, log_weights: FloatArray, entries: NDArray[np.intp], rng: np.random.Generator
     ) -> Kernels:
-        """Place kernels about draws (n, k) with weights (n,), across the entries (q,)."""
+        """Place kernels about weighted draws (n, k), in the entries (q,) that are to be drawn."""
         weights = _evened(log_weights)
         points = draws[:, entries]
         middle = weights @ points
@@ -50,7 +58,7 @@ class Kernels:
         return cls(entries, points[chosen], np.asarray(_WIDER * whole @ np.array(factors), dtype=np.float64))
 
     def draw(self, count: int, rest: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Vectors (count, k); what has no kernel is `rest` (k,)."""
+        """Draw vectors (count, k); the entries without kernels are those of `rest` (k,)."""
         own = np.arange(count) % len(self.centres)
         z = rng.standard_normal((count, len(self.entries)))
         z *= np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, count))[:, None]
@@ -73,7 +81,8 @@ class Kernels:
 
 
 def _local(standard: FloatArray, weights: FloatArray, centre: FloatArray) -> FloatArray:
-    """Factor (q, q) of the covariance of the nearest neighbours of a point, in standard coordinates."""
+    """Cholesky factor (q, q) of the covariance of the weighted draws nearest to a point, in standard coordinates.
+    """
     square = ((standard - centre) ** 2).sum(axis=1)
     order = np.argsort(square)
     last = int(np.searchsorted(np.cumsum(weights[order]), _NEIGHBOURS)) + 1
@@ -89,7 +98,7 @@ def _regular(covariance: FloatArray) -> FloatArray:
 
 
 def _evened(log_weights: FloatArray) -> FloatArray:
-    """Weights (n,) raised to the power, 1 or less, at which enough of them count."""
+    """Normalised weights (n,) raised to a power of at most 1, the largest that leaves 60 effective draws."""
     for power in _ROOTS:
         evened = power * log_weights
         weights = np.exp(evened - logsumexp(evened))
@@ -100,16 +109,18 @@ def _evened(log_weights: FloatArray) -> FloatArray:
 
 @dataclass(eq=False)
 class Pool:
-    """Draws of all rounds, their log-density, and everything they were drawn from.
+    """Importance-weighted draws of several rounds, with the distributions that they were drawn from.
 
     Parameters
     ----------
     target : callable
-        Log-density (n,) of vectors (n, k).
+        Log-density (n,) of vectors (n, k), which the draws shall represent.
     vectors, levels : FloatArray
-        Draws (n, k) so far, and their log-density (n,).
+        Draws (n, k) so far, and their log-density (n,) by `target`.
     sources : list
-        Log-densities that draws came from, and how many each gave.
+        Log-densities of the distributions that draws came from, and how many draws each gave.
+    proposed : list of FloatArray
+        Log-density (n,) of all draws under each source.
     """
 
     target: Callable[[FloatArray], FloatArray]
@@ -129,7 +140,7 @@ class Pool:
         return cls(target, vectors, target(vectors), [(source, len(vectors))], [source(vectors)])
 
     def add(self, source: Callable[[FloatArray], FloatArray], vectors: FloatArray) -> None:
-        """Add the draws of a further source."""
+        """Add draws (n, k) from a further source, whose log-density is `source`."""
         self.proposed = [
             np.concatenate((proposed, known(vectors)))
             for proposed, (known, _) in zip(self.proposed, self.sources, strict=True)

@@ -34,7 +34,7 @@ class Interval:
     value : float
         The quantity's value (SI).
     low, high : float
-        Ends (SI); -inf or inf where the data leave that side open.
+        Ends (SI); -inf or inf where the data set no limit on that side.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Interval:
 
     @property
     def is_open(self) -> bool:
-        """Whether the data leave a side open."""
+        """Whether the data set no limit on one side, so that an end is infinite."""
         return math.isinf(self.low) or math.isinf(self.high)
 
     def __contains__(self, value: float) -> bool:
@@ -86,26 +86,27 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Answer:
-    """The number of one quantity as people read it.
+    """The number of one quantity as people read it: its value, its interval, and what makes it uncertain.
 
     Parameters
     ----------
     name : str
-        A parameter, or what follows from parameters.
+        A fitted parameter, or a quantity that is computed from parameters.
     value : float
-        The value with which the model describes the fitted range (SI).
+        The quantity at the best fit (SI).
     low, high : float
-        Ends of the combined interval (SI); -inf or inf where the data leave that side open.
+        Ends of the combined interval (SI); -inf or inf where the data set no limit on that side.
     level : float
         Confidence of all intervals here.
     unit : str
         SI unit; empty for a pure number.
     statistical, systematic : Interval
-        From noise and misfit that the curve shows; from inputs, and from what the model leaves out.
+        The interval from noise and misfit that the curve shows; the interval from uncertain inputs and from what
+        the model leaves out.
     contributions : sequence of Contribution
-        The budget's rows, largest first.
+        The rows of the uncertainty budget, largest first.
     notes : tuple of str
-        Rules that acted on the value, in words.
+        Sentences on what changed the value, e.g. that a step of the force at contact was corrected for.
     """
 
     name: str
@@ -126,12 +127,12 @@ class Answer:
 
     @property
     def is_open(self) -> bool:
-        """Whether the data leave a side open."""
+        """Whether the data set no limit on one side, so that an end of the combined interval is infinite."""
         return self.interval.is_open
 
     @property
     def budget(self) -> pd.DataFrame:
-        """The rows as a table: source, size, origin, contribution (SI, the larger side), low, high, share."""
+        """The budget as a table: source, size, origin, contribution (SI, the larger side), low, high, share."""
         rows = [
             (row.source, row.size, row.origin, row.half_width, row.low, row.high, row.share)
             for row in self.contributions
@@ -156,20 +157,21 @@ class Answer:
 
 @dataclass(frozen=True)
 class Advice:
-    """A judgement in words: what is the case, its likeliest cause, and what to do next.
+    """A judgement of a fit in words: the finding, its likeliest cause, and what to do next.
 
     Parameters
     ----------
     word : str
-        ``"good"``, ``"check"`` or ``"reject"``; an advice equals its word.
+        ``"good"``, ``"check"`` or ``"reject"``; an advice compares equal to its word.
     reason : str
-        One clause.
+        One clause that says what was found.
     cause, next : str
         One sentence each; empty where the word is good.
     setting : tuple of (str, str)
-        The step as data: a key of the scene file and its value; empty where it is none.
+        The next step as data: a key of the scene file and its new value; empty where the step is not such a
+        setting.
     others : tuple of Advice
-        What else was found, less grave.
+        Further, less serious findings.
     """
 
     word: str
@@ -196,25 +198,25 @@ class Advice:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Reasons of this advice and of `others`, the gravest first; none where all is good."""
+        """Reasons of this advice and of `others`, the most serious first; empty where all is good."""
         own = () if self.word == "good" else (self.reason,)
         return (*own, *(other.reason for other in self.others))
 
 
 class States(Protocol):
-    """What a fit says of itself; `statement.Statement` is the one there is."""
+    """Interface of the object that answers for a fit; its one implementation is `statement.Statement`."""
 
     def answer(self, name: str, level: float = 0.95) -> Answer:
         """The answer of a quantity."""
 
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Lower ends, middles and upper ends, (n,), of quantities that follow from the parameters."""
+        """Lower ends, middles and upper ends, (n,) each, of quantities that are computed from the parameters."""
 
     def modulus_by_depth(self, curve: int, points: int, level: float) -> Any:
-        """E by depth of one curve: a `PointwiseModulus`."""
+        """Young's modulus fitted at each depth of one curve: a `PointwiseModulus`."""
 
     def refit(self, problem: Any) -> Any:
-        """Fit of another problem, begun at the values of its scenes."""
+        """Fit another problem, with the values of its scenes as the starting point."""
 
     @property
     def verdict(self) -> Advice:
@@ -226,7 +228,7 @@ class States(Protocol):
 
 
 def answers_table(answers: Iterable[Answer]) -> pd.DataFrame:
-    """One row an answer, by name: value, ends, ends of both parts (SI) and the unit."""
+    """A table with one row for each answer: value, combined, statistical and systematic ends (SI), and the unit."""
     rows = {
         known.name: {
             "value": known.value,

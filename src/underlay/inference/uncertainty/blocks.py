@@ -1,7 +1,7 @@
-"""Readings taken together: neighbours in time, whose averages lose nothing that a smooth law could tell.
+"""Averages of successive readings: fewer rows, with no loss for a force that is smooth in depth.
 
-A block never reaches across contact: one that did would be off by 1e-3 of the peak, which bends everything where
-the noise is quiet. None is wider than 3 % of the depth there.
+No block contains the point of contact: averaged across it, a reading is off by 1e-3 of the peak force, which
+matters where the noise is small. Near contact none is wider than 3 % of the largest depth.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _REPEATS = 0.2  # share of neighbours that are alike from which readings are rou
 
 @dataclass(frozen=True)
 class Blocks:
-    """Blocks of `size` neighbours from reading `start` on; `count` of them."""
+    """Division of a curve into `count` blocks of `size` successive readings, from reading `start` on."""
 
     start: int
     size: int
@@ -31,7 +31,7 @@ class Blocks:
 
     @classmethod
     def of(cls, depth: FloatArray, contact: float) -> Blocks:
-        """Blocks of readings at `depth` (m), (points,), in order of time, where contact is at `contact` (m)."""
+        """Blocks for readings at `depth` (m), (points,), in order of time; `contact` (m) is the contact point."""
         deepest = float(depth.max()) - contact
         entering = int(np.argmax(depth >= contact)) if deepest > 0.0 else 0
         first = int(np.argmax(depth >= contact - _APPROACH * deepest)) if deepest > 0.0 else 0
@@ -40,7 +40,7 @@ class Blocks:
         return cls(start, size, (len(depth) - start) // size)
 
     def means(self, values: FloatArray) -> FloatArray:
-        """Averages (..., count) of values at the readings, (..., points)."""
+        """Averages over each block, (..., count), of values at the readings, (..., points)."""
         used = values[..., self.start : self.start + self.size * self.count]
         return np.asarray(used.reshape(*used.shape[:-1], self.count, self.size).mean(axis=-1))
 
@@ -56,7 +56,7 @@ def _size(depth: FloatArray, contact: float, deepest: float) -> int:
 
 
 def resolution(force: FloatArray) -> float:
-    """Step (N) that the readings are rounded to; zero where few neighbours are alike."""
+    """Step (N) to which the readings are rounded; zero where hardly any successive readings are equal."""
     steps = np.abs(np.diff(force))
     moved = steps > 1e-9 * float(np.ptp(force))
     if moved.mean() > 1.0 - _REPEATS or not moved.any():

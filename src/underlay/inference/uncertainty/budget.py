@@ -1,9 +1,9 @@
-"""The systematic part: how far every uncertain input, and all that a model leaves out, moves the fitted numbers.
+"""The systematic part of an interval: how far uncertain inputs and the model's omissions shift the fitted numbers.
 
-A source adds a force to the readings that the fit takes for the sample's. To first order the scaled vector answers
-by least squares in the metric of the noise (`Likelihood.moved`); where that goes far the curve is fitted again with
-the input moved. A source of several independent shapes has a row of moves for each; each row is a pair, down and
-up.
+An error of an input or of the model adds a force to the readings, which the fit attributes to the sample. To first
+order the scaled vector of fitted numbers shifts as in least squares weighted by the noise (`Likelihood.moved`);
+where that shift is large, the curve is fitted again with the input changed. A source with several independent
+shapes has one row of shifts for each; each row is a pair, for the input lowered and raised.
 """
 
 from __future__ import annotations
@@ -70,9 +70,10 @@ class Source:
     name, size, origin : str
         As in `Contribution`.
     moves : FloatArray
-        How far the scaled vector goes at 95 %, (rows, 2, k): rows are independent, each has two sides.
+        Shifts of the scaled vector at 95 %, (rows, 2, k): rows are independent, and each has two sides, for the
+        input lowered and raised.
     bias : FloatArray
-        Shift of its middle from the fit's vector, (k,): of an error whose size is not zero on average.
+        Mean shift of the scaled vector from the fitted one, (k,), for an error whose mean size is not zero.
     """
 
     name: str
@@ -85,16 +86,16 @@ class Source:
 def sources_of(
     fit: Fit, moved: Callable[[Sequence[FloatArray]], FloatArray], refit: Refit
 ) -> tuple[Source, ...]:
-    """Sources of the systematic error of a fit, those that move something.
+    """Sources of the systematic error of a fit, without those that shift nothing.
 
     Parameters
     ----------
     fit : Fit
         The fit.
     moved : callable
-        Shift (k,) of the scaled vector that forces (N), one array a curve, make; to first order.
+        Shift (k,) of the scaled vector, to first order, by given forces (N), one array for each curve.
     refit : callable
-        Fits a problem; called for inputs that move the vector far, and for another bond.
+        Fits a problem again; called for inputs that shift the vector far, and for another bond of a face.
     """
     if fit.problem.base_scenes[0].uncertainties == "none":
         return ()
@@ -105,7 +106,7 @@ def sources_of(
 
 @dataclass(frozen=True, eq=False)
 class _Budget:
-    """A fit, and its readings at the optimum."""
+    """Computes the sources of systematic error of a fit from its readings at the optimum."""
 
     fit: Fit
     moved: Moved
@@ -113,7 +114,7 @@ class _Budget:
     readings: Sequence[Reading]
 
     def sources(self) -> Iterator[Source]:
-        """Sources of the systematic error: inputs, what the model leaves out, the bond."""
+        """Sources of the systematic error: inputs, errors of the model, unstated stiffening, bonds and drainage."""
         yield from self._inputs()
         yield self._law()
         yield from self._left_out()
@@ -123,7 +124,8 @@ class _Budget:
 
     # --- inputs -------------------------------------------------------------------------------------------
     def _inputs(self) -> Iterator[Source]:
-        """Inputs of all curves: one of the same name and size is wrong alike in all of them."""
+        """Sources that are uncertain inputs; an input of the same name and size has the same error in all curves.
+        """
         problem = self.fit.problem
         free = {coordinate.path for coordinate in problem.coordinates}
         of_curves: dict[tuple[str, str], dict[int, Input]] = {}
@@ -140,7 +142,17 @@ class _Budget:
     def _of_input(
         self, source: str, entries: dict[int, Input], slopes: dict[str, list[FloatArray]]
     ) -> FloatArray | None:
-        """Moves (1, 2, k) of one input; None where it cannot act."""
+        """Shifts (1, 2, k) of the scaled vector by one input, lowered and raised; None where it does not act.
+
+        Parameters
+        ----------
+        source : str
+            Path of the input, or a name such as `FORCE`.
+        entries : dict of int to Input
+            The input of each curve that has it, by the curve's index.
+        slopes : dict of str to list of FloatArray
+            d force / d input, one array a curve, by path.
+        """
         if source not in _NO_PATHS and source not in slopes:
             return None
         sides = []
@@ -160,7 +172,7 @@ class _Budget:
         return np.array([sides])
 
     def _column(self, source: str, i: int, amount: float, slopes: dict[str, list[FloatArray]]) -> FloatArray:
-        """Force (N) that curve `i` would show more, were the input larger by `amount`."""
+        """Change of the force (N) of curve `i`, (n,), if the input were larger by `amount`."""
         member, reading = self.fit.problem.members[i], self.readings[i]
         if source == HEIGHTS:
             return _of_heights(self.fit, i, amount) - reading.force
@@ -180,7 +192,7 @@ class _Budget:
         return -amount * member.force
 
     def _moved_input(self, source: str, amounts: Sequence[float], near: FloatArray) -> FloatArray:
-        """Shift of the optimum when the curve is fitted again with the input moved; `near` where it cannot be."""
+        """Shift (k,) of the optimum in a new fit with the input changed; `near` where that fit fails."""
         fit = self.fit
         try:
             scenes = [
@@ -194,7 +206,11 @@ class _Budget:
 
     # --- what the model leaves out ------------------------------------------------------------------------
     def _law(self) -> Source:
-        """A relative error of the force that grows with the contact: shapes s and s^2, s = sqrt(w / w_max)."""
+        """General error of a contact law: a relative error of the force that grows with depth.
+
+        It has two independent shapes, s and s^2 with s = sqrt(w / w_max), w being the indentation depth and w_max
+        the largest.
+        """
         rows = []
         for power in (1, 2):
             columns = []
@@ -209,7 +225,8 @@ class _Budget:
         )
 
     def _left_out(self) -> Iterator[Source]:
-        """Errors with a known shape: friction, finite strain, a paraboloid for a sphere."""
+        """Sources left out of the model whose shape is known: friction, finite strain, a paraboloid for a sphere.
+        """
         errors: dict[str, KnownError] = {}
         for scene, curve in zip(self.fit.problem.base_scenes, self.fit.curves, strict=True):
             deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)
@@ -236,11 +253,11 @@ class _Budget:
             )
 
     def _left_open(self) -> Iterator[Source]:
-        """Numbers of a layer that stiffens of which nobody knows more than what is usual, and the curves something.
+        """Sources that are unstated numbers of a layer's strain stiffening, within their usual range.
 
-        The curves are fitted again with them free: where stiffening is strong, no step from the fit without them
-        goes as far, or even the same way (Ogden's energy of exponent -16). Each moves the others by what it leaves
-        open itself; the first has the way to that fit.
+        The curves are fitted again with these numbers free: where stiffening is strong, a first-order step from the
+        fit without them is too short or has the wrong sign (Ogden's energy of exponent -16). Each number's rows are
+        its own contribution to the covariance; the first source also has the shift to that fit as its bias.
         """
         fit, problem = self.fit, self.fit.problem
         free = {coordinate.path for coordinate in problem.coordinates}
@@ -271,7 +288,7 @@ class _Budget:
             way = np.zeros(len(own))
 
     def _bonds(self) -> Iterator[Source]:
-        """A face of which nobody knows how it holds, free to slip."""
+        """Sources that are bonds of a face not stated in the scene: the shift if that face slips."""
         problem = self.fit.problem
         for face in dict.fromkeys(face for scene in problem.base_scenes for face in unknown_faces(scene)):
             scenes = [
@@ -288,7 +305,7 @@ class _Budget:
             )
 
     def _drainage(self) -> Iterator[Source]:
-        """A tip of which nobody knows whether water leaves through it, as one that lets it."""
+        """Source for a tip of unstated drainage: the shift if water leaves through it."""
         problem = self.fit.problem
         if not any(scene.drainage == "unknown" for scene in problem.base_scenes):
             return
@@ -307,7 +324,7 @@ class _Budget:
 
 
 def _input_slopes(fit: Fit, paths: set[str]) -> dict[str, list[FloatArray]]:
-    """d force / d input (SI), one array (n,) a curve, by path; what cannot act in this scene is left out."""
+    """d force / d input (SI), one array (n,) for each curve, by path, for the inputs that act in this scene."""
     together = _slopes_of(fit, sorted(paths))
     if together is not None or not paths:
         return together or {}
@@ -318,7 +335,10 @@ def _input_slopes(fit: Fit, paths: set[str]) -> dict[str, list[FloatArray]]:
 
 
 def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | None:
-    """Slopes of several inputs together; None where one of them cannot act, or its neighbours are no scene."""
+    """d force / d input of several inputs in one evaluation, as in `_input_slopes`.
+
+    None where one of them does not act in this scene, or where a finite difference leaves the allowed values.
+    """
     if not paths:
         return {}
     # Only slopes are asked for; but a thickness beside stiffening is refused where nothing is said of it.
@@ -348,25 +368,28 @@ def _values(fit: Fit, i: int) -> dict[str, float]:
 
 
 def _compliance(fit: Fit, i: int) -> float:
-    """Compliance in series with the contact (m/N): of frame and lever."""
+    """Compliance (m/N) in series with the contact of curve `i`: frame and lever."""
     values = _values(fit, i)
     return float(values[Frame.path] + fit.problem.members[i].forward.lever_compliances(values))
 
 
 def _kept(fit: Fit, i: int, reading: Reading) -> FloatArray:
-    """Share (n,) of a change of the contact force that a reading shows: 1 / (1 + C dP/dw)."""
+    """Share (n,) of a change of the contact force that appears in the reading: 1 / (1 + C dP/dw).
+
+    C is the compliance in series with the contact, P the contact force, w the depth of the tip.
+    """
     return np.asarray(1.0 / (1.0 + _compliance(fit, i) * reading.stiffness))
 
 
 def _penetration(fit: Fit, i: int, reading: Reading) -> FloatArray:
-    """Depth of the tip (m), (n,), negative before contact."""
+    """Indentation depth of the tip (m), (n,), at the readings of curve `i`; negative before contact."""
     forward = fit.problem.members[i].forward
     gone = _values(fit, i)[ContactDepth.path] + _compliance(fit, i) * reading.contact
     return np.asarray(forward.depth - gone)
 
 
 def _pressed(fit: Fit, i: int, reading: Reading) -> Pressed:
-    """The test of one curve at the optimum, as a known error asks for it."""
+    """State of the test of curve `i` at the optimum, as functions of known errors take it."""
     member, values = fit.problem.members[i], _values(fit, i)
     depth = _penetration(fit, i, reading)
     deepest = max(float(depth.max()), 0.0)
@@ -383,7 +406,7 @@ def _pressed(fit: Fit, i: int, reading: Reading) -> Pressed:
 
 
 def _of_heights(fit: Fit, i: int, share: float) -> FloatArray:
-    """Reading (N) of one curve were all heights of its tip larger by a share."""
+    """Force readings (N) of curve `i` with all heights of its measured tip profile larger by a relative `share`."""
     scenes = list(fit.scenes)
     tip = scenes[i].indenter
     if not isinstance(tip, Profile):
@@ -400,7 +423,7 @@ def sensitivities(fit: Fit, moved: Moved) -> dict[str, dict[str, float]]:
     -------
     dict of dict of float
         By fitted number, then by the path of the input, or `FORCE`: the scale of all forces. Inputs that are zero,
-        infinite or cannot act are left out, as are numbers on a bound.
+        infinite or do not act are left out, as are numbers that lie on a bound.
     """
     problem = fit.problem
     free = {coordinate.path for coordinate in problem.coordinates}

@@ -1,15 +1,16 @@
-"""Shapes that a curve may have beside its law: misfit smooth in depth, step at contact, ramp, turn, line.
+"""Columns of all that may disturb a curve: misfit smooth in depth, step at contact, ramp, turn, line.
 
-Each family is a few columns whose amplitudes are normal; `hypotheses` says of which size. With P the contact force,
-w the depth of the tip and w_max the largest:
+Each family has a few columns with normally distributed amplitudes, whose size `hypotheses` states. With P the
+contact force, w the depth of the tip and w_max the largest:
 
-    misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error, and a local shift of depth, as a
-             gradual contact makes; both with correlation exp(-|dv| / 0.5), six columns each
-    step     eight steps about contact, each a ramp .02 to .05 of the depth wide: with sharp ones a likelihood is
-             rugged
-    ramp     the baseline of the record, straight in time
-    line     fringes or vibration: sine and cosine of the frequency that the residual has most of
-    turn     a baseline that turns or has a kink: straight but for one place, the likeliest or one beside it
+    misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error eps of the force, and a local shift
+    eta
+             of the depth, as a gradual contact makes; both with correlation exp(-|dv| / 0.5), six columns each
+    step     eight steps about contact, each a ramp .02 to .05 of the depth wide: sharp ones make the likelihood
+             discontinuous
+    ramp     a baseline that drifts linearly in time
+    line     interference fringes or vibration: sine and cosine of the frequency that is strongest in the residual
+    turn     a baseline with a kink: linear in time but for one place, the likeliest or one of two near it
 """
 
 from __future__ import annotations
@@ -39,21 +40,21 @@ LINE, TURN = FAMILIES.index("line"), FAMILIES.index("turn")
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Shapes of everything that a curve's rows are weighed with, in units of the rows.
+    """Columns of one curve: the model's derivatives, all disturbances, and the residual, in units of the rows.
 
     Parameters
     ----------
     values : FloatArray
-        Columns (n, m): d force / d vector (k of them), then steps, ramp, turn, misfits, line, and the residual
-        last.
+        Columns (n, m): d force / d vector (k of them), then steps, ramp, turn, misfits, line, and last the
+        residual.
     law, step, ramp, turn, residual : slice
-        Which columns these are.
+        Which of the columns these are; `law` are the derivatives.
     families : tuple of slice
         Columns of each misfit, then of the line, then of each turn; see `FAMILIES`.
     v : FloatArray
-        sqrt(w / w_max), (n,); zero before contact.
+        Root of the relative depth, sqrt(w / w_max), (n,); zero before contact.
     turn_share : float
-        Share of all places that a turn could have.
+        Share of the places in time at which a turn is about as likely as at the best one.
     """
 
     values: FloatArray
@@ -68,7 +69,7 @@ class Columns:
 
     @classmethod
     def of(cls, tangent: Tangent, measured: FloatArray) -> Columns:
-        """Columns at a vector whose model is `tangent`, for the rows measured (n,)."""
+        """Columns for a model linearised as `tangent`, and the rows measured (n,)."""
         v = _root_depth(tangent.penetration)
         n, residual = len(measured), measured - tangent.force
         turns, share = _turns(residual, tangent.columns)
@@ -89,13 +90,17 @@ class Columns:
 
 
 def _misfits(tangent: Tangent, v: FloatArray) -> list[FloatArray]:
-    """Columns (n, rank) of each family of misfit, of unit size where P, or dP/dw, is largest."""
+    """Columns (n, rank) of both misfits: of the force P and of dP/dw, each scaled to 1 at its largest."""
     basis = smooth_basis(v)
     return [basis * (a / np.abs(a).max())[:, None] for a in (tangent.contact, tangent.stiffness)]
 
 
 def smooth_basis(v: FloatArray) -> FloatArray:
-    """Columns (n, rank) whose squares sum to 1 or a little less: a stationary process on 0 <= v <= 1."""
+    """Columns (n, rank) that span a smooth random function of v, the root of the relative depth, 0 <= v <= 1.
+
+    Principal components of a stationary process with correlation exp(-|dv| / 0.5), by interpolation in a table;
+    their squares sum to 1 or slightly less.
+    """
     place = np.clip(v, 0.0, 1.0) * (_GRID - 1)
     low = np.minimum(place.astype(int), _GRID - 2)
     table, share = _eigenvectors(), (place - low)[:, None]
@@ -121,7 +126,8 @@ def _steps(penetration: FloatArray) -> FloatArray:
 
 
 def _line(residual: FloatArray, law: FloatArray) -> FloatArray:
-    """Sine and cosine (n, 2) of the frequency that takes most of the residual (n,) beside the law (n, k)."""
+    """Sine and cosine (n, 2) of the frequency that explains most of the residual (n,), orthogonal to `law` (n, k).
+    """
     n = len(residual)
     frequencies = np.geomspace(_SLOWEST, 0.45 * n, _FREQUENCIES)
     phase = 2.0 * np.pi * frequencies * (np.arange(n)[:, None] + 0.5) / n
@@ -134,11 +140,11 @@ def _line(residual: FloatArray, law: FloatArray) -> FloatArray:
 
 
 def _turns(residual: FloatArray, law: FloatArray) -> tuple[FloatArray, float]:
-    """Columns (n, 3), 2 |t - t0|, of the likeliest turn t0 and of those at both ends of where it may be.
+    """Columns (n, 3) of a baseline with a kink, 2 |t - t0|, at the likeliest time t0 and at both ends of its range.
 
-    Beside them the share of all places that is as likely as the first: what a turn anywhere gains by the best of
-    them is no evidence. At the ends white noise is less likely by e^(-3/2); three such places of equal prior have
-    mean and variance of the normal distribution of t0.
+    Also returned is the mean likelihood of all places relative to the best: choosing the best place is no evidence
+    for a turn, and this share corrects for it. At the ends of the range the likelihood with white noise is lower by
+    e^(-3/2); three such places with equal priors have the mean and the variance of the normal distribution of t0.
     """
     n, places = len(residual), np.linspace(0.0, 1.0, _TURNS + 2)[1:-1]
     turns = 2.0 * np.abs(np.linspace(0.0, 1.0, n)[:, None] - places)

@@ -1,17 +1,19 @@
-"""The log-density of the scaled vector, far from the optimum as near it: what ridge and emcee both draw from.
+"""The log-density of the scaled vector of parameters, also far from the optimum, from which posteriors are drawn.
 
     p(theta) = prior(theta) sum_m w_m p_m(theta),    p_m = Student(t(theta); 0, V_m) |H_m|
 
-over the hypotheses m with weights w_m, with the moments t of `moments` as the model itself has them, not
-linearised. Where white noise with or without step, ramp or turn is all there is, nothing is lost by the whole sum
-of squares in their place.
+summed over the hypotheses m of what disturbs the curves, with their weights w_m. t are the moments of the residuals
+(`moments`), evaluated by the model itself, not linearised; V_m is their covariance and H_m their derivative. Where
+a hypothesis has white noise with or without step, ramp or turn only, the whole sum of squares replaces the moments
+without loss.
 
-A disturbance as large as the force must not make a modulus of zero likely: what is free is asked by the logarithm
-of the size of the contact force. With rho = (P, P_0) / (P_0, P_0), P_0 the force at least squares, the model
+A disturbance as large as the force must not make a modulus of zero likely: therefore the size of the contact force
+enters by its logarithm. With rho = (P, P_0) / (P_0, P_0) the size of the contact force P relative to the force P_0
+at the best fit, and F the reading of the model, the density uses
 
-    F* = F - P + P_0 ln rho + P / rho
+    F* = F - P + P_0 ln rho + P / rho,
 
-is F to first order, and as far from P_0 at a tenth of it as at ten times.
+which equals F to first order, and is as far from P_0 at a tenth of it as at ten times.
 """
 
 from __future__ import annotations
@@ -37,16 +39,21 @@ _SINGULAR = 1e-11  # added to the diagonal of a matrix scaled to ones: a directi
 
 
 class Place(NamedTuple):
-    """One curve linearised at a vector: F_0 - F* (n,), and d F* / d vector (n, k)."""
+    """One curve's model linearised at a vector: residual change F_0 - F* (n,), and d F* / d vector (n, k).
+
+    F* is the reading with the size of the contact force by its logarithm (see the module), F_0 that at the best
+    fit.
+    """
 
     fallen: FloatArray
     columns: FloatArray
 
 
 class Local(NamedTuple):
-    """Every hypothesis' density about a vector: ln (w_m p_m) (m,), its largest value (m,), gradient and curvature.
+    """Local expansion of each of the m hypotheses' log-densities at a vector.
 
-    Gradient (m, k) and curvature (m, k, k) are those of half a sum of squares, without the prior's.
+    `level` is ln (w_m p_m) there and `best` its largest value anywhere, (m,) each; `pull` (m, k) and `normal` (m,
+    k, k) are gradient and curvature of half a sum of squares, without the prior's.
     """
 
     level: FloatArray
@@ -57,7 +64,11 @@ class Local(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DensityCurve:
-    """One curve of a density: its model, moments, and the forces at least squares, (n,)."""
+    """One curve of a density.
+
+    `model` computes its forces, `moments` the moments of its residuals; `contact` and `force` are the contact force
+    and the reading at the best fit, (n,); `acts` marks the entries of the vector that scale the contact force.
+    """
 
     model: CurveModel
     moments: CurveMoments
@@ -67,13 +78,16 @@ class DensityCurve:
 
     @classmethod
     def of(cls, state: CurveState, vector: FloatArray, bends: FloatArray | None) -> DensityCurve:
-        """Curve at the optimum `vector` (k,), with moments of the law and of `bends` (n, p)."""
+        """One curve at the optimum `vector` (k,); `bends` (n, p) are further directions with moments, or None."""
         moments = CurveMoments.of(state.columns, state.hypotheses, state.table, state.growth, bends)
         contact, force, _ = state.model.forces(vector[None])
         return cls(state.model, moments, contact[0], force[0], scales_force(state.model.problem))
 
     def fallen(self, vectors: FloatArray) -> FloatArray:
-        """F_0 - F* (sets, n); NaN where there is no law, or none that presses."""
+        """Changes F_0 - F* (sets, n) of the reading from the best fit, F* as in the module.
+
+        NaN where the vector has no contact law or its contact force is not positive.
+        """
         contact, force, possible = self.model.forces(vectors)
         size = contact @ self.contact / (self.contact @ self.contact)
         size = np.where(possible & (size > 0.0), size, np.nan)[:, None]
@@ -95,7 +109,7 @@ class DensityCurve:
 
 @dataclass(frozen=True, eq=False)
 class Density:
-    """Log-density of scaled vectors; see the module.
+    """Log-density of scaled vectors; the module gives the formula.
 
     Parameters
     ----------
@@ -104,11 +118,11 @@ class Density:
     curves : tuple of DensityCurve
         One for each curve.
     kept : ndarray of int
-        Entries that act on some curve.
+        Entries of the vector that act on some curve.
     height : FloatArray
-        ln (w_m p_m) at its highest, (m,).
+        Largest value of ln (w_m p_m) of each hypothesis, (m,).
     precision : FloatArray
-        Inverse of V_m, (m, k, k).
+        Inverse of the moments' covariance V_m, (m, k, k).
     """
 
     likelihood: Weighed
@@ -119,7 +133,7 @@ class Density:
 
     @classmethod
     def of(cls, likelihood: Weighed, bends: Sequence[FloatArray] | None = None) -> Density:
-        """Density whose moments are those of the law and, of each curve, `bends` (n, p)."""
+        """Density with moments of the model's derivatives and, per curve, of further directions `bends` (n, p)."""
         vector, kept = likelihood.fit.vector, likelihood.entries
         curves = tuple(
             DensityCurve.of(state, vector, None if bends is None else bends[i])
@@ -143,7 +157,8 @@ class Density:
         return cls(likelihood, curves, kept, height, precision)
 
     def log(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (sets,) at scaled vectors (sets, k); -inf outside the bounds and where no law is."""
+        """Log-density (sets,) at scaled vectors (sets, k); -inf outside the bounds and where no contact law exists.
+        """
         problem = self.likelihood.fit.problem
         if not problem.noise_is_open:
             return log_posterior(problem, vectors)
@@ -159,7 +174,7 @@ class Density:
         return found
 
     def levels(self, fallen: Sequence[FloatArray]) -> FloatArray:
-        """Every hypothesis' ln (w_m p_m), (sets, m), where the curves' models have fallen (sets, n) each."""
+        """ln (w_m p_m) of every hypothesis, (sets, m), given each curve's change of the reading, (sets, n)."""
         freedom, k = self.likelihood.freedom, len(self.kept)
         t = self._moments(fallen)
         square = np.einsum("smi,mij,smj->sm", t, self.precision, t, optimize=True)
@@ -173,7 +188,7 @@ class Density:
         return np.asarray(found)
 
     def local(self, places: Sequence[Place]) -> Local:
-        """Densities of the hypotheses about a vector at which the curves have these places."""
+        """Local expansion of all hypotheses' densities at a vector, given each curve's linearisation there."""
         fallen = [place.fallen[None] for place in places]
         t = self._moments(fallen)[0]
         turns = np.zeros_like(self.precision)
@@ -196,12 +211,12 @@ class Density:
 
     @property
     def _whole(self) -> NDArray[np.bool_]:
-        """Mask (m,) of hypotheses whose whole sum of squares counts: of one curve alone, not of several."""
+        """Mask (m,) of hypotheses for which the whole sum of squares is used: only where the fit has one curve."""
         whole = self.curves[0].moments.is_whole[self.likelihood.combined.rows[0]]
         return whole & (len(self.curves) == 1)
 
     def _moments(self, fallen: Sequence[FloatArray]) -> FloatArray:
-        """Moments t, (sets, m, k)."""
+        """Moments t of the residuals, (sets, m, k), of all curves together, from their changes (sets, n) each."""
         parts = []
         for curve, row, own in zip(self.curves, self.likelihood.combined.rows, fallen, strict=True):
             moments = curve.moments
@@ -210,7 +225,8 @@ class Density:
         return np.asarray(sum(parts))
 
     def _rises(self, fallen: FloatArray) -> FloatArray:
-        """Rise (sets, m) of the one curve's sum of squares above the tangent's least, over the noise's variance."""
+        """Rise (sets, m) of the one curve's sum of squares above its linearised minimum, over the noise's variance.
+        """
         own = self.curves[0].moments
         rows = fallen + own.residual
         information, offset = own.information[:, self.kept[:, None], self.kept], own.offset[:, self.kept]
@@ -219,7 +235,7 @@ class Density:
         return np.asarray(np.maximum((_squares(own, rows) - least) / own.variance, 0.0))
 
     def _whole_slopes(self, one: int, place: Place) -> tuple[FloatArray, FloatArray]:
-        """Gradient (k,) and curvature (k, k) of half the sum of squares of a hypothesis asked whole."""
+        """Gradient (k,) and curvature (k, k) of half the whole sum of squares of hypothesis `one`."""
         own, law = self.curves[0].moments, place.columns[:, self.kept]
         taken = own.basis @ own.taken[one]
         left = law - taken @ (taken.T @ law)
@@ -227,7 +243,7 @@ class Density:
 
 
 def _squares(moments: CurveMoments, rows: FloatArray) -> FloatArray:
-    """Sums of squares (sets, m) of rows (sets, n) less what each hypothesis' step, ramp and turn take."""
+    """Sums of squares (sets, m) of rows (sets, n) after removal of each hypothesis' step, ramp and turn."""
     taken = np.tensordot(rows @ moments.basis, moments.taken, (1, 1))
     return np.asarray((rows * rows).sum(axis=1)[:, None] - (taken * taken).sum(axis=2))
 
@@ -235,7 +251,8 @@ def _squares(moments: CurveMoments, rows: FloatArray) -> FloatArray:
 def _bend_losses(
     moments: CurveMoments, row: NDArray[np.intp], fallen: FloatArray, freedom: float
 ) -> FloatArray:
-    """How much less likely the bends' moments are than at least squares, (sets, m)."""
+    """Loss of log-density (sets, m) by the moments along the further directions `bends`, relative to the best fit.
+    """
     precision, p = moments.bend_precision[row], moments.bends
     here = moments.bend_offset + fallen @ moments.basis[:, -p:]
     square = np.einsum("si,mij,sj->sm", here, precision, here, optimize=True)

@@ -1,14 +1,16 @@
-"""What disturbs a curve: noise, misfit, step, ramp and turn of every size, weighed by the restricted likelihood.
+"""Probabilities of what may disturb a curve: noise, misfit, step, ramp and turn, each of several sizes.
 
-With the amplitudes of the columns integrated out under normal priors, the law's own columns J under a flat one, and
-the size s of the white noise under 1/s,
+A hypothesis is one combination of them. It is weighed by the restricted likelihood L: with the amplitudes of the
+disturbances' columns integrated out under normal priors, the columns J of the contact law's derivatives under a
+flat prior, and the standard deviation s of the white noise under 1/s,
 
     -2 ln L = (n - k) ln S + ln det V + ln det N,
 
-of n rows and k numbers of the law, V the noise in units of s^2, N the normal matrix of columns and law, S the
-whitened sum of squares that they leave. Nothing is tested and nothing chosen: what weighs more than 0.4 % is
-kept and averaged. The prior of none is 0.8 for each kind: at 0.5 clean intervals are 1.5 times white's, at 0.8
-1.1 times.
+n being the number of rows (averaged readings), k the number of the law's parameters, V the covariance of the noise
+in units of s^2, N the normal matrix of the disturbances' and the law's columns, and S the whitened sum of squares
+that remains. No test is made and none is selected: all hypotheses with a weight above 0.4 % are kept and averaged.
+The prior probability that a kind of disturbance is absent is 0.8 for each kind: at 0.5 intervals of clean curves
+are 1.5 times those for white noise alone, at 0.8 1.1 times.
 
 Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001), doi:10.1111/1467-9868.00294: a model that is off by a smooth
 function of unknown size.
@@ -43,7 +45,7 @@ _HOPELESS = 12.0  # nats that a noise may lie behind with a fifth of the choices
 
 @dataclass(frozen=True, eq=False)
 class Hypotheses:
-    """What may disturb one curve, heaviest first; every array (m,).
+    """Combinations of disturbances of one curve, the most probable first; every array has the shape (m,).
 
     Parameters
     ----------
@@ -54,11 +56,12 @@ class Hypotheses:
     noise : IntArray
         Row of the `NoiseTable`; 0 is white.
     family : IntArray
-        Index in `FAMILIES` of its misfit, line or turn; -1 is none.
+        Index in `FAMILIES` of its misfit, periodic line or turn; -1 for none of these.
     misfit, step, ramp : FloatArray
-        Standard deviations of the columns' amplitudes, in those of the white noise; 0 is none.
+        Standard deviations of the amplitudes of the columns of `family`, step and ramp, in units of the white
+        noise's standard deviation; 0 for none.
     is_short : ndarray of bool
-        As in the `NoiseTable`.
+        Whether the noise is hardly correlated from row to row, as in the `NoiseTable`.
     """
 
     weight: FloatArray
@@ -72,25 +75,29 @@ class Hypotheses:
 
     @property
     def corrects(self) -> NDArray[np.bool_]:
-        """Whether step, ramp or turn are taken out of the value, (m,): not beside correlated noise or a misfit."""
+        """Whether the value is corrected for step, ramp or turn, (m,): not with correlated noise or a misfit."""
         return np.asarray(self.is_short & self.can_be_taken & ((self.family < 0) | (self.family >= TURN)))
 
     @property
     def can_be_taken(self) -> NDArray[np.bool_]:
-        """Whether there is a step, a ramp or a turn of the baseline, (m,)."""
+        """Whether the hypothesis has a step, a ramp or a turn of the baseline, (m,)."""
         return np.asarray((self.step > 0.0) | (self.ramp > 0.0) | (self.family >= TURN))
 
     @property
     def misfits(self) -> NDArray[np.bool_]:
-        """Whether the law is off, (m,)."""
+        """Whether the hypothesis has a misfit, smooth in depth, of the contact law, (m,)."""
         return np.asarray((self.family >= 0) & (self.family < LINE))
 
     def probability(self, which: NDArray[np.bool_]) -> float:
-        """Weight of the hypotheses `which`, (m,), together."""
+        """Total probability of the hypotheses that a mask (m,) selects."""
         return float(self.weight[which].sum())
 
     def sizes(self, columns: Columns, one: int) -> FloatArray:
-        """Standard deviations (m,) of the amplitudes of `columns` under hypothesis `one`, in those of the noise."""
+        """Prior standard deviations of the amplitudes of all columns under hypothesis `one`.
+
+        An array with one entry for each column of `columns.values`, in units of the white noise's standard
+        deviation; zero for columns that the hypothesis does not have.
+        """
         sizes = np.zeros(columns.values.shape[1])
         sizes[columns.step], sizes[columns.ramp] = self.step[one], self.ramp[one]
         if self.family[one] >= 0:
@@ -99,7 +106,10 @@ class Hypotheses:
 
 
 def white(columns: Columns, variance: float | None) -> Hypotheses:
-    """White noise and nothing else, of this variance, or of that which the law leaves."""
+    """The single hypothesis of white noise and no disturbance.
+
+    Its variance (units of the rows^2) is the given one, or for None that of the residuals about the linearised law.
+    """
     if variance is None:
         basis = _basis(columns)
         variance = _white_left(columns, basis) / (len(basis) - basis.shape[1])
@@ -110,20 +120,20 @@ def white(columns: Columns, variance: float | None) -> Hypotheses:
 def weigh(
     columns: Columns, table: NoiseTable, growth: FloatArray, top: float, least_variance: float
 ) -> Hypotheses:
-    """Weigh every hypothesis on one linearisation.
+    """Probabilities of all combinations of disturbances of one curve, on its linearised model.
 
     Parameters
     ----------
     columns : Columns
-        Columns of n rows.
+        Derivatives, disturbances and residual of the curve, n rows each.
     table : NoiseTable
-        Noises of n rows.
+        Spectra of the noises that are tried, for n rows.
     growth : FloatArray
-        Variance of the rows beside the noise's own, (n,).
+        Relative variance of each row where the noise grows with the stiffness, (n,), of mean 1.
     top : float
         Largest contact force, in units of the rows.
     least_variance : float
-        Least variance of the white noise, in units of the rows^2.
+        Lower limit of the white noise's variance, in units of the rows^2.
     """
     basis = _basis(columns)
     freedom = len(basis) - basis.shape[1]
@@ -144,7 +154,11 @@ def weigh(
 
 @dataclass(frozen=True, eq=False)
 class _Choices:
-    """Every misfit with every step and every ramp, each (choices,)."""
+    """Every combination of a misfit, a step and a ramp, without the noise: arrays (choices,).
+
+    `family` is an index in `FAMILIES` or -1; `misfit`, `step` and `ramp` are standard deviations in units of the
+    white noise's; `is_coarse` says that only every second size is tried.
+    """
 
     family: IntArray
     misfit: FloatArray
@@ -178,7 +192,7 @@ def _choices(*, coarse: bool) -> _Choices:
 
 
 def _basis(columns: Columns) -> FloatArray:
-    """Orthonormal columns (n, k) of what the law's tangent tells apart on this curve."""
+    """Orthonormal basis (n, k) of the law's derivatives, without directions that are collinear on this curve."""
     law = columns.values[:, columns.law]
     norms = np.linalg.norm(law, axis=0)
     u, sizes, _ = np.linalg.svd(law[:, norms > 0.0] / norms[norms > 0.0], full_matrices=False)
@@ -186,15 +200,16 @@ def _basis(columns: Columns) -> FloatArray:
 
 
 def _white_left(columns: Columns, basis: FloatArray) -> float:
-    """Sum of squares that the law's tangent leaves of the residual."""
+    """Sum of squares of the residual after its projection on the law's derivatives, `basis`, is subtracted."""
     residual = columns.values[:, columns.residual.start]
     return float(np.square(residual - basis @ (basis.T @ residual)).sum())
 
 
 def _scale(columns: Columns, left: float) -> float:
-    """Deviation of the rows by second differences of the residual: sizes of columns are in it.
+    """Noise's standard deviation in units of the rows, by the median second difference of the residual.
 
-    At least a thousandth of the deviation that the law has `left`.
+    Sizes of disturbances are multiples of it. It is at least a thousandth of `left`, the standard deviation of the
+    residual about the linearised law.
     """
     residual = columns.values[:, columns.residual.start]
     second = np.median(np.abs(np.diff(residual, 2))) / (0.6745 * 6.0**0.5)
@@ -202,7 +217,22 @@ def _scale(columns: Columns, left: float) -> float:
 
 
 def _by_family(columns: Columns, gram: FloatArray, choices: _Choices) -> tuple[FloatArray, FloatArray]:
-    """Sums of squares and ln det N of every noise, whose `gram` (noises, m, m) this is, and choice."""
+    """Residual sums of squares and ln det N (normal matrix of the disturbances) of every noise and choice.
+
+    Parameters
+    ----------
+    columns : Columns
+        Columns of the curve, which say where each disturbance stands.
+    gram : FloatArray
+        Gram matrices of disturbances and residual, orthogonal to the law, one for each noise, (noises, m, m).
+    choices : _Choices
+        Combinations of misfit, step and ramp.
+
+    Returns
+    -------
+    tuple of FloatArray
+        Both (noises, choices).
+    """
     squares = np.empty((len(gram), len(choices.misfit)))
     log_det = np.empty_like(squares)
     first = columns.step.start
@@ -222,7 +252,14 @@ def _by_family(columns: Columns, gram: FloatArray, choices: _Choices) -> tuple[F
 def _projected_grams(
     columns: Columns, table: NoiseTable, growth: FloatArray, basis: FloatArray, scale: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Gram matrices (noises, m, m) of steps, ramp, misfits and residual beside the law, and ln det V N_law."""
+    """Gram matrices of disturbances and residual, whitened by each noise and made orthogonal to the law.
+
+    Returns
+    -------
+    tuple of FloatArray
+        The matrices (noises, m, m), and (noises,) the terms ln det V + ln det N_law of -2 ln L that do not depend
+        on the disturbances' sizes.
+    """
     others = columns.values[:, columns.step.start :].copy()
     others[:, -1] /= scale
     gram = grams(cosines(np.hstack((basis, others)) / np.sqrt(growth)[:, None]), 1.0 / table.spectra)
@@ -235,7 +272,7 @@ def _projected_grams(
 
 
 def grams(coefficients: FloatArray, weights: FloatArray) -> FloatArray:
-    """Gram matrices (sets, m, m) of columns (n, m) under weights (sets, n): one matrix product."""
+    """Gram matrices (sets, m, m) of columns (n, m), each with its own weights of the rows, (sets, n)."""
     i, j = np.triu_indices(coefficients.shape[1])
     products = weights @ (coefficients[:, i] * coefficients[:, j])
     gram = np.empty((len(weights), coefficients.shape[1], coefficients.shape[1]))
@@ -245,9 +282,10 @@ def grams(coefficients: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def _left(gram: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What columns of these sizes leave of the residual, the last one, and ln det of their normal matrix.
+    """Residual sum of squares and ln det of the normal matrix, for disturbances of given prior sizes.
 
-    The residual is a row of the Cholesky factor: its last pivot squared is what is left, and nothing is solved.
+    The last column of `gram` (noises, m, m) is the residual; `sizes` is (choices, m), and both results are (noises,
+    choices). The squared last pivot of the Cholesky factor is the residual sum of squares, so no system is solved.
     """
     normal = gram[:, None] * (sizes[:, :, None] * sizes[:, None, :])
     diagonal = np.arange(sizes.shape[1])

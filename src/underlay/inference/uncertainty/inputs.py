@@ -1,4 +1,4 @@
-"""How well the inputs of a test are known: what was stated for it, and what is assumed where nobody did.
+"""How well the inputs of a test are known: the stated uncertainties, and assumed ones where none is stated.
 
 All sizes are at 95 %. Those that are assumed are what laboratories and makers commonly quote (a cantilever's spring
 constant by the thermal method 10 to 20 %: Hutter & Bechhoefer 1993, doi:10.1063/1.1143970, te Riet et al. 2011,
@@ -41,14 +41,14 @@ _INCOMPRESSIBLE, _NEARLY = 0.5, 0.02
 
 @dataclass(frozen=True)
 class Input:
-    """A number of a test that was taken as known.
+    """A number of a test that was taken as known, and its uncertainty.
 
     Parameters
     ----------
     source : str
         Path of the scene, or `FORCE`, `DEPTH`, `SPRING_CONSTANT`, `SENSITIVITY`, `HEIGHTS`.
     down, up : float
-        How far it may be below and above what was entered, 95 %: SI for a path, a share otherwise.
+        How far it may be below and above the entered value, 95 %: SI for a path, a relative share otherwise.
     size : str
         That uncertainty as people write it.
     origin : str
@@ -63,14 +63,14 @@ class Input:
 
 
 def inputs_of(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Input, ...]:
-    """The uncertain inputs of one test; a number that is free is none.
+    """The uncertain inputs of one test; numbers that are fitted are not among them.
 
     Parameters
     ----------
     scene : Scene
-        The test; its `uncertainties` are what was stated.
+        The test; its `uncertainties` are the stated ones.
     curve : Curve
-        The curve; its metadata may say how well a cantilever is calibrated.
+        The curve; its metadata may state how well a cantilever is calibrated.
     free : collection of str
         Paths that are fitted.
     """
@@ -83,7 +83,7 @@ def inputs_of(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Input,
 
 
 def _instrument(curve: Curve, given: Mapping[str, float], free: Collection[str]) -> Iterator[Input]:
-    """Scales of force and depth, which act on every reading."""
+    """Uncertain scales of force and depth, which act on every reading: calibration of sensor or cantilever."""
     has_lever = "spring_constant" in curve.metadata or SPRING_CONSTANT in given
     of_force = SPRING_CONSTANT if has_lever and FORCE not in given else FORCE
     if not any(path.startswith("lever.") for path in free):
@@ -97,13 +97,13 @@ def _instrument(curve: Curve, given: Mapping[str, float], free: Collection[str])
 
 
 def _spring(curve: Curve) -> tuple[float, str]:
-    """How well a file says that its spring constant is known; else what is assumed."""
+    """Relative 95 % uncertainty of the spring constant, and whether it is given by the file or assumed."""
     own = _stated_share(curve, "spring_constant_uncertainty")
     return (own, _GIVEN) if own else (_SPRING, _ASSUMED)
 
 
 def _stated_share(curve: Curve, key: str) -> float:
-    """A relative standard uncertainty that a file states, at 95 %; zero without one."""
+    """A relative standard uncertainty in a file's metadata, converted to 95 %; zero where there is none."""
     own = curve.metadata.get(key)
     return _NORMAL_95 * own if isinstance(own, float) and own > 0.0 else 0.0
 
@@ -126,13 +126,13 @@ def _numbers(scene: Scene, given: Mapping[str, float], free: Collection[str]) ->
 
 
 def _measured_tip(scene: Scene, given: Mapping[str, float]) -> Iterator[Input]:
-    """The heights of a measured tip, all wrong by one share: they are no number of the scene."""
+    """Common relative uncertainty of all heights of a measured tip profile, which the scene has no path for."""
     if isinstance(scene.indenter, Profile):
         yield _share(HEIGHTS, given, _HEIGHTS, _ASSUMED)
 
 
 def _assumed(path: str, value: float) -> tuple[float, float, str] | None:
-    """How far a number may be below and above, and that in words; None where nothing is assumed of it."""
+    """Assumed 95 % uncertainty of a number: how far below and above, and as text; None where none is assumed."""
     section, _, name = path.rpartition(".")
     of_tip, of_base = section == "indenter", section.startswith("substrate")
     if name == "nu":
@@ -155,7 +155,7 @@ def _assumed(path: str, value: float) -> tuple[float, float, str] | None:
 
 
 def _kept(path: str, value: float, down: float, up: float) -> tuple[float, float]:
-    """The two sizes, cut where the number would be none: a Poisson's ratio ends at one half."""
+    """Uncertainty below and above, cut where the value would be impossible (Poisson's ratio above one half)."""
     if path.endswith(".nu"):
         up = min(up, max(_INCOMPRESSIBLE - value, 0.0))
     return down, up

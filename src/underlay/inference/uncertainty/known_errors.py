@@ -119,7 +119,7 @@ class Pressed:
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene with those values, made when it is asked for."""
+        """The scene with those values, made at the first use."""
         return self.made()
 
 
@@ -140,7 +140,7 @@ class KnownError:
     mean, deviation : float
         Mean and standard deviation of the normal prior of the amplitude; the deviation positive.
     told : tuple of str
-        Words of the errors that it is part of, as people are told; by default its own.
+        `words` of the errors under which people see this one, where it is part of others; by default its own.
     size : str
         How large it is, as people write it; empty where that is no one number.
 
@@ -158,7 +158,7 @@ class KnownError:
     size: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse a prior that is none."""
+        """Refuse a standard deviation that is not positive."""
         if not self.deviation > 0.0:
             raise InputError(
                 f"deviation of {self.words!r} must be positive; got {self.deviation!r}: an error of exactly known "
@@ -255,12 +255,12 @@ class LeftOut:
 
 
 def left_out(scene: Scene, depth: float) -> LeftOut:
-    """Say what the law of a scene leaves out for depths up to `depth` (m).
+    """Errors of friction and finite strain that the law of a scene leaves out, for depths up to `depth` (m).
 
     Raises
     ------
     InputError
-        If the scene asks for finite strain where it was not measured.
+        If the scene asks for finite strain where its effect was not computed.
     """
     if scene.discrepancy is not None:
         return LeftOut(declared=("the sizes of friction and finite strain",))
@@ -282,7 +282,7 @@ def _stuck_less_free(test: Pressed) -> FloatArray:
 
 
 def _forces(test: Pressed) -> tuple[FloatArray, FloatArray]:
-    """Forces (N), (n,), with a tip that sticks and with one that slides, both by solvers of their own."""
+    """Contact forces (N), (n,) each, of a tip without slip and of a frictionless one, both exact at this depth."""
     inside = np.maximum(test.depth, 0.0)
     return test.by(Stuck(_RTOL)).force(inside), test.by(Exact(_RTOL)).force(inside)
 
@@ -326,25 +326,26 @@ def _excess(test: Pressed) -> FloatArray:
 
 
 def free_model_error(problem: Problem) -> Problem:
-    """Free the sizes of friction and finite strain, as far as the scenes leave them unknown: for a posterior.
+    """Make the sizes of friction and finite strain free parameters where the scenes do not state them.
 
     Parameters
     ----------
     problem : Problem
-        Its scenes say nothing, or not everything, of friction and finite strain.
+        A problem in whose scenes friction, finite strain or both are not stated.
 
     Returns
     -------
     Problem
-        The problem with ``discrepancy.friction``, the share of full friction, ``discrepancy.finite_strain``, over
-        that of a neo-Hookean layer, and ``discrepancy.friction_in_large_strains``, what friction adds to finite
-        strain alone, over a measured shape, as parameters, shared by all curves, with the priors that
-        `Fit.answer` takes for them: Normal(0.5, 0.35), Normal(1, 0.5) and Normal(0.25, 0.5).
+        The problem, for a posterior, with further parameters, shared by all curves: ``discrepancy.friction``, the
+        share of full friction; ``discrepancy.finite_strain``, the effect of finite strain over that of a
+        neo-Hookean layer; and ``discrepancy.friction_in_large_strains``, the effect of friction beyond that of
+        small strains, over its computed shape. Their priors are those that `Fit.answer` takes for them: Normal(0.5,
+        0.35), Normal(1, 0.5) and Normal(0.25, 0.5).
 
     Raises
     ------
     InputError
-        If nothing is unknown that could be freed, with the reasons.
+        If neither can be made free, with the reasons.
 
     Examples
     --------

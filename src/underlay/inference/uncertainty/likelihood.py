@@ -1,11 +1,11 @@
-"""One likelihood of a problem's curves, and what is read from it: intervals, draws, what is seen.
+"""The likelihood of a problem's curves, and what is computed from it: intervals, draws, disturbances.
 
     y = F(theta) + misfit + step + ramp + turn + noise
 
-The readings y are the model F at the parameters theta and all that may disturb it. The value is least squares'
-(`moments`); how sure it is averages over everything that may disturb a curve (`hypotheses`). A reading in
-closed form serves where the force is straight in what is free, which is checked; else draws along the ridge
-(`ridge`).
+The readings y are the model F at the parameters theta and everything that may disturb it. The value is that of
+least squares (`moments`); its uncertainty is averaged over the possible disturbances (`hypotheses`). Where the
+force is linear enough in the free parameters, which is checked, the result has a closed form; else it is drawn by
+importance sampling along the ridge of the likelihood (`ridge`).
 """
 
 from __future__ import annotations
@@ -35,24 +35,24 @@ _BENT = 0.35
 
 @dataclass(frozen=True, eq=False)
 class Likelihood(Weighed):
-    """The likelihood of a fit's curves in what is free, about its optimum.
+    """The likelihood of a fit's curves in the free parameters, about the optimum.
 
     Parameters
     ----------
     fit : Fit
-        The fit: its vector is the value; its problem says what is free, and what is known of the noise.
+        The fit: its vector is the value; its problem states the free parameters and what is known of the noise.
     states : tuple of CurveState
         One for each curve.
     """
 
     @classmethod
     def of(cls, fit: Any) -> Likelihood:
-        """Weigh what disturbs each curve of a fit."""
+        """Likelihood of a fit, with the probabilities of what disturbs each of its curves."""
         return cls(fit, tuple(CurveState.of(model, fit.vector) for model in curve_models(fit)))
 
     @cached_property
     def is_straight(self) -> bool:
-        """Whether the closed form serves: nothing free bends the force by more than a third of its own doubt."""
+        """Whether the force is linear enough for the closed form: curvature below 0.35 of the uncertainty."""
         problem = self.fit.problem
         if has_common_errors(problem):
             return True
@@ -61,14 +61,19 @@ class Likelihood(Weighed):
         return self._bend() < _BENT
 
     def read(self, rng: int | np.random.Generator = 0, draws: int | None = None) -> Reading:
-        """Read intervals and draws from the likelihood.
+        """Compute intervals and draws of the parameters.
 
         Parameters
         ----------
         rng : int or numpy Generator, default 0
             Seed or generator: the same one gives the same draws.
         draws : int, optional
-            About how many draws.
+            Approximate number of draws.
+
+        Returns
+        -------
+        Reading
+            In closed form where the force is linear enough, else from importance sampling.
         """
         wanted = {} if draws is None else {"count": draws}
         if self.is_straight:
@@ -78,7 +83,8 @@ class Likelihood(Weighed):
         return DrawnReading(self, draw(self._ridges, np.random.default_rng(rng), **wanted))
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (sets,) of scaled vectors (sets, k), priors and all: for emcee; -inf where there is none."""
+        """Log-density (sets,), with priors, of scaled vectors (sets, k), as emcee uses it; -inf where it is zero.
+        """
         return self._density.log(np.atleast_2d(vectors))
 
     @cached_property
@@ -94,11 +100,14 @@ class Likelihood(Weighed):
         return Ridges.of(self)
 
     def simulate(self, rng: np.random.Generator) -> list[Curve]:
-        """Replicas of the curves, at the depths of their rows, with all that may disturb them drawn anew."""
+        """Synthetic curves at the averaged depths of the measured ones, with noise and disturbances drawn anew."""
         return [state.model.curve(state.disturbed(rng)) for state in self.states]
 
     def _bend(self) -> float:
-        """How far a step back from two standard deviations of contact, or of stiffening, misses, over these."""
+        """Nonlinearity of the force in contact point and stiffening: relative error of a Gauss-Newton step.
+
+        The step starts two standard deviations from the optimum in either of them; the largest error counts.
+        """
         mixture, problem = self.mixture, self.fit.problem
         worst = 0.0
         for i in np.flatnonzero(bending(problem)):
@@ -111,7 +120,7 @@ class Likelihood(Weighed):
         return worst
 
     def _missed(self, away: FloatArray, i: int) -> float:
-        """Distance of entry `i` from the optimum after a Gauss-Newton step from `away` (k,) of it, over its own."""
+        """Relative distance of entry `i` from the optimum after a Gauss-Newton step from the offset `away` (k,)."""
         k = len(away)
         pull, normal = np.zeros(k), np.diag(self.priors)
         for state in self.states:

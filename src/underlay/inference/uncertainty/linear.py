@@ -1,4 +1,4 @@
-"""The reading where the force is straight in what is free: a mixture of Student distributions, in closed form."""
+"""Closed-form result where the force is linear in the free parameters: a mixture of Student distributions."""
 
 from __future__ import annotations
 
@@ -21,20 +21,27 @@ _JOINT = 48  # combinations of the curves' hypotheses that stand for all of them
 
 @dataclass(frozen=True, eq=False)
 class Combined:
-    """Hypotheses of all curves together: a row of `chosen` (m, curves) has one of each curve's; weights (m,)."""
+    """Hypotheses of all curves together.
+
+    Row i of `chosen` (m, curves) has the index of one hypothesis of each curve; `weights` (m,) are the
+    probabilities of the rows.
+    """
 
     chosen: NDArray[np.intp]
     weights: FloatArray
 
     @property
     def rows(self) -> list[NDArray[np.intp]]:
-        """Each curve's hypotheses, (m,) each."""
+        """Indices of each curve's hypotheses: one array (m,) for each curve."""
         return list(self.chosen.T)
 
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """Student distributions of the scaled vector: weights (m,), means (m, k), covariances (m, k, k), freedom."""
+    """Student distributions of the scaled vector: weights (m,), means (m, k), covariances (m, k, k).
+
+    `freedom` are their degrees of freedom, the same for all.
+    """
 
     weights: FloatArray
     means: FloatArray
@@ -42,7 +49,7 @@ class Mixture:
     freedom: float
 
     def quantiles(self, index: int, shares: FloatArray) -> FloatArray:
-        """Quantiles (q,) of one entry at `shares` (q,)."""
+        """Quantiles (q,) of entry `index` of the vector, at the probabilities `shares` (q,)."""
         deviations = np.sqrt(np.maximum(self.covariances[:, index, index], 0.0))
         return mixture_quantiles(self.means[:, index], deviations, self.weights, self.freedom, shares)
 
@@ -63,9 +70,10 @@ class Mixture:
 
 
 def combine(hypotheses: Sequence[Hypotheses]) -> Combined:
-    """Hypotheses of one curve as they are; of several, combinations that are equally likely.
+    """Joint hypotheses of several curves: of one curve its own, of several 48 combinations of equal weight.
 
-    Each curve's come in proportion to their weights, in an order of its own (a fixed one: a reading is repeated).
+    Each curve's hypotheses occur in proportion to their weights, in random orders with a fixed seed, so that
+    results repeat.
     """
     if len(hypotheses) == 1:
         own = hypotheses[0].weight
@@ -98,14 +106,15 @@ def linear_mixture(
     vector : FloatArray
         Scaled vector of the optimum, (k,).
     free : ndarray of bool (k,)
-        Entries that are free; the others are held at the optimum.
+        Entries that vary; the others stay at the optimum.
     freedom : float
-        Degrees of freedom with which the size of the noise is known.
+        Degrees of freedom of the noise's variance.
     prior_precision : FloatArray
-        Curvature of the priors in the scaled vector, (k,): zero where they say nothing.
+        Curvature of the priors in the scaled vector, (k,): zero for flat ones.
     bent : callable
-        Force of each curve (n,) beyond its tangent a step (k,) from the optimum. Where hypotheses correct the
-        value, it is asked once, for the mean step, and taken to grow with the square of a step.
+        Nonlinear part of each curve's force (n,) for a step (k,) from the optimum: force less its linearisation.
+        Where hypotheses correct the value it is called once, for the mean step, and scaled by the square of each
+        step.
     """
     kept = np.flatnonzero(free)
     rows = combined.rows
@@ -134,7 +143,7 @@ def linear_mixture(
 
 
 def _inverses(matrices: FloatArray) -> FloatArray:
-    """Inverses (m, k, k) of symmetric matrices, of which directions may hardly be there."""
+    """Inverses (m, k, k) of symmetric, perhaps nearly singular matrices, regularised at unit diagonal."""
     scale = np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))
     outer = scale[:, :, None] * scale[:, None, :]
     return np.asarray(np.linalg.inv(matrices / outer + _SINGULAR * np.eye(matrices.shape[1])) / outer)

@@ -16,7 +16,7 @@ _NORMAL = 300.0  # degrees of freedom from which a Student distribution is taken
 def mixture_quantiles(
     means: FloatArray, deviations: FloatArray, weights: FloatArray, freedom: float, shares: FloatArray
 ) -> FloatArray:
-    """Quantiles (q,) of a mixture of m Student distributions, by brackets, each a sixteenth of the one before.
+    """Quantiles (q,) of a mixture of m Student distributions, by bracketing.
 
     Parameters
     ----------

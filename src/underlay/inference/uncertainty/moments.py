@@ -1,18 +1,20 @@
-"""What an estimate rests on: the moments Q'r that least squares sets to zero, and how they scatter.
+"""The moments Q'r of the residuals that least squares sets to zero, and their covariance.
 
-Least squares solves J'r = 0, r the rows less the model and J the model's derivatives. Whatever the disturbance, the
-likelihood of these moments t(theta) alone,
+Least squares solves J'r = 0, r being the rows less the model and J the model's derivatives. Whatever the
+disturbance, the likelihood of these moments t(theta) alone,
 
     t ~ N(0, V),   V = s^2 Q'(noise + columns of misfit, step, ramp, turn and line) Q,
 
-s the deviation of the white noise, has its top where least squares has its own: disturbances widen and never
-move a value. Linearised it is the sandwich H^-1 V H^-1, H = Q'J. Q is J, and where nothing is present but a
-step, a ramp or a turn, J with these taken out: there, and there alone, they correct the value.
+with s the standard deviation of the white noise, has its maximum where least squares has its optimum: disturbances
+widen an interval and never shift its value. Linearised, the covariance of the parameters is the sandwich H^-1 V
+H^-1, H = Q'J. Q is J, except where the only disturbance is a step, a ramp or a turn: there Q is J with these
+projected out, and they do correct the value.
 
-Far along a ridge, k moments forget what the curve's shape says. Further moments X'r remember it, X the bends of the
-ridge, orthogonal to J; they do not move the top either.
+Far along a ridge the k moments no longer hold what the curve's shape says. Further moments X'r do, X being the
+directions in which the force curves along the ridge, orthogonal to J; they do not shift the maximum either.
 
-All moments are combinations of the projections of r on one basis of a curve: law, step, ramp, turn, bends.
+All moments are linear combinations of the projections of r on one basis for each curve: derivatives, step, ramp,
+turn, and X.
 """
 
 from __future__ import annotations
@@ -32,28 +34,30 @@ __all__ = ["CurveMoments"]
 
 @dataclass(frozen=True, eq=False)
 class CurveMoments:
-    """Moments of one curve under each of its m hypotheses.
+    """Moments of one curve's residuals under each of its m hypotheses; symbols as in the module.
 
     Parameters
     ----------
     basis : FloatArray
-        Basis of a curve: law (k columns), step, ramp, turn, bends; (n, q).
+        Basis of a curve: derivatives (k columns), step, ramp, turn, bends; (n, q).
     residual : FloatArray
         Rows less the model at least squares, (n,).
     coefficients : FloatArray
-        Q on the basis, (m, q, k).
+        Q as combinations of the basis, (m, q, k).
     information, covariance : FloatArray
         H = Q'J and V, (m, k, k).
     offset : FloatArray
         Q'r at least squares where a step, a ramp or a turn corrects it, else zero, (m, k).
     taken : FloatArray
-        What step, ramp and turn take of a sum of squares, r'r - |taken' basis' r|^2, (m, q, t); zero without them.
+        Matrix T (m, q, t) by which step, ramp and turn lower a sum of squares to r'r - |T' basis' r|^2; zero
+        without them.
     is_whole : ndarray of bool
-        Whether white noise, step, ramp and turn are all there is, (m,): then sums of squares lose nothing.
+        Whether the hypothesis has white noise, step, ramp and turn only, (m,): then the whole sum of squares can be
+        used.
     variance : FloatArray
         Variance of the white noise, (m,).
     bends : int
-        How many bends there are, p.
+        Number p of further directions X in which the force curves along the ridge.
     bend_precision : FloatArray
         Inverse covariance of X'r, (m, p, p).
     bend_offset : FloatArray
@@ -82,7 +86,8 @@ class CurveMoments:
         growth: FloatArray,
         bends: FloatArray | None = None,
     ) -> CurveMoments:
-        """Moments on the linearisation whose columns these are; `bends` (n, p) are orthogonal to the law's."""
+        """Moments for a curve linearised as `columns`; `bends` (n, p) are directions orthogonal to its derivatives.
+        """
         n, k, m = len(columns.values), columns.law.stop, len(hypotheses.weight)
         bends = np.zeros((n, 0)) if bends is None else bends
         p, shapes = bends.shape[1], columns.turn.stop
@@ -119,12 +124,15 @@ class CurveMoments:
         )
 
     def along(self, rows: FloatArray) -> FloatArray:
-        """Q'rows of rows (n,), (m, k)."""
+        """Q' times the given rows (n,), for each hypothesis: (m, k)."""
         return np.asarray((self.basis.T @ rows) @ self.coefficients)
 
 
 def _taking(gram: FloatArray, sizes: FloatArray) -> FloatArray:
-    """T (q, q) with which (I + Z Z')^-1 = I - Z T T' Z', Z columns of these sizes whose Gram matrix is `gram`."""
+    """T (q, q) with which (I + Z Z')^-1 = I - Z T T' Z'.
+
+    Z are columns with the Gram matrix `gram` (q, q), each multiplied by its entry of `sizes` (q,).
+    """
     active = np.flatnonzero(sizes)
     scaled = gram[active[:, None], active] * sizes[active] * sizes[active, None]
     found = np.zeros_like(gram)
@@ -141,7 +149,8 @@ def _spread(
     table: NoiseTable,
     growth: FloatArray,
 ) -> FloatArray:
-    """Covariances (m, q, q) of the projections of the disturbances on all columns."""
+    """Covariances (m, q, q), one for each hypothesis, of the projections of noise and disturbances on all columns.
+    """
     used, place = np.unique(hypotheses.noise, return_inverse=True)
     noisy = grams(cosines(values * np.sqrt(growth)[:, None]), table.spectra[used])[place]
     along = plain[None, :, : sizes.shape[1]] * sizes[:, None, :]

@@ -1,12 +1,12 @@
-"""Noise of equally spaced rows whose covariance a cosine transform makes diagonal.
+"""Spectra of correlated noise of equally spaced rows, whose covariance a cosine transform makes diagonal.
 
 A reflecting Ornstein-Uhlenbeck process is diagonal in the DCT-II: of n rows with white noise of variance 1 and a
 correlated part of variance g and correlation time tau (in rows), the coefficients k have the variances
 
     lambda_k = 1 + g (1 - rho^2) / ((1 - rho)^2 + rho mu_k),  mu_k = 4 sin^2(pi k / 2n),  rho = exp(-1 / tau),
 
-so that any number of noises is one matrix product. Slow wiggles of the baseline are a spectrum too: that of a
-Matern 3/2 process of a tenth of the record and more.
+so that many noises are evaluated by one matrix product. Slow fluctuations of the baseline are a spectrum too: that
+of a Matern 3/2 process with a correlation length of a tenth of the record or more.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _OVERLAP = 1.94  # factor by which second differences of white noise count for f
 
 @dataclass(frozen=True, eq=False)
 class NoiseTable:
-    """Noises that a row's disturbances may have, in units of the white part's variance.
+    """Spectra of the noises that are tried for a curve, in units of the white part's variance.
 
     Parameters
     ----------
@@ -45,7 +45,8 @@ class NoiseTable:
     log_prior : FloatArray
         Logarithms of their prior probabilities, (noises,).
     is_short : ndarray of bool
-        Whether a noise hardly reaches from row to row: white, or correlated over two rows and small, (noises,).
+        Whether a noise is hardly correlated from row to row: white, or correlated over two rows and small,
+        (noises,).
     """
 
     spectra: FloatArray
@@ -59,17 +60,17 @@ def cosines(columns: FloatArray) -> FloatArray:
 
 
 def from_cosines(coefficients: FloatArray) -> FloatArray:
-    """Columns (n, m) of their coefficients."""
+    """Inverse of `cosines`: columns (n, m) from their cosine coefficients."""
     return np.asarray(idct(coefficients, axis=0, norm="ortho"))
 
 
 def white_table(n: int) -> NoiseTable:
-    """White noise of n rows alone, for noise that is stated."""
+    """Table with white noise of n rows alone, for noise of a stated size."""
     return NoiseTable(np.ones((1, n)), np.zeros(1), np.ones(1, dtype=bool))
 
 
 def noise_table(n: int) -> NoiseTable:
-    """All noises of n rows."""
+    """Table of white noise, correlated noise and slow fluctuations for n rows."""
     white, correlated, wiggles = np.ones((1, n)), _ornstein_uhlenbeck(n), _matern(n)
     shares = [1.0 - _CORRELATED - _SLOW] + [_CORRELATED / len(correlated)] * len(correlated)
     shares += [_SLOW / len(wiggles)] * len(wiggles)
@@ -87,7 +88,7 @@ def _ornstein_uhlenbeck(n: int) -> FloatArray:
 
 
 def _matern(n: int) -> FloatArray:
-    """Spectra of Matern 3/2 processes, scaled to variance 1: its mean over k is that of a row."""
+    """Spectra (noises, n) of white noise of variance 1 and a Matern 3/2 process of each length and size."""
     frequency = np.pi * np.arange(n) * np.array(_WIGGLE_LENGTHS)[:, None] / 3.0**0.5
     shapes = 1.0 / (1.0 + frequency**2) ** 2
     shapes *= n / shapes.sum(axis=1, keepdims=True)
@@ -95,9 +96,10 @@ def _matern(n: int) -> FloatArray:
 
 
 def growth(residual: FloatArray, stiffness: FloatArray) -> FloatArray:
-    """Variances (n,) of mean 1 of rows whose noise grows with the stiffness dP/dw; ones where none is seen.
+    """Relative variances (n,), of mean 1, of noise that grows with the stiffness dP/dw; ones where it does not.
 
-    Second differences of the residual (n,), blind to what is smooth, say how much: their likelihood must gain.
+    The growth is estimated from second differences of the residual (n,), which a smooth misfit hardly affects, and
+    is used only where it raises their log-likelihood by more than 3.
     """
     if len(residual) < 60:
         return np.ones(len(residual))

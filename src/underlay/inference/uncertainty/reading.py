@@ -1,4 +1,4 @@
-"""What is read from a likelihood: an interval of one number, draws of all of them, how far to trust them."""
+"""Intervals and draws of the fitted numbers from a likelihood, in closed form or by importance sampling."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ class Reading(ABC):
     Parameters
     ----------
     likelihood : Weighed
-        The curves of a fit, with what may disturb them weighed.
+        The curves of a fit, with the probabilities of what may disturb them.
     """
 
     likelihood: Weighed
 
     @property
     def seen(self) -> tuple[Seen, ...]:
-        """What is seen of each curve."""
+        """Estimated disturbances of each curve (noise, misfit, step, ramp, turn)."""
         return self.likelihood.seen
 
     @property
     def value(self) -> FloatArray:
-        """Scaled vector (k,) of least squares."""
+        """Scaled vector (k,) of the least-squares fit."""
         return np.asarray(self.likelihood.fit.vector)
 
     @property
     def corrected(self) -> FloatArray:
-        """`value` less what a step, a ramp or a turn does to it where these weigh more than a half, (k,)."""
+        """`value` corrected for a step, a ramp or a turn where these have a probability above one half, (k,)."""
         return self.value + self._correction
 
     @cached_property
@@ -64,22 +64,22 @@ class Reading(ABC):
         return np.asarray(mixture.weights[acts] @ moves[acts] / share)
 
     def edge(self, level: float) -> FloatArray:  # noqa: ARG002  a closed form has no ridge
-        """Scaled vectors (m, k) at the edge of what the likelihood along a ridge does not tell from its top.
+        """Scaled vectors (m, k) along a ridge where the likelihood has dropped by the amount of the level.
 
-        Ends of intervals reach there. Where a number is open, most of its range is far from where the others are
-        sharp: draws alone, which are even over that range, then held 83 % (E, thickness and the substrate's modulus
-        free, 120 curves).
+        Intervals are widened to reach them. Where a number is not determined, most of its range lies far from where
+        the others are well determined: intervals from draws alone, which are uniform over that range, covered 83 %
+        (E, thickness and the substrate's modulus free, 120 curves). In closed form there are none, (0, k).
         """
         return np.zeros((0, len(self.value)))
 
     @abstractmethod
     def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
-        """Ends of one entry of the scaled vector; infinite where the curve leaves an end open."""
+        """Ends of the interval of one entry of the scaled vector; infinite where the data set no limit."""
 
     @property
     @abstractmethod
     def draws(self) -> FloatArray:
-        """Scaled vectors (m, k)."""
+        """Weighted draws of the scaled vector, (m, k)."""
 
     @property
     @abstractmethod
@@ -88,7 +88,7 @@ class Reading(ABC):
 
     @property
     def pareto(self) -> float:
-        """Pareto k of the weights; above 0.7 the draws are not to be trusted: ask emcee (`log_density`)."""
+        """Pareto k of the weights; above 0.7 the draws cannot be trusted: sample with emcee (`log_density`)."""
         return 0.0
 
     @property
@@ -97,25 +97,28 @@ class Reading(ABC):
         """Standard deviations (k,) of the scaled vector."""
 
     def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
-        """As `Weighed.moved`."""
+        """Shift (k,) of the scaled vector by added forces (N), one array for each curve, to first order."""
         return self.likelihood.moved(columns)
 
 
 def widened(ends: FloatArray, edge: FloatArray) -> tuple[float, float]:
-    """Two ends of draws, and the values (m,) at an edge that they must reach."""
+    """Ends of an interval from draws, `ends` (2,), widened to contain the values `edge` (m,)."""
     return float(np.min(edge, initial=ends[0])), float(np.max(edge, initial=ends[1]))
 
 
 @dataclass(frozen=True, eq=False)
 class LinearReading(Reading):
-    """A reading in closed form: the force is straight in what is free."""
+    """Intervals and draws in closed form, for a force that is linear in the free parameters.
+
+    `mixture` is the distribution, `rng` and `count` the generator and the number of the draws.
+    """
 
     mixture: Mixture
     rng: np.random.Generator
     count: int = _DRAWS
 
     def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
-        """As `Reading.interval`; open where the entry does not act."""
+        """Quantiles of the mixture; infinite where no curve depends on the entry."""
         if not self.deviations[index] > 0.0:
             return -np.inf, np.inf
         low, high = self.mixture.quantiles(index, np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level]))
@@ -123,28 +126,32 @@ class LinearReading(Reading):
 
     @cached_property
     def draws(self) -> FloatArray:
-        """As `Reading.draws`."""
+        """Draws of the mixture, (count, k), all of the same weight."""
         return self.mixture.draws(self.count, self.rng)
 
     @property
     def weights(self) -> FloatArray:
-        """As `Reading.weights`."""
+        """Equal weights, (count,), that sum to 1."""
         return np.full(self.count, 1.0 / self.count)
 
     @cached_property
     def deviations(self) -> FloatArray:
-        """As `Reading.deviations`."""
+        """Standard deviations (k,) of the mixture."""
         return self.mixture.deviations
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnReading(Reading):
-    """A reading by weighted draws along the ridge."""
+    """Intervals and weighted draws by importance sampling along the ridge of the likelihood."""
 
     ridge: Ridge
 
     def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
-        """As `Reading.interval`; open where the likelihood at a bound, or without end, is not below the level's."""
+        """Weighted quantiles, widened to the ridge's edge.
+
+        An end is infinite where the likelihood at the bound, or where the search ended, has not dropped by the
+        level's amount.
+        """
         shares = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
         ends = weighted_quantiles(self.draws[:, index], self.weights, shares)
         low, high = widened(ends, self.edge(level)[:, index])
@@ -152,26 +159,26 @@ class DrawnReading(Reading):
         return (-np.inf if open_low else low), (np.inf if open_high else high)
 
     def edge(self, level: float) -> FloatArray:
-        """As `Reading.edge`."""
+        """Scaled vectors (m, k) on the ridge where the likelihood has dropped by the amount of the level."""
         return self.ridge.edge(level)
 
     @property
     def draws(self) -> FloatArray:
-        """As `Reading.draws`."""
+        """Draws along the ridge, (m, k)."""
         return self.ridge.draws
 
     @property
     def weights(self) -> FloatArray:
-        """As `Reading.weights`."""
+        """Importance weights (m,) of the draws, summing to 1."""
         return self.ridge.weights
 
     @property
     def pareto(self) -> float:
-        """As `Reading.pareto`."""
+        """Pareto k of the importance weights; above 0.7 the draws cannot be trusted."""
         return self.ridge.pareto
 
     @cached_property
     def deviations(self) -> FloatArray:
-        """As `Reading.deviations`."""
+        """Standard deviations (k,) of the weighted draws."""
         off = self.draws - self.weights @ self.draws
         return np.sqrt(self.weights @ (off * off))

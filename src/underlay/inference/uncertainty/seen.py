@@ -1,4 +1,4 @@
-"""What is seen of a curve's disturbances, in plain numbers: a verdict reads these and nothing else."""
+"""Disturbances of one curve in plain numbers (noise, misfit, step, ramp, turn), from which a verdict is made."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TOP, _CONTACT = 1.0, 0.1  # depths, over the largest, between which the change 
 
 @dataclass(frozen=True)
 class Seen:
-    """Disturbances of one curve, averaged over its hypotheses.
+    """Disturbances of one curve, averaged over its hypotheses by their probabilities.
 
     Parameters
     ----------
@@ -33,21 +33,21 @@ class Seen:
     growth : float
         Standard deviation of the noise at full depth, over that before contact; 1 where it does not grow.
     misfit : float
-        Probability of a misfit.
+        Probability of a misfit, smooth in depth, of the contact law.
     misfit_share : float
         Root mean square of the misfit in contact, over that of the contact force.
     change, change_deviation : float
         ln of the apparent modulus at full depth over that at a tenth of it, and its standard deviation.
     foot : float
-        Share of the misfit's relative size, squared, in the first fifth of the depth; near 1 where the contact is
-        made gradually.
+        Share of the misfit's relative size, squared, in the first fifth of the depth; near 1 where contact is made
+        gradually.
     step, ramp, line, turn : float
-        Probability of a step of the force at contact, of a ramp of the baseline, of fringes or vibration,
-        of a baseline that turns.
+        Probabilities of a step of the force at contact, of a baseline that drifts linearly in time, of interference
+        fringes or vibration, and of a baseline with a kink.
     step_force, ramp_force, turn_force : float
-        Sizes (N) of step, ramp and turn as far as they are seen: across contact, and over the record.
+        Estimated sizes (N): of the step across contact, of ramp and turn over the whole record.
     corrected : float
-        Probability of the hypotheses in which step, ramp or turn are taken out of the value.
+        Probability of the hypotheses under which the fitted value is corrected for step, ramp or turn.
     """
 
     white: float
@@ -77,7 +77,7 @@ def seen_in(
     deviation: float,
     size: int,
 ) -> Seen:
-    """Read the disturbances of one curve off its linearisation.
+    """Estimate the disturbances of one curve from its linearised model.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def seen_in(
     deviation : float
         Unit of the rows (N).
     size : int
-        Readings in a row.
+        Number of readings that are averaged in one row.
     """
     found = list(_amplitudes(columns, hypotheses, table, growth))
     weight = np.array([w for w, _, _, _ in found])
@@ -120,7 +120,14 @@ def seen_in(
 def _amplitudes(
     columns: Columns, hypotheses: Hypotheses, table: NoiseTable, growth: FloatArray
 ) -> Iterator[tuple[float, FloatArray, FloatArray, FloatArray]]:
-    """Weight, amplitudes of all columns, which act, and the covariance of those, under every hypothesis."""
+    """Estimated amplitudes of all columns under each hypothesis in turn.
+
+    Yields
+    ------
+    tuple
+        Probability of the hypothesis; amplitudes (columns,); indices of the columns that act under it; covariance
+        of their amplitudes.
+    """
     coefficients = cosines(columns.values / np.sqrt(growth)[:, None])
     law = np.arange(columns.law.stop)
     acting = law[np.abs(columns.values[:, columns.law]).max(axis=0) > 0.0]
@@ -140,7 +147,11 @@ def _amplitudes(
 
 @dataclass(frozen=True, eq=False)
 class _Profile:
-    """Reads the size and the place of a misfit off its amplitudes."""
+    """Computes size and place of a misfit from its amplitudes.
+
+    `inside` are the rows in contact, `force` the contact force of all rows, and `reads` the coefficients by which
+    amplitudes give the change of ln E with depth (`_readers`).
+    """
 
     columns: Columns
     inside: NDArray[np.intp]
@@ -155,7 +166,14 @@ class _Profile:
     def of_one(
         self, one: tuple[float, FloatArray, FloatArray, FloatArray]
     ) -> tuple[float, FloatArray, float]:
-        """Relative size, (change of ln E, its variance) and share of the first fifth, of one hypothesis."""
+        """Describe the misfit of one hypothesis, given as `_amplitudes` yields it.
+
+        Returns
+        -------
+        tuple
+            Root mean square over that of the contact force; change of ln E from a tenth of the depth to all of it,
+            and its variance; share of the squared relative misfit in the first fifth of the depth.
+        """
         _, amplitudes, active, covariance = one
         misfit = np.zeros(len(self.columns.values))
         for place in self.columns.families[:LINE]:
@@ -170,7 +188,7 @@ class _Profile:
 
 
 def _readers(columns: Columns, tangent: Tangent) -> FloatArray:
-    """Coefficients (columns,) with which amplitudes make ln E(full depth) - ln E(a tenth)."""
+    """Coefficients (columns,) whose product with the amplitudes is ln E(full depth) - ln E(a tenth of it)."""
     order = np.argsort(columns.v, kind="stable")
     v = columns.v[order]
     peak = {"relative": np.abs(tangent.contact).max(), "shift": np.abs(tangent.stiffness).max()}

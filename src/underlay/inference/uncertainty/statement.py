@@ -1,7 +1,4 @@
-"""What a fit says of itself: the answer of every quantity, and the verdict.
-
-Each is computed when it is first asked for, and kept.
-"""
+"""The answer of every quantity of a fit, and its verdict, each computed at its first use and kept."""
 
 from __future__ import annotations
 
@@ -49,7 +46,7 @@ _VALUE, _PLAIN, _FIRST_MOVE = 0, 1, 2
 
 @dataclass(frozen=True, eq=False)
 class _Scale:
-    """The scale on which errors of one quantity add: its scaled coordinate, or its logarithm.
+    """The scale on which errors of one quantity add: its scaled coordinate, its logarithm, or its plain value.
 
     Parameters
     ----------
@@ -58,9 +55,9 @@ class _Scale:
     low, high : float
         Ends of the statistical interval, on the scale.
     places : FloatArray
-        The quantity, on the scale, at `Statement._places`, (p,).
+        The quantity, on the scale, at each of the scaled vectors `Statement._places`, (p,).
     physical : callable
-        The quantity (SI) of a number on the scale.
+        Converts a number on the scale to the quantity (SI).
     """
 
     name: str
@@ -72,7 +69,7 @@ class _Scale:
 
     @property
     def value(self) -> float:
-        """Where the answer has it, on the scale."""
+        """The answer's value, on the scale."""
         return float(self.places[_VALUE])
 
     def at(self, below: float, above: float) -> tuple[float, float]:
@@ -84,14 +81,14 @@ class _Scale:
 
 @dataclass(frozen=True, eq=False)
 class Statement:
-    """What one fit says of itself.
+    """Computes answers, verdict and sensitivities of one fit.
 
     Parameters
     ----------
     fit : Fit
         The fit.
     refit : callable
-        Fits a problem, begun at the values of its scenes.
+        Fits a problem, with the values of its scenes as the starting point.
     """
 
     fit: Fit
@@ -108,20 +105,20 @@ class Statement:
     @cached_property
     @one_thread()
     def reading(self) -> Reading:
-        """Intervals and draws that are read from the likelihood."""
+        """Intervals and draws of the fitted numbers, from the likelihood."""
         return self.likelihood.read(0)
 
     @cached_property
     @one_thread()
     def sources(self) -> tuple[Source, ...]:
-        """Sources of the systematic part."""
+        """Sources of the systematic part of the intervals; none for a robust fit."""
         if self.fit.statistics.robust != "none":
             return ()
         return sources_of(self.fit, self.likelihood.moved, self.refit)
 
     @one_thread()
     def answer(self, name: str, level: float = _LEVEL) -> Answer:
-        """The answer of a parameter or of what follows from parameters; see `Fit.answer`."""
+        """The answer of a parameter, or of a quantity computed from parameters; see `Fit.answer`."""
         require_level(level)
         key = (name, level)
         if key not in self._answers:
@@ -131,7 +128,7 @@ class Statement:
     @cached_property
     @one_thread()
     def verdict(self) -> Advice:
-        """Whether the fit can be used, why not, and what to do."""
+        """Whether the fit can be used, why not, and what to do next."""
         return verdict_of(self.fit, self.reading, self.answer)
 
     @cached_property
@@ -156,7 +153,7 @@ class Statement:
         return low, middle, high
 
     def modulus_by_depth(self, curve: int, points: int, level: float) -> PointwiseModulus:
-        """E by depth of one curve; see `Fit.modulus_by_depth`."""
+        """Young's modulus fitted at each depth of one curve; see `Fit.modulus_by_depth`."""
         from underlay.inference.pointwise.modulus import modulus_by_depth  # noqa: PLC0415  few ask
 
         return modulus_by_depth(self.fit, curve=curve, points=points, level=level)
@@ -164,7 +161,11 @@ class Statement:
     # --- one quantity -------------------------------------------------------------------------------------
     @cached_property
     def _places(self) -> FloatArray:
-        """Scaled vectors (p, k): the value, least squares, both sides of all moves, and all middles."""
+        """Scaled vectors (p, k) at which each quantity is computed.
+
+        The first is the answer's value, the second the least-squares optimum; then come the two sides of every
+        shift by a source of systematic error, then the mean shift of every source.
+        """
         at = self.reading.corrected
         moved = [(at + source.moves).reshape(-1, len(at)) for source in self.sources]
         middles = [(at + source.bias)[None] for source in self.sources]
@@ -223,7 +224,7 @@ class Statement:
         return _Scale(name, unit, low, high, places, _exponential if positive else float)
 
     def _found(self, scale: _Scale, level: float) -> Answer:
-        """Both parts in quadrature on the scale, and what each source has of them."""
+        """The answer: statistical and systematic part added in quadrature on the scale, and the budget's rows."""
         below, above = max(scale.value - scale.low, 0.0), max(scale.high - scale.value, 0.0)
         times = float(special.ndtri(0.5 + 0.5 * level) / special.ndtri(0.5 + 0.5 * _LEVEL))
         arms = {source: times * own for source, own in self._arms(scale).items()}
@@ -261,7 +262,10 @@ class Statement:
         )
 
     def _arms(self, scale: _Scale) -> dict[Source, FloatArray]:
-        """How far every source moves the scale down and up, (2,): its rows are independent."""
+        """How far each source of systematic error moves the quantity down and up on the scale, (2,).
+
+        The independent rows of a source add in quadrature.
+        """
         arms, first = {}, _FIRST_MOVE
         for source in self.sources:
             count = 2 * len(source.moves)
@@ -271,12 +275,12 @@ class Statement:
         return arms
 
     def _biases(self, scale: _Scale) -> dict[Source, float]:
-        """How far the middle of every source lies from the value, on the scale."""
+        """Mean shift of the quantity by each source of systematic error, on the scale."""
         middles = scale.places[len(scale.places) - len(self.sources) :] - scale.value
         return dict(zip(self.sources, middles.tolist(), strict=True))
 
     def _notes(self, scale: _Scale) -> tuple[str, ...]:
-        """Rules that moved the value, in words."""
+        """Sentences on what was corrected in the value, with the value before the correction."""
         notes = []
         plain = float(scale.places[_PLAIN])
         if plain != scale.value:
@@ -298,7 +302,11 @@ class Statement:
 def _row(
     scale: _Scale, said: tuple[str, str, str], own: FloatArray, bias: float, total: float
 ) -> Contribution:
-    """Row of a source (name, size, origin): arms (2,) about its middle, and its share of the `total` variance."""
+    """Row of the budget for one source.
+
+    `said` is its name, size and origin, `own` (2,) how far it moves the quantity down and up about its mean shift
+    `bias`, and `total` the variance of all sources on the scale.
+    """
     low, high = scale.at(max(float(own[0]) - bias, 0.0), max(float(own[1]) + bias, 0.0))
     value, square = scale.physical(scale.value), float(own @ own)
     share = 1.0 if not math.isfinite(square) else square / total if 0.0 < total < math.inf else 0.0

@@ -1,6 +1,6 @@
-"""The curves of a fit as this room needs them: each one's model, its readings in blocks, its stated noise.
+"""The curves of a fit as the likelihood needs them: model, averaged or whitened readings, stated noise.
 
-The only file of this room that knows `Problem`, `Member`, `Forward` and `Fit`.
+The only file of this folder that uses `Problem`, `Member`, `Forward` and `Fit`.
 """
 
 from __future__ import annotations
@@ -27,14 +27,15 @@ _CONTACT, _COMPLIANCE, _MODULUS = "instrument.contact_depth", "instrument.compli
 
 
 class Tangent(NamedTuple):
-    """Model of one curve at one vector, in units of the deviation of a row.
+    """Model of one curve and its derivatives at one vector; forces in units of the standard deviation of a row.
 
     Parameters
     ----------
     force, pressing : FloatArray
         Instrument's force and contact force P, (n,) each.
     contact, stiffness : FloatArray
-        P and dP/dw (per m), (n,) each, times what a compliance C leaves of their change, 1/(1 + C dP/dw).
+        P and dP/dw (per m), (n,) each, times 1/(1 + C dP/dw), the share of a change that a compliance C in series
+        lets the instrument read.
     columns : FloatArray
         d force / d scaled vector, (n, k).
     penetration : FloatArray
@@ -51,32 +52,32 @@ class Tangent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CurveModel:
-    """One curve as rows of a least-squares problem: blocks of readings, or readings whitened by a stated noise.
+    """One curve as rows of a least-squares problem: block averages, or all readings whitened by a stated noise.
 
     Parameters
     ----------
     problem : Problem
-        The problem whose vectors it is asked at.
+        The problem, which converts scaled vectors to physical values.
     member : Member
         The curve.
     forward : Forward
         Its model, at the depths of the rows or of all readings.
     fold : callable
-        Rows (..., n) of readings (..., points); whitening and blocks are linear.
+        Rows (..., n) of readings (..., points); whitening and averaging are linear.
     answers : callable
-        Rows (..., n) of what `forward` answers.
+        Rows (..., n) of values that `forward` returns.
     depth, measured : FloatArray
         Rows of the depth (m) and of the force in units of `deviation`, (n,).
     deviation : float
         Standard deviation of a row that least squares assumed (N); 1 where rows are whitened.
     size : int
-        Readings in a block.
+        Number of readings in a block.
     least_variance : float
-        Variance of a row that the last digit of the readings makes, in units of deviation^2.
+        Variance of a row due to rounding of the readings, in units of deviation^2.
     is_open : bool
-        Whether nothing is said of the noise.
+        Whether no noise was stated.
     size_is_known : bool
-        Whether the size of the noise is said: a row has then variance 1.
+        Whether the size of the noise was stated: a row has then variance 1.
     """
 
     problem: Problem
@@ -93,7 +94,7 @@ class CurveModel:
     size_is_known: bool
 
     def tangent(self, vector: FloatArray) -> Tangent:
-        """Model at a scaled vector (k,); raises InputError where no law exists."""
+        """Model and derivatives at a scaled vector (k,); raises InputError where no contact law exists."""
         physical, slopes = self.problem.physical(vector), self.problem.slopes(vector)
         values, entries = self.member.values_at(physical), self.member.entries
         reading, own = self.forward.jacobian(values, tuple(entries), rough=True)
@@ -119,22 +120,22 @@ class CurveModel:
         return self.answers(found.contact), self.answers(found.force), found.possible
 
     def rows(self, column: FloatArray) -> FloatArray:
-        """Rows (n,) of an additive force (N), (points,), at the curve's readings."""
+        """Rows (n,) of a force (N), (points,), that is added to the curve's readings."""
         return self.fold(np.asarray(column, dtype=np.float64))
 
     def curve(self, rows: FloatArray) -> Curve:
-        """Curve of the rows' depths with other forces, (n,) in units of `deviation`."""
+        """A curve at the depths of the rows, with the forces `rows` (n,) in units of `deviation`."""
         return Curve(self.depth, rows * self.deviation)
 
     def _plain(self, values: FloatArray) -> FloatArray:
-        """Rows without units of values at the depths of `forward`: blocks are averaged, nothing is whitened."""
+        """Block averages, in their own units and not whitened, of values at the depths of `forward`."""
         if len(values) == len(self.measured):
             return values
         return self.answers(values) * self.deviation
 
 
 def curve_models(fit: Any) -> list[CurveModel]:
-    """Models of the curves of a `Fit`, one each."""
+    """One `CurveModel` for each curve of a `Fit`."""
     make = _open if fit.problem.noise_is_open else _stated
     return [make(fit, i) for i in range(len(fit.problem.members))]
 
@@ -156,17 +157,21 @@ def bending(problem: Problem) -> NDArray[np.bool_]:
 
 
 def scales_force(problem: Problem) -> NDArray[np.bool_]:
-    """Mask (k,) of the entries that act on the contact force, and not on what is read beside it."""
+    """Mask (k,) of the entries that act on the contact force: all but those of the instrument's baseline."""
     return np.array([not c.path.startswith("instrument.baseline") for c in problem.coordinates])
 
 
 def held(fit: Any) -> NDArray[np.bool_]:
-    """Mask (k,) of the entries of a vector that lie on a bound."""
+    """Mask (k,) of the entries of a fit's vector that lie on a bound."""
     return np.array([name in fit.bounds_hit for name in fit.names])
 
 
 def _open(fit: Any, i: int) -> CurveModel:
-    """Blocks; a sample that remembers or adheres is asked at every reading, and its answers are averaged."""
+    """Model of curve `i` as block averages, for a fit without a stated noise.
+
+    A sample with a time-dependent or adhesive law is evaluated at every reading and the forces are averaged; else
+    the law is evaluated at the averaged depths.
+    """
     problem, member = fit.problem, fit.problem.members[i]
     curve = member.curve
     contact = member.values_at(problem.physical(fit.vector))[_CONTACT]
@@ -192,7 +197,7 @@ def _open(fit: Any, i: int) -> CurveModel:
 
 
 def _stated(fit: Any, i: int) -> CurveModel:
-    """All readings, whitened by the noise that was stated."""
+    """Model of curve `i` with all readings, whitened by the stated noise."""
     problem, member, noise = fit.problem, fit.problem.members[i], fit.noises[i]
     sigma, time, depth = fit.sigmas[i], member.curve.time, member.curve.depth
 
@@ -205,27 +210,27 @@ def _stated(fit: Any, i: int) -> CurveModel:
 
 
 def has_common_errors(problem: Problem) -> bool:
-    """Whether curves share errors that rows of one curve do not know."""
+    """Whether the curves share errors, which the rows of a single curve cannot show."""
     return problem.common is not None
 
 
 def noise_entries(problem: Problem) -> NDArray[np.intp]:
-    """Entries of a vector that are numbers of the noise."""
+    """Indices of the entries of a vector that are parameters of the noise."""
     return np.array(sorted(problem.noise_entries), dtype=np.intp)
 
 
 def log_posterior(problem: Problem, vectors: FloatArray) -> FloatArray:
-    """Log-density (sets,) of scaled vectors (sets, k) where the noise is stated."""
+    """Log-posterior (sets,) of scaled vectors (sets, k), for a stated noise."""
     return problem.log_posterior(vectors)
 
 
 def log_prior(problem: Problem, vectors: FloatArray) -> FloatArray:
-    """Log-density (sets,) of scaled vectors (sets, k) before the test; -inf outside the bounds."""
+    """Log-prior (sets,) of scaled vectors (sets, k); -inf outside the bounds."""
     return problem.log_prior(vectors)
 
 
 def tangents(models: Sequence[CurveModel], vector: FloatArray) -> list[Tangent] | None:
-    """Tangents of all curves at a vector (k,); None where a law does not exist."""
+    """Linearisations of all curves at a vector (k,); None where a contact law does not exist."""
     try:
         return [model.tangent(vector) for model in models]
     except InputError:
@@ -233,7 +238,7 @@ def tangents(models: Sequence[CurveModel], vector: FloatArray) -> list[Tangent] 
 
 
 def prior_precision(problem: Problem) -> FloatArray:
-    """What priors that say something add to the curvature of the log-density, (k,); zero for flat ones."""
+    """Curvature (k,) that informative priors add to the negative log-density; zero for flat ones."""
     found = np.zeros(len(problem.coordinates))
     for i, coordinate in enumerate(problem.coordinates):
         if coordinate.prior.informative:

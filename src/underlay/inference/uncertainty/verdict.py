@@ -1,8 +1,8 @@
-"""Whether a fit can be used: one word, one clause, the likeliest cause, and the next step.
+"""The verdict whether a fit can be used: one word, one clause, the likeliest cause, and the next step.
 
-Judged by what a disturbance does to the number, not by a test: the change of the apparent modulus over the fitted
-range, the force that sets in at contact and the drift of the baseline as the likelihood sees them (`Seen`), and by
-the width of the answers. Correlated noise alone is no fault of the model.
+It rests on how much a disturbance changes the fitted number, not on a significance test: the change of the apparent
+modulus over the fitted range, the force step at contact and the drift of the baseline (`Seen`), and the widths of
+the intervals. Correlated noise alone is no reason for doubt.
 """
 
 from __future__ import annotations
@@ -72,14 +72,14 @@ _WARNED = {
 
 
 def verdict_of(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Advice:
-    """Judge a fit by what is seen of its curves and by its answers.
+    """Judge a fit by the disturbances of its curves and by its answers.
 
     Parameters
     ----------
     fit : Fit
         The fit.
     reading : Reading
-        What was read from its likelihood.
+        Intervals, draws and disturbances from its likelihood.
     answer : callable
         Answer of a quantity by its name.
     """
@@ -93,7 +93,7 @@ def verdict_of(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> A
 
 
 def _residuals(fit: Fit) -> str:
-    """Residuals as a share of the largest force."""
+    """The residuals as text: root mean square as a percentage of the largest force, the worst curve's."""
     share = 100.0 * max(_left(fit, i) for i in range(len(fit.curves)))
     return f" (residuals {f'{share:.0f}' if share >= 1.0 else f'{share:.1g}'} %)"
 
@@ -123,7 +123,7 @@ def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Itera
 
 # --- the model ----------------------------------------------------------------------------------------------
 def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
-    """A law that is off: altogether, or by an amount that changes with depth."""
+    """Advice where the law does not fit: everywhere, or by an amount that changes with depth."""
     signed, deviation = change_with_depth(fit, i)
     change = abs(signed)
     if change < _CHANGED or change < _SURE * deviation:
@@ -186,7 +186,7 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
 
 
 def _may_stiffen(scene: Scene, deepest: float) -> bool:
-    """Whether a layer that stiffens is known for this test, as deep (m) as it goes, and is not in it."""
+    """Whether a strain-stiffening layer could be used for this test, to the depth `deepest` (m), and is not yet."""
     # Not loaded for a curve that its model describes.
     from underlay.mechanics.stiffening import Gent  # noqa: PLC0415  see above
 
@@ -202,8 +202,9 @@ def _may_stiffen(scene: Scene, deepest: float) -> bool:
 def change_with_depth(fit: Fit, i: int) -> tuple[float, float]:
     """ln of the apparent modulus at full depth over that at a tenth of it, and its standard deviation.
 
-    From the residuals of one curve: a relative error of the force that grows as sqrt(w), beside all that is free
-    and a step at contact, whose shape is like it; as much less sure as the residuals that are left hang together.
+    By linear regression of one curve's residuals on a relative error of the force that grows as sqrt(w), w the
+    indentation depth, together with all free parameters and a step at contact, whose shape is similar. The standard
+    deviation allows for the correlation of the remaining residuals.
     """
     problem = fit.problem
     member, physical = problem.members[i], problem.physical(fit.vector)
@@ -225,7 +226,7 @@ def change_with_depth(fit: Fit, i: int) -> tuple[float, float]:
 
 
 def _of_memory(fit: Fit, i: int) -> Iterator[Advice]:
-    """What the memory of a sample says of its record at the fitted numbers."""
+    """Advice from the sample's time-dependent model about its record at the fitted numbers."""
     scene, curve = fit.scenes[i], fit.curves[i]
     memory = scene.memory
     if isinstance(memory, WholeHistory) and curve.time is not None:

@@ -27,7 +27,7 @@ _BENDS, _VISIBLE = 4, 0.3  # bends that are kept at most; deviations of all rows
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A vector (k,) on a ridge, and the curves linearised there."""
+    """A scaled vector (k,) on the ridge, and the curves linearised there."""
 
     vector: FloatArray
     places: Sequence[Place]
@@ -35,11 +35,20 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The path that a walk keeps to.
+    """The least-squares problem that places a ridge's nodes.
 
-    It has bounds (k, 2) of the scaled vector, and per curve rows (n, q) that are taken out (`without`).
-    `misses` are the residuals of the rows at least squares, (n,) each, zero where the fitted model is the aim;
-    `priors` (k,) is the curvature of the priors.
+    Parameters
+    ----------
+    density : Density
+        Density of the scaled vector.
+    bounds : FloatArray
+        Bounds (k, 2) of the scaled vector.
+    misses : sequence of FloatArray
+        Residuals (n,) of each curve at least squares; zero where nodes approximate the fitted model.
+    without : sequence of FloatArray
+        Columns (n, q) of each curve (step, ramp, turn) that are projected out of its rows.
+    priors : FloatArray
+        Curvature (k,) of the priors.
     """
 
     density: Density
@@ -49,7 +58,7 @@ class Path:
     priors: FloatArray
 
     def node(self, vector: FloatArray) -> Node | None:
-        """Linearise at a vector (k,); None where no law is."""
+        """Linearise all curves at a vector (k,); None where no contact law exists."""
         found = tangents([curve.model for curve in self.density.curves], vector)
         if found is None:
             return None
@@ -89,16 +98,16 @@ class Path:
 def walk(
     path: Path, start: FloatArray, coordinate: int, deviation: float, level: Callable[[Node], float]
 ) -> list[Node]:
-    """Walk along a ridge to both sides, to where the evidence has fallen by 8 nats, or to a bound.
+    """Points along a ridge to both sides, until the evidence has dropped by 8 nats or a bound is reached.
 
     Parameters
     ----------
     path : Path
-        What the walk keeps to.
+        The least-squares problem of the other entries.
     start : FloatArray
         Scaled vector (k,) to begin at.
     coordinate : int
-        The entry along which it goes.
+        The entry of the vector that is stepped.
     deviation : float
         Standard deviation of that entry, scaled.
     level : callable
@@ -112,7 +121,7 @@ def walk(
     Raises
     ------
     RuntimeError
-        If there is no law at the start.
+        If there is no contact law at the start.
     """
     first = path.settled(np.clip(start, path.bounds[:, 0] + 1e-6, path.bounds[:, 1] - 1e-6), coordinate)
     if first is None:
@@ -168,7 +177,7 @@ def _one_side(
 
 
 def bends_of(nodes: Sequence[Node], density: Density) -> list[FloatArray]:
-    """Orthonormal rows (n, p) of each curve in which its model leaves the tangent along the ridge."""
+    """Orthonormal columns (n, p) of each curve that span the nonlinear change of its model along the ridge."""
     found = []
     for i, curve in enumerate(density.curves):
         fallen = np.array([node.places[i].fallen for node in nodes]).T

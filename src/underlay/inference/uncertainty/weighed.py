@@ -1,4 +1,4 @@
-"""The curves of a fit with what may disturb each weighed at least squares: the ground of every reading."""
+"""The curves of a fit with the probabilities of what may disturb each, at the least-squares optimum."""
 
 from __future__ import annotations
 
@@ -33,7 +33,11 @@ _KNOWN = 1e9  # degrees of freedom of a noise whose size is stated
 
 @dataclass(frozen=True, eq=False)
 class CurveState:
-    """One curve at least squares: its model, tangent, columns and hypotheses."""
+    """One curve at the least-squares optimum: its model, linearisation, columns of disturbances and hypotheses.
+
+    `table` holds the noises that are tried, and `growth` (n,) the relative variances of the rows where the noise
+    grows with stiffness.
+    """
 
     model: CurveModel
     tangent: Tangent
@@ -44,7 +48,7 @@ class CurveState:
 
     @classmethod
     def of(cls, model: CurveModel, vector: FloatArray) -> CurveState:
-        """Weigh what disturbs a curve at the optimum `vector` (k,)."""
+        """Compute the probabilities of what disturbs a curve at the optimum `vector` (k,)."""
         tangent = model.tangent(vector)
         columns, n = Columns.of(tangent, model.measured), len(model.measured)
         if not model.is_open:
@@ -59,19 +63,19 @@ class CurveState:
 
     @cached_property
     def moments(self) -> CurveMoments:
-        """Moments on this linearisation."""
+        """Moments of the residuals under each hypothesis, for this linearisation."""
         return CurveMoments.of(self.columns, self.hypotheses, self.table, self.growth)
 
     @cached_property
     def seen(self) -> Seen:
-        """What is seen of the curve."""
+        """Estimated disturbances of the curve in plain numbers."""
         model = self.model
         return seen_in(
             self.columns, self.tangent, self.hypotheses, self.table, self.growth, model.deviation, model.size
         )
 
     def disturbed(self, rng: np.random.Generator) -> FloatArray:
-        """Rows (n,) of the model with a draw of everything that may disturb it."""
+        """Simulated rows (n,): the model with noise and disturbances drawn from the hypotheses."""
         own = self.hypotheses
         one = int(rng.choice(len(own.weight), p=own.weight))
         n = len(self.model.measured)
@@ -85,12 +89,12 @@ class CurveState:
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """Curves of a fit about its optimum, and all that may disturb them.
+    """Curves of a fit about its optimum, with the probabilities of what may disturb them.
 
     Parameters
     ----------
     fit : Fit
-        The fit: its vector is the value; its problem says what is free, and what is known of the noise.
+        The fit: its vector is the value; its problem states the free parameters and what is known of the noise.
     states : tuple of CurveState
         One for each curve.
     """
@@ -100,7 +104,7 @@ class Weighed:
 
     @property
     def seen(self) -> tuple[Seen, ...]:
-        """What is seen of each curve."""
+        """Estimated disturbances of each curve (noise, misfit, step, ramp, turn)."""
         return tuple(state.seen for state in self.states)
 
     @cached_property
@@ -110,7 +114,7 @@ class Weighed:
 
     @cached_property
     def freedom(self) -> float:
-        """Degrees of freedom with which the size of the noise is known."""
+        """Degrees of freedom of the noise's variance; 1e9 where its size is stated."""
         if all(state.model.size_is_known for state in self.states):
             return _KNOWN
         rows = sum(len(state.model.measured) for state in self.states)
@@ -118,7 +122,7 @@ class Weighed:
 
     @cached_property
     def mixture(self) -> Mixture:
-        """Distribution of the scaled vector where the force is straight in it."""
+        """Distribution of the scaled vector if the force is linear in it."""
         if has_common_errors(self.fit.problem):
             # Moments of one curve know nothing of what all share; the fit's own covariance does.
             vector, covariance = np.asarray(self.fit.vector), np.asarray(self.fit.scaled_covariance)
@@ -149,7 +153,8 @@ class Weighed:
         ]
 
     def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
-        """Shift (k,) of the scaled vector that additive forces (N), one (points,) a curve, make, to first order."""
+        """Shift (k,) of the scaled vector, to first order, by added forces (N), one array (points,) for each curve.
+        """
         pulls, normal = np.zeros(len(self.fit.vector)), np.zeros((len(self.fit.vector),) * 2)
         for state, column in zip(self.states, columns, strict=True):
             law = state.columns.values[:, state.columns.law]
@@ -162,12 +167,12 @@ class Weighed:
 
     @cached_property
     def priors(self) -> FloatArray:
-        """Curvature (k,) of the log-density of the priors that say something."""
+        """Curvature (k,) of the log-density of the informative priors; zero for flat ones."""
         return prior_precision(self.fit.problem)
 
     @cached_property
     def determined(self) -> NDArray[np.bool_]:
-        """Entries that act on some curve, (k,)."""
+        """Mask (k,) of the entries that act on some curve."""
         acts = [np.abs(own.columns.values[:, own.columns.law]).max(axis=0) > 0.0 for own in self.states]
         return np.asarray(np.any(acts, axis=0))
 
@@ -178,5 +183,8 @@ class Weighed:
 
 
 def least_norm(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Least-norm solution (k,): two numbers that act alike share what they must do."""
+    """Least-norm solution (k,) of a symmetric system that may be singular.
+
+    Parameters with the same effect then share it equally.
+    """
     return np.asarray(np.linalg.pinv(matrix, hermitian=True) @ right)
