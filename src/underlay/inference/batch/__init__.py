@@ -1,1 +1,1 @@
-"""Many curves in one table: who works (processes, Dask), what is written, and how a run goes on."""
+"""Fits of many curves into one table: worker processes or Dask, the journal of a run, and its continuation."""

@@ -1,4 +1,4 @@
-"""Where the curves of a map come from: a folder, a list of files, one file of many tests, or memory."""
+"""Lists the curves of a map: of a folder, a list of files, one file of many tests, or in memory."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ class CurvePlace:
     index : int
         Row of the table.
     name : str
-        What the table calls it, distinct from all others.
+        Its name in the table, distinct from all others.
     path : str
         Its file, or the empty string for a curve in memory.
     curve : Curve or None
-        The curve in memory; None is read where it is fitted.
+        The curve in memory; for None it is read from the file where it is fitted.
     of_map : MapCurve or None
-        Which curve of the file, where it is a map.
+        Which curve of the file, where the file is a map.
     x, y : float or None
         Position (m).
     values : mapping
@@ -65,7 +65,7 @@ class CurvePlace:
     sha256 : str
         Hash of a curve in memory, or of its file, where it is known already.
     labels : mapping
-        Labels that say whose it is, by column: animal, group and the like.
+        Labels for a population, by column: animal, group and the like.
     """
 
     index: int
@@ -92,7 +92,7 @@ def list_curves(
     leave_out : iterable of Path
         Files of the folder that are no curves, such as the manifest.
     folders : sequence of str
-        Labels that the folders within the folder stand for, outermost first.
+        Names of the labels that the nested folders stand for, outermost first, e.g. ``["group", "animal"]``.
 
     Raises
     ------
@@ -123,14 +123,14 @@ def list_curves(
 
 
 def read_place(place: CurvePlace, file: SceneFile | None, kept: KeptOpen | None = None) -> Curve:
-    """Read the part of a curve that is fitted, as the scene file says it must be read, if there is one.
+    """Read the part of a curve that is fitted, with the reading options of the scene file, if there is one.
 
     Parameters
     ----------
     place : CurvePlace
         The curve.
     file : SceneFile or None
-        Says how it is read.
+        States how curves are read and which part is used.
     kept : KeptOpen, optional
         Holds the file of a map open from one of its curves to the next.
 
@@ -149,14 +149,14 @@ def read_place(place: CurvePlace, file: SceneFile | None, kept: KeptOpen | None 
 
 
 def with_stand_ins(file: SceneFile, places: Sequence[CurvePlace]) -> SceneFile:
-    """Return the scene file with what it leaves to the files of the curves as one of the first curves says it.
+    """Return the scene file with the numbers it leaves to the curve files taken from one of the first curves.
 
-    The model of a map is checked once, before any work; what each curve's own file says replaces it there.
+    With them the model of a map is checked once, before any work; each curve's own file replaces them later.
 
     Raises
     ------
     InputError
-        If none of the first curves that can be read says it.
+        If none of the first curves that can be read states them.
     """
     if not file.left_out:
         return file
@@ -212,7 +212,7 @@ def _of_path(path: Path, leave_out: set[Path], folders: Sequence[str]) -> list[C
 
 
 def _of_folders(path: Path, leave_out: set[Path], folders: Sequence[str]) -> list[CurvePlace]:
-    """Curves of folders in folders, labelled by the names of these."""
+    """Curves of nested folders, with the folders' names as labels."""
     if not path.is_dir():
         raise InputError(f"{path} is no folder: there are no folders in it to stand for {', '.join(folders)}")
     places: list[CurvePlace] = []
@@ -224,7 +224,7 @@ def _of_folders(path: Path, leave_out: set[Path], folders: Sequence[str]) -> lis
 
 
 def _of_several(curves: object) -> list[CurvePlace]:
-    """Places of curves and paths; none of what cannot be gone through."""
+    """Curves from an iterable of curves and paths; an empty list for anything else."""
     places = []
     for index, entry in enumerate(curves if isinstance(curves, Iterable) else ()):
         if isinstance(entry, Curve):

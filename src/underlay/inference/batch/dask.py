@@ -1,4 +1,4 @@
-"""Chunks of curves through the workers of a Dask scheduler: the same code, on many machines."""
+"""Fits chunks of curves on the workers of a Dask scheduler, with the code that local processes run."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def through_dask(
 ) -> Generator[Rows, None, None]:
     """Fit curves on the workers of the scheduler at `address`; yield rows as they come, in any order.
 
-    Dask gives out again what a lost worker had; its rows come once. A chunk on which workers die again and
-    again is cut up, so that one curve cannot take others with it.
+    Dask resubmits the chunks of a lost worker; each row comes once. A chunk on which workers die repeatedly is
+    split into single curves, so that one bad curve does not take others with it.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ def through_dask(
     MissingExtraError
         If Dask is not installed.
     SchedulerError
-        If the scheduler does not answer within `timeout` (s), has no workers, they do not see the files, or
-        it goes away.
+        If the scheduler does not answer within `timeout` (s), has no workers, they do not see the files, or the
+        connection is lost.
     """
     distributed = _distributed()
     client = _connect(distributed, address, timeout)
@@ -142,7 +142,7 @@ def _sees(path: str) -> bool:
 
 
 def _require_files(client: Any, todo: Sequence[CurvePlace], address: str) -> None:
-    """Refuse a cluster that does not see the curves."""
+    """Raise SchedulerError if a worker of the cluster cannot see the first curve's file."""
     first = next((place.path for place in todo if place.curve is None), None)
     if first is None:
         return

@@ -1,8 +1,8 @@
-"""The table of a map read again, and what a person decided of single curves: accepted or refused, and why.
+"""Reads the table of a map and a person's decisions on single curves, accepted or refused, with reasons.
 
 Decisions are a small CSV, and columns of the map's table. A curve refused by hand keeps its numbers in the table,
-but its ``status`` is no longer that of a fitted curve, so that it counts nowhere; ``reason`` says that it was
-refused and why. One that is accepted counts although it is doubtful.
+but its ``status`` is no longer that of a fitted curve, so that it is left out of all statistics; ``reason`` says
+that it was refused and why. One that is accepted is included although it is doubtful.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ _NORMAL_95 = 1.96
 
 @dataclass(frozen=True)
 class Decision:
-    """What was decided of one curve.
+    """A person's decision on one curve.
 
     Parameters
     ----------
     accepted : bool
-        Whether it counts.
+        Whether the curve is used.
     reason : str
         Why.
     """
@@ -86,7 +86,7 @@ class Decisions:
     Parameters
     ----------
     by_curve : mapping of str to Decision
-        Curves of which nothing was decided are not among them.
+        Only the curves for which a decision was made.
 
     Examples
     --------
@@ -100,7 +100,9 @@ class Decisions:
     by_curve: Mapping[str, Decision]
 
     def applied(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Return the table of a map with columns ``decision`` and ``decision_reason``, and refusals carried out.
+        """Return a map's table with columns ``decision`` and ``decision_reason``, and refused curves marked.
+
+        Refused curves get the status ``"refused by hand"``.
 
         Raises
         ------
@@ -153,14 +155,14 @@ def read_decisions(path: str | os.PathLike[str]) -> Decisions:
     ----------
     path : path
         A table, with commas or semicolons, with the columns ``curve``, ``decision`` (accept, refuse or empty) and
-        ``reason``, which a refusal needs; other columns are not read.
+        ``reason``, which a refusal needs; other columns are ignored.
 
     Raises
     ------
     FileAccessError, FileFormatError
         If it cannot be read, or is no such table.
     InputError
-        If a decision is another word, a refusal has no reason, or two rows decide of one curve differently; the
+        If a decision is another word, a refusal has no reason, or two rows contradict each other on one curve; the
         message names the line.
     """
     text = read_text(path, _KIND)
@@ -184,7 +186,7 @@ def read_decisions(path: str | os.PathLike[str]) -> Decisions:
 
 
 def _rows(text: str) -> Iterator[tuple[int, str, str, str]]:
-    """Line, curve, decision and reason of every row."""
+    """Line number, curve, decision and reason of every row of the CSV."""
     first = text.split("\n", 1)[0]
     # Half of Europe's spreadsheets write semicolons.
     separator = ";" if first.count(";") > first.count(",") else ","
@@ -202,7 +204,7 @@ def _rows(text: str) -> Iterator[tuple[int, str, str, str]]:
 
 
 def without_refused(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table of a map with the numbers of curves refused by hand left empty, as pictures need it."""
+    """Return a map's table with the numbers of curves refused by hand set to nan, for pictures."""
     refused = (table["status"] == REFUSED_BY_HAND).to_numpy(dtype=bool)
     if not refused.any():
         return table
@@ -221,16 +223,17 @@ _TO_THE_BIT: Mapping[str, Any] = (
 
 
 def is_map(path: PathLike) -> bool:
-    """Whether a file is the table of a map: Parquet, or a CSV with its header."""
+    """Whether a file is the table of a map: Parquet, or a CSV that begins with the map's header."""
     if Path(path).suffix.lower() == ".parquet":
         return True
     return read_start(path, len(_HEADER)) == _HEADER.encode()
 
 
 def shared_error_of(table: pd.DataFrame) -> float | None:
-    """Relative standard error of the modulus that inputs and model give all curves alike; None without answers.
+    """Relative standard error of the modulus that all curves of a map share; None without its columns.
 
-    Inputs of one test act on all of its curves in the same direction: they do not average out.
+    It comes from uncertain inputs and the model, which shift all curves of one test in the same direction, so that
+    it does not average out. The median over the fitted curves.
     """
     low, high = "layer.E.syst.low", "layer.E.syst.high"
     if not {low, high} <= set(table.columns):

@@ -1,7 +1,7 @@
-"""Fit many curves, a whole map: on one machine or many, without losing the night to one bad curve.
+"""Fits many curves, e.g. of a whole map, on one or many machines, with a row for each, also for those that fail.
 
-Rows are appended to a journal as they come and gathered into one table (`journal`, `results_table`). The
-same worker code (`work`) runs in processes of this machine (`processes`) or under a Dask scheduler (`dask`).
+Rows are appended to a journal as they come and gathered into one table (`journal`, `results_table`). The same
+worker code (`work`) runs in processes of this machine (`processes`) or under a Dask scheduler (`dask`).
 """
 
 from __future__ import annotations
@@ -75,38 +75,37 @@ def fit_many(
     curves : path, or iterable of Curve or path
         A folder with one curve per file, one file that holds many tests, or a list.
     scene : Scene, or path of a scene file
-        What they have in common. A scene file also says what is free and which part of a curve is used;
+        What they have in common. A scene file also states the free parameters and which part of a curve is used;
         with a `Scene`, files give their loading part and curves in memory are fitted as they are.
     free : mapping of path to prior
-        As in `Problem`; by default what the scene file says.
+        As in `Problem`; by default what the scene file states.
     manifest : path, DataFrame or sequence of mappings, optional
         Numbers of single curves: ``file``, ``name``, ``x``, ``y``, any parameter path, and labels (``animal``,
-        ``group``) that say whose a curve is; see `underlay.inference.batch.manifest`. With labels the table
-        keeps what `population` needs.
+        ``group``) for a population; see `underlay.inference.batch.manifest`. With labels the table keeps what
+        `population` needs.
     workers : int, optional
-        Processes, each with one thread. By default as many as there are processors and curves to keep them
-        busy; 0 fits in this process, to look into a failure.
+        Processes, each with one thread. By default as many as there are processors and curves to keep them busy; 0
+        fits in this process, for debugging a failure.
     scheduler : str, optional
         Address of a Dask scheduler, such as ``"tcp://10.0.0.1:8786"``, whose workers are used instead (extra
         ``cluster``). Files must have the same path there.
     output : path, optional
-        Table to write, ``.csv`` or ``.parquet``, or a folder for ``map.csv``. Beside it stands a journal
-        (``map.csv.journal``) that holds every row from the moment it is there: no interruption loses it.
+        Table to write, ``.csv`` or ``.parquet``, or a folder for ``map.csv``. Next to it a journal
+        (``map.csv.journal``) holds every finished row, so that an interruption loses none.
     options : MapOptions, optional
-        The rest: noise, solver, sampling, whether the run in `output` is continued, limits of time.
+        Further options: noise, solver, sampling, whether the run in `output` is continued, limits of time.
 
     Returns
     -------
     pandas.DataFrame
-        One row per curve, in the order of the curves (SI): ``name``, ``path``, ``x``, ``y``, ``status``
-        ("fitted" or "failed"), ``verdict``, ``reason``, ``cause``, every free parameter with the ends of its
-        combined interval and of both parts (``<parameter>.low``, ``.high``, ``.stat.low``, ``.stat.high``,
-        ``.syst.low``, ``.syst.high``; without answers ``<parameter>.stderr``),
-        every parameter of the manifest or taken from the files, where ``layer.E`` is fitted what the instrument
-        itself found for the same Poisson's ratio (``layer.E.instrument``) and by how much ours differs
-        (``layer.E.difference_percent``), ``law``,
-        ``reduced_chi_square`` (one where the noise is estimated),
-        ``rms`` (N), ``warnings`` (how many), ``seconds``, ``sha256``. A curve that cannot be fitted is a row
+        One row per curve, in the order of the curves (SI): ``name``, ``path``, ``x``, ``y``, ``status`` ("fitted"
+        or "failed"), ``verdict``, ``reason``, ``cause``, every free parameter with the ends of its combined
+        interval and of both parts (``<parameter>.low``, ``.high``, ``.stat.low``, ``.stat.high``, ``.syst.low``,
+        ``.syst.high``; without answers ``<parameter>.stderr``), every parameter of the manifest or taken from the
+        files, where ``layer.E`` is fitted the modulus that the instrument's own software reports, converted to the
+        same Poisson's ratio (``layer.E.instrument``), and by how much ours differs
+        (``layer.E.difference_percent``), ``law``, ``reduced_chi_square`` (one where the noise is estimated),
+        ``rms`` (N), ``warnings`` (their number), ``seconds``, ``sha256``. A curve that cannot be fitted is a row
         with its reason. All but ``seconds`` is the same whatever the number of workers.
 
     Raises
@@ -115,9 +114,9 @@ def fit_many(
         Before any work: curves and manifest do not match, a name is given twice, the model is not possible,
         `output` holds another run.
     FileAccessError
-        If the output cannot be written; during the work also, with every finished row kept.
+        If the output cannot be written; also during the work, with every finished row kept.
     SchedulerError
-        If the scheduler does not answer, or goes away.
+        If the scheduler does not answer, or the connection is lost.
 
     Examples
     --------
@@ -178,7 +177,7 @@ def _journal(table: Path, identity: Mapping[str, Any], layout: Layout, options: 
 
 
 def _require_same_files(journal: Journal | PassingRows, places: Sequence[CurvePlace], layout: Layout) -> None:
-    """Refuse to continue a run of which a curve file is another now."""
+    """Raise InputError where the file of a finished curve has changed since its row was written."""
     done = (place for place in places if journal.has(place.index))
     for place, line in zip(done, journal.lines(), strict=True):
         if place.curve is None and layout.cells(line)["sha256"] != (place.sha256 or file_hash(place.path)):
@@ -196,7 +195,7 @@ def _gather(
     *,
     shown: bool | Told | None,
 ) -> None:
-    """Keep rows as they come; on the way out, whatever the reason, leave a whole table."""
+    """Append rows to the journal as they come, and write the table from time to time and at any exit."""
     last, pause = time.monotonic(), _EVERY
     try:
         with MapProgress(total, journal.done, shown=shown) as line:
@@ -232,7 +231,7 @@ def _through(
     scheduler: str | None,
     options: MapOptions,
 ) -> Generator[Rows, None, None]:
-    """Fit curves under a scheduler, in processes or in this one; yield rows as they come."""
+    """Fit curves under a Dask scheduler, in worker processes or in this process; yield rows as they come."""
     if scheduler is not None:
         size = 1 if model.sampling is not None else _LARGEST_CHUNK
         return through_dask(model, layout, todo, size, scheduler, options.timeout)
@@ -267,7 +266,7 @@ def _here(model: BatchModel, layout: Layout, todo: Sequence[CurvePlace]) -> Gene
 def _with_manifest(
     places: list[CurvePlace], manifest: Any, model: BatchModel
 ) -> tuple[list[CurvePlace], tuple[str, ...], tuple[str, ...]]:
-    """Places with what the manifest says of them, and the paths and labels it gives."""
+    """Curves with their rows of the manifest, and the parameter paths and labels that it gives."""
     if manifest is None:
         return places, (), ()
     read = read_manifest(manifest, model.scene)
@@ -299,7 +298,7 @@ def _identity(model: BatchModel, places: Sequence[CurvePlace], layout: Layout) -
 
 
 def _require_table(output: str | os.PathLike[str]) -> Path:
-    """Path of the table, in a folder that can be written."""
+    """Path of the table, after a check of its format and that its folder can be written."""
     table = _table_path(output)
     require_format(table)
     require_writable_folder(table.parent)

@@ -1,11 +1,11 @@
-"""The record of a map under way: rows are written as they come, and what was written is never lost.
+"""The journal of a map under way: an SQLite database to which rows are written as they come.
 
-An SQLite database of two tables: ``run`` says what the run is (hashes of scene, manifest and curves; a run is
-continued only by the same), ``row`` holds the rows of the table, each with a checksum. The process may be
-killed and the disk may fill at any moment: whole rows stay. The table that people read is made from it.
+It has two tables: ``run`` identifies the run (hashes of scene, manifest and curves; only the same run may continue
+it), ``row`` holds the rows of the map's table, each with a checksum. The process may be killed and the disk may
+fill at any moment: complete rows stay. The table that people read is made from it.
 
-A journal is read before it is trusted: it is opened for reading first, must hold these two tables and nothing
-else, and a row that is not one of this run's is fitted again.
+A journal is checked before it is used: it is opened for reading first, must hold these two tables and nothing else,
+and a row that does not belong to this run is fitted again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _BESIDE = ("", "-wal", "-shm", "-journal")
 
 
 class PassingRows:
-    """Rows of a map that nobody asked to keep: as `Journal`, in memory, gone with the call that made them."""
+    """Rows of a map without an output: the interface of `Journal`, in memory only."""
 
     def __init__(self) -> None:
         self._lines: dict[int, str] = {}
@@ -50,11 +50,11 @@ class PassingRows:
 
     @property
     def done(self) -> int:
-        """How many rows there are."""
+        """Number of rows there are."""
         return len(self._lines)
 
     def has(self, index: int) -> bool:
-        """Whether the row of a curve is there."""
+        """Whether the row of the curve with this index is there."""
         return index in self._lines
 
     def append(self, rows: Iterable[tuple[int, str]]) -> int:
@@ -72,24 +72,24 @@ class PassingRows:
 
 
 class Journal:
-    """Rows of a map, one per curve, on the disk. A context manager.
+    """Rows of a map, one per curve, in a file. A context manager.
 
     Parameters
     ----------
     path : Path
         The file.
     identity : mapping
-        What the run is: ``hashes`` (mapping of what to SHA-256), ``columns``, ``curves`` (how many).
+        Identifies the run: ``hashes`` (name of an input to its SHA-256), ``columns``, ``curves`` (their number).
     is_row : callable
         Whether a text is a row of this run's table.
     resume : bool
-        Continue the file if it is there. Otherwise it must not be there.
+        Continue the file if it exists. Otherwise it must not exist.
 
     Raises
     ------
     InputError
-        If the file is there and `resume` is not set, or it belongs to another run, or another process is
-        writing to it.
+        If the file exists and `resume` is not set, or it belongs to another run, or another process is writing to
+        it.
     FileFormatError
         If it is no such file, or a damaged one.
     FileAccessError
@@ -130,11 +130,11 @@ class Journal:
 
     @property
     def done(self) -> int:
-        """How many rows there are."""
+        """Number of rows there are."""
         return sum(self._there)
 
     def has(self, index: int) -> bool:
-        """Whether the row of a curve is there."""
+        """Whether the row of the curve with this index is there."""
         return bool(self._there[index])
 
     def append(self, rows: Iterable[tuple[int, str]]) -> int:
@@ -153,7 +153,7 @@ class Journal:
         return len(fresh)
 
     def sync(self) -> None:
-        """Have the operating system put everything on the disk."""
+        """Move everything from SQLite's write-ahead log into the database file."""
         with self._reported():
             self._file.execute("PRAGMA wal_checkpoint")
 
@@ -164,7 +164,7 @@ class Journal:
                 yield line.decode()
 
     def _is_begun(self, identity: Mapping[str, Any]) -> bool:
-        """Whether the file holds this run, and not only its first moment; read without writing.
+        """Whether the file holds this run, and not just an empty database; read without writing.
 
         Raises
         ------
@@ -206,7 +206,7 @@ class Journal:
         )
 
     def _lock(self) -> None:
-        """Keep others out, and let a commit be an append that a kill cannot cut."""
+        """Lock out other processes, and set the write-ahead mode in which a kill cannot cut a commit."""
         for pragma in ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL"):
             self._file.execute(f"PRAGMA {pragma}").fetchall()
         # In this mode a lock is only taken by the first that writes.
@@ -255,7 +255,7 @@ class Journal:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Raise the library's errors in place of those of SQLite."""
+        """Convert errors of SQLite to errors of this library."""
         try:
             yield
         except sqlite3.Error as error:
@@ -298,7 +298,7 @@ def _open(path: Path, mode: str) -> sqlite3.Connection:
 
 
 def _require_regular(path: Path) -> None:
-    """Refuse a link, which may lead out of the output, and a pipe, a device or a folder in place of a file."""
+    """Raise FileAccessError where the journal or a companion file of SQLite is a link, pipe, device or folder."""
     for name in (f"{path.name}{end}" for end in _BESIDE):
         beside = path.with_name(name)
         try:
@@ -316,12 +316,12 @@ def _identity_text(identity: Mapping[str, Any]) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text that UTF-8 can write: file names may hold bytes that no encoding knows."""
+    """Text that UTF-8 can encode: undecodable bytes of file names become escapes."""
     return text.encode(errors="backslashreplace").decode()
 
 
 def _text(value: object) -> str:
-    """Text of a cell; empty where it is none."""
+    """Text of a database cell; empty where it holds no bytes."""
     return value.decode(errors="replace") if isinstance(value, bytes) else ""
 
 

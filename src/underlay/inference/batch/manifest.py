@@ -1,10 +1,10 @@
 """The manifest of a map: every curve's file, name, position, labels and own numbers of the scene.
 
-A manifest is a table with one row per curve. ``file`` says which; ``name``, ``x`` and ``y`` are optional;
-``animal``, ``group`` and other labels say whose it is (any name with ``(label)`` after it is one); any other
-column is a parameter path (``layer.thickness``) or one of the short names ``thickness`` and ``radius``.
-In a file, lengths and moduli carry units, in the header (``thickness (mm)``) or in the cell (``1.5 mm``). In
-a table made in Python a bare number is SI.
+A manifest is a table with one row per curve. ``file`` names the curve; ``name``, ``x`` and ``y`` are optional;
+``animal``, ``group`` and other labels group curves (any name followed by ``(label)`` is a label); any other column
+is a parameter path (``layer.thickness``) or one of the short names ``thickness`` and ``radius``. In a file, lengths
+and moduli carry units, in the header (``thickness (mm)``) or in the cell (``1.5 mm``). In a table made in Python a
+bare number is SI.
 """
 
 from __future__ import annotations
@@ -72,7 +72,11 @@ class Entry:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The rows of a manifest by the curve they belong to, the parameter paths and the labels it gives."""
+    """The rows of a manifest by curve.
+
+    `entries` has one `Entry` for each file named, `paths` and `labels` are the parameter paths and labels that have
+    columns, and `source` names the manifest in messages.
+    """
 
     entries: Mapping[str, Entry]
     paths: tuple[str, ...]
@@ -100,7 +104,7 @@ class Manifest:
         return [self.entries[keys[name]] for name in names]
 
     def _keys(self, names: Sequence[str]) -> dict[str, str]:
-        """What the manifest may call each curve: its name, or the last part of it where that is its own."""
+        """The key of each curve's row: its whole name, or the part after the last slash where that is unique."""
         short = Counter(_last(name) for name in names)
         return {
             name: _last(name) if name not in self.entries and short[_last(name)] == 1 else name
@@ -118,14 +122,14 @@ def read_manifest(
     manifest : path, DataFrame, or sequence of mappings
         A CSV file (or one with tabs or semicolons), an Excel workbook, or a table in memory with SI numbers.
     scene : Scene
-        What the curves have in common; every row must make a possible scene of it.
+        What the curves have in common; with the numbers of each row it must be a possible scene.
 
     Raises
     ------
     FileAccessError, FileFormatError
         If the file cannot be read, or is no table.
     InputError
-        If a column is unknown, a unit is missing, a file is named twice, or the numbers of a row make no
+        If a column is unknown, a unit is missing, a file is named twice, or the numbers of a row make no possible
         scene; the message says which row.
     """
     if isinstance(manifest, str | os.PathLike):
@@ -167,7 +171,7 @@ class _Column:
 
 
 def _read_workbook(path: Path) -> pd.DataFrame:
-    """The first sheet of a workbook that has a column of files, as text."""
+    """The first sheet of an Excel workbook that has a column ``file``, as a table of text."""
     with understood(path.name, _KIND):
         for sheet in sheets_of(load(path)):
             rows = [(number, row) for number, row in enumerate(sheet.rows, start=1) if any(row)]

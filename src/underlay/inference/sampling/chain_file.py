@@ -134,7 +134,10 @@ class ChainFile:
         random_state: RandomState,
         counts: tuple[int, int],
     ) -> None:
-        """Write one step: coordinates (walkers, parameters), log-posterior (walkers,), counters so far."""
+        """Write one step: coordinates (walkers, parameters), log-posterior (walkers,), counters.
+
+        `counts` are the numbers of evaluations and of failures so far.
+        """
         self._chain[self.steps] = np.column_stack([coords, log_posterior])
         self._state[(self.steps + 1) % 2] = _packed(random_state, counts)
         self._file.flush()
@@ -269,8 +272,7 @@ def _put_new(
     shape: tuple[int, int],
     progress: Progress | None = None,
 ) -> None:
-    """Write a new chain file, with the steps of `progress` if given, under a temporary name and move it to `path`.
-    """
+    """Write a new chain file, with the steps of `progress` if given, and move it to `path` when it is complete."""
     beside = Path(f"{os.fspath(path)}.new")
     # What a killed run left, or a link that would lead out of the output.
     beside.unlink(missing_ok=True)

@@ -74,7 +74,7 @@ DERIVED = {
 
 
 class AdhesiveNumber(NamedTuple):
-    """A number that follows from a contact that sticks: value (SI) and 95 % interval, infinite where it is open."""
+    """A number of an adhesive contact: value (SI) and 95 % interval, infinite where the data set no limit."""
 
     name: str
     value: float
@@ -208,7 +208,7 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
 
 
 def _pull_offs(member: Member, flat: FloatArray) -> dict[str, FloatArray]:
-    """Pull-off of a contact that sticks, where it can be had for all draws at once."""
+    """Pull-off force (N) and depth (m) at all draws, (n,) each; empty where there is no adhesion."""
     if member.scene.adhesion is None:
         return {}
     found = batched_pull_offs(member.forward, member.values_of(flat), len(flat))
@@ -239,7 +239,7 @@ def _material(member: Member, part: str) -> Base | None:
 
 
 def _moduli(member: Member, part: str, paths: list[str], flat: FloatArray) -> dict[str, FloatArray]:
-    """Reduced and oedometric modulus of one part from the constants at these paths; none of none."""
+    """Reduced and oedometric modulus (Pa), (n,), of one part from the constants at `paths`."""
     material = _material(member, part)
     if material is None or not paths:
         return {}

@@ -1,8 +1,8 @@
-"""How well draws know a posterior, and what they tell: convergence, predictive bands, prior against posterior.
+"""Convergence of posterior draws, predictive bands, and comparison of prior and posterior.
 
-A chain is an array (steps, walkers) of one quantity; each walker counts as a chain. Its memory is emcee's
-autocorrelation time (Goodman and Weare 2010, doi:10.2140/camcos.2010.5.65), and a quantile is as uncertain as the
-walkers differ in it; R-hat and effective sizes are ArviZ's, where that is installed (extra ``uq``): Vehtari,
+A chain is an array (steps, walkers) of one quantity; each walker counts as a chain. Its correlation is measured by
+emcee's autocorrelation time (Goodman and Weare 2010, doi:10.2140/camcos.2010.5.65), and the error of a quantile by
+the scatter of the walkers; R-hat and effective sizes are ArviZ's, where that is installed (extra ``uq``): Vehtari,
 Gelman, Simpson, Carpenter and Buerkner (2021), doi:10.1214/20-BA1221.
 """
 
@@ -83,24 +83,24 @@ _DECADES = 20.0
 
 @dataclass(frozen=True)
 class Importance:
-    """How well weighted draws know a posterior.
+    """How well weighted draws represent a posterior.
 
     Parameters
     ----------
     draws : int
-        How many draws.
+        Number of draws.
     effective : float
         Kish's effective sample size.
     k_hat : float
-        Tail index of the weights (Pareto); above 0.7 they are not to be trusted.
+        Tail index of the weights (Pareto); above 0.7 they cannot be trusted.
     log_evidence, log_evidence_error : float or None
         Natural logarithm of the evidence and its standard error; None where no noise was stated.
     quantile_error : float
         Largest Monte Carlo error of a 2.5, 50 or 97.5 % quantile, in standard deviations of the posterior.
     refused : str
-        Why the weights are not believed; empty where they are.
+        Why the weights are not trusted; empty where they are.
     disagreement : str
-        In words, where a chain and the weights differ by more than their errors; empty where they do not.
+        In words, where a chain and the weighted draws differ by more than their errors; empty where they do not.
     """
 
     draws: int
@@ -114,7 +114,7 @@ class Importance:
 
     @property
     def stands(self) -> bool:
-        """Whether the draws may be believed and no chain differs."""
+        """Whether the weighted draws are trusted and agree with the chain, if there is one."""
         return not (self.refused or self.disagreement)
 
 
@@ -125,33 +125,33 @@ class SamplingDiagnostics:
     Parameters
     ----------
     converged : bool
-        Whether the draws are to be trusted. Of a chain: longer than 50 autocorrelation times and, where ArviZ is
+        Whether the draws can be trusted. Of a chain: longer than 50 autocorrelation times and, where ArviZ is
         installed, R-hat below 1.01; 2.5, 50 and 97.5 % quantiles known to 0.06 standard deviations. Of weighted
         draws: a Pareto k below 0.7, and no chain that differs from them.
     reason : str
         Why it stopped, in words.
     steps, burn_in, thin, walkers : int
-        Steps taken, steps dropped at the start, steps per kept draw, walkers; of a chain that judges weighted
-        draws its own.
+        Steps taken, steps dropped at the start, steps per kept draw, walkers; where a chain checks weighted draws,
+        those of that chain.
     autocorrelation_time : tuple of float
         Integrated autocorrelation time of each parameter (steps), after burn-in; empty without a chain.
     rhat : tuple of float
-        Rank-normalised split R-hat of each parameter over the walkers, after burn-in; empty where it was not asked
-        for or ArviZ is not installed.
+        Rank-normalised split R-hat of each parameter over the walkers, after burn-in; empty where it was not
+        computed or ArviZ is not installed.
     acceptance : float
         Share of proposals accepted, after burn-in; without a chain effective draws per draw.
     evaluations, failures : int
-        Model evaluations, and how many of them failed inside the priors (each counted as impossible).
+        Model evaluations, and how many of them failed inside the priors (each taken as of zero probability).
     failure_region : mapping of name to (low, high)
-        Where they failed (SI), by parameter; empty where none did.
+        Range of each parameter (SI) over the failures; empty where there were none.
     seconds : float
         Time of this run, without what a resumed file already held.
     seed : int or None
         Seed of the generator, if one was given.
     model_error : float
-        Relative error of the force that the contact law itself admits at the best fit.
+        Relative error of the force that the contact law states for itself at the best fit.
     versions : mapping of str to str
-        Versions of underlay and the libraries under it.
+        Versions of underlay and the libraries it uses.
     method : str
         ``"emcee"`` where a chain was made, or ``"importance"`` for weighted draws alone.
     effective : tuple of float
@@ -159,9 +159,9 @@ class SamplingDiagnostics:
     quantile_errors : mapping of name to tuple of float
         Monte Carlo errors of the 2.5, 50 and 97.5 % quantiles, in standard deviations of the parameter.
     importance : Importance or None
-        How well weighted draws know the posterior; None for a chain that was made elsewhere.
+        How well weighted draws represent the posterior; None for a chain that was made elsewhere.
     weighted : bool
-        Whether the draws are the weighted ones, resampled, several of each.
+        Whether the draws are the weighted ones, resampled with repetition.
     """
 
     converged: bool
@@ -188,9 +188,10 @@ class SamplingDiagnostics:
 
 
 class Outcome(NamedTuple):
-    """Where a chain stands: burn-in, after it autocorrelation times and R-hat (p,), and a verdict in words.
+    """State of a chain: length, burn-in, and for the steps after it autocorrelation times and R-hat, (p,) each.
 
-    Errors of the 2.5, 50 and 97.5 % quantiles, (3, p), are in standard deviations of the parameter.
+    `quantile_errors` (3, p) are Monte Carlo errors of the 2.5, 50 and 97.5 % quantiles in standard deviations of
+    the parameter; `converged` and `reason` are the verdict.
     """
 
     steps: int
@@ -204,12 +205,12 @@ class Outcome(NamedTuple):
 
     @property
     def effective(self) -> FloatArray:
-        """Effective samples of each parameter, (p,), of all walkers together."""
+        """Effective number of draws of each parameter, (p,), of all walkers together."""
         return np.asarray((self.steps - self.burn_in) * self.walkers / self.times)
 
     @property
     def probable_length(self) -> int:
-        """Steps that will probably do: R-hat of single walkers comes below 1.01 at about a hundred times."""
+        """Estimated steps to convergence: R-hat of single walkers falls below 1.01 after about 100 of `times`."""
         return max(
             self.steps, int((2.0 * _TIMES_NEEDED + _BURN_IN_TIMES) * min(self.times.max(), self.steps))
         )
@@ -256,7 +257,7 @@ def _arviz() -> ModuleType | None:
 def autocorrelation_times(chain: FloatArray) -> FloatArray:
     """Integrated autocorrelation times (p,), in steps, of a chain (steps, walkers, p).
 
-    Walkers that rest are left out; a parameter in which all of them do gives inf.
+    Walkers that never move are left out; a parameter in which none moves gives inf.
     """
     moving = np.ptp(chain, axis=0) > 0.0
     return np.array(
@@ -274,7 +275,10 @@ def rank_normalised_rhat(chain: FloatArray) -> float:
 
 
 def effective_size(chain: FloatArray) -> float:
-    """Independent draws that one quantity (steps, walkers) is worth: ArviZ's, or by the autocorrelation time."""
+    """Effective number of independent draws of one quantity (steps, walkers).
+
+    ArviZ's bulk effective sample size, or without ArviZ the number of draws over the autocorrelation time.
+    """
     arviz = _arviz()
     if arviz is None:
         return float(chain.size / autocorrelation_times(chain[..., None])[0])
@@ -294,7 +298,7 @@ def quantile_errors(draws: FloatArray, weights: FloatArray, share_errors: FloatA
     Returns
     -------
     FloatArray
-        Half the distance between the quantiles one such error below and above; nan where nothing scatters.
+        Half the distance between the quantiles one such error below and above; nan where all draws are equal.
     """
     found = np.empty(share_errors.shape)
     for i, values in enumerate(draws.T):
@@ -308,8 +312,8 @@ def quantile_errors(draws: FloatArray, weights: FloatArray, share_errors: FloatA
 def chain_errors(kept: FloatArray) -> FloatArray:
     """Monte Carlo errors (3, p), as `quantile_errors`, of a chain (steps, walkers, p).
 
-    The probability below a quantile is as uncertain as the walkers' shares scatter: those that go far out and stay
-    there for long leave the autocorrelation of the quantity itself short.
+    The error of the probability below a quantile is the scatter of the walkers' shares over the root of their
+    number: walkers that stay far out for long hardly lengthen the autocorrelation time of the quantity itself.
     """
     flat = kept.reshape(-1, kept.shape[-1])
     below = kept <= np.quantile(flat, LEVELS, axis=0)[:, None, None]
@@ -318,7 +322,7 @@ def chain_errors(kept: FloatArray) -> FloatArray:
 
 
 def memory(coords: FloatArray) -> tuple[int, FloatArray]:
-    """Steps to drop of a chain (steps, walkers, p), and the autocorrelation times (p,) of the rest."""
+    """Number of burn-in steps of a chain (steps, walkers, p), and the autocorrelation times (p,) of the rest."""
     steps = len(coords)
     late = float(autocorrelation_times(coords[steps // 2 :]).max())
     burn_in = min(steps // 2, int(np.ceil(_BURN_IN_TIMES * min(late, steps))))
@@ -326,10 +330,11 @@ def memory(coords: FloatArray) -> tuple[int, FloatArray]:
 
 
 def judge(coords: FloatArray, max_steps: int) -> Outcome:
-    """Judge a chain in scaled coordinates, (steps, walkers, p), that may grow to `max_steps`.
+    """Judge the convergence of a chain in scaled coordinates, (steps, walkers, p), of at most `max_steps`.
 
-    It is long against its memory, every walker tells the same, and quantiles are known. Ranking half a million
-    numbers costs more than all autocorrelations: R-hat and errors are nan while they cannot decide.
+    It has converged if it is long against its autocorrelation time, R-hat is near 1 and quantiles are accurate.
+    R-hat and quantile errors cost more than the autocorrelations: they are nan while the chain is too short in any
+    case.
     """
     steps, walkers, parameters = coords.shape
     burn_in, times = memory(coords)
@@ -380,10 +385,10 @@ class Predictive:
     depth, force : FloatArray
         The data (m, N), (n,).
     model : FloatArray
-        Force of the model (N) at `PREDICTIVE_LEVELS`, (5, n). Where nobody stated the noise the law's parameters
-        allow for disturbances that the curve may hold, which these forces leave out.
+        Quantiles of the model's force (N) at the probabilities `PREDICTIVE_LEVELS`, (5, n). Where no noise was
+        stated the parameters' uncertainty allows for disturbances of the curve, which these forces do not contain.
     reading : FloatArray
-        Force of a new reading (N), noise included, at the same levels, (5, n).
+        Quantiles of a new reading (N), noise included, at the same probabilities, (5, n).
     """
 
     depth: FloatArray
@@ -406,11 +411,11 @@ def predictive_bands(
     problem : Problem
         The problem whose curves they are of.
     physical : FloatArray
-        Draws of the parameters (SI), (draws, p); draws without a law are left out.
+        Draws of the parameters (SI), (draws, p); draws without a contact law are left out.
     best : FloatArray
-        Values (SI), (p,), at which the size of noise that nobody stated is learnt.
+        Best-fit values (SI), (p,), at whose residuals the size of an unstated noise is estimated.
     rng : numpy Generator
-        Makes the noise of the readings.
+        Draws the noise of the readings.
     """
     readings = [
         member.readings(physical, stiffness=member.noise_of(physical).needs_stiffness)
@@ -449,7 +454,10 @@ def _band(
 
 
 def _sizes(member: Member, physical: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
-    """Noise over its `sigma`, (count,), where its size was integrated out: sigma^2 is S / chi-squared(n)."""
+    """Draws (count,) of a noise's true size over its `sigma`, where the size was integrated out.
+
+    sigma^2 is distributed as S / chi-squared(n), S the whitened sum of squares of the n residuals.
+    """
     noise: NoiseModel = member.noise_of(physical)
     contact, stiffness, force, _ = member.readings(physical, stiffness=noise.needs_stiffness)
     sigma = noise.sigma(contact, stiffness, member.curve.time)
@@ -462,7 +470,7 @@ def _sizes(member: Member, physical: FloatArray, count: int, rng: np.random.Gene
 
 
 class Information(NamedTuple):
-    """Prior and posterior of one parameter side by side (SI), as `compare_with_prior` found them."""
+    """Prior and posterior of one parameter (SI), and how much the data narrowed it; see `compare_with_prior`."""
 
     prior_median: float
     prior_low: float
@@ -480,7 +488,7 @@ INFORMED_COLUMNS = list(Information._fields)
 
 
 def prior_levels(count: int) -> FloatArray:
-    """Middles of `count` equal shares of probability, (count,)."""
+    """Probabilities (count,) at the middles of `count` equal intervals between 0 and 1."""
     return (np.arange(count) + 0.5) / count
 
 
@@ -494,17 +502,17 @@ def compare_with_prior(
     draws : FloatArray
         Draws (SI) of any shape.
     prior_quantiles : FloatArray
-        Quantiles of the prior (SI) at `prior_levels`, (levels,).
+        Quantiles of the prior (SI) at the probabilities `prior_levels`, (levels,).
     effective : float, optional
-        Independent draws that they are worth; by default as many as there are.
+        Effective number of independent draws; by default the number of draws.
 
     Returns
     -------
     Information
         ``narrowing`` is 1 minus the ratio of the 68 % widths, those of the logarithm where the prior of a positive
-        parameter spans more than a factor of 20; ``distance`` the Kolmogorov distance of the two
-        distributions, 0 for equal ones and 1 for disjoint ones. Below 0.1, or what the noise of the draws
-        explains, the verdict is "not informed by these data", below 0.2 "weakly informed".
+        parameter spans more than a factor of 20; ``distance`` the Kolmogorov distance of the two distributions, 0
+        for equal ones and 1 for disjoint ones. Below 0.1, or what the noise of the draws explains, the verdict is
+        "not informed by these data", below 0.2 "weakly informed".
     """
     levels = prior_levels(len(prior_quantiles))
     ordered = np.sort(draws, axis=None)

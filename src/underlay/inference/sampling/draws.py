@@ -1,7 +1,8 @@
-"""Weighted draws of a posterior: drawn along the reading of a fit's likelihood, weighed by its density.
+"""Weighted draws of a posterior, by importance sampling from the result of a fit's likelihood.
 
-The distribution that they were drawn from, with Student kernels about them, also proposes to a chain: kernels
-as wide as their neighbours lie (Raftery and Bao 2010, doi:10.1111/j.1541-0420.2010.01399.x).
+The distribution that they were drawn from, mixed with Student kernels about the draws, also proposes moves to a
+Markov chain; each kernel is as wide as its neighbouring draws are apart (Raftery and Bao 2010,
+doi:10.1111/j.1541-0420.2010.01399.x).
 """
 
 from __future__ import annotations
@@ -47,10 +48,10 @@ _SAME_DENSITY = 1e-3
 
 
 class Target:
-    """Log-posterior of a fit's problem, (m, p) -> (m,), -inf for a failed evaluation, which it remembers.
+    """Log-posterior of a fit's problem as a function of scaled vectors, with a record of failed evaluations.
 
-    An evaluation fails when the prior allows the parameters and the model has no finite likelihood there, or
-    raises one of the project's errors or an arithmetic one.
+    Called with (m, p) it returns (m,). An evaluation fails, and gives -inf, when the prior allows the parameters
+    and the model has no finite likelihood there, or raises one of the project's errors or an arithmetic one.
     """
 
     def __init__(self, found: Fit, likelihood: Likelihood) -> None:
@@ -76,7 +77,7 @@ class Target:
         return values
 
     def peek(self, vectors: FloatArray) -> FloatArray:
-        """Log-posterior (m,) at scaled vectors (m, p), without counting or remembering failures."""
+        """Log-posterior (m,) at scaled vectors (m, p), without a record of evaluations and failures."""
         if len(vectors) > _TOGETHER:
             parts = np.array_split(vectors, -(-len(vectors) // _TOGETHER))
             return np.concatenate([self.peek(part) for part in parts])
@@ -90,7 +91,7 @@ class Target:
         return np.where(np.isfinite(values), values, -np.inf)
 
     def require_same(self, vectors: FloatArray, before: FloatArray) -> None:
-        """Refuse a chain whose log-posterior `before` (m,) at `vectors` (m, p) is not that of this problem."""
+        """Raise InputError if a stored log-posterior `before` (m,) at `vectors` (m, p) is not this problem's."""
         now = self.peek(vectors)
         if not np.allclose(now, before, rtol=1e-6, atol=_SAME_DENSITY):
             worst = int(np.argmax(np.abs(now - before)))
@@ -111,7 +112,11 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class WeightedDraws:
-    """Weighted draws of a posterior: scaled vectors (n, p), log-density and weights (n,)."""
+    """Weighted draws of a posterior: scaled vectors (n, p), log-density and weights (n,).
+
+    `source` is the distribution they were drawn from, `pareto` the Pareto k of the weights, `log_evidence` the
+    logarithm of the mean weight.
+    """
 
     source: Source
     vectors: FloatArray
@@ -124,7 +129,7 @@ class WeightedDraws:
     def of(
         cls, source: Source, vectors: FloatArray, log_density: FloatArray, log_weights: FloatArray
     ) -> Self:
-        """Draws of one distribution, with the logarithms of density over proposal, (n,)."""
+        """Draws (n, p) of one distribution; `log_weights` (n,) are the log-density less the proposal's."""
         total = float(logsumexp(log_weights))
         weights = np.exp(log_weights - total)
         # Where the closed form is the density all weights are alike, and what rounding leaves of them has no tail.
@@ -139,7 +144,7 @@ class WeightedDraws:
 
     @property
     def refused(self) -> str:
-        """Why the weights are not believed; empty where they are."""
+        """Why the weights are not trusted (Pareto k, too few effective draws); empty where they are."""
         if not self.pareto < _LARGEST_PARETO:
             return f"the Pareto k of their weights is {self.pareto:.2f}, where {_LARGEST_PARETO} may be"
         few = self.effective < _FEWEST
@@ -147,7 +152,7 @@ class WeightedDraws:
 
     @property
     def quantiles(self) -> FloatArray:
-        """Quantiles (3, p) at `LEVELS`."""
+        """Weighted quantiles (3, p) at the probabilities `LEVELS`."""
         return np.array([weighted_quantiles(x, self.weights, np.array(LEVELS)) for x in self.vectors.T]).T
 
     @property
@@ -158,7 +163,7 @@ class WeightedDraws:
         return quantile_errors(self.vectors, self.weights, np.sqrt(np.square(off).sum(axis=1)))
 
     def record(self, disagreement: str, *, is_open: bool) -> Importance:
-        """How well the draws know the posterior, for the record; without evidence where the noise `is_open`."""
+        """Quality of the draws as a record; without the evidence where the noise `is_open`, that is, not stated."""
         error = math.sqrt(max(1.0 / self.effective - 1.0 / len(self.weights), 0.0))
         return Importance(
             draws=len(self.weights),
@@ -172,7 +177,7 @@ class WeightedDraws:
         )
 
     def rows(self, count: int, rng: np.random.Generator) -> np.ndarray[Any, Any]:
-        """Numbers (count,) of draws by their weights: systematic, then in an order of chance."""
+        """Indices (count,) of draws resampled by their weights, systematically, in random order."""
         places = (np.arange(count) + rng.random()) / count
         found = np.minimum(np.searchsorted(np.cumsum(self.weights), places), len(self.weights) - 1)
         return rng.permutation(found)
@@ -180,7 +185,10 @@ class WeightedDraws:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Distribution that a reading draws from; entries that act on no curve (`silent`) come from their priors."""
+    """Distribution that a likelihood's result draws from.
+
+    Entries that act on no curve (`silent`, their indices) are drawn from their priors.
+    """
 
     reading: Reading
     problem: Problem
@@ -188,20 +196,20 @@ class Source:
 
     @classmethod
     def of(cls, reading: Reading) -> Self:
-        """Source of a reading's draws."""
+        """Source for a likelihood's result (`Reading`)."""
         problem, silent = reading.likelihood.fit.problem, ~reading.likelihood.determined
         silent[sorted(problem.noise_entries)] = False
         return cls(reading, problem, np.flatnonzero(silent))
 
     def draw(self, count: int, rng: Any) -> FloatArray:
-        """Vectors (count, p)."""
+        """Draw scaled vectors (count, p)."""
         own = self.reading
         if isinstance(own, DrawnReading):
             return self.filled(own.ridge.source.draw(count, rng), rng)
         return self.filled(cast(LinearReading, own).mixture.draws(count, rng), rng)
 
     def filled(self, vectors: FloatArray, rng: Any) -> FloatArray:
-        """Vectors (n, p) with what acts on no curve drawn from its prior."""
+        """Vectors (n, p) with the entries that act on no curve drawn from their priors."""
         filled = vectors.copy()
         for i in self.silent:
             c = self.problem.coordinates[i]
@@ -210,14 +218,14 @@ class Source:
         return filled
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (n,) of vectors (n, p)."""
+        """Log-density (n,) of this distribution at scaled vectors (n, p)."""
         own = self.reading
         if isinstance(own, DrawnReading):
             return own.ridge.source.log_density(vectors) + self.log_prior(vectors)
         return _log_density(cast(LinearReading, own).mixture, vectors) + self.log_prior(vectors)
 
     def log_prior(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (n,) before the test of what acts on no curve."""
+        """Log-prior (n,) of the entries that act on no curve."""
         found = np.zeros(len(vectors))
         for i in self.silent:
             found += self.problem.coordinates[i].log_prior(vectors[:, i])
@@ -225,12 +233,15 @@ class Source:
 
 
 def weigh(density: Target, rng: np.random.Generator) -> WeightedDraws:
-    """Draw along the reading of the fit's likelihood, and weigh by the density itself.
+    """Draw from the closed form or along the ridge of the fit's likelihood, and weigh draws by the exact density.
+
+    Where the weights of draws from the closed form are not trusted, up to four rounds from kernels about the draws
+    follow.
 
     Raises
     ------
     FitError
-        If there is nothing to draw along.
+        If no distribution to draw from could be found.
     """
     try:
         reading = density.likelihood.read(rng, _DRAWS)
@@ -258,7 +269,7 @@ def weigh(density: Target, rng: np.random.Generator) -> WeightedDraws:
 
 
 def _log_density(mixture: Mixture, vectors: FloatArray) -> FloatArray:
-    """Log-density (n,) of a mixture at vectors (n, p), in the entries that scatter."""
+    """Log-density (n,) of a Student mixture at vectors (n, p), in the entries with a nonzero deviation."""
     free = np.flatnonzero(mixture.deviations > 0.0)
     freedom, q = mixture.freedom, len(free)
     roots = np.linalg.cholesky(mixture.covariances[:, free[:, None], free])
@@ -271,7 +282,7 @@ def _log_density(mixture: Mixture, vectors: FloatArray) -> FloatArray:
 
 
 def differs(names: tuple[str, ...], drawn: WeightedDraws, coords: FloatArray) -> str:
-    """Quantiles of a chain (steps, walkers, p) and of weighted draws that differ beyond their errors, in words."""
+    """In words, quantiles of a chain (steps, walkers, p) and of weighted draws that differ beyond their errors."""
     kept = coords[memory(coords)[0] :]
     flat = kept.reshape(-1, kept.shape[-1])
     deviations = np.sqrt(drawn.weights @ np.square(drawn.vectors - drawn.weights @ drawn.vectors))
@@ -285,14 +296,14 @@ def differs(names: tuple[str, ...], drawn: WeightedDraws, coords: FloatArray) ->
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """Proposals to a chain: half from the source of the draws, half from Student kernels about them."""
+    """Proposals for a Markov chain: half from the draws' source, half from Student kernels about the draws."""
 
     source: Source
     kernels: Kernels
 
     @classmethod
     def of(cls, drawn: WeightedDraws, rng: np.random.Generator) -> Self:
-        """Kernels about weighted draws."""
+        """Proposal with kernels placed about weighted draws."""
         weighty = drawn.weights > 0.0  # a draw without weight is no place for a kernel
         vectors, log_weights = drawn.vectors[weighty], np.log(drawn.weights[weighty])
         entries = np.arange(vectors.shape[1])
@@ -304,7 +315,7 @@ class Proposal:
         return proposed, self.log_density(places) - self.log_density(proposed)
 
     def draw(self, count: int, rng: Any) -> FloatArray:
-        """Vectors (count, p)."""
+        """Draw scaled vectors (count, p)."""
         # In an order of chance: draws are stratified, and a walker's are of the whole mixture, not of one stratum.
         own = rng.permutation(self.source.draw(count, rng))
         whole = len(self.kernels.centres) * -(-count // len(self.kernels.centres))
@@ -312,6 +323,6 @@ class Proposal:
         return np.asarray(np.where(rng.uniform(size=(count, 1)) < 0.5, own, near))
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (n,) of vectors (n, p)."""
+        """Log-density (n,) of the proposal at scaled vectors (n, p)."""
         both = self.source.log_density(vectors), self.kernels.log_density(vectors)
         return np.asarray(np.logaddexp(*both) - np.log(2.0))

@@ -1,10 +1,11 @@
-"""Which model predicts the data better, and what a model's own error adds.
+"""Comparison of models by their predictions, and the error of a contact law as part of the noise.
 
-`compare_models` gives two answers side by side. The expected log-density of points left out, by Pareto-smoothed
-importance sampling (PSIS-LOO; Vehtari, Gelman and Gabry 2017, doi:10.1007/s11222-016-9696-4), through arviz: it
-hardly depends on the priors. With correlated noise the contribution of a point is that of its innovation given the
-one before. And the evidence, the probability of the data with the parameters integrated over their priors: it says
-how much more probable a model has become, and a prior ten times as wide costs it a factor of ten.
+`compare_models` gives two results side by side. The first is the expected log-density of left-out points, by
+Pareto-smoothed importance sampling (PSIS-LOO; Vehtari, Gelman and Gabry 2017, doi:10.1007/s11222-016-9696-4),
+through arviz: it hardly depends on the priors. With correlated noise the contribution of a point is that of its
+innovation given the one before. The second is the evidence, the probability of the data with the parameters
+integrated over their priors: it says how much more probable a model has become, and a prior ten times as wide costs
+it a factor of ten.
 """
 
 from __future__ import annotations
@@ -46,9 +47,9 @@ _GOOD_K = 0.7
 
 
 def difference(problem: Problem, posterior: Posterior) -> str:
-    """In what a posterior's own problem differs from another, in words; empty where nothing is known to differ.
+    """The first difference between a posterior's problem and another problem, in words; empty if none is known.
 
-    Where free parameters start does not count.
+    Starting values of the free parameters are not compared.
     """
     if posterior.names != problem.names:
         return f"free are {', '.join(posterior.names)} there and {', '.join(problem.names)} in the problem"
@@ -87,7 +88,7 @@ def _of_problems(ours: Problem, theirs: Problem) -> str:
 
 
 def _within(depth: np.ndarray, force: np.ndarray, curve: Curve) -> bool:
-    """Whether these readings are among those of a curve."""
+    """Whether all these depths and forces are among the readings of a curve."""
     known = set(zip(curve.depth.tolist(), curve.force.tolist(), strict=True))
     return known.issuperset(zip(depth.tolist(), force.tolist(), strict=True))
 
@@ -132,12 +133,13 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     Returns
     -------
     DataFrame
-        Best first: ``elpd_loo``, ``p_loo`` (effective number of parameters), ``elpd_diff`` and its standard
-        error ``dse``, ``weight``, ``warning`` (True where a Pareto k above 0.7, a little less with few draws,
-        makes the estimate unreliable), ``model_error``, the relative error of the force the contact law
-        itself admits; and, nan where a posterior's evidence is not known, ``log_evidence`` with
-        ``log_evidence_error`` and ``probability``, that of the model among those with an evidence, where all were
-        as probable before. Evidences compare only where the noise is stated alike, if only as ``Noise()``.
+        Best first: ``elpd_loo``, ``p_loo`` (effective number of parameters), ``elpd_diff`` and its standard error
+        ``dse``, ``weight``, ``warning`` (True where a Pareto k above 0.7, a little less with few draws, makes the
+        estimate unreliable), ``model_error``, the relative error of the force that the contact law states for
+        itself; and, nan where a posterior's evidence is not known, ``log_evidence`` with ``log_evidence_error`` and
+        ``probability``, the posterior probability of the model among those with an evidence, for equal prior
+        probabilities. Evidences are comparable only where the noise is stated in the same way, if only as
+        ``Noise()``.
 
     Raises
     ------
@@ -148,7 +150,7 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
 
     Examples
     --------
-    A layer on a rigid base, and the half-space it is not:
+    A layer on a rigid base, compared with a half-space model of it:
 
     >>> from underlay import Isotropic, Layer, LogUniform, Noise, Paraboloid, RIGID, Scene, sample, synthesize
     >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 5e-4), RIGID)
@@ -205,7 +207,7 @@ def _require_models(models: object) -> None:
 
 
 def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatArray]:
-    """Columns of the evidences and of the probabilities that follow from them."""
+    """Columns of the log-evidences, their errors and the models' posterior probabilities; nan where unknown."""
     evidences = [posterior.log_evidence or LogEvidence(np.nan, np.nan) for _, posterior in models]
     value = np.array([entry.value for entry in evidences])
     # Noise of unknown size has an improper prior: its evidence compares with none that states the size.
@@ -233,8 +235,8 @@ def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArr
     Returns
     -------
     FloatArray
-        Log-densities (draws, points) of the points of all curves. Their sum is the log-likelihood, except where
-        the size of the noise was integrated out: there each draw takes the size that its own residuals have.
+        Log-densities (draws, points) of the points of all curves. Their sum is the log-likelihood, except where the
+        size of the noise was integrated out: there each draw has the size estimated from its own residuals.
 
     Raises
     ------
@@ -252,14 +254,14 @@ def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArr
 def with_model_error(problem: Problem, model_error: float) -> Problem:
     """Return the problem with the error of its contact law as an error that all readings share.
 
-    A law that is off by a share of the force is off smoothly: along the contact radius, from contact (x = 0) to the
-    widest (x = 1), of all curves where there are several, the share is taken as
+    The relative error of a law is a smooth function of depth. With x the contact radius over the largest of all
+    curves, 0 at contact, it is taken as
 
         model_error (u_0 + u_1 cos(pi x) + u_2 sin(pi x)) / sqrt(2),   u ~ N(0, 1),
 
-    of standard deviation `model_error` everywhere, alike at neighbouring depths, independent from one end to the
-    other. It does not average away with the number of points, nor with that of the curves fitted jointly: one law
-    errs alike in all of them, and the u are the same ones. (A stated term, not an estimate.)
+    of standard deviation `model_error` everywhere, nearly equal at neighbouring depths and independent between both
+    ends. It is not reduced by more points, nor by more curves fitted jointly: the curves share the u, since one law
+    has the same error in all of them. (A stated term, not an estimate.)
 
     Parameters
     ----------
@@ -272,7 +274,7 @@ def with_model_error(problem: Problem, model_error: float) -> Problem:
     Returns
     -------
     Problem
-        The problem with that error in its noise, shaped by the force of a fit.
+        The problem with that error in its noise, proportional to the contact force of a quick fit.
 
     Raises
     ------
@@ -321,7 +323,7 @@ def _require_stated(member: Member) -> None:
 
 
 def _span(member: Member, physical: FloatArray) -> FloatArray:
-    """What goes as the contact radius of each reading does, (n,): the root of depth, and of the tip's radius."""
+    """Root of depth times tip radius, (n,): proportional to the contact radius of each reading."""
     values = member.values_at(physical)
     travel = np.maximum(member.curve.depth - values[ContactDepth.path], 0.0)
     return np.maximum(np.sqrt(travel * values.get("indenter.radius", 1.0)), np.finfo(float).tiny)
@@ -330,7 +332,10 @@ def _span(member: Member, physical: FloatArray) -> FloatArray:
 def _widened(
     member: Member, physical: FloatArray, model_error: float, span: FloatArray, *, is_alone: bool
 ) -> LowRankNoise:
-    """The noise of one curve with the error of its law; `span` (n,) is the contact radius over the widest."""
+    """The noise of one curve with its law's error; `span` (n,) is the contact radius over the largest of all.
+
+    `is_alone` says that the problem has one curve, whose error is shared with no other.
+    """
     reading, noise = member.reading(physical), member.noise
     sigma = member.sigma(reading, noise)
     along = np.pi * span
@@ -345,10 +350,10 @@ def _widened(
 
 
 def _score(arviz: ModuleType, data: Any) -> Any:
-    """Score one model, with `warning` set by the points that tell it anything.
+    """PSIS-LOO score of one model by arviz, with `warning` set by the points that depend on the parameters.
 
-    A point before contact has the same density at every draw: its weights are equal whatever the tail, for
-    which arviz gives a k of infinity.
+    A point before contact has the same density at every draw: its weights are equal whatever the tail, for which
+    arviz gives a k of infinity.
     """
     score = arviz.loo(data, pointwise=True, scale="log")
     density = data.log_likelihood["force"].to_numpy()

@@ -1,4 +1,4 @@
-"""What a sampler hands back: the posterior as draws, with everything needed to judge and to use them."""
+"""The posterior as draws, with its diagnostics, answers, tables and file."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ _KIND = FileKind("a saved posterior", LARGEST, "save it again where it was made"
 class LogEvidence(NamedTuple):
     """Natural logarithm of the probability of the data under a model, and its standard error.
 
-    The probability of the readings in their unit (per newton and point), with all parameters integrated over their
-    priors: only differences between models of the same data mean something. Where the size of the noise is not
-    stated it is known up to a factor that all models of the same data share.
+    It is the probability density of the readings (per newton for each point), with all parameters integrated over
+    their priors: only differences between models of the same data have a meaning. Where the size of the noise is
+    not stated it is known up to a factor that all models of the same data share.
     """
 
     value: float
@@ -67,21 +67,21 @@ class LogEvidence(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SampledReading(Reading):
-    """Intervals of draws that a sampler made, equally likely.
+    """Intervals of draws that a sampler made, all of the same weight.
 
     Parameters
     ----------
     sampled : FloatArray
         Scaled vectors (m, k).
     read : Reading
-        The reading without a sampler: it knows which ends the data leave open.
+        The result without a sampler, which says at which ends the data set no limit.
     """
 
     sampled: FloatArray = field(repr=False)
     read: Reading = field(repr=False)
 
     def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
-        """As `Reading.interval`."""
+        """Quantiles of the draws, widened to the ridge's edge; infinite where the data set no limit."""
         shares = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
         drawn = weighted_quantiles(self.draws[:, index], self.weights, shares)
         ends = widened(drawn, self.edge(level)[:, index])
@@ -90,28 +90,28 @@ class SampledReading(Reading):
         return low, high
 
     def edge(self, level: float) -> FloatArray:
-        """As `Reading.edge`."""
+        """Scaled vectors (m, k) on the ridge where the likelihood has dropped by the amount of the level."""
         return self.read.edge(level)
 
     @property
     def draws(self) -> FloatArray:
-        """As `Reading.draws`."""
+        """The sampler's draws, scaled vectors (m, k)."""
         return self.sampled
 
     @cached_property
     def weights(self) -> FloatArray:
-        """As `Reading.weights`."""
+        """Equal weights, (m,), that sum to 1."""
         return np.full(len(self.draws), 1.0 / len(self.draws))
 
     @cached_property
     def deviations(self) -> FloatArray:
-        """As `Reading.deviations`."""
+        """Standard deviations (k,) of the draws."""
         return np.asarray(self.draws.std(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
 class SampledStatement(Statement):
-    """What a fit says of itself, with the statistical part by a sampler's draws, scaled vectors (m, k)."""
+    """Answers and verdict of a fit whose statistical part comes from a sampler's draws, scaled vectors (m, k)."""
 
     draws: FloatArray = field(repr=False)
 
@@ -127,12 +127,12 @@ class SampledStatement(Statement):
 
     @cached_property
     def reading(self) -> Reading:
-        """Intervals of the draws."""
+        """Intervals from the sampler's draws."""
         return SampledReading(self.likelihood, self.draws, self.own.reading)
 
     @cached_property
     def sources(self) -> tuple[Source, ...]:
-        """Sources of the systematic part."""
+        """Sources of the systematic part of the intervals, those of the fit."""
         return self.own.sources
 
 
@@ -145,13 +145,13 @@ class Posterior:
     names : tuple of str
         The free parameters.
     chain : FloatArray
-        Draws (SI), burnt in and thinned, (draws, walkers, parameters).
+        Draws (SI), without burn-in and thinned, (draws, walkers, parameters).
     log_posterior : FloatArray
         Log-density in the scaled coordinates in which it was sampled, (draws, walkers).
     priors : tuple of str
-        The prior of each parameter, in words.
+        The prior of each parameter as text.
     prior_quantiles : FloatArray
-        Prior quantiles (SI) at the middles of equal shares, (levels, parameters).
+        Prior quantiles (SI) at the probabilities `prior_levels`, (levels, parameters).
     derived : mapping of str to FloatArray
         Derived quantities (SI), each (draws, walkers) over evenly chosen draws.
     predictive : tuple of Predictive
@@ -165,7 +165,7 @@ class Posterior:
     missing : str
         Why there is no problem; empty where there is one.
     fit : Fit, optional
-        The fit that gives the values of answers; it is made when one is asked for, where there is none.
+        The fit that gives the values of answers; where it is missing, it is made at the first answer.
     """
 
     names: tuple[str, ...]
@@ -199,7 +199,7 @@ class Posterior:
         """Natural logarithm of the probability of the data with its error; None where it is not known.
 
         From weighted draws, where they are trusted and no chain differs from them. Where no noise was stated there
-        is none: the likelihood then is that of the fit's moments, which different models have each its own.
+        is none: the likelihood is then that of the fit's moments, which are not the same data for different models.
         """
         found = self.diagnostics.importance
         if found is None or not found.stands or found.log_evidence is None:
@@ -208,7 +208,7 @@ class Posterior:
 
     @cached_property
     def statement(self) -> SampledStatement:
-        """What the fit says of itself, with the statistical part of these draws.
+        """Answers and verdict of the fit, with the statistical part from these draws.
 
         Raises
         ------
@@ -236,14 +236,14 @@ class Posterior:
         Parameters
         ----------
         name : str
-            One of `names`, or a quantity that follows from them.
+            One of `names`, or a quantity computed from them.
         level : float, default 0.95
             Confidence of its intervals.
 
         Raises
         ------
         InputError
-            If there is nothing of that name, or the level is not between 0 and 0.999.
+            If there is no quantity of that name, or the level is not between 0 and 0.999.
         """
         return self._of_draws(name, level) if self.problem is None else self.statement.answer(name, level)
 
@@ -261,12 +261,12 @@ class Posterior:
 
     @property
     def answers(self) -> pd.DataFrame:
-        """All answers, one a row, as `Fit.answers`: value, ends, ends of both parts (SI) and the unit."""
+        """Table of all answers, one a row: value, combined, statistical and systematic ends (SI), and the unit."""
         return answers_table(self.answer(name) for name in (*self.names, *self.derived))
 
     @cached_property
     def verdict(self) -> Advice:
-        """Whether it can be used, as `Fit.verdict`; a chain that did not converge is to be checked first."""
+        """Whether the result can be used, as `Fit.verdict`; ``check`` where a chain has not converged."""
         if self.problem is None:
             return Advice(CHECK, _ALONE, self.missing, "sample the curve again")
         own = self.statement.verdict
@@ -283,7 +283,7 @@ class Posterior:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """Versions of what computed, and names, files and hashes of the curves as far as they are known."""
+        """Versions of the software, and names, files and hashes of the curves as far as they are known."""
         curves = provenance(self.problem.curves)["curves"] if self.problem is not None else []
         return {"versions": dict(self.diagnostics.versions), "curves": curves}
 
@@ -324,7 +324,7 @@ class Posterior:
         DataFrame
             ``median``; ``hdi68_low`` ... ``hdi95_high``, the shortest intervals with 68 % and 95 % of the draws;
             ``ess``, effective sample size; ``rhat``, nan for weighted draws and without ArviZ; ``mcse``, Monte
-            Carlo error of the median; ``informed``, whether the data changed what was known before.
+            Carlo error of the median; ``informed``, whether the data changed the prior, in words.
         """
         information = self.prior_comparison()["informed"]
         rows = {name: self._row(self.of(name), str(information[name])) for name in self.names}
@@ -333,7 +333,7 @@ class Posterior:
         return pd.DataFrame.from_dict(rows, orient="index")
 
     def prior_comparison(self) -> pd.DataFrame:
-        """Prior against posterior, one row per parameter: medians, 95 % intervals, and what the data told.
+        """Prior against posterior, one row per parameter: medians, 95 % intervals, and how they differ.
 
         ``narrowing`` is the share of the prior's 68 % width that the data removed, ``distance`` the largest
         difference of the two distribution functions, and ``informed`` the verdict in words; see
@@ -350,7 +350,7 @@ class Posterior:
         return table
 
     def _worth(self, values: FloatArray) -> float:
-        """Independent draws that those of one quantity (draws, walkers) are worth."""
+        """Effective number of independent draws of one quantity (draws, walkers)."""
         known = self.diagnostics
         return min(known.effective) if known.weighted else effective_size(values)
 
@@ -403,7 +403,7 @@ class Posterior:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything to a compressed ``.npz`` file without pickles, the problem too.
 
-        A problem that has no words for a part of it, such as a prior of your own class, is left out, and the
+        A problem with a part that cannot be stored as data, such as a prior of your own class, is left out, and the
         file says why.
 
         Raises

@@ -1,7 +1,7 @@
 """The file of a posterior: arrays and a document of plain values in one compressed ``.npz`` file, no pickles.
 
-The file may come from anybody and is shown to people: every entry is checked for kind and shape before anything is
-built. A number in the place of a name, or a chain of other parameters than those it lists, gets no further.
+A file may come from an untrusted source: the type and the shape of every entry are checked before anything is built
+from it, so that a number in the place of a name, or a chain of other parameters than those listed, is refused.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _HEADERS = {
 def write_archive(
     path: str | os.PathLike[str], about: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]
 ) -> None:
-    """Write `arrays` by name, and `about` as JSON, whole or not at all.
+    """Write `arrays` by name, and `about` as JSON, to one file, atomically.
 
     Raises
     ------
@@ -59,16 +59,16 @@ def write_archive(
 def read_archive(
     path: str | os.PathLike[str], known: str, kind: FileKind
 ) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
-    """Return what `write_archive` wrote, if its ``format`` is `known`.
+    """Return the document and the arrays that `write_archive` wrote, if its ``format`` is `known`.
 
     Parameters
     ----------
     path : path
         The file.
     known : str
-        The format there must be.
+        The format that the file must state.
     kind : FileKind
-        What it is called in a message.
+        Names the file in messages and limits its size.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def _array(data: bytes) -> np.ndarray[Any, Any]:
 
 @dataclass(frozen=True)
 class _Document:
-    """Document of a file, without its format and its problem."""
+    """Plain values of a posterior's file, without its format and its problem."""
 
     names: list[str]
     priors: list[str]
@@ -125,7 +125,7 @@ class _Document:
 
 
 def parts_of(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
-    """Keywords of a `Posterior`, but for its problem.
+    """Keyword arguments of a `Posterior`, without its problem, from the checked contents of a file.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def parts_of(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]
     KeyError
         If something is missing.
     ValueError
-        If something is of another kind or shape.
+        If something is of another type or shape.
     """
     read = _document(about)
     _require(read.names and len(set(read.names)) == len(read.names), "names", "distinct names, one at least")
@@ -160,7 +160,7 @@ def parts_of(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]
 
 
 def _document(about: Mapping[str, Any]) -> _Document:
-    """The document, every entry of the kind that its field declares; others are left out."""
+    """The validated document, every entry of its field's type; entries of other names are dropped."""
     adapter = TypeAdapter(_Document)
     try:
         document = adapter.validate_json(json.dumps(about), strict=True)
@@ -198,7 +198,7 @@ def _require(condition: object, name: str, wanted: str) -> None:
 def _floats(
     arrays: Mapping[str, np.ndarray[Any, Any]], name: str, shape: tuple[int | None, ...]
 ) -> FloatArray:
-    """An array of numbers; None in `shape` stands for any length."""
+    """An array of floats of the given shape, where None stands for any length; raises ValueError otherwise."""
     array = arrays[name]
     fits = array.ndim == len(shape) and all(
         wanted in (None, found) for wanted, found in zip(shape, array.shape, strict=True)

@@ -1,18 +1,18 @@
-"""The posterior of a problem: weighted draws of a fit's likelihood, and an ensemble of walkers (emcee).
+"""The posterior of a problem: weighted draws from a fit's likelihood, checked by an ensemble of walkers (emcee).
 
-A fit, its likelihood (`inference/uncertainty`) and weighted draws of that come first: they are the posterior
-once a short chain that was begun from them agrees. Where they are refused, or a chain is asked for, walkers go
-on until the chain is longer than 50 autocorrelation times, R-hat is below 1.01 and every quantile is known to
-0.06 standard deviations, or the result says that it is not. Both ask one density, `Likelihood.log_density`, in
-scaled coordinates, so that a modulus moves in ratios; all walkers are evaluated in one call of the batched
-forward model.
+First come a fit, its likelihood (`inference/uncertainty`) and weighted draws from that; they are the posterior if a
+short chain that starts from them agrees. Where their weights are not trusted, or a chain is requested, walkers
+continue until the chain is longer than 50 autocorrelation times, R-hat is below 1.01 and every quantile is known to
+0.06 standard deviations, or the result says that it has not converged. Both use one density,
+`Likelihood.log_density`, in scaled coordinates, so that a modulus moves in ratios; all walkers are evaluated in one
+call of the batched forward model.
 
-Moves are emcee's own (Foreman-Mackey, Hogg, Lang and Goodman 2013, doi:10.1086/670067): proposals from what the
-draws came from and from Student kernels about them, whatever the place of a walker (Tierney 1994,
-doi:10.1214/aos/1176325750); from a kernel estimate of the other half, which follows a bent ridge; differences of
-walkers (ter Braak 2006, doi:10.1007/s11222-006-8769-1), and a full difference (gamma0 = 1) that jumps between
-separate tops. The snooker is left out: up to version 3.1.6 it divides by the root of a length where the length
-belongs, and the variance it yields is too small.
+Moves are emcee's own (Foreman-Mackey, Hogg, Lang and Goodman 2013, doi:10.1086/670067): independent proposals from
+the distribution of the weighted draws and from Student kernels about them (Tierney 1994,
+doi:10.1214/aos/1176325750); from a kernel estimate of the other half of the walkers, which follows a curved ridge;
+differences of walkers (ter Braak 2006, doi:10.1007/s11222-006-8769-1), and a full difference (gamma0 = 1) that
+jumps between separate maxima. The snooker move is left out: up to version 3.1.6 it divides by the root of a length
+instead of the length, and the variance it yields is too small.
 """
 
 from __future__ import annotations
@@ -96,18 +96,17 @@ def sample(
     Parameters
     ----------
     problem : Problem
-        With a proper prior for every free parameter. Readings beside a jump that `fit` leaves out are left out.
-        Where no noise is stated the likelihood is that of the intervals of `fit`.
+        With a proper prior for every free parameter. Readings near a jump of the force that `fit` leaves out are
+        left out. Where no noise is stated the likelihood is that of the intervals of `fit`.
     walkers : int, default 64
-        At least two more than twice as many as parameters: half of them span the space for the other half.
+        At least two more than twice as many as parameters: each half of them must span the space for the other.
     max_steps : int, optional
         Most steps of the ensemble; it stops earlier when the chain has converged. By default 20,000, and no more
         than five minutes of processor time allow.
     rng : int or numpy Generator, default 0
         Seed, or a generator to draw one from. The same seed gives the same posterior.
     backend : path, optional
-        HDF5 file in which every step is kept as it is made (extra ``uq``). A process that is killed loses
-        nothing of it.
+        HDF5 file to which every step is written at once (extra ``uq``), so that a killed process loses none.
     resume : bool, default False
         Continue the chain in `backend`, as if it had never stopped; begin it if there is no such file.
     progress : bool or callable, optional
@@ -115,10 +114,10 @@ def sample(
         those that will probably be needed and the effective samples so far; a KeyboardInterrupt that it raises ends
         the sampling as Ctrl-C does.
     method : {"emcee", "importance"}, optional
-        By default weighted draws, resampled, which a short chain begun from them judges; where the two differ by
-        more than their errors, or the weights are refused, the chain goes on and is the posterior.
+        By default weighted draws, resampled, which a short chain that starts from them checks; where the two differ
+        by more than their errors, or the weights are not trusted, the chain continues and is the posterior.
         ``"importance"`` gives the weighted draws alone: it makes no chain, so `walkers`, `max_steps` and `backend`
-        do not matter to it. ``"emcee"`` gives the draws of the long chain.
+        have no effect. ``"emcee"`` gives the draws of the long chain.
 
     Returns
     -------
@@ -131,7 +130,7 @@ def sample(
         If a prior is improper, there are too few walkers or steps, the file exists and `resume` is not set, or it
         holds the chain of another problem.
     FitError
-        If nothing can be fitted, or weighted draws alone were asked for and are refused: it says why.
+        If nothing can be fitted, or ``"importance"`` is requested and the weights are not trusted: it says why.
     MissingExtraError
         If `backend` is given and h5py is not installed.
 
@@ -177,7 +176,7 @@ def _judged(
     *,
     by_weights: bool,
 ) -> _Answer:
-    """Weighted draws if a short chain agrees with them, and are asked for; else the long chain."""
+    """Weighted draws if they are requested and a chain agrees with them; else the draws of the long chain."""
     if by_weights and not drawn.refused:
         run.go(line, limit, most=_FIRST_CHECK)
         disagreement = differs(names, drawn, run.coords)
@@ -199,7 +198,7 @@ def _check(
     *,
     resume: bool,
 ) -> None:
-    """Refuse what cannot be sampled."""
+    """Raise InputError for a problem or options that cannot be sampled."""
     if method not in (None, "emcee", "importance"):
         raise InputError(f"unknown method {method!r}; known: 'emcee', 'importance'")
     if method == "importance" and backend is not None:
@@ -224,7 +223,7 @@ def _check(
 
 
 def _seeded(rng: int | np.random.Generator) -> tuple[int | None, np.random.Generator]:
-    """Seed, where one is given, and the generator."""
+    """The seed, or None for a given generator, and the generator."""
     if isinstance(rng, np.random.Generator):
         return None, rng
     try:
@@ -237,9 +236,10 @@ def _seeded(rng: int | np.random.Generator) -> tuple[int | None, np.random.Gener
 
 
 def moves(proposal: Callable[[FloatArray, Any], tuple[FloatArray, FloatArray]]) -> list[tuple[Any, float]]:
-    """Moves of an ensemble and how often each is made.
+    """Moves of the emcee ensemble, each with the share of the steps in which it is used.
 
-    `proposal` gives places (m, p) whatever those of the walkers (m, p), and log q(old) - log q(new), (m,).
+    `proposal` takes the positions of walkers (m, p) and returns independent proposals (m, p) and log q(old) - log
+    q(new), (m,), q being the density of the proposal.
     """
     return [
         (emcee.moves.MHMove(proposal), 0.50),
@@ -250,10 +250,10 @@ def moves(proposal: Callable[[FloatArray, Any], tuple[FloatArray, FloatArray]]) 
 
 
 class _Run:
-    """One ensemble on its way: the chain so far, (steps, walkers, parameters), and what moves it.
+    """One ensemble of walkers during its run: the chain so far, (steps, walkers, parameters), and its sampler.
 
-    Steps that a file kept are gone through and judged as new ones are: whatever was decided on the way is decided
-    again, and a run that was stopped ends where it would have ended.
+    Steps read from a file are replayed and checked in the same way as new ones: all decisions are taken again, so
+    that an interrupted run ends where it would have ended.
     """
 
     def __init__(
@@ -284,7 +284,7 @@ class _Run:
         file: ChainFile | None,
         before: chain_file.Progress | None,
     ) -> _Run:
-        """Place the walkers by the draws, or take them up where a file left them."""
+        """Place the walkers by the weighted draws, or at the last step that a file holds."""
         parameters = drawn.vectors.shape[1]
         kept = np.empty((0, walkers, parameters + 1)) if before is None else before.chain
         words = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32))
@@ -340,7 +340,7 @@ class _Run:
         return judge(self.coords, self.steps)
 
     def _onward(self, most: int) -> Iterator[None]:
-        """Go through the steps that were kept, then make new ones, to the most."""
+        """Replay the steps read from a file, then make new ones, up to `most`; yields after each."""
         while self.steps < min(self._kept, most):
             self.steps += 1
             yield
@@ -352,7 +352,7 @@ class _Run:
             yield
 
     def _cut(self, why: str) -> Outcome:
-        """Judge a chain that was cut short, as far as it goes; `why` is the reason in words."""
+        """Verdict on a chain that was stopped early, not converged; `why` is the reason in words."""
         reason = f"{why} after {self.steps} steps"
         return judge(self.coords, self.steps)._replace(converged=False, reason=reason)
 
@@ -369,7 +369,10 @@ class _Run:
 def _placed(
     density: Target, drawn: WeightedDraws, proposal: Proposal, walkers: int, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Walkers (walkers, p) by the draws' weights, or of the proposal where these are refused; their density."""
+    """Starting positions (walkers, p), resampled from the weighted draws, and their log-density.
+
+    Positions come from the proposal instead where the weights are not trusted.
+    """
     coords = (
         np.empty((0, drawn.vectors.shape[1])) if drawn.refused else drawn.vectors[drawn.rows(walkers, rng)]
     )
@@ -385,7 +388,7 @@ def _placed(
 
 
 def _check_from(steps: int) -> int:
-    """First number of steps, `steps` or more, at which a chain is judged: the same however often it was stopped."""
+    """First number of steps, at least `steps`, at which a chain is checked for convergence, in a fixed series."""
     check = _FIRST_CHECK
     while check < steps:
         check = int(np.ceil(check * _GROWTH))
@@ -412,9 +415,9 @@ def _chain_file(
 
 
 class _Line:
-    """Steps done, effective samples so far and time left, on the terminal; silent when nobody looks.
+    """Progress line on the terminal: steps done, effective samples so far and time left.
 
-    None shows the line if standard error is a terminal; a function is called instead.
+    `shown` None shows it if standard error is a terminal; a function is called instead of it.
     """
 
     def __init__(self, total: int, *, shown: bool | Told | None) -> None:
@@ -462,7 +465,7 @@ class _Line:
 
 
 class _Answer(NamedTuple):
-    """Draws (n, columns, p), scaled, and log-density (n, columns), with what is recorded of them."""
+    """Draws (n, columns, p), scaled, their log-density (n, columns), and what the diagnostics record of them."""
 
     coords: FloatArray
     log_density: FloatArray
@@ -477,7 +480,7 @@ class _Answer(NamedTuple):
 
     @classmethod
     def of_weights(cls, drawn: WeightedDraws, rng: np.random.Generator, run: _Run | None) -> _Answer:
-        """Weighted draws, resampled, and the chain that judged them, if one was made."""
+        """Weighted draws, resampled, with the chain that checked them, if one was made."""
         count = -(-_TIMES * len(drawn.weights) // _COLUMNS) * _COLUMNS
         rows = drawn.rows(count, rng).reshape(-1, _COLUMNS)
         none = np.full(drawn.vectors.shape[1], np.nan)
@@ -506,7 +509,7 @@ class _Answer(NamedTuple):
         drawn: WeightedDraws | None,
         disagreement: str,
     ) -> _Answer:
-        """A chain after burn-in, thinned."""
+        """Draws of a chain after burn-in, thinned."""
         fastest = float(np.min(outcome.times))
         thin = max(1, int(fastest / _KEPT_PER_TIME)) if np.isfinite(fastest) else 1
         thin = min(thin, max(1, (outcome.steps - outcome.burn_in) // MIN_STEPS))
@@ -521,7 +524,7 @@ class _Answer(NamedTuple):
 
 
 class _Made(NamedTuple):
-    """A chain that was made elsewhere: (steps, walkers, p) and (steps, walkers)."""
+    """A chain that another sampler made: positions (steps, walkers, p) and log-density (steps, walkers)."""
 
     coords: FloatArray
     log_density: FloatArray
@@ -535,7 +538,7 @@ def _moved(chain: FloatArray) -> float:
 def _assemble(
     density: Target, answer: _Answer, rng: np.random.Generator, seed: int | None, seconds: float
 ) -> Posterior:
-    """Turn draws into SI, and add what follows from them."""
+    """The posterior: draws converted to SI, derived quantities, predictive bands and diagnostics."""
     problem, outcome = density.problem, answer.outcome
     chain = problem.physical(answer.coords)
     flat = chain.reshape(-1, chain.shape[-1])
@@ -629,9 +632,9 @@ def _warn(posterior: Posterior) -> None:
 
 
 def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -> Posterior:
-    """Make a posterior of the chain of any sampler, judged, summed up and reported as a chain of `sample` is.
+    """Make a posterior from the chain of any sampler, with the checks and summaries of `sample`.
 
-    A sampler of one's own needs the log-density of many scaled vectors at once and a place to begin, such as
+    A sampler of your own needs the log-density of many scaled vectors at once and a starting point, such as
     `Fit.vector` with `Fit.scaled_covariance`. Where a noise is stated the density is `Problem.log_posterior`; else
     ``fit.statement.likelihood.log_density``, which is the same where one is stated.
 
@@ -652,7 +655,7 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
     Raises
     ------
     InputError
-        If the chain has another shape, is too short to be judged, or leaves what the priors allow.
+        If the chain has another shape, is too short for a verdict, or leaves the support of the priors.
     """
     require_given(problem, "problem", Problem)
     coords = as_finite(chain, "chain")
@@ -675,7 +678,7 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
 
 
 class _Averaged:
-    """Log-density of the data (sets,) at physical vectors (sets, p), by a fit's likelihood."""
+    """Log-likelihood (sets,) at physical vectors (sets, p), by a fit's likelihood."""
 
     def __init__(self, found: Fit) -> None:
         self._problem, self._likelihood = found.problem, cast(Any, found.statement).likelihood
@@ -691,10 +694,10 @@ class _Averaged:
 
 
 def marginalised(problem: Problem) -> Problem:
-    """Return the problem with noise and misfit averaged over in its likelihood: ``fit.statement.likelihood``.
+    """Return the problem with a likelihood averaged over noise and misfit: ``fit.statement.likelihood``.
 
     .. deprecated:: 0.2
-        Ask ``fit(problem).statement.likelihood.log_density`` of scaled vectors.
+        Use ``fit(problem).statement.likelihood.log_density`` of scaled vectors.
     """
     require_given(problem, "problem", Problem)
     warnings.warn(

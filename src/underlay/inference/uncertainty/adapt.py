@@ -81,8 +81,7 @@ class Kernels:
 
 
 def _local(standard: FloatArray, weights: FloatArray, centre: FloatArray) -> FloatArray:
-    """Cholesky factor (q, q) of the covariance of the weighted draws nearest to a point, in standard coordinates.
-    """
+    """Cholesky factor (q, q) of the covariance of the draws nearest to a point, in standard coordinates."""
     square = ((standard - centre) ** 2).sum(axis=1)
     order = np.argsort(square)
     last = int(np.searchsorted(np.cumsum(weights[order]), _NEIGHBOURS)) + 1

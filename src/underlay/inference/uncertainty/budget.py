@@ -124,8 +124,7 @@ class _Budget:
 
     # --- inputs -------------------------------------------------------------------------------------------
     def _inputs(self) -> Iterator[Source]:
-        """Sources that are uncertain inputs; an input of the same name and size has the same error in all curves.
-        """
+        """Sources that are uncertain inputs; one of the same name and size has the same error in all curves."""
         problem = self.fit.problem
         free = {coordinate.path for coordinate in problem.coordinates}
         of_curves: dict[tuple[str, str], dict[int, Input]] = {}
@@ -225,8 +224,7 @@ class _Budget:
         )
 
     def _left_out(self) -> Iterator[Source]:
-        """Sources left out of the model whose shape is known: friction, finite strain, a paraboloid for a sphere.
-        """
+        """Sources of known shape that the model omits: friction, finite strain, a paraboloid for a sphere."""
         errors: dict[str, KnownError] = {}
         for scene, curve in zip(self.fit.problem.base_scenes, self.fit.curves, strict=True):
             deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)

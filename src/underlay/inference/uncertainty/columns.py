@@ -126,8 +126,7 @@ def _steps(penetration: FloatArray) -> FloatArray:
 
 
 def _line(residual: FloatArray, law: FloatArray) -> FloatArray:
-    """Sine and cosine (n, 2) of the frequency that explains most of the residual (n,), orthogonal to `law` (n, k).
-    """
+    """Sine and cosine (n, 2) of the frequency that explains most of the residual (n,) beside `law` (n, k)."""
     n = len(residual)
     frequencies = np.geomspace(_SLOWEST, 0.45 * n, _FREQUENCIES)
     phase = 2.0 * np.pi * frequencies * (np.arange(n)[:, None] + 0.5) / n

@@ -94,7 +94,7 @@ class DensityCurve:
         return np.asarray(self.force - (force - contact) - self.contact * np.log(size) - contact / size)
 
     def place(self, tangent: Tangent) -> Place | None:
-        """F_0 - F* (n,) and its derivatives at one vector, by its `tangent`; None where nothing presses."""
+        """F_0 - F* (n,) and its derivatives at the vector of a `tangent`; None for a force that is not positive."""
         square, contact = float(self.contact @ self.contact), tangent.pressing
         rest = tangent.force - contact
         size = float(contact @ self.contact) / square
@@ -157,8 +157,7 @@ class Density:
         return cls(likelihood, curves, kept, height, precision)
 
     def log(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (sets,) at scaled vectors (sets, k); -inf outside the bounds and where no contact law exists.
-        """
+        """Log-density (sets,) at scaled vectors (sets, k); -inf outside the bounds or without a contact law."""
         problem = self.likelihood.fit.problem
         if not problem.noise_is_open:
             return log_posterior(problem, vectors)
@@ -225,8 +224,7 @@ class Density:
         return np.asarray(sum(parts))
 
     def _rises(self, fallen: FloatArray) -> FloatArray:
-        """Rise (sets, m) of the one curve's sum of squares above its linearised minimum, over the noise's variance.
-        """
+        """Rise (sets, m) of one curve's sum of squares above its linearised minimum, over the noise's variance."""
         own = self.curves[0].moments
         rows = fallen + own.residual
         information, offset = own.information[:, self.kept[:, None], self.kept], own.offset[:, self.kept]
@@ -251,8 +249,7 @@ def _squares(moments: CurveMoments, rows: FloatArray) -> FloatArray:
 def _bend_losses(
     moments: CurveMoments, row: NDArray[np.intp], fallen: FloatArray, freedom: float
 ) -> FloatArray:
-    """Loss of log-density (sets, m) by the moments along the further directions `bends`, relative to the best fit.
-    """
+    """Loss of log-density (sets, m) by the moments along the directions `bends`, relative to the best fit."""
     precision, p = moments.bend_precision[row], moments.bends
     here = moments.bend_offset + fallen @ moments.basis[:, -p:]
     square = np.einsum("si,mij,sj->sm", here, precision, here, optimize=True)

@@ -83,8 +83,7 @@ class Likelihood(Weighed):
         return DrawnReading(self, draw(self._ridges, np.random.default_rng(rng), **wanted))
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (sets,), with priors, of scaled vectors (sets, k), as emcee uses it; -inf where it is zero.
-        """
+        """Log-posterior (sets,) of scaled vectors (sets, k), as emcee uses it; -inf where it is impossible."""
         return self._density.log(np.atleast_2d(vectors))
 
     @cached_property

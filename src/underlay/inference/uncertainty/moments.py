@@ -86,8 +86,7 @@ class CurveMoments:
         growth: FloatArray,
         bends: FloatArray | None = None,
     ) -> CurveMoments:
-        """Moments for a curve linearised as `columns`; `bends` (n, p) are directions orthogonal to its derivatives.
-        """
+        """Moments for a linearised curve; `bends` (n, p) are directions orthogonal to its derivatives."""
         n, k, m = len(columns.values), columns.law.stop, len(hypotheses.weight)
         bends = np.zeros((n, 0)) if bends is None else bends
         p, shapes = bends.shape[1], columns.turn.stop
@@ -149,8 +148,7 @@ def _spread(
     table: NoiseTable,
     growth: FloatArray,
 ) -> FloatArray:
-    """Covariances (m, q, q), one for each hypothesis, of the projections of noise and disturbances on all columns.
-    """
+    """Covariances (m, q, q), one for each hypothesis, of all columns' projections of the disturbances."""
     used, place = np.unique(hypotheses.noise, return_inverse=True)
     noisy = grams(cosines(values * np.sqrt(growth)[:, None]), table.spectra[used])[place]
     along = plain[None, :, : sizes.shape[1]] * sizes[:, None, :]

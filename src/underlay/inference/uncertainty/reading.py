@@ -54,7 +54,7 @@ class Reading(ABC):
 
     @cached_property
     def _correction(self) -> FloatArray:
-        """Mean move (k,) of the hypotheses that correct the value, where they outweigh the others."""
+        """Mean shift (k,) by the hypotheses that correct the value; zero unless their probability exceeds 1/2."""
         mixture = self.likelihood.mixture
         moves = mixture.means - self.value
         acts = np.any(moves != 0.0, axis=1)

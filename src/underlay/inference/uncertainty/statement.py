@@ -73,7 +73,7 @@ class _Scale:
         return float(self.places[_VALUE])
 
     def at(self, below: float, above: float) -> tuple[float, float]:
-        """The quantity (SI) so far below and above the value on the scale; an infinite step is an open end."""
+        """The quantity (SI) at two distances from the value on the scale; infinite distances give infinite ends."""
         low = self.physical(self.value - below) if math.isfinite(below) else -math.inf
         high = self.physical(self.value + above) if math.isfinite(above) else math.inf
         return low, high
@@ -138,7 +138,7 @@ class Statement:
         return sensitivities(self.fit, self.likelihood.moved)
 
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Lower ends, middles and upper ends, (n,), of quantities that follow; see `Fit.band`."""
+        """Lower ends, middles and upper ends, (n,) each, of quantities that `of` computes; see `Fit.band`."""
         require_level(level)
         at, k = self.reading.corrected, len(self.fit.names)
         steps = _STEP * np.vstack([np.zeros((1, k)), np.eye(k), -np.eye(k)])
@@ -172,7 +172,7 @@ class Statement:
         return np.concatenate((at[None], self.fit.vector[None], *moved, *middles))
 
     def _derived(self, level: float) -> Mapping[str, FloatArray]:
-        """What follows from the parameters, at places, draws and edge: asked once for all of it."""
+        """All derived quantities, by name, at the vectors of `_places`, the draws and the edge; once a level."""
         if level not in self._followed:
             problem = self.fit.problem
             vectors = np.vstack((self._places, self.reading.draws, self.reading.edge(level)))
@@ -318,7 +318,7 @@ def _exponential(logarithm: float) -> float:
 
 
 def _quantities(of: Follows, physical: FloatArray) -> FloatArray:
-    """What a caller's function gives (draws, n) at parameters (draws, k); refused where it is not that."""
+    """Quantities (draws, n) that a caller's function returns for parameters (draws, k), after checks."""
     asked: object = of
     given: object = asked(physical) if callable(asked) else asked
     try:

@@ -114,7 +114,7 @@ class CurveModel:
         )
 
     def forces(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Contact force and instrument's force, (sets, n), at scaled vectors (sets, k); which exist, (sets,)."""
+        """Contact force, instrument's force, (sets, n) each, and whether a law exists, at vectors (sets, k)."""
         values = self.member.values_of(self.problem.physical(vectors))
         found = batched_readings(self.forward, values, len(vectors), stiffness=False)
         return self.answers(found.contact), self.answers(found.force), found.possible
@@ -141,7 +141,7 @@ def curve_models(fit: Any) -> list[CurveModel]:
 
 
 def straight(problem: Problem) -> NDArray[np.bool_]:
-    """Mask (k,) of the entries in which the force may be straight: the modulus, and what is read beside it."""
+    """Mask (k,) of entries in which the force may be taken as linear: modulus, baseline, noise and others."""
     own = [
         c.path == _MODULUS
         or c.path.startswith("noise.")
@@ -152,7 +152,7 @@ def straight(problem: Problem) -> NDArray[np.bool_]:
 
 
 def bending(problem: Problem) -> NDArray[np.bool_]:
-    """Mask (k,) of the entries in which the force is straight or nearly so: how far is asked of the curve."""
+    """Mask (k,) of entries in which the force is nearly linear: its curvature is checked for each curve."""
     return np.array([declared(c.path).nearly_linear for c in problem.coordinates])
 
 

@@ -1,7 +1,7 @@
-"""Nodes along the ridge of a fit: where the others are best while one coordinate goes on.
+"""Points along the ridge of a fit's likelihood: one coordinate is stepped, the others are optimised at each step.
 
-The path is least squares': at each value of the coordinate the others make the model deviate least from the fitted
-one, or, where a step is taken out, from the rows less the step.
+At each value of the coordinate the others minimise the deviation from the fitted model or, for hypotheses with a
+force step, ramp or turn, from the readings corrected for it.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Path:
         return Node(vector, places) if all(place is not None for place in places) else None  # type: ignore[arg-type]
 
     def settled(self, vector: FloatArray, coordinate: int | None) -> Node | None:
-        """Node with the others at their best while `coordinate` is held, from a vector (k,) near it."""
+        """Node with `coordinate` held and the others optimised, from a vector (k,) near it; None without a law."""
         node = self.node(vector)
         for _ in range(_STEPS):
             if node is None:

@@ -139,7 +139,7 @@ class Weighed:
         return found
 
     def _beyond_tangents(self, step: FloatArray) -> list[FloatArray]:
-        """Force (n,) of each curve, in its rows' units, beyond its tangent a step (k,) from the optimum."""
+        """Force (n,) of each curve less its linearisation, for a step (k,) from the optimum."""
         there = self.fit.vector + step
         low, high = self.fit.problem.bounds.T
         if not ((low <= there) & (there <= high)).all():
@@ -153,8 +153,7 @@ class Weighed:
         ]
 
     def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
-        """Shift (k,) of the scaled vector, to first order, by added forces (N), one array (points,) for each curve.
-        """
+        """Shift (k,) of the scaled vector, to first order, by added forces (N), one array (points,) a curve."""
         pulls, normal = np.zeros(len(self.fit.vector)), np.zeros((len(self.fit.vector),) * 2)
         for state, column in zip(self.states, columns, strict=True):
             law = state.columns.values[:, state.columns.law]
