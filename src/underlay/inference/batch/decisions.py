@@ -140,7 +140,7 @@ class Decisions:
         return judged
 
     def csv(self, listed: pd.DataFrame) -> str:
-        """Return the CSV to be filled in: a row for each row of `listed`, whose column ``curve`` names it."""
+        """Return a CSV for a person to fill in: a row for each row of `listed`, whose column ``curve`` names it."""
         table = listed.copy()
         found = [self.by_curve.get(name) for name in table[_CURVE]]
         table.insert(1, _DECISION, ["" if d is None else d.word for d in found])

@@ -287,7 +287,7 @@ def _with_manifest(
 
 
 def _identity(model: BatchModel, places: Sequence[CurvePlace], layout: Layout) -> dict[str, Any]:
-    """What a run is: all that decides its numbers, by SHA-256."""
+    """Identity of a run: SHA-256 hashes of everything that decides its numbers, its columns, number of curves."""
     names, manifest = hashlib.sha256(), hashlib.sha256()
     for place in places:
         names.update(f"{Path(place.path).name}\0{place.sha256}\n".encode("utf-8", "backslashreplace"))

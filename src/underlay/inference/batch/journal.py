@@ -222,7 +222,7 @@ class Journal:
             self._file.execute(f"PRAGMA user_version = {_FORM}")
 
     def _find_rows(self, is_row: Callable[[str], bool]) -> None:
-        """Find the rows that are there; those that are not what was written go, and are fitted again."""
+        """Find the rows that are there, and delete those with a wrong checksum or form: they are fitted again."""
         foreign = []
         for curve, line, crc in self._file.execute("SELECT curve, line, crc FROM row"):
             text = _text(line)

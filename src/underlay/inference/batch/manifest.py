@@ -60,7 +60,7 @@ _LISTED = 5
 
 @dataclass(frozen=True)
 class Entry:
-    """One row: which curve, where (m), the numbers of its scene (SI) by path, and labels by column."""
+    """One row of a manifest: file and name of a curve, position (m), numbers of its scene (SI), labels."""
 
     file: str
     name: str = ""

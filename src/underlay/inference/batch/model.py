@@ -1,4 +1,4 @@
-"""What all curves of a map have in common: the checked model that is sent once to every worker, and its options."""
+"""The model that all curves of a map share, checked once and sent to every worker, and the map's options."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class _Speed(ProgressColumn):
 
 
 class MapProgress:
-    """A line on the terminal with curves done, curves per second and time left; silent when nobody looks.
+    """A progress line on the terminal: curves done, curves per second and time left.
 
     Parameters
     ----------
     total, done : int
-        Curves of the map, and those that were there before.
+        Number of curves of the map, and of those finished in an earlier run.
     shown : bool, callable or None
         None shows the line if standard error is a terminal; a function is called with the curves done and all
         curves instead.
@@ -95,7 +95,7 @@ class MapProgress:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How posteriors are sampled; every curve draws from a stream of its own, named by seed and curve.
+    """How posteriors are sampled; each curve has its own random stream, seeded by the map's seed and its name.
 
     Parameters
     ----------
@@ -112,32 +112,31 @@ class Sampling:
 
 @dataclass(frozen=True)
 class MapOptions:
-    """Options of `fit_many` beside its curves and its scene; each has a default that suits most maps.
+    """Options of `fit_many` besides its curves and its scene; each has a default that suits most maps.
 
     Parameters
     ----------
     noise : Noise or another NoiseModel, optional
-        As in `Problem`; by default what the scene file says.
+        As in `Problem`; by default what the scene file states.
     solver : Solver or str, optional
-        What builds the contact law, as in `Problem`; by default what the scene file says.
+        What builds the contact law, as in `Problem`; by default what the scene file states.
     quality : bool, default False
-        Judge every curve by `check_quality` first. It takes longer than the fit. Without it the verdict is
-        ``"good"`` where the fit has no warnings, ``"check"`` where it has, ``"refused"`` where there is
-        no fit.
+        Check every curve by `check_quality` first. It takes longer than the fit. Without it the verdict is
+        ``"good"`` where the fit has no warnings, ``"check"`` where it has, ``"refused"`` where there is no fit.
     sampling : Sampling or bool, default False
         Sample the posterior of every curve; its answers are then those of the posterior.
     answers : bool, default True
         Give every curve the answers and the verdict that `Fit.answer` and `Fit.verdict` state. Without them the
-        table holds values and their least-squares standard errors alone, in a tenth of the time.
+        table holds values and their least-squares standard errors only, in a tenth of the time.
     resume : bool, default False
         Continue the run in the output; rows that were written are not computed again.
     folders : sequence of str, default ()
-        What the folders stand for in which the curves lie, outermost first: ``("group", "animal")`` reads
-        ``curves/<group>/<animal>/<file>`` and labels the rows so. Without it a folder's own files are read.
+        Names of the labels that nested folders stand for, outermost first: ``("group", "animal")`` reads
+        ``curves/<group>/<animal>/<file>`` and labels the rows so. Without it only the folder's own files are read.
     time_limit : float, optional
-        Longest time that a worker process may take over one curve (s); it is then ended, and the curve is a
-        row with that reason. By default 600, and no limit where posteriors are sampled. Neither this process
-        (``workers=0``) nor a Dask scheduler's workers can be ended so.
+        Longest time that a worker process may take over one curve (s); it is then ended, and the curve is a row
+        with that reason. By default 600, and no limit where posteriors are sampled. It has no effect in this
+        process (``workers=0``) and on a Dask scheduler's workers.
     timeout : float, default 10
         How long a scheduler may take to answer (s).
     progress : bool or callable, optional
@@ -147,7 +146,7 @@ class MapOptions:
     Raises
     ------
     InputError
-        If a time is not positive, or the solver is none.
+        If a time is not positive, or `solver` is not a solver.
     """
 
     noise: NoiseModel | None = None
@@ -205,13 +204,13 @@ class BatchModel:
     solver : Solver
         As in `Problem`.
     file : SceneFile or None
-        Says how a curve file is read and which part of it is used; None reads the loading part.
+        States how a curve file is read and which part of it is used; None reads the loading part.
     quality : bool
-        Whether each curve is judged by `check_quality` before it is fitted.
+        Whether each curve is checked by `check_quality` before it is fitted.
     sampling : Sampling or None
-        Whether the posterior is sampled after the fit.
+        How the posterior is sampled after the fit; None for no sampling.
     answers : bool
-        Whether every fit gives its answers and its verdict.
+        Whether the rows hold answers and verdicts, and not just values and standard errors.
     """
 
     scene: Scene
@@ -229,7 +228,7 @@ class BatchModel:
 
     @property
     def template(self) -> Problem:
-        """The problem of a made-up curve: what is wrong with the model is wrong here already.
+        """The problem of the scene with a synthetic curve, to detect errors of the model before any work.
 
         Raises
         ------
@@ -244,7 +243,7 @@ class BatchModel:
         )
 
     def check_starts(self, starts: Iterable[tuple[str, Mapping[str, float]]]) -> None:
-        """Refuse starts of free parameters, (where, values by path), that are outside their bounds."""
+        """Raise InputError for starting values outside the bounds; `starts` are pairs (source, values by path)."""
         coordinates = self.template.coordinates
         for where, values in starts:
             for coordinate in coordinates:
@@ -256,7 +255,7 @@ class BatchModel:
                     )
 
     def hashes(self) -> dict[str, str]:
-        """SHA-256 of everything that decides the numbers of the table, by what it is."""
+        """SHA-256 of everything that decides the numbers of the table, by name (scene, fit, noise, ...)."""
         file = self.file
         return {
             "scene": _hash(self.scene, sorted(self.scene.parameters.items())),
@@ -269,7 +268,7 @@ class BatchModel:
 
 
 def _clock(scene: Scene, ramp: FloatArray) -> FloatArray:
-    """Times (s) that rise with `ramp`, of a record that tells every relaxation time of the scene."""
+    """Times (s), rising with `ramp` (n,), of a record that resolves all relaxation times of the scene."""
     times = [value for path, value in scene.parameters.items() if ".times[" in path]
     if not times:
         return ramp
@@ -284,7 +283,7 @@ def batch_model(
     free: Mapping[str, Given] | Iterable[str] | None,
     options: MapOptions,
 ) -> BatchModel:
-    """Join a scene file with what the caller gives, which goes first, and check the model.
+    """Combine a scene file with the caller's options, which take precedence, and check the model.
 
     Parameters
     ----------

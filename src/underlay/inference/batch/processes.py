@@ -1,13 +1,13 @@
-"""Curves of a map through processes of this machine, each with one thread and a pipe of its own.
+"""Fits the curves of a map in worker processes of this machine, each with one thread and its own pipe.
 
-A worker is a fresh Python on every platform: a fork would copy the locks of threads that it does not copy.
-It does not run the caller's script again, so scripts need no ``if __name__ == "__main__"`` guard.
+A worker is a fresh Python on every platform: a fork would copy the locks of threads that it does not copy. It does
+not run the caller's script again, so scripts need no ``if __name__ == "__main__"`` guard.
 
-Not a library's pool, and here is why. The workers of such a pool share one pipe behind one lock, and a worker
-that is killed while it holds the lock takes it along. Eight pools of pebble 5.2.3, two workers each with tasks
-of 2 ms and 300 kB, were killed a worker at a time at random moments: every one stopped for good, seven without
-a word, after one to seven kills (``tests/studies/worker_kills.py`` repeats it, and does the same to these). A
-pipe of its own is shared with nobody: the death of a worker is the end of its pipe and of nothing else.
+No library's worker pool is used: the workers of such a pool share one pipe behind one lock, and a worker that is
+killed while it holds the lock blocks all others. Eight pools of pebble 5.2.3, two workers each with tasks of 2 ms
+and 300 kB, had their workers killed one at a time at random moments: every pool stopped for good, seven without a
+message, after one to seven kills (``tests/studies/worker_kills.py`` repeats it, and does the same to these
+workers). With its own pipe, the death of a worker ends that pipe and nothing else.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ _EVERY = 0.2
 
 @contextmanager
 def start_of_a_process() -> Iterator[None]:
-    """Context in which a process is started: it does not run the caller's script again, nor does Ctrl-C reach it.
+    """Context for starting a process that neither runs the caller's script again nor receives Ctrl-C.
 
-    The process gets one thread for linear algebra, and takes no import from the folder it is started in.
+    The process gets one thread for linear algebra, and imports nothing from the folder it is started in.
     """
     script = sys.modules["__main__"]
     before = {name: os.environ.get(name) for name in _ENVIRONMENT}
@@ -93,9 +93,8 @@ def through_processes(
 ) -> Generator[Rows, None, None]:
     """Fit chunks of curves in worker processes; yield rows as they come, in any order.
 
-    A process that dies or exceeds the limit is replaced, and what it had not answered is given out again, a
-    curve at a time, so that one curve cannot take others with it. Leaving the generator early ends the
-    processes.
+    A process that dies or exceeds the limit is replaced, and its unfinished curves are sent out again one at a
+    time, so that one bad curve does not take others with it. Leaving the generator early ends the processes.
 
     Parameters
     ----------
@@ -104,9 +103,9 @@ def through_processes(
     layout : Layout
         Columns of the rows.
     chunks : sequence of sequences of CurvePlace
-        The curves, as they are given out.
+        The curves, in the groups in which they are sent to workers.
     workers : int
-        How many processes.
+        Number of processes.
     time_limit : float, optional
         Longest time for one curve (s).
 
@@ -115,7 +114,7 @@ def through_processes(
     FitError
         If worker processes do not start.
     InputError
-        If they cannot see what the running script defines.
+        If they cannot import what the running script defines.
     """
     remaining = _Remaining(chunks, layout, time_limit)
     message = pickle.dumps((model, layout), pickle.HIGHEST_PROTOCOL)
@@ -144,7 +143,7 @@ def through_processes(
 
 
 class _Remaining:
-    """The chunks that no worker has, the next one last, and what becomes of those whose worker ended."""
+    """The chunks not yet sent to a worker, the next one last, and the handling of those whose worker ended."""
 
     def __init__(
         self, chunks: Sequence[Sequence[CurvePlace]], layout: Layout, time_limit: float | None
@@ -155,7 +154,7 @@ class _Remaining:
         self.lost_starts = 0
 
     def after_the_end_of(self, worker: _Worker) -> Rows:
-        """Take back what a worker did not answer; the row of a curve that is given up.
+        """Queue the unfinished curves of a worker that ended; return the row of a curve that is given up, if any.
 
         Raises
         ------
@@ -186,13 +185,13 @@ class _Worker:
     Attributes
     ----------
     places : list of CurvePlace
-        What it was given and has not answered.
+        Curves that were sent to it and have no row yet.
     ready : bool
-        Whether it has said that it knows the model.
+        Whether it has confirmed that it received the model.
     deadline : float
-        When it must have been heard from (s, monotonic).
+        Time of the monotonic clock (s) by which its next message must come.
     late : bool
-        Whether it was ended because it was not heard from for too long.
+        Whether it was ended because it missed the deadline.
     """
 
     def __init__(self, message: bytes, time_limit: float | None) -> None:
@@ -213,17 +212,17 @@ class _Worker:
 
     @property
     def exit_code(self) -> int:
-        """What it ended with; minus the number of the signal that ended it."""
+        """Exit code of the process; minus the number of the signal that ended it."""
         return self._process.exitcode or 0
 
     def give(self, places: list[CurvePlace]) -> None:
-        """Send curves; that a worker is gone is noticed where its answer is read."""
+        """Send curves to the worker; a dead worker is noticed when its answer is read."""
         self.places, self.deadline = places, time.monotonic() + self._patience
         with suppress(OSError):
             self.connection.send_bytes(pickle.dumps(places, pickle.HIGHEST_PROTOCOL))
 
     def receive(self) -> Rows:
-        """Read one answer.
+        """Read one message: finished rows, empty for the confirmation of the model.
 
         Raises
         ------
@@ -238,19 +237,19 @@ class _Worker:
         return answer
 
     def kill(self) -> None:
-        """End a process that was not heard from for too long; its pipe then says so."""
+        """End a process that missed its deadline; reading its pipe then raises EOFError."""
         self.late = True
         self._process.kill()
 
     def end(self) -> None:
-        """End the process at once: what it has not answered is not lost, only not done."""
+        """End the process at once and close the pipe; its unfinished curves can be sent to another."""
         self._process.kill()
         self._process.join()
         self.connection.close()
 
 
 def _heard_from(active: Sequence[_Worker]) -> list[_Worker]:
-    """Wait until a worker answers or ends; end those that exceed their time."""
+    """Wait until a worker sends a message or ends, and return those; kill those that missed their deadline."""
     left = min(worker.deadline for worker in active) - time.monotonic()
     ready = wait([worker.connection for worker in active], max(left, 0.0) if left < math.inf else None)
     for worker in active:
@@ -269,9 +268,9 @@ def _cannot_work(complaint: str) -> Exception:
 
 
 def _serve(connection: Connection, message: bytes) -> None:
-    """Answer curves with rows, a list or more for each chunk, until the parent is gone.
+    """Main function of a worker: receive chunks of curves and send back rows, until the parent is gone.
 
-    The first answer, an empty list, says that the model is there; a text says what is wrong.
+    The first message, an empty list, confirms the model; a text reports an error.
     """
     # Ctrl-C reaches the whole group of processes; the parent decides what ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""The table of a map: its columns, a row as text, and the whole as CSV, Parquet or DataFrame."""
+"""The table of a map: its columns, one row as text, and the whole as CSV, Parquet or DataFrame."""
 
 from __future__ import annotations
 
@@ -78,14 +78,14 @@ _STORED = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
 
 
 def fitted_names(columns: Iterable[object]) -> list[str]:
-    """Fitted parameters of a table with these columns: those with an interval, or with a standard error."""
+    """Names of the fitted parameters of a table: those with columns of an interval or of a standard error."""
     names = [str(column) for column in columns]
     ends = (".stat.low", ".stderr")
     return list(dict.fromkeys(name.removesuffix(end) for name in names for end in ends if name.endswith(end)))
 
 
 def standard_errors(table: pd.DataFrame, name: str) -> Any:
-    """Standard errors (SI) of a fitted parameter, one a row: those of its statistical interval."""
+    """Standard errors (SI) of a fitted parameter, (rows,), from its error column or its statistical interval."""
     if f"{name}.stderr" in table.columns:
         return table[f"{name}.stderr"].to_numpy(dtype=float)
     low, high = (table[f"{name}.stat.{end}"].to_numpy(dtype=float) for end in ("low", "high"))
@@ -94,7 +94,7 @@ def standard_errors(table: pd.DataFrame, name: str) -> Any:
 
 @dataclass(frozen=True)
 class Layout:
-    """Columns of a table and what they hold, in order.
+    """Columns of a table, in order, with the type of each.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class Layout:
         sampled: bool,
         answers: bool = True,
     ) -> Layout:
-        """Lay out the columns of a map. One with labels is of a population: it keeps the modulus' likelihood too.
+        """Lay out the columns of a map. With labels there is also a column for the modulus' likelihood.
 
         Parameters
         ----------
@@ -124,9 +124,9 @@ class Layout:
         given : sequence of str
             Paths that the manifest or the files give.
         labels : sequence of str
-            Columns of the manifest that say whose a curve is.
+            Label columns of the manifest, such as animal and group.
         derived : sequence of str
-            Quantities that follow from the fitted ones.
+            Quantities computed from the fitted ones.
         sampled, answers : bool
             Whether posteriors are sampled; whether fits give their answers.
         """
@@ -144,15 +144,15 @@ class Layout:
 
     @property
     def header(self) -> str:
-        """First line of the CSV, without its end."""
+        """First line of the CSV, without its line end."""
         return ",".join(self.kinds)
 
     def cells(self, line: str) -> dict[str, str]:
-        """Columns of one line of CSV, as text."""
+        """Cells of one line of CSV, as text, by column."""
         return dict(zip(self.kinds, next(csv.reader([line])), strict=True))
 
     def is_row(self, line: str) -> bool:
-        """Whether a text is one line of CSV with a cell for every column, each of its kind."""
+        """Whether a text is one line of CSV with a cell of the right type for every column."""
         try:
             cells = self.cells(line)
             for name, kind in self.kinds.items():
@@ -162,7 +162,7 @@ class Layout:
         return line.splitlines() == [line] and cells["status"] in (FITTED, FAILED)
 
     def text(self, row: Mapping[str, Any]) -> str:
-        """One line of CSV, without its end; what `row` does not hold stays empty."""
+        """One line of CSV, without its line end; columns that `row` does not have stay empty."""
         return ",".join([_cell(row.get(name)) for name in self.kinds])
 
 
@@ -181,7 +181,7 @@ def _cell(value: Any) -> str:
 
 
 def require_format(path: Path) -> None:
-    """Refuse a table that could not be written at the end.
+    """Raise an error for a table's path whose format could not be written.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def require_format(path: Path) -> None:
 
 
 def to_frame(layout: Layout, lines: Iterable[str]) -> pd.DataFrame:
-    """Return the rows as a table, every float as it was to the last bit."""
+    """Return CSV lines as a DataFrame, with every float exact to the last bit."""
     rows = list(csv.reader(lines))
     columns = zip(*rows, strict=True) if rows else repeat(())
     return pd.DataFrame(
@@ -232,7 +232,7 @@ def _column(cells: Sequence[str], kind: str) -> Any:
 
 
 def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:
-    """Write rows to a CSV or Parquet file, whole or not at all, without holding them all.
+    """Write CSV lines to a CSV or Parquet file, atomically, without holding them all in memory.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:
 
 
 def write_frame(path: Path, table: pd.DataFrame) -> Path:
-    """Write a table that was changed after its run to a CSV or Parquet file, whole or not at all.
+    """Write a table that was changed after its run to a CSV or Parquet file, atomically.
 
     Raises
     ------
@@ -274,14 +274,14 @@ def _write_parquet(file: BinaryIO, layout: Layout, lines: Iterable[str]) -> None
 
 
 def read_parquet(content: IO[bytes], most_cells: int) -> pd.DataFrame:
-    """Read a table in Parquet that claims no more than `most_cells`.
+    """Read a table in Parquet that declares at most `most_cells` cells.
 
     Raises
     ------
     MissingExtraError
         If pyarrow is not installed.
     ValueError
-        If it claims more; pyarrow has errors of its own for a damaged file.
+        If it declares more; pyarrow has errors of its own for a damaged file.
     """
     _, parquet = _pyarrow()
     file = parquet.ParquetFile(content)

@@ -1,21 +1,22 @@
-"""The fit a map repeats ten thousand times: a modulus, a contact point and a baseline.
+"""A fast fit of modulus, contact point and baseline, for maps of many thousand curves.
 
 The force reading F at the depth reading d is
 
     F(d) = P(d - c; E) + baseline + slope d,
 
 with P the contact force, c the contact depth and E the layer's modulus. Where that is the only modulus, P is E
-times a force that stays put: all is linear but c. For a given c the rest is a linear least-squares problem, so the
-search runs over c alone (variable projection: Golub and Pereyra 1973, doi:10.1137/0710036; the step is Kaufman's
-1975, doi:10.1007/BF01932995). On an elastic base of modulus E2 the law changes with E / E2: it is taken as linear
-in ln E about the last one, with dP/d ln E from `LawSlopes`, and E moves along with c, nearly as a power of the
-force. The search ends where `least_squares.fit` ends, on the same sum of squares.
+times a force that does not depend on E: the model is linear in all parameters but c. For a given c the others are a
+linear least-squares problem, so the search runs over c alone (variable projection: Golub and Pereyra 1973,
+doi:10.1137/0710036; the step is Kaufman's 1975, doi:10.1007/BF01932995). On an elastic base of modulus E2 the law
+changes with E / E2: it is linearised in ln E about the last iterate, with dP/d ln E from `LawSlopes`, and E changes
+with every step of c, the force being nearly a power of it. The search ends where `least_squares.fit` ends, on the
+same sum of squares.
 
-Measured on 1000 points on a rigid base, modulus and contact free: by the engine a whole row of a map takes 3 times
-as long, its scan and the making of its problem included (processor time, median of 9 pairs of maps of 24 curves);
-on a base ten times stiffer 3.5 times, under a sphere there 3 times. Whatever is unusual (a parameter near a bound,
-a step that does not descend, an ill-conditioned set, a depth the law does not reach) is left to
-`least_squares.fitting.quick_fit`: the answer is then None.
+Measured on 1000 points on a rigid base, modulus and contact free: the general search takes 3 times as long for a
+whole row of a map, its scan and the construction of its problem included (processor time, median of 9 pairs of maps
+of 24 curves); on a base ten times stiffer 3.5 times, under a sphere there 3 times. Whatever is unusual (a parameter
+near a bound, a step that does not descend, an ill-conditioned set, a depth the law does not reach) is left to
+`least_squares.fitting.quick_fit`: the result is then None.
 """
 
 from __future__ import annotations
@@ -97,12 +98,12 @@ _CORRELATED, _WIDE = 0.98, 0.5
 
 @dataclass(frozen=True)
 class SeparableModel:
-    """What all curves of a map have in common, compiled: the way in.
+    """What all curves of a map have in common, compiled for the fast fit; the entry point of this module.
 
     Parameters
     ----------
     forward : Forward
-        Forward model of the common scene; its store holds the laws that curves share.
+        Forward model of the common scene, with a cache of the laws that curves share.
     coordinates : tuple of Coordinate
         The free parameters.
     noise : float or None
@@ -115,7 +116,7 @@ class SeparableModel:
 
     @classmethod
     def of(cls, problem: Problem) -> Self | None:
-        """Compile the model of a problem of one curve, or return None where it is not separable."""
+        """Compile the model of a problem of one curve, or return None where the fast fit cannot be used."""
         if len(problem.members) != 1:
             return None
         member = problem.members[0]
@@ -137,14 +138,14 @@ class SeparableModel:
         return cls(member.forward, problem.coordinates, known) if separable else None
 
     def fit(self, curve: Curve, values: Mapping[str, float]) -> SeparableFit | None:
-        """Fit one fittable curve; None hands it to `least_squares.fit`.
+        """Fit one curve; None where `least_squares.fitting.quick_fit` has to do it.
 
         Parameters
         ----------
         curve : Curve
             The readings, (n,).
         values : mapping
-            Every number of its scene (SI).
+            Every number of its scene (SI); those of free parameters are starting values.
 
         Returns
         -------
@@ -192,19 +193,19 @@ class SeparableFit:
     sum_of_squares : float
         Sum of the squared residuals (N^2).
     noise : float
-        White noise (N) that the covariance stands on: the given one, or the scatter about the fit.
+        White noise (N) used for the covariance: the given one, or the scatter about the fit.
     residuals : FloatArray
         Data minus model (N), (n,).
     modulus : int
         Index of the layer's modulus among the parameters.
     scaled_errors : tuple of float
-        Standard errors in shares of the natural size of each parameter, (k,).
+        Standard errors over the natural size of each parameter, (k,).
     law_method : str
         Method of the contact law.
     law_error : float
         Estimated relative error of that law.
     steps : int
-        How many models were computed.
+        Number of model evaluations.
     """
 
     values: FloatArray
@@ -220,7 +221,7 @@ class SeparableFit:
 
 
 class SeparableSearch:
-    """Search for the optimum of one curve: over the contact, where all else is linear or moves along with it."""
+    """Search for the optimum of one curve over the contact depth, all else being solved for linearly."""
 
     def __init__(
         self,
@@ -249,7 +250,7 @@ class SeparableSearch:
         self._linear = self._linear_columns(self._depth)
 
     def solve(self) -> SeparableFit | None:
-        """Return the optimum, or None if the search met something unusual."""
+        """Return the optimum, or None where the search met a case that it does not handle."""
         if CONTACT in self._free:
             start = self._first_contact()
             found = None if start is None else self._descend(start)
@@ -351,18 +352,18 @@ class SeparableSearch:
         return None
 
     def _merit(self, model: LinearModel) -> float:
-        """Sum of squares at the modulus of the law itself, without the change of ln E that is solved for."""
+        """Sum of squares at the modulus of the law itself, without the linear change of ln E."""
         change = (float(model.linear[0]) - 1.0) * float(model.lengths[0]) if self._follows else 0.0
         return model.sum_of_squares + change * change  # residuals are at right angles to the columns
 
     def _step(self, model: LinearModel) -> ContactStep:
-        """Step of the contact; none where it is held."""
+        """Step of the contact depth; of length zero where it is not free."""
         if CONTACT in self._free:
             return model.step()
         return ContactStep(0.0, np.zeros(len(model.lengths)), np.zeros(len(self._depth)))
 
     def _allows(self, path: str, value: float) -> bool:
-        """Whether a value lies within its bounds, if it is free; not where it is not a number."""
+        """Whether a value lies within its bounds; True for parameters that are not free, False for NaN."""
         if path not in self._free:
             return True
         return self._free[path].low < value < self._free[path].high
@@ -451,7 +452,7 @@ class SeparableSearch:
         return turned
 
     def _natural_sizes(self, values: FloatArray) -> list[float]:
-        """Size (SI) of a change of each parameter that is of order one: see `coordinates`."""
+        """Size (SI) of a change of each parameter that is of order one in scaled coordinates."""
         spans = {CONTACT: self._span, BASELINE: self._force_span, SLOPE: self._force_span / self._span}
         # A modulus is searched in its logarithm: a share of itself is the distance there.
         return [
@@ -471,7 +472,7 @@ class SeparableSearch:
 
 @dataclass(frozen=True)
 class _Place:
-    """A contact depth (m), the model there and how many were computed."""
+    """A contact depth (m), the model there, and the number of evaluations so far."""
 
     contact: float
     model: LinearModel | None
@@ -480,20 +481,20 @@ class _Place:
 
 @dataclass(frozen=True)
 class LinearModel:
-    """Model at one contact depth, linear in all else, the linear parameters solved for.
+    """Model at one contact depth, linear in all else, with the linear parameters solved for.
 
     Parameters
     ----------
     modulus : float
-        Young's modulus of the layer (Pa) at which the law is.
+        Young's modulus of the layer (Pa) at which the law is evaluated.
     power : float
         d ln P / d ln E; one where the force is proportional to the modulus.
     columns : FloatArray
-        d model / d linear parameter, brought to unit length, (p, n); the first is dP/d ln E.
+        d model / d linear parameter, scaled to unit length, (p, n); the first is dP/d ln E.
     products : FloatArray
         Inner products of the columns, (p, p).
     lengths : FloatArray
-        Lengths of the columns before they were brought to one, (p,).
+        Lengths of the columns before scaling, (p,).
     weights : FloatArray
         Solution in the unit columns, (p,).
     stiffness : FloatArray
@@ -520,22 +521,22 @@ class LinearModel:
 
     @property
     def linear(self) -> FloatArray:
-        """One more than the change of ln E to first order, then baseline and slope (SI) as far as free, (p,)."""
+        """Linear parameters (p,): one plus the first-order change of ln E, then baseline and slope (SI) if free."""
         return self.weights / self.lengths
 
     @property
     def gain(self) -> float:
-        """Force over that of the law, taken for a power of the modulus."""
+        """Fitted force over the law's, if the force is a power of the modulus."""
         return 1.0 + self.power * (float(self.linear[0]) - 1.0)
 
     def turn(self, step: ContactStep) -> float:
-        """Change of ln E that goes with a step of the contact; NaN where no modulus within decades will do."""
+        """Change of ln E after a step of the contact; NaN where it would exceed a factor of 1e6."""
         after = self.after(step).gain
         turn = log(after) / self.power if after > 0.0 < self.power else nan
         return turn if abs(turn) < _FARTHEST else nan
 
     def step(self) -> ContactStep:
-        """Kaufman's step of the contact depth; of NaN metres where the contact does not act."""
+        """Kaufman's step of the contact depth (m); NaN where the contact has no effect on the force."""
         along = solved(self.products, self.columns @ self.stiffness)
         across = self.stiffness - along @ self.columns
         power, gain = float(across @ across), self.gain
@@ -544,7 +545,7 @@ class LinearModel:
         return ContactStep(-float(across @ self.residuals) / (gain * power), along, across)
 
     def after(self, step: ContactStep) -> LinearModel:
-        """The model after a step so short that it is linear there."""
+        """The model after a step, linearised in the step."""
         change = self.gain * step.length
         residuals = self.residuals + change * step.across
         return replace(
@@ -557,7 +558,11 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class ContactStep:
-    """Length (m) of a step of the contact; the stiffness along (p,) and across (n,) the linear columns."""
+    """A step of the contact depth.
+
+    `length` is the step (m); `along` (p,) are the coefficients of the stiffness in the linear columns, `across`
+    (n,) its part orthogonal to them.
+    """
 
     length: float
     along: FloatArray
@@ -565,12 +570,12 @@ class ContactStep:
 
 
 def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a small symmetric system; a single equation needs no library."""
+    """Solution (p,) of a small symmetric system; a 1 x 1 system is divided directly, for speed."""
     return np.asarray(right / matrix[0, 0] if len(right) == 1 else np.linalg.solve(matrix, right))
 
 
 def _parabola_top(grid: FloatArray, values: FloatArray, best: int) -> float:
-    """Top of the parabola through the largest of `values` and its neighbours on an even grid."""
+    """Position of the maximum of the parabola through the largest value and its neighbours on an even grid."""
     if not 0 < best < len(grid) - 1:
         return float(grid[best])
     before, top, after = values[best - 1 : best + 2].tolist()
@@ -580,7 +585,7 @@ def _parabola_top(grid: FloatArray, values: FloatArray, best: int) -> float:
 
 
 def separable_warnings(found: SeparableFit, problem: Callable[[], Problem]) -> tuple[str, ...]:
-    """Return what to beware of in a separable fit: the messages of `warnings_of`.
+    """Return the warnings of a separable fit, as the messages of `warnings_of`.
 
     Parameters
     ----------
@@ -611,7 +616,7 @@ def separable_warnings(found: SeparableFit, problem: Callable[[], Problem]) -> t
 
 
 def _runs_score(residuals: FloatArray) -> float:
-    """Runs of one sign less the expected number, in standard deviations."""
+    """Number of runs of residuals of one sign, less the expected number, in standard deviations."""
     above = residuals > 0.0
     n, positive = len(above), int(np.count_nonzero(above))
     expected = 1.0 + 2.0 * positive * (n - positive) / n

@@ -1,7 +1,7 @@
-"""What a worker does with one curve of a map: read it, judge it, fit it, and say it in one row.
+"""The work on one curve of a map: it is read, checked and fitted, and gives one row of the table.
 
-A row is a function of the model and the curve alone. Which worker made it, and what it made before, leaves
-no trace in it but the seconds it took.
+A row is a function of the model and the curve alone, whichever worker makes it and in which order; only the time it
+took may differ.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ _LOPSIDED, _WIDE = 1.5, 0.4
 
 
 def answer_cells(answers: Mapping[str, Answer]) -> dict[str, float]:
-    """Cells (SI) of the answers of a curve, by column; an end that is open is left out."""
+    """Interval ends (SI) of the answers of a curve, by column of the table; infinite ends are left out."""
     cells: dict[str, float] = {}
     for name, known in answers.items():
         parts = {"": known.interval, ".stat": known.statistical, ".syst": known.systematic}
@@ -83,12 +83,12 @@ Rows = list[tuple[int, str]]
 
 
 def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> Rows:
-    """Fit some curves and return their rows: what a worker of a Dask cluster runs."""
+    """Fit some curves and return their rows; the function that workers of a Dask cluster run."""
     return list(CurveFitter(model, layout).rows(places))
 
 
 def file_hash(path: str) -> str:
-    """SHA-256 of a file; empty where it cannot be read."""
+    """SHA-256 of a file; the empty string where it cannot be read."""
     try:
         return sha256_of(path)
     except UnderlayError:
@@ -96,13 +96,16 @@ def file_hash(path: str) -> str:
 
 
 def given_up(place: CurvePlace, layout: Layout, reason: str) -> tuple[int, str]:
-    """Row of a curve on which a worker process ended."""
+    """Row of a curve whose fit is given up, e.g. because worker processes died on it."""
     return place.index, layout.text({**_about(place), **_failure(reason), "seconds": None})
 
 
 @dataclass(frozen=True)
 class _Found:
-    """What a fit gives to a row: values and standard errors (SI) by path, its law and statistics, its notes."""
+    """The parts of a row that a fit gives: values and standard errors (SI) by path, law, statistics, warnings.
+
+    `more` are further cells by column.
+    """
 
     values: Mapping[str, float]
     stderr: Mapping[str, float]
@@ -114,7 +117,7 @@ class _Found:
 
 
 class CurveFitter:
-    """Fits curves of a map into rows, with the common model compiled once for all that one worker gets.
+    """Fits curves of a map into rows, with the common model compiled once for all curves of one worker.
 
     Parameters
     ----------
@@ -166,9 +169,9 @@ class CurveFitter:
         return row
 
     def _settled(self, place: CurvePlace, curve: Curve) -> tuple[CurvePlace, Curve, tuple[str, ...]]:
-        """Take what the curve's own file says of the scene.
+        """Complete the scene's numbers with those that the curve's own file states.
 
-        Returns the place with these numbers, the curve with a note of them, and notes for the row.
+        Returns the curve's entry with these numbers, the curve with a note on them, and notes for the row.
         """
         file = self._model.file
         settled = settle(
@@ -187,7 +190,7 @@ class CurveFitter:
         return place, noted, notes
 
     def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
-        """Read the curve and the part of it that is fitted; note its hash and position."""
+        """Read the curve and select the part that is fitted; write its hash and position into `row`."""
         curve = read_place(place, self._model.file, self._kept)
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
@@ -225,7 +228,7 @@ class CurveFitter:
         _add_notes(row, [*notes, *outcome.notes])
 
     def _fitted(self, place: CurvePlace, outcome: _Found) -> Scene:
-        """The scene with what was fitted."""
+        """The scene with the fitted values."""
         found = {path: value for path, value in outcome.values.items() if path in self._base}
         return self._model.scene.with_values({**place.values, **found})
 
@@ -286,7 +289,7 @@ class CurveFitter:
         return self._answered(outcome, found, found.verdict)
 
     def _answered(self, outcome: _Found, found: Fit | Posterior, verdict: Advice) -> _Found:
-        """The outcome with the answers of a fit or a posterior in place of least squares' numbers."""
+        """The outcome with answers and verdict of a fit or a posterior in place of least-squares numbers."""
         answers = {name: found.answer(name) for name in self._names}
         more: dict[str, Any] = answer_cells(answers)
         more |= {"verdict": verdict.word, "reason": "; ".join(verdict.reasons), "cause": verdict.cause}
@@ -315,7 +318,7 @@ class CurveFitter:
 
 
 def _is_lopsided(known: Answer) -> bool:
-    """Whether a value and its error are no likelihood: an end that is open, or one arm far longer."""
+    """Whether a modulus' likelihood is far from normal in ln E: an infinite end, or unequal or long arms."""
     ends = known.statistical
     if ends.is_open or not ends.low > 0.0:
         return True
@@ -324,13 +327,13 @@ def _is_lopsided(known: Answer) -> bool:
 
 
 def _seed(seed: int, name: str) -> int:
-    """A seed of its own for every curve, whatever the order and number of workers."""
+    """Random seed of a curve from the map's seed and the curve's name, whatever the order and number of workers."""
     words = np.frombuffer(hashlib.sha256(name.encode("utf-8", "backslashreplace")).digest(), dtype="<u4")
     return int(np.random.SeedSequence([seed, *words.tolist()]).generate_state(1)[0])
 
 
 def _require_contact(curve: Curve, outcome: _Found) -> None:
-    """Refuse a curve whose force a straight line explains as well as the contact does."""
+    """Raise CurveError for a curve whose force a straight line explains as well as the contact does."""
     sloping = "instrument.baseline_slope" in outcome.values
     flat = curve.force - curve.force.mean()
     if sloping:

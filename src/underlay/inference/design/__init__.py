@@ -1,1 +1,1 @@
-"""Design of a test: what it can tell, which one would tell it, and which second one."""
+"""Design of a test: what it determines, which test would, and which second test to add."""

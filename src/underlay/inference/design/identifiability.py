@@ -1,13 +1,13 @@
-"""What a test can and cannot tell, before or after it is done: Fisher information, in numbers and in words.
+"""Which parameters a test determines, before or after it is done, by the Fisher information.
 
-For Gaussian noise the information is F = J' V^-1 J in scaled coordinates, with J the derivatives of the force
-and V the covariance of the noise. The information that the noise's own size carries when it follows the force
-is of second order in that size and is left out, so the bounds are a little too wide rather than too narrow.
+For Gaussian noise the information is F = J' V^-1 J in scaled coordinates, with J the derivatives of the force and V
+the covariance of the noise. The information that the noise's own size carries when it follows the force is of
+second order in that size and is left out, so the bounds are a little too wide rather than too narrow.
 
-Moduli, lengths and other positive quantities enter by their logarithm, so an eigenvector of their
-information is a product of powers: a direction with a large eigenvalue is a combination such as
-E h^-0.8 that the data fix, one with a small eigenvalue a combination they leave open. The quantities of the
-instrument and the ratios that are not scales are unknown too, but each is spoken of by itself.
+Moduli, lengths and other positive quantities enter by their logarithm, so an eigenvector of their information is a
+product of powers: a direction with a large eigenvalue is a combination such as E h^-0.8 that the data determine,
+one with a small eigenvalue a combination that they do not. The quantities of the instrument and ratios such as
+Poisson's are unknown too, but each is reported by itself.
 """
 
 from __future__ import annotations
@@ -70,12 +70,12 @@ def expected_problem(
     time: ArrayLike | None = None,
     solver: AnySolver = "auto",
 ) -> Problem:
-    """Return the problem a test would be, before it is done.
+    """Return the problem that a planned test would give, with a simulated curve.
 
     Parameters
     ----------
     scene : Scene
-        The test, with the values it is expected to find.
+        The test, with the expected values of its parameters.
     depth : array_like (n,)
         Depth readings (m).
     free, solver
@@ -85,7 +85,7 @@ def expected_problem(
     duration : float
         Time the test takes (s), for correlated noise.
     time : array_like (n,), optional
-        Times of the readings (s) instead, for a sample that remembers.
+        Times of the readings (s) instead, for a time-dependent sample.
 
     Raises
     ------
@@ -104,14 +104,14 @@ def expected_problem(
 
 
 def information(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -> FloatArray:
-    """Fisher information (k, k) of the readings alone, with zero rows for numbers of the noise.
+    """Fisher information (k, k) of the readings without the priors; rows of noise parameters are zero.
 
     Parameters
     ----------
     problem : Problem
         The test.
     vector : FloatArray
-        Scaled vector at which it is, (k,).
+        Scaled vector at which it is evaluated, (k,).
     noises : sequence of NoiseModel
         Noise of every curve, its size known.
     """
@@ -121,7 +121,7 @@ def information(problem: Problem, vector: FloatArray, noises: Sequence[NoiseMode
 
 
 def prior_information(problem: Problem, vector: FloatArray) -> FloatArray:
-    """Information (k, k) of the priors that are measurements, in scaled coordinates."""
+    """Information (k, k) of the informative priors, in scaled coordinates; diagonal."""
     physical, slopes = problem.physical(vector), problem.slopes(vector)
     diagonal = [
         (coordinate.prior.penalty(float(x))[1] * slope) ** 2
@@ -138,7 +138,7 @@ def marginal(matrix: FloatArray, kept: Sequence[int], others: Sequence[int]) -> 
     matrix : FloatArray
         Information about all entries, (k, k).
     kept, others : sequence of int
-        Entries.
+        Indices of the m entries of interest, and of the nuisance parameters.
     """
     kept, others = list(kept), list(others)
     own = matrix[np.ix_(kept, kept)]
@@ -157,7 +157,7 @@ def about_specimen(
 ) -> tuple[FloatArray, FloatArray]:
     """Information of one test, and of the priors, about the parameters of a specimen, each (s, s).
 
-    The unknowns of the test itself are taken out, with what their own priors say.
+    The unknowns of the test itself are marginalised, with their own priors.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def about_specimen(
 
 
 def deviation_of(matrix: FloatArray, index: int) -> float:
-    """Standard deviation of one entry whose information with the others is (s, s); inf where nothing fixes it."""
+    """Standard deviation of one entry, given the information (s, s) of all; inf where it is not determined."""
     others = [k for k in range(len(matrix)) if k != index]
     own = float(marginal(matrix, [index], others)[0, 0])
     return own**-0.5 if own > LOST * float(matrix[index, index]) else np.inf
@@ -183,14 +183,14 @@ def deviation_of(matrix: FloatArray, index: int) -> float:
 
 @dataclass(frozen=True)
 class Combination:
-    """A product of powers that the data fix, or leave open.
+    """A product of powers of parameters, and how well the data determine it.
 
     Parameters
     ----------
     powers : mapping of name to float
         Exponents; the largest is one.
     relative_sd : float
-        Standard deviation of the logarithm of the product: infinite where nothing fixes it.
+        Standard deviation of the logarithm of the product: infinite where it is not determined.
     """
 
     powers: Mapping[str, float]
@@ -198,7 +198,7 @@ class Combination:
 
     @property
     def verdict(self) -> str:
-        """``"fixed"`` (to 10 %), ``"weakly fixed"`` or ``"not fixed"`` (to less than a factor e)."""
+        """``"fixed"`` (to 10 %), ``"weakly fixed"`` (to a factor e) or ``"not fixed"``."""
         if self.relative_sd <= FIXED:
             return "fixed"
         return "weakly fixed" if self.relative_sd <= OPEN else "not fixed"
@@ -220,26 +220,26 @@ class Combination:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """What a test says about each free parameter and about their combinations.
+    """How well a test determines each free parameter and their combinations.
 
     Parameters
     ----------
     names : tuple of str
-        Free parameters (those of the noise left out).
+        Free parameters (without those of the noise).
     values : mapping
-        Values (SI) at which the information is.
+        Values (SI) at which the information is evaluated.
     fisher : FloatArray
         Information of the data alone in scaled coordinates, (k, k).
     covariance : FloatArray
-        Scaled covariance with the priors, (k, k); infinite variances where nothing fixes a parameter.
+        Scaled covariance with the priors, (k, k); infinite variances of parameters that are not determined.
     stderr, stderr_data_only : mapping
         Expected standard errors (SI) with and without the priors.
     relative : mapping
         Standard error over value for positive quantities; over the range of the curve for the others.
     combinations : tuple of Combination
-        From best to worst fixed, data alone.
+        From best to worst determined, by the data alone.
     times_told : tuple of (float, float)
-        Shortest and longest relaxation time (s) that the record of each relaxing layer tells.
+        Shortest and longest relaxation time (s) that the record of each relaxing layer can resolve.
     """
 
     names: tuple[str, ...]
@@ -254,7 +254,7 @@ class Identifiability:
 
     @property
     def correlations(self) -> pd.DataFrame:
-        """Correlation matrix; NaN for parameters that nothing fixes."""
+        """Correlation matrix; NaN for parameters that are not determined."""
         deviation = np.sqrt(np.diag(self.covariance))
         finite = np.where(np.isfinite(deviation), deviation, 1.0)
         matrix = self.covariance / np.outer(finite, finite)
@@ -276,7 +276,7 @@ class Identifiability:
         )
 
     def report(self) -> str:
-        """What is fixed and what is not, in words."""
+        """Text that says which combinations and parameters are determined, and how well."""
         lines = [str(combination) for combination in self.combinations]
         lines += [
             f"relaxation times from {format_quantity(low, 'time')} to {format_quantity(high, 'time')} can be told: "
@@ -306,17 +306,17 @@ def identifiability(
     noise: NoiseModel | None = None,
     solver: AnySolver = "auto",
 ) -> Identifiability:
-    """Say what a test can tell.
+    """Compute how well a test determines its free parameters, before or after it is done.
 
     Parameters
     ----------
     test : Problem, Fit or Scene
-        A problem is fitted first and judged at its optimum; a scene is judged before any measurement and
+        A problem is fitted first and evaluated at its optimum; a scene is evaluated before any measurement and
         needs `depth`, `free` and `noise`.
     depth : array_like (n,), optional
         Depth readings the test will have (m).
     time : array_like (n,), optional
-        Their times (s), for a sample that remembers; `Program` makes both.
+        Their times (s), for a time-dependent sample; `Program` makes both.
     free, noise, solver
         As in `Problem`, for a scene.
 
@@ -389,7 +389,7 @@ def _combinations(matrix: FloatArray, names: list[str]) -> tuple[Combination, ..
 
 
 def _covariance(matrix: FloatArray) -> FloatArray:
-    """Inverse of an information matrix, with infinite variance for what takes part in a lost direction."""
+    """Inverse of an information matrix, with infinite variance for entries of undetermined directions."""
     scale = np.sqrt(np.where(np.diag(matrix) > 0.0, np.diag(matrix), 1.0))
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     lost = values <= LOST * values[-1]

@@ -1,8 +1,8 @@
-"""Which test would tell: the expected standard error of one parameter over tip radius and depth.
+"""Planning of a test: the expected standard error of one parameter over tip radius and depth.
 
-Every cell of the grid is a test that was not done: its Fisher information about the specimen (layer and
-substrate), the instrument's own unknowns of that test removed. Information adds, so what a second radius
-would bring to a first test is one sum per cell.
+Every cell of the grid is a test that was not done: its Fisher information about the specimen (layer and substrate),
+the instrument's own unknowns of that test marginalised. Information adds, so the effect of a second radius added to
+a first test is one sum per cell.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ _BEYOND = 2.0
 
 @dataclass(frozen=True)
 class Grid:
-    """Information of every test of a grid, in scaled coordinates: what each would tell of a specimen.
+    """Fisher information about a specimen from every test of a grid of r radii and d depths, in scaled coordinates.
 
     Parameters
     ----------
     information : FloatArray
-        Information about the specimen, priors not counted, (r, d, s, s).
+        Information about the specimen's s parameters, without priors, (r, d, s, s).
     prior : FloatArray
         Information of the priors, (s, s).
     slopes : FloatArray
@@ -84,7 +84,7 @@ class Grid:
         solver: AnySolver,
         record: Record | None = None,
     ) -> Grid:
-        """Compute the information of tests with tips of some radii, pressed to some depths.
+        """Compute the information of tests with tips of some radii, indented to some depths.
 
         Parameters
         ----------
@@ -128,7 +128,10 @@ class Grid:
 def readings(
     scene: Scene, depth: float, points: int, record: Record | None = None
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Depth readings (m), (n,), of a test to a depth (m) that begins before contact, or of a record, and times."""
+    """Depth readings (m), (n,), of a planned test to a given depth (m), and its times (s) or None.
+
+    Without a record a quarter of the `points` readings lies before contact; a record is scaled to the depth.
+    """
     if record is None:
         before = -_APPROACH / (1.0 - _APPROACH) * depth
         return np.asarray(np.linspace(before, depth, points) + scene.instrument.contact_depth), None
@@ -140,12 +143,12 @@ def readings(
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Expected standard error of one parameter for every test of a grid.
+    """Expected standard error of one parameter for every test of a grid of r radii and d depths.
 
     Parameters
     ----------
     parameter : str
-        What is to be known.
+        The parameter of interest.
     value : float
         Its expected value (SI).
     names : tuple of str
@@ -153,21 +156,21 @@ class Plan:
     radii, depths : FloatArray
         The grid (m), (r,) and (d,).
     stderr : FloatArray
-        Expected standard error (SI), (r, d); infinite where the test does not fix the parameter, NaN where it
+        Expected standard error (SI), (r, d); infinite where the test does not determine the parameter, NaN where it
         cannot be done.
     peak_force : FloatArray
         Force at the deepest point (N), (r, d).
     refusals : mapping of (int, int) to str
         Why a test of the grid cannot be done.
     scaled_information : FloatArray
-        Information about the specimen in scaled coordinates, priors not counted, (r, d, s, s).
+        Information about the specimen in scaled coordinates, without priors, (r, d, s, s).
     prior : FloatArray
         Information of the priors about the specimen, (s, s).
     slope : float
         d parameter / d scaled coordinate (SI).
     interval : Interval, optional
-        Where the recommended test's standard error is above a tenth of the value, and so no forecast: the 95 %
-        interval of the profile of that test's own curve without noise, which may have one end only.
+        Where the recommended test's standard error is above a tenth of the value, and so no reliable forecast: the
+        95 % profile interval of that test's own curve without noise, which may have one end only.
     """
 
     parameter: str
@@ -239,7 +242,7 @@ class Plan:
         Parameters
         ----------
         radius, depth : float
-            The first test (m): the nearest one of the grid is taken, up to a factor of two beyond its ends.
+            The first test (m): the nearest one of the grid is used, up to a factor of two beyond its ends.
 
         Returns
         -------
@@ -290,20 +293,20 @@ def plan(
     scene : Scene
         The specimen as it is expected to be; its indenter must have a radius.
     free : mapping of path to prior
-        What will be unknown, as in `Problem`.
+        The parameters that will be unknown, as in `Problem`.
     noise : Noise
         Noise of the force reading; its size must be given.
     radii, depths : array_like
         Tip radii and largest depths to consider (m), increasing.
     parameter : str
-        What is to be known, one of the free parameters of layer or substrate.
+        The parameter of interest, one of the free ones of layer or substrate.
     points : int
         Readings per test, a quarter of them before contact.
     solver : Solver or str, default "auto"
         Which contact law; see `contact_law`.
     record : (array_like, array_like), optional
-        Depths since contact (m) and times (s), (n,) each, that every test goes through, scaled to its own depth;
-        instead of `points`. A sample that relaxes or drains is asked by a ramp and a hold.
+        Depths since contact (m) and times (s), (n,) each, of the motion of every test, scaled to its own depth;
+        instead of `points`. A viscoelastic or poroelastic sample needs a ramp and a hold.
 
     Raises
     ------
@@ -353,7 +356,7 @@ def plan(
 
 
 def _errors(matrices: FloatArray, index: int, possible: NDArray[np.bool_]) -> FloatArray:
-    """Standard error of entry `index` in scaled coordinates, (r, d), from informations (r, d, s, s)."""
+    """Standard error of entry `index` in scaled coordinates, (r, d), from information matrices (r, d, s, s)."""
     errors = np.full(matrices.shape[:2], np.nan)
     for i, j in zip(*np.nonzero(possible), strict=True):
         errors[i, j] = deviation_of(matrices[i, j], index)
@@ -361,7 +364,10 @@ def _errors(matrices: FloatArray, index: int, possible: NDArray[np.bool_]) -> Fl
 
 
 def _nearest(grid: FloatArray, length: float, name: str) -> int:
-    """Index of the one of increasing lengths (m) that is nearest in ratio to that of a first test."""
+    """Index of the length (m) in an increasing grid that is nearest in ratio to the first test's.
+
+    Raises InputError where the length lies more than a factor of two beyond the grid; `name` is for the message.
+    """
     asked = positive(length, f"the {name} of the first test", "m")
     if not grid[0] / _BEYOND <= asked <= grid[-1] * _BEYOND:
         ends = " to ".join(format_quantity(float(end), "length") for end in (grid[0], grid[-1]))

@@ -1,4 +1,4 @@
-"""Which second tip, pressed as deep and fitted jointly, would fix what one test leaves open."""
+"""Which second tip, pressed as deep and fitted jointly, would determine a parameter that one test does not."""
 
 from __future__ import annotations
 
@@ -40,25 +40,25 @@ _ALIKE = 1.3
 
 @dataclass(frozen=True)
 class Remedy:
-    """What a second tip, pressed as deep as the first and fitted jointly, would bring.
+    """The expected effect of a second tip, pressed as deep as the first and fitted jointly with it.
 
-    A forecast rests on what the open parameter is supposed to be, and that is what nobody knows: it is made for
-    several values over the interval of the first fit.
+    The forecast depends on the true value of the undetermined parameter, which is not known: it is made for m
+    values over the interval of the first fit.
 
     Parameters
     ----------
     parameter : str
-        What the fit leaves open.
+        The parameter that the fit does not determine.
     values : ndarray (m,)
-        What it is supposed to be (SI), increasing.
+        Assumed true values (SI), increasing.
     target : float
-        Relative standard error that counts as fixed.
+        Relative standard error that counts as determined.
     shape : str
         Shape of the tip, in words.
     radii : ndarray (r,)
-        Tips tried (m), the one nearest to that at hand first.
+        Tip radii tried (m), the one nearest to the present tip's first.
     stderr, peak_force : ndarray (m, r)
-        Standard error of both tests together (SI; infinite where they do not fix the parameter, NaN where the
+        Standard error of both tests together (SI; infinite where they do not determine the parameter, NaN where the
         test cannot be done), and the force at the deepest point (N).
     depth : float
         Depth of the second test (m).
@@ -80,13 +80,13 @@ class Remedy:
 
     @property
     def radius(self) -> float | None:
-        """Radius (m) of the tip that fixes the most of the supposed values, the nearest of these; None if none."""
+        """Radius (m) of the tip that reaches the target for most of the assumed values; None if none does."""
         fixed = (self.shares <= self.target).sum(axis=0)
         return float(self.radii[int(np.argmax(fixed))]) if fixed.any() else None
 
     @property
     def sentence(self) -> str:
-        """The advice in words, the worst case among them."""
+        """The advice in words, with the range of expected errors."""
         shape = self.shape.replace("_", " ")
         if self.radius is None:
             low, high = (
@@ -129,11 +129,11 @@ class Remedy:
 
 @one_thread()
 def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: float = 0.1) -> Remedy:
-    """Find a second tip that would fix a parameter this fit leaves open.
+    """Find a second tip that would determine a parameter that this fit does not.
 
-    The parameter is supposed to have values over its 95 % interval, the others those that fit with each; the
-    second test is as deep and as noisy as the first, its contact point, baseline and compliance as free as
-    there; information of the two adds (`Plan`).
+    The parameter is assumed to have values over its 95 % interval, and the others those fitted with each; the
+    second test is as deep and as noisy as the first, with the same free parameters of the instrument; the
+    information of both adds (`Plan`).
 
     Parameters
     ----------
@@ -142,21 +142,21 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     parameter : str
         A fitted parameter of layer or substrate.
     value : float, optional
-        The one value that it is supposed to have (SI), where that is known from elsewhere.
+        Its true value (SI), where that is known from elsewhere; the forecast is then for this value only.
     target : float, default 0.1
-        Relative standard error that counts as fixed.
+        Relative standard error that counts as determined.
 
     Returns
     -------
     Remedy
-        With tips from a tenth to ten times the radius at hand, nearest first.
+        With tips from a tenth to ten times the present radius, nearest first.
 
     Raises
     ------
     ParameterError
         If the parameter was not fitted, or the indenter has no radius.
     InputError
-        If the fit is of several curves, no second test can be done, or the target is no share.
+        If the fit is of several curves, no second test can be done, or the target is not between 0 and 1.
 
     Examples
     --------
@@ -212,14 +212,14 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
 
 
 def _depth(fit: Fit, vector: FloatArray) -> float:
-    """Depth of the first test (m), its contact where a scaled vector (k,) has it."""
+    """Largest depth of the first test (m) from the contact point of a scaled vector (k,)."""
     return float(fit.curves[0].depth.max()) - fit.problem.scenes(vector)[0].instrument.contact_depth
 
 
 def _forecast(
     fit: Fit, vector: FloatArray, parameter: str, specimen: list[str], radii: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Standard error of both tests (SI) and force of the second (N), (r,) each, if a vector (k,) is the truth."""
+    """Standard error of both tests (SI) and force of the second (N), (r,) each, if a vector (k,) is true."""
     problem, curve = fit.problem, fit.curves[0]
     timed = fit.scenes[0].memory is not None and curve.time is not None
     second = Grid.of(
@@ -242,7 +242,7 @@ def _forecast(
 
 
 def _over_the_interval(fit: Fit, parameter: str) -> list[FloatArray]:
-    """Scaled vectors (k,) with the parameter at places over its interval, the others fitted with each."""
+    """Scaled vectors (k,) with the parameter at five values over its interval, the others fitted to each."""
     coordinate = fit.problem.coordinates[fit.names.index(parameter)]
     known = fit.interval(parameter, _LEVEL)
     low, high = max(known.low, coordinate.low), min(known.high, coordinate.high)
@@ -261,7 +261,7 @@ def _over_the_interval(fit: Fit, parameter: str) -> list[FloatArray]:
 
 
 def _with_others(fit: Fit, parameter: str, value: float) -> FloatArray:
-    """Scaled vector (k,) of the best fit that has a value (SI)."""
+    """Scaled vector (k,) of the best fit in which the parameter has the given value (SI)."""
     return constrained_fit(fit, parameter, value)[1]
 
 

@@ -1,1 +1,1 @@
-"""What many curves say of the population that they come from."""
+"""Population statistics from many curves: means, spreads between animals and within, ratios of groups."""

@@ -1,7 +1,8 @@
-"""The model of one group: ln of the parameter is a mean, plus a step per animal, per site, per curve.
+"""Hierarchical model of one group: ln of the parameter is a mean plus a step per animal, per site, per curve.
 
-Every step is normal with the spread of its level; the mean is free. Spreads are summed over a grid, the steps
-and the mean analytically or cell by cell (`messages`), so there is no chain and no chance in it.
+Every step is normal with the spread (standard deviation) of its level; the mean has a flat prior. Spreads are
+integrated over a grid, the steps and the mean analytically or on a grid (`messages`), so there is no Markov chain
+and no randomness in it.
 """
 
 from __future__ import annotations
@@ -53,14 +54,15 @@ _PLACES, _FAR, _NEGLIGIBLE = 801, 9.0, 30.0
 
 @dataclass(frozen=True)
 class Units:
-    """How the curves of a group nest: per level, outermost first, which unit each unit below belongs to.
+    """How the curves of a group nest in units (animals, sites), for each level, outermost first.
 
     Parameters
     ----------
-    names : tuple of tuple of str
-        Names of the units of each level, outermost first.
+    names : tuple of tuple of tuple of str
+        Labels of each unit of each level, outermost first.
     parents : tuple of ndarray of int
-        For each level, whose unit each unit of the level below it is; those of the innermost level hold curves.
+        For each level, the index of its unit that each unit of the level below belongs to; below the innermost
+        level are the curves.
     """
 
     names: tuple[tuple[tuple[str, ...], ...], ...]
@@ -68,7 +70,7 @@ class Units:
 
     @classmethod
     def of(cls, labels: Sequence[tuple[str, ...]]) -> tuple[Units, IntArray]:
-        """Units of curves with these labels, and the order in which their units come one after the other."""
+        """Units of curves with these labels, and the order of the curves in which each unit's are adjacent."""
         order = np.array(sorted(range(len(labels)), key=lambda i: labels[i]), dtype=int)
         below: list[tuple[str, ...]] = [labels[i] for i in order]
         names, parents = [], []
@@ -82,9 +84,9 @@ class Units:
         return cls(tuple(names[::-1]), tuple(parents[::-1])), order
 
     def freedoms(self, curves: int) -> list[int]:
-        """Degrees of freedom of the scatter within each level below the outermost, curves last.
+        """Degrees of freedom of the scatter within the units of each level, outermost first, of `curves` curves.
 
-        That is how many members there are beyond the first of their unit.
+        Each is the number of members of the level below less the number of units.
         """
         counts = [*(len(names) for names in self.names), curves]
         return [below - above for above, below in pairwise(counts)]
@@ -104,7 +106,7 @@ class GroupModel:
     between : SpreadPrior
         Prior of the spread of every level of units.
     rough : bool
-        Whether tables only need to tell where the spreads are.
+        Whether coarse tables do, as for locating the spreads.
     """
 
     def __init__(
@@ -129,7 +131,7 @@ class GroupModel:
 
     @cached_property
     def spreads(self) -> SpreadGrid:
-        """Posterior of the spreads: of each level of units, outermost first, and of curves."""
+        """Posterior of the spreads of each level of units, outermost first, and of the curves."""
         return weighted_grid(self.log_evidence, self._priors, self._windows)
 
     @cached_property
@@ -175,7 +177,7 @@ class GroupModel:
         return centre.reshape(-1), variance.reshape(-1)
 
     def log_evidence(self, nodes: tuple[FloatArray, ...]) -> FloatArray:
-        """Logarithm of the likelihood of every combination of spreads, the mean summed out."""
+        """Log-likelihood of every combination of spreads, one axis per level, with the mean integrated out."""
         top = self._top(nodes)
         if not len(top.tabulated):
             return np.asarray((top.constant + 0.5 * (_LOG_2PI - np.log(top.precision)))[..., 0])
@@ -195,7 +197,7 @@ class GroupModel:
         return self._known[what][1]
 
     def _top(self, nodes: tuple[FloatArray, ...]) -> Messages:
-        """Message to the mean of the group."""
+        """Likelihood of the group's mean at all combinations of spreads."""
         return self._once("top", nodes, self._gathered)
 
     def _messages(self, nodes: tuple[FloatArray, ...]) -> Messages:
@@ -203,14 +205,14 @@ class GroupModel:
         return self._once("units", nodes, self._carried)
 
     def _gathered(self, nodes: tuple[FloatArray, ...]) -> Messages:
-        """The messages of the outermost units, blurred by their spread and multiplied."""
+        """The product of the outermost units' likelihoods, each blurred by their spread."""
         if not self.units.names:
             return self._of_curves(nodes[0], np.zeros(len(self.curves), dtype=int), 1)
         count = len(self.units.names[0])
         return carried(self._messages(nodes[1:]), nodes[0], np.zeros(count, dtype=int), 1, self._grid)
 
     def _carried(self, nodes: tuple[FloatArray, ...]) -> Messages:
-        """The messages of the curves, carried up to the outermost units."""
+        """Likelihoods of the outermost units, from those of the curves through all levels between."""
         inward = zip(self.units.names, self.units.parents, nodes, strict=True)
         (names, parents, within), *further = list(inward)[::-1]
         units = self._of_curves(within, parents, len(names))
@@ -219,7 +221,7 @@ class GroupModel:
         return units
 
     def _of_curves(self, within: FloatArray, parents: IntArray, count: int) -> Messages:
-        """Messages of the innermost units, (spreads, units)."""
+        """Likelihoods of the innermost units, (spreads, units), from those of their curves."""
         normal = self._normal & (not self._outliers)
         precision = np.where(normal, 1.0 / np.where(self._normal, self._errors, 1.0) ** 2, 0.0)
         constant = np.zeros(len(self.curves))
@@ -233,7 +235,7 @@ class GroupModel:
         return Messages(none, none, none, tables, np.arange(count))
 
     def _tolerant_tables(self, within: FloatArray) -> Iterator[FloatArray]:
-        """Log-likelihoods of all curves (curves, places) for each spread, some of which may lie far off."""
+        """Log-likelihoods of all curves (curves, places) for each spread, under a mixture that allows outliers."""
         plain, wide = (
             self._grid.blurred(self._open_logarithms, within, wider=wider) for wider in (1.0, _WIDER)
         )
@@ -256,7 +258,7 @@ class GroupModel:
 
     @cached_property
     def _open_logarithms(self) -> FloatArray:
-        """Log-likelihoods on the grid of the curves that are not normal, as they are, (curves, x)."""
+        """Log-likelihoods on the grid of the curves that are not normal, without blur, (curves, x)."""
         open_ones = np.flatnonzero(~self._normal)
         tables = [self.curves[i].log_at(self._grid.x) for i in open_ones]
         return np.array(tables).reshape(len(tables), len(self._grid.x))
@@ -280,7 +282,7 @@ class GroupModel:
         return Grid(np.cumsum(step * _GROWTH ** np.arange(1, further + 1)), low, step, count)
 
     def _as_normal(self, units: Messages) -> tuple[FloatArray, FloatArray]:
-        """Middle and variance of every unit's likelihood, by moments where it is a table."""
+        """Mean and variance of every unit's likelihood, by numerical moments where it is tabulated."""
         precision = np.where(units.precision > 0.0, units.precision, 1.0)
         centre, variance = np.array(units.centre), 1.0 / precision
         if len(units.tabulated):
@@ -298,7 +300,7 @@ class GroupModel:
 
 
 def _flat(top: Messages, kept: NDArray[np.bool_]) -> Messages:
-    """Messages of a group with the combinations of spreads along one axis, only some of them kept."""
+    """Messages of a group with all combinations of spreads on one axis, of which those in the mask are kept."""
     length = top.tables.shape[-1]
     tables = top.tables.reshape(-1, len(top.tabulated), length)[kept] if len(top.tabulated) else top.tables
     parts = (part[..., 0].reshape(-1)[kept] for part in (top.precision, top.centre, top.constant))
@@ -307,13 +309,13 @@ def _flat(top: Messages, kept: NDArray[np.bool_]) -> Messages:
 
 
 def _whole(top: Messages, x: FloatArray) -> FloatArray:
-    """Logarithm of a group's message, its normal part and its tables together, (..., x)."""
+    """Logarithm of a group's likelihood, normal part and tables together, (..., x)."""
     result: FloatArray = top.constant - 0.5 * top.precision * (x - top.centre) ** 2 + top.tables[..., 0, :]
     return result
 
 
 def _mixture(top: Messages, weights: FloatArray, grid: Grid) -> Density:
-    """Posterior of the mean: over the spreads' weights, each combination normal or tabulated."""
+    """Posterior of the mean: a mixture over the spreads' weights, each component normal or tabulated."""
     if len(top.tabulated):
         x, widths = grid.x, grid.widths
         whole = _whole(top, x)

@@ -1,9 +1,9 @@
-"""The likelihood of one curve in nine numbers: all of it that a population needs.
+"""The likelihood of one curve in nine numbers, which is all that a population needs of it.
 
-A value with its standard error is no likelihood: where a thickness is free, more than half of a map's rows end
-on a bound with an error that is the conditional one. So a curve keeps the places x = ln E where the signed root
-z of its log-likelihood, ln L = -z^2/2, is -3, -2, ..., 3, and the two roots at which it levels off for ever,
-where it does (a likelihood that stays below z = 3 upwards is open: the curve has no upper bound to give).
+A value with its standard error is no likelihood: where a thickness is free, more than half of a map's rows end on a
+bound with an error that is the conditional one. So a curve keeps seven places x = ln E where the signed root z of
+its log-likelihood, ln L = -z^2/2, is -3, -2, ..., 3, and the two roots at which it levels off, where it does (a
+likelihood that stays below z = 3 upwards is open: the curve sets no upper bound).
 """
 
 from __future__ import annotations
@@ -39,14 +39,15 @@ _NEAREST = 0.02  # confidence of an interval that is as good as its median
 
 @dataclass(frozen=True)
 class CurveLikelihood:
-    """Likelihood of one positive parameter, over its logarithm.
+    """Likelihood of one positive parameter, as a function of its logarithm.
 
     Parameters
     ----------
     places : tuple of float
-        ln of the parameter (SI) where the signed root is -3 to 3, seven numbers; -inf or inf where it never is.
+        ln of the parameter (SI) where the signed root z, with ln L = -z^2/2, is -3 to 3, seven numbers; -inf or inf
+        where it never is.
     below, above : float
-        Roots at which it levels off downwards (negative) and upwards (positive); -inf and inf where it does not.
+        Roots z at which it levels off downwards (negative) and upwards (positive); -inf and inf where it does not.
     """
 
     places: tuple[float, ...]
@@ -68,7 +69,7 @@ class CurveLikelihood:
 
     @classmethod
     def normal(cls, value: float, error: float) -> CurveLikelihood:
-        """Normal in the logarithm, of a value (SI) and its standard error."""
+        """A likelihood that is normal in the logarithm, from a value (SI) and its standard error."""
         if not (value > 0.0 and error > 0.0 and math.isfinite(value) and math.isfinite(error)):
             raise InputError(f"a value and its error must be positive numbers; got {value!r} and {error!r}")
         middle, spread = math.log(value), error / value
@@ -76,9 +77,10 @@ class CurveLikelihood:
 
     @classmethod
     def of_answers(cls, answer: Callable[[str, float], Answer], name: str) -> CurveLikelihood:
-        """Likelihood from the ends of the statistical intervals of one number, at one, two and three deviates.
+        """Likelihood from the ends of a number's statistical intervals at one, two and three standard deviations.
 
-        The middle is that of the narrowest interval, the median: least squares may lie at a bound, beyond them.
+        The middle is that of the narrowest interval, the median: the least-squares value may lie at a bound,
+        outside the intervals.
         """
         nearest = answer(name, _NEAREST).statistical
         middle = 0.5 * (math.log(nearest.low) + math.log(nearest.high))
@@ -90,7 +92,7 @@ class CurveLikelihood:
 
     @classmethod
     def of_posterior(cls, posterior: Posterior, name: str) -> CurveLikelihood:
-        """Likelihood from draws, their prior divided out: flat in the logarithm is what is left."""
+        """Likelihood from draws, their prior divided out, for a flat prior in the logarithm."""
         if posterior.problem is None or name not in posterior.names:
             raise InputError(
                 f"the likelihood of {name} needs a posterior in which it is free and whose prior is known; this "
@@ -109,7 +111,7 @@ class CurveLikelihood:
 
     @cached_property
     def is_normal(self) -> bool:
-        """Whether the nine numbers are those of a normal density."""
+        """Whether the seven places are equally spaced, as for a normal density."""
         places, middle = self.places, self.middle
         if not all(map(math.isfinite, places)):
             return False
@@ -126,14 +128,17 @@ class CurveLikelihood:
 
     @cached_property
     def error(self) -> float:
-        """A third of half the width at z = 3, or the nearest to it that there is; inf where both ends are open."""
+        """Standard error of ln: the distance between the outermost finite places over that of their z.
+
+        inf where only the middle is finite.
+        """
         finite = [pair for pair in zip(self.places, _ROOTS, strict=True) if math.isfinite(pair[0])]
         (first, lowest), (last, highest) = finite[0], finite[-1]
         return (last - first) / (highest - lowest) if highest > lowest else math.inf
 
     @property
     def is_open(self) -> bool:
-        """Whether it levels off before z = 2 on a side: there is no 95 % bound there."""
+        """Whether it levels off before z = 2 on a side, so that there is no 95 % bound there."""
         return self.below > -2.0 or self.above < 2.0
 
     def log_at(self, x: FloatArray) -> FloatArray:
@@ -169,13 +174,13 @@ class CurveLikelihood:
 
 
 def _level(ends: Sequence[float]) -> float:
-    """Root at which a side levels off, by how many of its three ends there are; inf where it has all three."""
+    """Root z at which a side levels off, from its three interval ends: the number of finite ones; inf for all."""
     known = sum(map(math.isfinite, ends))
     return math.inf if known == len(ends) else float(known)
 
 
 def _outside(beyond: FloatArray, roots: FloatArray, places: FloatArray, level: float) -> FloatArray:
-    """Root at a distance `beyond` the last place: it goes on as it went, or towards its level."""
+    """Root z at a distance `beyond` the last place: continued linearly, or exponentially towards `level`."""
     slope = (roots[-1] - roots[-2]) / (places[-1] - places[-2]) if len(roots) > 1 else 0.0
     left = level - roots[-1]
     if math.isinf(left):

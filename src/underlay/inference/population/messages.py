@@ -1,14 +1,14 @@
-"""How the likelihoods of curves are carried up the levels, and the grid of spreads over which they are summed.
+"""Propagation of the curves' likelihoods up the levels of a population, and integration over the spreads.
 
-Up the levels go curve, site, animal, group. At every level the likelihood of a unit, over the logarithm x of the
-parameter, is kept as
+The levels are curve, site, animal, group. At every level the likelihood of a unit, as a function of the logarithm x
+of the parameter, is kept as
 
     exp(constant - precision (x - centre)^2 / 2) * exp(table(x)),
 
-the normal part of the units below that are normal, and a table on a common grid for those that are not (open
-curves, heavy tails). A unit of the level above sees it blurred by the spread of its level: normal parts in
-closed form, tables cell by cell with the normal distribution function, the outermost cells reaching to
-infinity, so that what is open stays open and no spread is too small for the grid. Units of one parent multiply.
+a normal part from the units below that are normal, and a table on a common grid for those that are not (open
+curves, heavy tails). For the level above it is blurred by the spread of its level: normal parts in closed form,
+tables cell by cell with the normal distribution function, the outermost cells reaching to infinity, so that an open
+likelihood stays open and no spread is too small for the grid. The units of one parent are multiplied.
 
 A spread is the standard deviation of ln of the parameter among the units of a level: 0.2 is 20 %. Priors:
 half-Cauchy of scale 0.3 between animals (Gelman 2006, doi 10.1214/06-BA117A) and half-t with four degrees of
@@ -75,7 +75,7 @@ class SpreadPrior:
     freedom: float
 
     def log_density(self, spread: FloatArray) -> FloatArray:
-        """Logarithm of the density but for its constant."""
+        """Log-density, without the constant, at spreads of any shape."""
         power = 0.5 * (self.freedom + 1.0)
         result: FloatArray = -power * np.log1p((spread / self.scale) ** 2 / self.freedom)
         return result
@@ -96,7 +96,7 @@ class SpreadGrid:
     weights : FloatArray
         Posterior probability of every combination, one axis per level; sums to one.
     log_evidence : float
-        Logarithm of the sum over the grid, but for the priors' constants.
+        Logarithm of the integral over the grid, without the priors' constants.
     """
 
     nodes: tuple[FloatArray, ...]
@@ -114,13 +114,13 @@ class SpreadGrid:
         return np.where(at_least & (shares < below[0]), 0.0, places)
 
     def probability_below(self, level: int, spread: float) -> float:
-        """Posterior probability that one spread is smaller."""
+        """Posterior probability that the spread of one level is smaller than `spread`."""
         log_nodes = np.log(self.nodes[level])
         edges = [*(0.5 * (log_nodes[1:] + log_nodes[:-1])), log_nodes[-1]]
         return float(np.interp(np.log(spread), edges, np.cumsum(self._marginal(level)), left=0.0, right=1.0))
 
     def probability_of_none(self, least: float) -> float:
-        """Posterior probability that all spreads together are smaller than `least`."""
+        """Posterior probability that the root of the sum of all squared spreads is below `least`."""
         squares = sum(
             nodes.reshape([-1 if axis == here else 1 for axis in range(self.weights.ndim)]) ** 2
             for here, nodes in enumerate(self.nodes)
@@ -134,19 +134,19 @@ class SpreadGrid:
 
 
 def spread_windows(log_likelihood: LogLikelihood, priors: Sequence[SpreadPrior]) -> Windows:
-    """Find where the posterior of the spreads is: for each level, in ln of its spread, where it is all but nothing.
+    """Find the range of each spread that holds nearly all of the posterior.
 
     Parameters
     ----------
     log_likelihood : callable
-        Logarithm of the likelihood at all combinations of a tuple of nodes per level, to a log unit or so.
+        Logarithm of the likelihood at all combinations of a tuple of nodes per level, accurate to about one.
     priors : sequence of SpreadPrior
         One per level, outermost first.
 
     Returns
     -------
     tuple of (float, float)
-        Per level, outermost first: ln of the smallest and the largest spread that count.
+        Per level, outermost first: ln of the smallest and of the largest spread of the range.
     """
     windows: Windows = ((math.log(_SMALLEST), math.log(_LARGEST)),) * len(priors)
     for _ in range(_PASSES):
@@ -165,7 +165,7 @@ def spread_windows(log_likelihood: LogLikelihood, priors: Sequence[SpreadPrior])
 def weighted_grid(
     log_likelihood: LogLikelihood, priors: Sequence[SpreadPrior], windows: Windows
 ) -> SpreadGrid:
-    """Weigh a grid over the windows of the spreads, outermost level first."""
+    """Posterior of the spreads on a grid over their ranges, outermost level first."""
     counts = _NODES.get(len(priors), (_MOST,) * len(priors))
     log_nodes = [np.linspace(low, high, count) for (low, high), count in zip(windows, counts, strict=True)]
     found = _log_posterior(log_likelihood, log_nodes, priors)
@@ -187,7 +187,7 @@ def _log_posterior(
     log_nodes: Sequence[FloatArray],
     priors: Sequence[SpreadPrior],
 ) -> FloatArray:
-    """Density per unit of ln spread at all combinations."""
+    """Log-posterior per unit of ln spread at all combinations of nodes, one axis per level."""
     nodes = tuple(np.exp(at) for at in log_nodes)
     found = log_likelihood(nodes)
     for axis, (at, prior) in enumerate(zip(nodes, priors, strict=True)):
@@ -197,7 +197,7 @@ def _log_posterior(
 
 
 def _cells(log_nodes: FloatArray) -> FloatArray:
-    """Trapezoidal width of each node; the smallest spread stands for all below it too."""
+    """Trapezoidal width of each node in ln spread; the smallest also stands for all smaller spreads."""
     step = log_nodes[1] - log_nodes[0]
     cells = np.full(len(log_nodes), step)
     cells[[0, -1]] *= 0.5
@@ -216,16 +216,16 @@ def _window(found: FloatArray, axis: int, log_nodes: FloatArray) -> tuple[float,
 
 @dataclass(frozen=True)
 class Grid:
-    """Places of ln of the parameter at which tables are kept: evenly spaced ones, and coarser ones outside.
+    """Grid of ln of the parameter for tables: evenly spaced in the middle, coarser outside.
 
     Parameters
     ----------
     outside : FloatArray
         Distances of the coarser places from the first and the last even one, increasing.
     first, step : float
-        First even place and the distance between two.
+        First even place, and the spacing of the even ones.
     count : int
-        How many even places.
+        Number of even places.
     """
 
     outside: FloatArray
@@ -235,22 +235,23 @@ class Grid:
 
     @cached_property
     def x(self) -> FloatArray:
-        """All places, increasing."""
+        """All places of the grid, increasing."""
         even = self.first + self.step * np.arange(self.count)
         return np.concatenate([self.first - self.outside[::-1], even, even[-1] + self.outside])
 
     @cached_property
     def widths(self) -> FloatArray:
-        """Width of each place's cell, the outermost as wide as their half."""
+        """Width of each place's cell, for sums over the grid."""
         widths: FloatArray = np.gradient(self.x)
         return widths
 
     def blurred(
         self, logarithms: FloatArray, spreads: FloatArray, *, wider: float = 1.0
     ) -> Iterator[FloatArray]:
-        """Logarithms of exp(logarithms), (..., x), under normals of standard deviation `wider` times each spread.
+        """Convolve exp(logarithms), (..., x), with normals of standard deviation `wider` times each spread.
 
-        Each is given at the places of `self.places(spread)` alone. Cells that hold nothing are not summed.
+        Yields the logarithm of each result at the places `self.places(spread)`, (..., places). Cells of negligible
+        value are left out of the sums.
         """
         largest = logarithms.max(axis=-1, keepdims=True)
         off = logarithms - largest
@@ -266,14 +267,14 @@ class Grid:
             yield found
 
     def places(self, spread: float) -> IntArray:
-        """Indices of the places that tell all of what a normal of this standard deviation has blurred."""
+        """Indices of grid places that suffice for a function blurred by a normal of this standard deviation."""
         stride = max(int(_APART * spread / self.step), 1)
         outer, last = len(self.outside), len(self.outside) + self.count - 1
         parts = np.arange(outer), np.arange(outer, last, stride), np.arange(last, len(self.x))
         return np.concatenate(parts)
 
     def everywhere(self, logarithms: FloatArray, spread: float) -> FloatArray:
-        """What is known at `places(spread)`, (..., places), at all of them, (..., x): a spline between."""
+        """Values at `places(spread)`, (..., places), interpolated by a spline to the whole grid, (..., x)."""
         rows = self.places(spread)
         if len(rows) == len(self.x):
             return logarithms
@@ -305,7 +306,7 @@ class Grid:
 
 
 def _shares_of_cells(edges: FloatArray, x: FloatArray, spread: float) -> FloatArray:
-    """Share of a normal about each x (rows) that falls between neighbouring edges (columns + 1)."""
+    """Probability of a normal about each x (rows) between neighbouring edges, (rows, edges - 1)."""
     away = (edges - x[:, None]) / spread
     # What lies beyond an edge on its far side keeps its digits however little it is.
     beyond = np.zeros(away.shape)
@@ -320,7 +321,7 @@ def _shares_of_cells(edges: FloatArray, x: FloatArray, spread: float) -> FloatAr
 
 @dataclass(frozen=True)
 class Messages:
-    """Likelihoods of the units of one level, over ln of the parameter.
+    """Likelihoods of the units of one level as functions of ln of the parameter; form as in the module.
 
     Parameters
     ----------
@@ -329,7 +330,7 @@ class Messages:
     tables : FloatArray
         Logarithms on the grid, (..., tabulated units, x).
     tabulated : ndarray of int
-        Units that have a table.
+        Indices of the units that have a table.
     """
 
     precision: FloatArray
@@ -340,18 +341,18 @@ class Messages:
 
 
 def carried(units: Messages, spreads: FloatArray, parents: IntArray, count: int, grid: Grid) -> Messages:
-    """Carry messages one level up: blurred by each of the spreads, those of each parent multiplied.
+    """Propagate likelihoods one level up: blurred by each of the spreads, and multiplied for each parent.
 
     Parameters
     ----------
     units : Messages
-        Messages of the units of one level.
+        Likelihoods of the units of one level.
     spreads : FloatArray
         Spreads of that level; a new leading axis of the result.
     parents : ndarray of int (units,)
         Parent of each unit, 0 to `count` - 1, in order.
     count : int
-        How many parents there are.
+        Number of parents.
     grid : Grid
         Places of the tables.
     """
@@ -382,10 +383,10 @@ def carried(units: Messages, spreads: FloatArray, parents: IntArray, count: int,
 def multiplied_tables(
     each: Iterable[FloatArray], spreads: FloatArray, parents: IntArray, grid: Grid
 ) -> FloatArray:
-    """Tables (spreads, ..., parents, x) of parents, from those of their units.
+    """Tables (spreads, ..., parents, x) of parents, each the product of its units' likelihoods.
 
-    `each` gives one table (..., units, places of the spread) for each spread, as `Grid.blurred` does. They are
-    added before they are known everywhere: a spline of a sum is the sum of splines.
+    `each` yields one table of logarithms (..., units, places of the spread) for each spread, as `Grid.blurred`
+    does. They are added before they are interpolated: a spline of a sum is the sum of splines.
     """
     starts = np.searchsorted(parents, np.unique(parents))
     return np.stack(

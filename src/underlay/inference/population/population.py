@@ -1,10 +1,10 @@
-"""What many curves say of a population: mean, spread between animals and within, differences of groups.
+"""Population statistics from curves of several animals: mean, spread between animals and within, ratios of groups.
 
 Curves of one animal are not independent: with five animals of twenty sites each, spread 30 % between and 20 %
-within, an interval that takes them so covers the mean in 37 of 100 studies where it claims 95. The model here
-has a spread for every level (`levels`), keeps the whole likelihood of every curve (`likelihood`), open ones too,
-and sums over the spreads; the plain t interval of the animals' means, which needs no prior, stands beside it, and
-before it where animals are few.
+within, an interval that treats them as independent covers the mean in 37 of 100 studies at a nominal 95 %. The
+model here has a spread for every level (`levels`), uses the whole likelihood of every curve (`likelihood`), open
+ones too, and integrates over the spreads. The plain t interval of the animals' means, which needs no prior, is
+given too, and is preferred where animals are few.
 """
 
 from __future__ import annotations
@@ -73,38 +73,38 @@ def population(
         The table of a map (`fit_many`), its file, or pairs of labels by column and a `Fit`, a profile or a
         `Posterior`, whose prior is divided out.
     by : str or sequence of str
-        Columns that say whose a curve is, outermost level first: ``["animal", "joint"]``. An empty list takes all
-        curves for independent and speaks of these sites only.
+        Label columns of the units that curves belong to, outermost level first: ``["animal", "joint"]``. An empty
+        list treats all curves as independent; the interval then holds for these sites only.
     parameter : str
-        A positive parameter; its logarithm is what is normal.
+        A positive parameter; its logarithm is modelled as normal.
     group : str, optional
         Column of the groups that are compared. "rat 1" in two groups is two animals.
     doubtful : str
-        "keep" counts curves with a doubtful verdict, "drop" leaves them out; how many is said.
+        "keep" includes curves with a doubtful verdict, "drop" leaves them out; the result states how many.
     tails : str
-        "normal", or "outliers": a tenth of the curves may lie five spreads off.
+        "normal", or "outliers": a tenth of the curves may come from a distribution five times as wide.
     shared_error : float, optional
-        Relative error that all curves have in common, such as that of the tip's radius times its effect: it
-        does not average out, and is in every mean but in no ratio of groups. By default what a map says of it
-        (``layer.E.shared_error``), else none.
+        Relative error that all curves have in common, such as that of the tip's radius times its effect: it does
+        not average out, and is in every mean but in no ratio of groups. By default that of a map's table
+        (``layer.E.syst.low`` and ``.high``), else none.
 
     Raises
     ------
     InputError
-        If a column or a label is missing, the parameter was not fitted, a group has fewer than two curves, or
-        the results are of different models.
+        If a column or a label is missing, the parameter was not fitted, a group has fewer than two curves, or the
+        results are of different models.
 
     Notes
     -----
-    Levels nest: ln p = mean of the group + step of the animal + step of the site + step of the curve, each
-    normal, with priors on the spreads (half-Cauchy 0.3 between, half-t4 0.5 within; separate per group) and
-    none on the mean. The interval without a prior is Student's on the animals' means, that of a ratio Welch's.
+    Levels nest: ln p = mean of the group + step of the animal + step of the site + step of the curve, each normal,
+    with priors on the spreads (half-Cauchy 0.3 between, half-t4 0.5 within; separate per group) and none on the
+    mean. The interval without a prior is Student's on the animals' means, that of a ratio Welch's.
 
-    Up to five animals hardly tell how much animals differ, so the prior would: of three that differ by 20 % or
-    less its 95 % interval covers 98 to 100 %, of three that differ by more 92 to 95 %, and no other scale covers
-    so evenly. There the interval without a prior is the one to go by: it covers 93 to 98 % in all cells of the
-    stored study, and is up to half as long again. It is not where outliers are allowed for, or an end is open.
-    Animals that agree by chance leave what the errors of their curves and the scatter within each leave
+    Up to five animals hardly determine how much animals differ, so the prior would: of three that differ by 20 % or
+    less its 95 % interval covers 98 to 100 %, of three that differ by more 92 to 95 %, and no other scale covers so
+    evenly. There the interval without a prior is preferred: it covers 93 to 98 % in all cells of the stored study,
+    and is up to half as long again. It is not preferred where outliers are allowed for, or an end is open. For
+    animals that agree by chance it is bounded below by the errors of their curves and the scatter within each
     (`PlainMean`).
     """
     names = columns_given(
@@ -143,7 +143,7 @@ def _selected(
     group: str | None,
     doubtful: str,
 ) -> tuple[list[LabelledCurve], list[LeftOut], float]:
-    """Curves, those left out, and the error that a map says they share."""
+    """Curves used, curves left out, and the relative error that all curves of a map share."""
     import pandas as pd  # noqa: PLC0415  where a table is read
 
     from underlay.inference.batch.decisions import read_map, shared_error_of  # noqa: PLC0415  brings pandas
@@ -214,7 +214,7 @@ def _spread(model: GroupModel, level: int, label: str) -> Spread:
 
 
 def _plain_of_curves(model: GroupModel) -> PlainMean:
-    """Mean of curves that nobody says belong together; each counts alike, open ones by where they are likeliest."""
+    """Mean of independent curves with equal weights, each at its likeliest value."""
     middles = np.array([curve.middle for curve in model.curves])
     errors = np.array([curve.error for curve in model.curves])
     known = float(np.mean(errors**2)) / len(errors) if np.isfinite(errors).all() else 0.0
@@ -222,7 +222,7 @@ def _plain_of_curves(model: GroupModel) -> PlainMean:
 
 
 def _plain_of_units(model: GroupModel, own: FloatArray, spreads: Sequence[Spread]) -> PlainMean:
-    """Mean of the outermost units, `own` (units,), each weighted by its own variance and by their spread."""
+    """Mean of the outermost units, `own` (units,), weighted by the variance of each and by their spread."""
     inner = [spread.median for spread in spreads[1:]]
     weights = 1.0 / (model.own_values(inner)[1] + spreads[0].median ** 2)
     shares = weights / weights.sum()
@@ -243,6 +243,7 @@ def _plain_of_units(model: GroupModel, own: FloatArray, spreads: Sequence[Spread
 
 
 def _compared(later: Group, earlier: Group) -> Comparison:
+    """Ratio of the later group to the earlier one, by the model and without a prior."""
     difference = later.density.minus(earlier.density)
     plain = later.plain_mean.over(earlier.plain_mean)
     leads_plain = plain.variance is not None and (later.leads_plain or earlier.leads_plain)
@@ -259,7 +260,7 @@ def _triple(density: Density) -> Triple:
 
 
 def _widened(density: Density, shared: float) -> Density:
-    """Density with an error that all curves share."""
+    """Density of the mean with the relative error that all curves share added."""
     if not shared:
         return density
     nodes, weights = np.polynomial.hermite_e.hermegauss(31)

@@ -1,4 +1,4 @@
-"""The result of `population`: groups, their spreads, their ratios, and what must be said beside them."""
+"""The result of `population`: groups, their spreads, their ratios, and sentences on their limits."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _NOTHING, _DIFFERENCES = 1e-10, 1600
 
 @dataclass(frozen=True)
 class Variance:
-    """A variance, and the degrees of freedom with which it was found, infinite where it was stated."""
+    """A variance, and its degrees of freedom, infinite where it was stated and not estimated."""
 
     value: float
     freedom: float
@@ -44,7 +44,7 @@ class Variance:
 
     @property
     def half(self) -> float:
-        """Half of the 95 % interval of a number with this variance."""
+        """Half-width of the 95 % interval of a number with this variance, by Student's t."""
         quantile = _NORMAL if math.isinf(self.freedom) else float(special.stdtrit(self.freedom, _UPPER))
         return quantile * math.sqrt(self.value)
 
@@ -53,31 +53,30 @@ class Variance:
 class PlainMean:
     """Logarithm of a mean of a few units, or of a ratio of two means, with Student's interval and no prior.
 
-    Values x_j of units (animals) with weights w_j that sum to one have the mean m = sum w_j x_j, and, whatever the
-    units differ by (Hartung and Knapp 2001, doi 10.1002/sim.1009),
+    Values x_j of J units (animals) with weights w_j that sum to one have the mean m = sum w_j x_j and, whatever the
+    spread of the units (Hartung and Knapp 2001, doi 10.1002/sim.1009), the interval
 
-        m +- t_(J-1) sqrt( sum w_j (x_j - m)^2 / (J - 1) ).
+        m +- t_(J-1) sqrt( sum w_j (x_j - m)^2 / (J - 1) ),
 
-    Of two to five units some agree by chance, and that interval has no width then, though no unit is known so well:
-    each x_j has a variance v_j of its own, by the errors of its curves and by what they scatter. Units that do not
-    differ at all leave
+    t being Student's quantile. Two to five units may agree by chance, and that interval then has no width, though
+    no unit is known so well: each x_j has its own variance v_j, from the errors and the scatter of its curves. For
+    units that do not differ at all the interval is
 
         m +- t_f sqrt( sum w_j^2 v_j ),
 
-    with f degrees of freedom: none are lost to the stated errors (t is normal then), as many as there are curves
-    beyond the first of each unit to the scatter within, both after Satterthwaite (1946). Units that differ leave
-    more, so the longer of the two holds the mean at least as often as the first, and whatever their agreement where
-    they do not differ. An error that all share adds in quadrature, by the normal distribution: it is stated, not
-    found.
+    with f degrees of freedom: stated errors cost none (t is normal then), the scatter within units has as many as
+    there are curves beyond the first of each unit, combined after Satterthwaite (1946). Units that differ have a
+    longer one, so the longer of the two contains the mean at least as often as the first. An error that all curves
+    share adds in quadrature, by the normal distribution: it is stated, not estimated.
 
     Parameters
     ----------
     value : float
         The logarithm.
     scatter : Variance or None
-        Variance of the logarithm by how the units scatter; none where one unit is all there is.
+        Variance of the logarithm from the scatter of the units; None where there is one unit only.
     within : Variance
-        Variance if units did not differ: by the errors of the curves and their scatter within units.
+        Variance if units did not differ: from the errors of the curves and their scatter within units.
     """
 
     value: float
@@ -86,14 +85,14 @@ class PlainMean:
 
     @classmethod
     def of_units(cls, values: FloatArray, weights: FloatArray, within: Variance) -> PlainMean:
-        """Mean of units (units,) with weights (units,), which are made to sum to one."""
+        """Mean of values (units,) with weights (units,), which are normalised."""
         shares = weights / weights.sum()
         mean, freedom = float(shares @ values), len(values) - 1
         scatter = Variance(float(shares @ (values - mean) ** 2) / freedom, freedom) if freedom else None
         return cls(mean, scatter, within)
 
     def over(self, other: PlainMean) -> PlainMean:
-        """Logarithm of the ratio to another, independent one."""
+        """Logarithm of the ratio to another, independent mean."""
         scatter = None
         if self.scatter is not None and other.scatter is not None:
             scatter = Variance.sum_of([self.scatter, other.scatter])
@@ -101,16 +100,16 @@ class PlainMean:
 
     @property
     def variance(self) -> Variance | None:
-        """The variance that leaves the longer interval; none where one unit is all there is."""
+        """The variance with the longer interval, of `scatter` and `within`; None where there is one unit only."""
         return None if self.scatter is None else max(self.scatter, self.within, key=lambda one: one.half)
 
     @property
     def agrees_by_chance(self) -> bool:
-        """Whether the units scatter less than what is known of each allows."""
+        """Whether the units scatter less than their own errors alone would make them."""
         return self.scatter is not None and self.scatter.half < self.within.half
 
     def interval(self, shared: float = 0.0) -> Triple:
-        """Mean and ends of its 95 % interval, as the parameter; no-numbers for ends where there is one unit.
+        """Mean and ends of its 95 % interval, as the parameter; the ends are nan where there is one unit.
 
         `shared` is the standard error of the logarithm that all curves have in common.
         """
@@ -120,7 +119,7 @@ class PlainMean:
         return math.exp(self.value), math.exp(self.value - half), math.exp(self.value + half)
 
     def probability_above(self) -> float:
-        """Probability that the logarithm exceeds zero, one minus its p; not-a-number where there is one unit."""
+        """Probability that the logarithm exceeds zero, one minus its one-sided p-value; nan for one unit."""
         if self.variance is None or not self.variance.value:
             return math.nan
         z = self.value / math.sqrt(self.variance.value)
@@ -130,13 +129,13 @@ class PlainMean:
 
 @dataclass(frozen=True)
 class Density:
-    """Posterior density of ln of a mean: places `x` and their shares of the probability, each (x,)."""
+    """Posterior density of ln of a mean: places `x` and the probability of each, `shares`, (x,) each."""
 
     x: FloatArray
     shares: FloatArray
 
     def quantile(self, shares: FloatArray) -> FloatArray:
-        """Quantiles, same shape as `shares`; infinite where the density still stands at the end of the places."""
+        """Quantiles, same shape as `shares`; infinite where the density does not vanish at the end of the grid."""
         below = np.cumsum(self.shares)
         edges = np.concatenate([0.5 * (self.x[1:] + self.x[:-1]), [self.x[-1]]])
         places = np.interp(shares, below, edges)
@@ -145,13 +144,13 @@ class Density:
 
     @property
     def _held(self) -> tuple[FloatArray, FloatArray]:
-        """Places from the first to the last that holds anything, and their shares."""
+        """Places from the first to the last with a non-negligible probability, and their probabilities."""
         some = np.flatnonzero(self.shares > _NOTHING * self.shares.max())
         held = slice(some[0], some[-1] + 1)
         return self.x[held], self.shares[held]
 
     def minus(self, other: Density) -> Density:
-        """Density of the difference of two independent ones."""
+        """Density of the difference of two independent quantities."""
         (mine, own), (theirs, others) = self._held, other._held
         low, high = mine[0] - theirs[-1], mine[-1] - theirs[0]
         step = (high - low) / _DIFFERENCES
@@ -160,7 +159,7 @@ class Density:
 
 
 def _evenly(x: FloatArray, shares: FloatArray, step: float) -> FloatArray:
-    """Shares of even places from the first on: each goes to its two neighbours, so that the mean stays."""
+    """Probabilities on an even grid from x[0] on: each is split between two neighbours so that the mean is kept."""
     cells = (x - x[0]) / step
     below = cells.astype(int)
     part = cells - below
@@ -172,14 +171,14 @@ def _evenly(x: FloatArray, shares: FloatArray, step: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Spread:
-    """Spread of ln of the parameter at one level: its median and 95 % interval, or an upper limit alone.
+    """Spread of ln of the parameter at one level: its median and 95 % interval, or an upper limit only.
 
     Parameters
     ----------
     level : str
         Level whose units differ so: "animal" for animals, "curve" for curves of one innermost unit.
     median, low, high : float
-        As shares: 0.2 is 20 %. `low` is zero where there may be none, and `high` a one-sided limit then.
+        Relative: 0.2 is 20 %. Where there may be no spread `low` is zero, and `high` a one-sided limit.
     """
 
     level: str
@@ -190,7 +189,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class _TwoWays:
-    """A number found by the model and without a prior, and whether the second is the one to go by."""
+    """A number estimated by the model and without a prior, and whether the second is preferred."""
 
     name: str
     modelled: Triple
@@ -199,12 +198,12 @@ class _TwoWays:
 
     @property
     def low(self) -> float:
-        """Low end of the 95 % interval to go by; zero where there is none."""
+        """Low end of the preferred 95 % interval; zero where there is none."""
         return self._first[1]
 
     @property
     def high(self) -> float:
-        """High end of the 95 % interval to go by; infinite where there is none."""
+        """High end of the preferred 95 % interval; infinite where there is none."""
         return self._first[2]
 
     @property
@@ -221,30 +220,30 @@ class Group(_TwoWays):
     name : str
         Empty where the population has no groups.
     modelled : tuple of float
-        Geometric mean (SI), low and high end of its 95 % interval by the model of all levels, with its priors on
-        the spreads; an end that is not there is zero or infinite.
+        Geometric mean (SI), low and high end of its 95 % interval by the hierarchical model, with its priors on the
+        spreads; zero or infinite for ends that do not exist.
     plain : tuple of float
-        That mean by the t interval of the animals' means, or what the errors of their curves leave where that is
-        longer; without a prior; not-a-number for fewer than two.
+        That mean by the t interval of the animals' means, or by the errors of their curves where that is longer;
+        without a prior; nan for fewer than two animals.
     leads_plain : bool
-        Whether the second is the one to go by: two to five animals, whose spread the prior would decide.
+        Whether `plain` is preferred: for two to five animals, whose spread the prior would decide.
     spreads : tuple of Spread
         Outermost level first, curves last.
     units : int
-        How many outermost units (animals); zero without labels.
+        Number of outermost units (animals); zero without labels.
     curves, open_curves : int
-        How many curves count, and how many of them have an open end.
+        Number of curves used, and of those with an open end.
     curve_error : float
-        Median standard error of ln of a curve.
+        Median standard error of ln of the parameter of one curve.
     unit_values : DataFrame
-        Per outermost unit: ``mean``, ``low``, ``high`` (SI, drawn towards the group's mean), ``own`` (its
-        curves alone), ``curves``.
+        Per outermost unit: ``mean``, ``low``, ``high`` (SI, shrunk towards the group's mean), ``own`` (from its
+        curves alone), ``curves`` (their number).
     density : Density
         Posterior of ln of the mean, without the error that all curves share.
     plain_mean : PlainMean
         Logarithm of the mean without a prior, with its variances and their degrees of freedom.
     errors_explain_all : bool
-        Whether the curves may scatter by no more than their errors.
+        Whether the errors of the curves may explain all of their scatter.
     """
 
     spreads: tuple[Spread, ...]
@@ -259,29 +258,29 @@ class Group(_TwoWays):
 
     @property
     def mean(self) -> float:
-        """Geometric mean (SI) to go by."""
+        """Preferred geometric mean (SI)."""
         return self._first[0]
 
 
 @dataclass(frozen=True)
 class Comparison(_TwoWays):
-    """One group over another.
+    """Ratio of one group to another.
 
     Parameters
     ----------
     name : str
-        The later group.
+        The later group, the numerator.
     modelled : tuple of float
         Ratio of the geometric means, low and high end of its 95 % interval by the model, with its priors.
     plain : tuple of float
-        That ratio by Welch's interval of the animals' means, or what the errors of their curves leave where that is
-        longer; without a prior.
+        That ratio by Welch's interval of the animals' means, or by the errors of their curves where that is longer;
+        without a prior.
     leads_plain : bool
-        Whether the second is the one to go by: a group of the two has few animals.
+        Whether `plain` is preferred: where one of the groups has few animals.
     reference : str
-        The earlier group.
+        The earlier group, the denominator.
     probability_above : float
-        Probability that the ratio exceeds one, by the interval to go by.
+        Probability that the ratio exceeds one, by the preferred interval.
     """
 
     reference: str
@@ -289,7 +288,7 @@ class Comparison(_TwoWays):
 
     @property
     def ratio(self) -> float:
-        """Ratio of the geometric means to go by."""
+        """Preferred ratio of the geometric means."""
         return self._first[0]
 
 
@@ -300,7 +299,7 @@ class Population:
     Parameters
     ----------
     parameter : str
-        The parameter of which means and spreads are.
+        The parameter whose means and spreads these are.
     by : tuple of str
         Levels, outermost first.
     groups : mapping of str to Group
@@ -308,7 +307,7 @@ class Population:
     comparisons : tuple of Comparison
         Every group over every earlier one.
     left_out : tuple of LeftOut
-        Curves that do not count, and why.
+        Curves that are not used, and why.
     shared_error : float
         Relative error that all curves share (radius, spring constant): in every mean, in no ratio.
     """
@@ -345,7 +344,7 @@ class Population:
         return pd.DataFrame.from_dict(rows, orient="index")
 
     def ratios(self) -> pd.DataFrame:
-        """One row per comparison: the ratio with its interval, and both ways to it."""
+        """One row per comparison: the preferred ratio with its interval, and both estimates."""
         import pandas as pd  # noqa: PLC0415  where a table is asked for
 
         return pd.DataFrame(
@@ -365,7 +364,7 @@ class Population:
         )
 
     def sentences(self) -> list[str]:
-        """What a reader must know beside the numbers: left out, too few, no scatter beyond the errors."""
+        """Sentences that belong to the numbers: curves left out, few animals, no scatter beyond the errors."""
         said = []
         if self.left_out:
             total = sum(group.curves for group in self.groups.values()) + len(self.left_out)

@@ -537,7 +537,7 @@ def compare_with_prior(
 
 
 def _widths(prior: FloatArray, posterior: FloatArray) -> tuple[float, float]:
-    """Widths of the 68 % intervals; on an even axis one over decades is as wide as its upper end is high."""
+    """Widths of the 68 % intervals of prior and posterior; of logarithms for a prior wider than a factor of 20."""
     low, high = np.quantile(prior, (0.025, 0.975))
     if low > 0.0 and high / low > _DECADES and posterior[0] > 0.0:
         prior, posterior = np.log(prior), np.log(posterior)

@@ -311,9 +311,9 @@ class _Run:
         return self._log_density[: self.steps]
 
     def go(self, line: _Line, limit: float, *, most: int | None = None) -> Outcome:
-        """Step until `most` are done; without it until the chain has converged, or steps or time are used up.
+        """Step until `most` are done; without it until the chain has converged or steps or time are used up.
 
-        An interrupt of the user's ends it, too.
+        A KeyboardInterrupt ends it too. Returns the verdict on the chain.
         """
         most = self.max_steps if most is None else min(most, self.max_steps)
         next_check = _check_from(max(self.steps, 1))
