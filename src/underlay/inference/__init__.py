@@ -1,1 +1,1 @@
-"""Floor 4: from a curve and a scene to numbers, each with how sure it is."""
+"""Inference: from a curve and a scene to fitted numbers, each with its uncertainty."""

@@ -1,13 +1,13 @@
-"""What accuracy costs, for the answer and for the posterior: errors of fitted numbers against processor time.
+"""Cost of accuracy, for fits and posteriors: errors of fitted numbers against processor time.
 
-For the answer (`answer_cost`) it is how far off modulus and thickness are, against the time of the whole fit. The
-curve is the scene's own: made by the exact law to 1e-10, without noise, so that what a fit is off by is the model's
-doing and no chance. Its noise is stated all the same, 0.5 % of the largest force, as a measured curve's would be.
-Modulus and contact are fitted with the thickness known; then modulus, thickness and contact together. For the
-posterior (`posterior_cost`) it is the error of its quantiles against the time of the sampling, for one curve.
+For a fit (`answer_cost`) it is the error of modulus and thickness, against the time of the whole fit. The curve is
+simulated from the scene itself by the exact law to 1e-10, without noise, so that the error is that of the model
+alone. A noise is stated all the same, 0.5 % of the largest force, as for a measured curve. Modulus and contact are
+fitted with the thickness known; then modulus, thickness and contact together. For the posterior (`posterior_cost`)
+it is the error of its quantiles against the time of the sampling, for one curve.
 
-Times are processor times, from the problem to the result; of several the shortest counts. Their unit is lmfit's
-fit of Hertz's formula to the same points (`plain_hertz_fit`), the fit that everybody writes first.
+Times are processor times, from the problem to the result; the shortest of several is used. Their unit is the time
+of a fit of Hertz's formula to the same points by lmfit (`plain_hertz_fit`).
 """
 
 from __future__ import annotations
@@ -78,18 +78,18 @@ _FURTHER_METHODS = ("importance", "ridge")
 def answer_cost(
     scene: Scene, max_depth: float, *, solvers: Iterable[AnySolver] | None = None, rounds: int = _ROUNDS
 ) -> pd.DataFrame:
-    """Fit a scene's own curve by every solver: what modulus and thickness are off by, and what the fit takes.
+    """Fit a scene's simulated curve by every solver: errors of modulus and thickness, and the time of the fit.
 
     Parameters
     ----------
     scene : Scene
-        The test, with a layer on something.
+        The test, with a layer on a base.
     max_depth : float
-        Deepest point (m) since contact.
+        Largest indentation depth (m).
     solvers : iterable of Solver or str, optional
         What to compare; by default what `accuracy_cost` does.
     rounds : int, default 3
-        How often a fit is timed; the shortest counts.
+        How often a fit is timed; the shortest time is used.
 
     Returns
     -------
@@ -97,8 +97,8 @@ def answer_cost(
         One row per solver with a law here: ``method``, ``form``, ``order``, ``rtol`` and ``nodes`` (empty) as in
         `accuracy_cost`; ``E_error``, the fitted modulus over the true one, less one, with the thickness known,
         ``seconds`` and ``ratio`` (to lmfit's fit of Hertz's formula); ``E_error_joint``, ``thickness_error``,
-        ``joint_seconds`` and ``joint_ratio`` where the thickness is fitted too, NaN where the law does not feel it.
-        ``.attrs`` holds ``unit_seconds`` and ``points``.
+        ``joint_seconds`` and ``joint_ratio`` where the thickness is fitted too, NaN where the law does not depend
+        on it. ``.attrs`` holds ``unit_seconds`` and ``points``.
 
     Raises
     ------
@@ -141,23 +141,24 @@ def answer_cost(
 
 
 def effects_on_answers(scene: Scene, max_depth: float, solver: AnySolver = "auto") -> pd.DataFrame:
-    """Leave each effect of a scene out of the fit: what modulus and thickness are then, and what the fit saves.
+    """Leave each effect of a scene out of the fit: changes of modulus and thickness, and time saved.
 
     Parameters
     ----------
     scene : Scene
         The test.
     max_depth : float
-        Deepest point (m) since contact.
+        Largest indentation depth (m).
     solver : Solver or str, default "auto"
         Which contact law.
 
     Returns
     -------
     pandas.DataFrame
-        One row per effect: ``effect``; ``E_percent``, what leaving it out does to the fitted modulus, with the
-        thickness known; ``h_percent``, what to the thickness fitted beside the modulus; ``fit_cost_percent``, the
-        time it adds to the fit of modulus and contact. NaN where there is no such fit, or where it acts in time.
+        One row per effect: ``effect``; ``E_percent``, the change of the fitted modulus when it is left out, with
+        the thickness known; ``h_percent``, that of the thickness fitted together with the modulus;
+        ``fit_cost_percent``, the time it adds to the fit of modulus and contact. NaN where there is no such fit, or
+        the effect depends on time.
     """
     deepest, wanted = positive(max_depth, "max_depth", "m"), as_solver(solver)
     law = scene.contact_law(deepest, solver=wanted)
@@ -169,7 +170,7 @@ def effects_on_answers(scene: Scene, max_depth: float, solver: AnySolver = "auto
 
 
 def _left_out(effect: Effect, deepest: float, solver: Solver) -> dict[str, float]:
-    """Numbers of one row of `effects_on_answers`, by column."""
+    """Cells of one row of `effects_on_answers`, by column."""
     with_it, without = effect.with_it, effect.without
     nothing = dict.fromkeys(("E_percent", "h_percent", "fit_cost_percent"), np.nan)
     if not (isinstance(with_it, Scene) and isinstance(without, Scene)) or effect.duration is not None:
@@ -197,7 +198,7 @@ def _left_out(effect: Effect, deepest: float, solver: Solver) -> dict[str, float
 
 @dataclass(frozen=True)
 class _Answer:
-    """Modulus and thickness of one fit over the truth, less one, and its time (s); NaN where there is none."""
+    """Relative errors of modulus and thickness of one fit, and its time (s); NaN where there is none."""
 
     modulus: float = np.nan
     thickness: float = np.nan
@@ -208,7 +209,7 @@ _NOTHING = _Answer()  # of a fit that is not there
 
 
 def _answer(own: OwnCurve, model: Scene, free: Sequence[str], solver: Solver, rounds: int) -> _Answer:
-    """Fit a curve with a model in the place of its scene."""
+    """Fit the simulated curve of a scene with another model, `model`, and return errors and time."""
     truth = own.scene.parameters
     with warnings.catch_warnings():
         # A correction outside its range, a misfit: that is what is measured here.
@@ -227,14 +228,14 @@ def _answer(own: OwnCurve, model: Scene, free: Sequence[str], solver: Solver, ro
 def posterior_cost(
     scene: Scene, max_depth: float, *, steps: Iterable[int] = _STEPS, seed: int = 0
 ) -> pd.DataFrame:
-    """Sample modulus, thickness and contact of a scene's own noisy curve in several ways.
+    """Sample modulus, thickness and contact of a scene's own noisy curve by several methods.
 
     Parameters
     ----------
     scene : Scene
-        The test, with a layer on something.
+        The test, with a layer on a base.
     max_depth : float
-        Deepest point (m) since contact.
+        Largest indentation depth (m).
     steps : iterable of int
         Lengths of the chains of walkers that are compared.
     seed : int, default 0
@@ -243,11 +244,11 @@ def posterior_cost(
     Returns
     -------
     pandas.DataFrame
-        One row per way: ``way`` (``"fit"``, the normal of the least-squares fit; ``"emcee"``, by its steps; and
-        every further `method` that `sample` knows), ``steps``, ``error`` (largest difference of the 5, 50 and
-        95 % quantiles of modulus and thickness from the means of four other runs, in standard deviations),
-        ``seconds`` and ``ratio`` (to lmfit's fit of Hertz's formula). ``.attrs["reference_error"]`` is the largest
-        standard error of those means, by how the four differ: no error below it can be told.
+        One row per method: ``way`` (``"fit"``, the normal of the least-squares fit; ``"emcee"``, by its steps; and
+        every further `method` that `sample` offers), ``steps``, ``error`` (largest difference of the 5, 50 and 95 %
+        quantiles of modulus and thickness from the means of four other runs, in standard deviations), ``seconds``
+        and ``ratio`` (to lmfit's fit of Hertz's formula). ``.attrs["reference_error"]`` is the largest standard
+        error of those means, from the scatter of the four: smaller errors cannot be resolved.
 
     Raises
     ------
@@ -307,21 +308,21 @@ def _references(problem: Problem, seed: int) -> list[FloatArray]:
 
 
 def _drawn(problem: Problem, **asked: Any) -> FloatArray:
-    """Modulus and thickness (SI) of a chain, (draws, walkers, 2)."""
+    """Draws of modulus and thickness (SI) by `sample` with the given options, (draws, walkers, 2)."""
     posterior = sample(problem, progress=False, **asked)
     which = [posterior.names.index(name) for name in (MODULUS, THICKNESS)]
     return posterior.chain[..., which]
 
 
 def _further_methods() -> list[str]:
-    """The methods beside walkers that this version of `sample` knows."""
+    """Names of the methods that `sample` documents besides emcee."""
     known = inspect.signature(sample).parameters.get("method")
     described = "" if known is None else str(sample.__doc__)
     return [way for way in _FURTHER_METHODS if f'"{way}"' in described]
 
 
 def _quantiles(chain: FloatArray) -> FloatArray:
-    """Quantiles of a chain at the levels that are compared, (levels, parameters)."""
+    """Quantiles of draws (..., parameters) at the probabilities that are compared, (levels, parameters)."""
     return np.quantile(chain.reshape(-1, chain.shape[-1]), _LEVELS, axis=0)
 
 
@@ -331,16 +332,16 @@ def _off(quantiles: FloatArray, truth: FloatArray, spread: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class OwnCurve:
-    """What a scene would measure, and what one plain fit of it takes.
+    """The simulated curve of a scene, with the time of a plain fit of Hertz's formula to it.
 
     Parameters
     ----------
     scene : Scene
-        Without baseline and memory.
+        The scene, without baseline and memory.
     curve : Curve
-        Its curve.
+        Its simulated curve.
     noise : Noise
-        The noise that is stated of it.
+        The noise that is stated in fits.
     unit : float
         Time (s) of lmfit's fit of Hertz's formula.
     """
@@ -368,7 +369,7 @@ class OwnCurve:
 
 
 def timed(call: Callable[[], Any], rounds: int = 1) -> tuple[Any, float]:
-    """What a call returns, and the shortest processor time (s) of some rounds; a long call is made once."""
+    """Result of a call, and the shortest processor time (s) of several calls; a long call is made once."""
     best = np.inf
     for _ in range(rounds):
         start = time.process_time()

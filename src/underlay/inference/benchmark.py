@@ -1,9 +1,9 @@
-"""The open benchmark of layered indentation: curves with their truth, and what an estimate of them is worth.
+"""The open benchmark of layered indentation: curves with known moduli, and the scores of estimates.
 
-A case is a curve, the scene that a user is told, and the truth that he is not (`benchmark_cases`). What is
-scored on the cases (`benchmark`) takes one to a modulus: the whole model, one contact law (`one_law`), another
-program (`Program`). A contact law is also compared with the exact contact problem in twenty digits
-(`against_references`) and with finite elements (`against_finite_elements`).
+A case is a curve, the scene as a user would state it, and the true modulus (`benchmark_cases`). What is scored on
+the cases (`benchmark`) is a function from a case to a modulus: the whole model, one contact law (`one_law`),
+another program (`Program`). A contact law is also compared with solutions of the exact contact problem in twenty
+digits (`against_references`) and with finite elements (`against_finite_elements`).
 """
 
 from __future__ import annotations
@@ -75,13 +75,13 @@ class Case:
     Parameters
     ----------
     kind : str
-        What a simple formula leaves out: ``"elastic"`` (nothing), ``"stuck"``, ``"finite_strain"``, ...
+        The effect that a simple formula leaves out: ``"elastic"`` (none), ``"stuck"``, ``"finite_strain"``, ...
     noise : str
         The noise it was made with: ``"white"``, ``"proportional"``, ``"correlated"``, ``"depth"``, ``"drifting"``.
     curve, scene : Path
-        Readings in SI, and what is known of the test.
+        Files of the readings in SI, and of what is known of the test.
     modulus : float
-        The truth (Pa): Young's modulus of the layer, at once where it relaxes.
+        True Young's modulus of the layer (Pa); the instantaneous one where it relaxes.
     """
 
     kind: str
@@ -92,7 +92,7 @@ class Case:
 
 
 def benchmark_cases(kinds: Collection[str] = ()) -> tuple[Case, ...]:
-    """Return the curves of some kinds of sample; of all where none is named.
+    """Return the cases of some kinds of sample; of all kinds where none is named.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def benchmark_cases(kinds: Collection[str] = ()) -> tuple[Case, ...]:
 
 
 def rows_of(name: str) -> list[dict[str, str]]:
-    """Rows of a table of the benchmark, without the comments above its header."""
+    """Rows of one of the benchmark's CSV tables, by column, without the comments above its header."""
     lines = read_text(sample(f"benchmark/{name}"), _TABLE).splitlines()
     return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
@@ -138,16 +138,16 @@ Estimator: TypeAlias = Callable[[Case], Estimate | float]
 
 
 def whole_model(case: Case) -> Estimate:
-    """Fit the scene as it is told, with all that it says of the sample: what `underlay fit` prints."""
+    """Fit all that the case's scene file states, as `underlay fit` does."""
     fitted = fit(load_problem(case.curve, case.scene))
     answer = fitted.answer(_MODULUS)
     return Estimate(answer.value, answer.low, answer.high)
 
 
 def one_law(solver: Solver) -> Estimator:
-    """Return an estimator that fits one elastic contact law: friction, time and adhesion are not in its model.
+    """Return an estimator that fits one elastic contact law, without friction, relaxation and adhesion.
 
-    Of a test with a hold the way in is fitted, as a user of such a law does.
+    Of a test with a hold only the loading part is fitted, as a user of such a law does.
     """
 
     def estimate(case: Case) -> Estimate:
@@ -168,15 +168,15 @@ def one_law(solver: Solver) -> Estimator:
 
 @dataclass(frozen=True)
 class Program:
-    """Another program, run on every curve.
+    """An external program, run on every curve of the benchmark.
 
     Parameters
     ----------
     command : str
         The command line. ``{curve}`` stands for the CSV (SI, names in the first row that is no comment),
-        ``{scene}`` for the scene file, ``{answer}`` for the file that it writes the modulus (Pa) to, and any
-        number of the scene by its path, e.g. ``{indenter.radius}``, for its value in SI. Without ``{answer}`` the
-        modulus is the last word that it prints.
+        ``{scene}`` for the scene file, ``{answer}`` for the file that it writes the modulus (Pa) to, and any number
+        of the scene by its path, e.g. ``{indenter.radius}``, for its value in SI. Without ``{answer}`` the modulus
+        is the last word that it prints.
     timeout : float
         Seconds after which it is stopped.
     """
@@ -185,7 +185,7 @@ class Program:
     timeout: float = 600.0
 
     def __call__(self, case: Case) -> Estimate:
-        """Run the program on a case, without a shell, in an empty folder.
+        """Run the program on a case, without a shell, in an empty folder, and read the modulus it gives.
 
         Raises
         ------
@@ -230,13 +230,13 @@ class Program:
 
 
 def against_references(solver: AnySolver = "auto") -> pd.DataFrame:
-    """Compare the force of a law with the references of the exact contact problem.
+    """Compare the force of a law with reference solutions of the exact contact problem.
 
     Returns
     -------
     DataFrame
-        One row a shape and contact radius over thickness: pairs of materials that the law took, median and largest
-        size of its relative error.
+        One row for each tip shape and contact radius over thickness: number of material pairs to which the law
+        applies, median and largest absolute relative error of the force.
     """
     law = as_solver(solver)
     found = pd.DataFrame(
@@ -254,7 +254,7 @@ def against_references(solver: AnySolver = "auto") -> pd.DataFrame:
 
 
 def _reference_error(row: Mapping[str, str], solver: Solver) -> float:
-    """Error of the force over that of one reference; NaN where the law is not for this contact."""
+    """Relative error of the force against one reference solution; NaN where the law does not apply."""
     radius = float(row["a/h"])
     tip, halfspace_depth = _tip(row["shape"], radius)
     # A punch goes as deep as one likes.
@@ -266,9 +266,9 @@ def _reference_error(row: Mapping[str, str], solver: Solver) -> float:
 
 
 def _force(solver: Solver, contact: Contact, depth: FloatArray) -> FloatArray:
-    """Force of the solver's law at increasing depths, (n,); NaN where it is not for this contact.
+    """Force of the solver's law at increasing depths, (n,); NaN where the law does not apply.
 
-    That a law is used outside its range is what is measured here, and not said again.
+    Warnings that a law is used outside its range are suppressed: its errors there are what is measured.
     """
     try:
         with warnings.catch_warnings():
@@ -279,7 +279,7 @@ def _force(solver: Solver, contact: Contact, depth: FloatArray) -> FloatArray:
 
 
 def _tip(shape: str, radius: float) -> tuple[Indenter, float]:
-    """A tip of a shape, over the layer's thickness, and H(a) at a contact radius."""
+    """A tip of the named shape for a layer of thickness 1, and its half-space depth H(a) at a contact radius."""
     small = 1e-3  # depths far below the thickness, so that nothing but a/h matters
     if shape == "flat punch":
         return FlatPunch(radius), small
@@ -300,12 +300,14 @@ def _material(cell: str) -> Any:
 def against_finite_elements(solver: AnySolver = "auto") -> pd.DataFrame:
     """Compare the force of a law with finite elements of a sphere on a layer as thick as its radius.
 
-    Linear elements show what a law lacks of the contact problem; neo-Hookean ones what linear elasticity lacks.
+    Linear elements show the error of the law for the linear contact problem; neo-Hookean ones the error of linear
+    elasticity.
 
     Returns
     -------
     DataFrame
-        One row a Poisson's ratio, material and friction under the tip: relative error of the law at three depths.
+        One row for each Poisson's ratio, material and friction under the tip: relative error of the law at three
+        depths.
     """
     law, table = as_solver(solver), []
     rows = pd.DataFrame(rows_of("finite_elements.csv"))
@@ -322,12 +324,12 @@ def against_finite_elements(solver: AnySolver = "auto") -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class Score:
-    """One estimate beside its truth.
+    """The estimate for one case.
 
     Parameters
     ----------
     case : Case
-        The curve.
+        The curve, with its true modulus.
     estimate : Estimate
         NaN where there is none.
     reason : str
@@ -378,7 +380,7 @@ class Scores:
 
 
 def _summed(kind: str, own: pd.DataFrame) -> dict[str, Any]:
-    """The row of one kind of sample, of the rows of its curves."""
+    """The summary row of one kind of sample, from the rows of its curves."""
     sizes = own["error (%)"].abs().dropna()
     given = own[own["low (Pa)"] < own["high (Pa)"]]
     held = given["truth (Pa)"].between(given["low (Pa)"], given["high (Pa)"]).sum()
@@ -398,7 +400,7 @@ def benchmark(
     kinds: Collection[str] = (),
     progress: Callable[[Case], None] | None = None,
 ) -> Scores:
-    """Score a way from a curve to a modulus on the open benchmark of layered indentation.
+    """Score an estimator of the modulus on the open benchmark of layered indentation.
 
     Accuracy is measured here; `tests/benchmarks/cost.py` measures speed.
 
@@ -406,10 +408,10 @@ def benchmark(
     ----------
     solver : Solver or str, optional
         One elastic contact law, as most programs fit it. Without it, and without `estimate`, the whole model is
-        scored: what ``underlay fit`` makes of the scene as it is told.
+        scored: what ``underlay fit`` gives for the scene file.
     estimate : callable, optional
-        Takes a `Case` (with the paths ``curve`` and ``scene``) and gives a modulus (Pa), or an `Estimate` with an
-        interval. An error that it raises is the score of that curve.
+        Takes a `Case` (with the paths ``curve`` and ``scene``) and returns a modulus (Pa), or an `Estimate` with an
+        interval. An error that it raises is recorded as the score of that curve.
     kinds : collection of str
         Kinds of sample; all by default.
     progress : callable, optional

@@ -44,12 +44,12 @@ _SOURCE = re.compile(
 def used_by(
     laws: Iterable[str], scenes: Collection[Scene] = (), formats: Iterable[str] = ()
 ) -> dict[str, str]:
-    """Return the works behind the laws, samples and files of an analysis: key of the work, and what for.
+    """Return the works behind the laws, samples and files of an analysis, as a mapping from key to purpose.
 
     Parameters
     ----------
     laws : iterable of str
-        Names of contact laws, as `ContactLaw.method` has them.
+        Names of contact laws, as in `ContactLaw.method`.
     scenes : collection of Scene
         The tests.
     formats : iterable of str
@@ -72,7 +72,10 @@ def used_by(
 
 
 def of_fit(*, robust: bool, averaged: bool) -> dict[str, str]:
-    """Works that a least-squares fit adds; `averaged` where its intervals weigh kinds of noise and drift."""
+    """Works behind a least-squares fit, as a mapping from key to purpose.
+
+    `averaged` says that its intervals average over possible noise and drift.
+    """
     used = dict.fromkeys(("marquardt1963", "golub1973"), "least squares")
     used["harville1977"] = "size of the noise"
     if robust:
@@ -100,12 +103,12 @@ def of_sampling(*, chain: bool = True, mixture: bool = False) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Work:
-    """Something to cite: a BibTeX entry.
+    """A citable work: a BibTeX entry.
 
     Parameters
     ----------
     key : str
-        Key by which bibliographies know it.
+        Its key in bibliographies.
     kind : str
         ``"article"`` or ``"software"``.
     fields : mapping of str to str
@@ -164,7 +167,7 @@ def works() -> dict[str, Work]:
 
 
 def work(key: str) -> Work:
-    """Return the work of a key: one of ``works.bib``, or the source of a published correction.
+    """Return the work with a given key: one of ``works.bib``, or the source of a published correction.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The works that the file of a result used: a fit, a posterior, the table of a map."""
+"""The works to cite for the file of a result: a fit, a posterior, or the table of a map."""
 
 from __future__ import annotations
 

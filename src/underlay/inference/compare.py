@@ -1,7 +1,7 @@
-"""One curve under several models: contact laws, a lower face bonded or slipping, and a contact point held.
+"""Comparison of one curve under several models: contact laws, lower face bonded or slipping, fixed contact.
 
-`compare` says what each contact law would have reported, and how well it explains the data; `compare_bonds` does so
-for a layer's lower face bonded and free to slip; `laws_at_contact` is the quick look before a fit.
+`compare` gives the parameters under each contact law, and how well it fits the data; `compare_bonds` does so for a
+layer's lower face bonded and free to slip; `laws_at_contact` is a quick estimate before a fit.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ class Comparison:
     names : tuple of str
         Free parameters of the problem.
     fits : mapping of label to Fit
-        Fits by the name of the solver, in the order asked.
+        Fits by the name of the solver, in the given order.
     refused : mapping of label to str
         Why a law could not be fitted.
     dropped : mapping of label to tuple of str
-        Free parameters a law does not know, kept at their values in the scene.
+        Free parameters that a law does not have, kept at their values in the scene.
     """
 
     names: tuple[str, ...]
@@ -80,7 +80,7 @@ class Comparison:
         Returns
         -------
         pandas.DataFrame
-            Index ``solver``; every parameter and its standard error (SI, NaN where the law does not know it),
+            Index ``solver``; every parameter and its standard error (SI, NaN where the law does not have it),
             ``chi-square`` with the noise of the best fit, ``rms residual`` (N), ``AIC`` and ``BIC`` above the
             smallest, ``law error`` (relative) and ``notes``.
         """
@@ -127,13 +127,13 @@ def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Com
     problem : Problem
         Data, free parameters and noise; its own solver is not used.
     solvers : sequence of Solver or str, optional
-        As for `contact_law`, ``"asymptotic:2"`` for an order. By default the half-space, orders 1 to 4, the
-        exact law, and every published correction that takes this indenter, layer and substrate.
+        As for `contact_law`, ``"asymptotic:2"`` for an order. By default the half-space, orders 1 to 4, the exact
+        law, and every published correction that applies to this indenter, layer and substrate.
 
     Returns
     -------
     Comparison
-        A law that cannot be fitted is listed with the reason; the others are not disturbed.
+        A law that cannot be fitted is listed with the reason, and does not stop the others.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Com
 
 
 def _labelled(solvers: Sequence[Solver]) -> dict[str, Solver]:
-    """Solvers by their names, in full where two have the same name."""
+    """Solvers by their labels, in full where two have the same label."""
     labels = [solver.label for solver in solvers]
     full = [
         repr(solver) if labels.count(label) > 1 else label
@@ -176,7 +176,7 @@ def _labelled(solvers: Sequence[Solver]) -> dict[str, Solver]:
 
 
 def _posed(problem: Problem, solver: Solver) -> tuple[Problem, tuple[str, ...]]:
-    """The problem under one law, and the free parameters that the law does not know."""
+    """The problem under one law, and the free parameters that the law does not have."""
     unseen = () if solver.sees_base else tuple(path for path in problem.free if path.startswith(_UNSEEN))
     free = {path: given for path, given in problem.free.items() if path not in unseen}
     if not free:
@@ -197,7 +197,7 @@ class BondComparison:
     fits : mapping of str to Fit
         ``"bonded"`` and ``"slipping"``, those that could be fitted.
     refused : mapping of str to str
-        Why one could not.
+        Why one could not be fitted, by the same names.
     """
 
     face: str
@@ -207,7 +207,7 @@ class BondComparison:
 
     @property
     def difference(self) -> float:
-        """AIC of the slipping face above that of the bonded one: negative where the data speak for slip.
+        """AIC of the slipping face less that of the bonded one: negative where the data favour slip.
 
         NaN where one could not be fitted.
         """
@@ -222,8 +222,8 @@ class BondComparison:
         Returns
         -------
         pandas.DataFrame
-            ``face``, ``parameter``, ``value``, ``low`` and ``high`` of its interval (SI; infinite where open),
-            ``rms residual`` (N) and ``AIC`` above the smaller.
+            ``face`` ("bonded" or "slipping"), ``parameter``, ``value``, ``low`` and ``high`` of its interval (SI;
+            infinite where the data set no limit), ``rms residual`` (N) and ``AIC`` above the smaller.
         """
         least = min((found.statistics.aic for found in self.fits.values()), default=0.0)
         rows = []
@@ -241,12 +241,12 @@ def compare_bonds(given: Problem | Fit, face: str = "layer") -> BondComparison:
     """Fit the same data with a layer bonded to what is under it, and free to slip on it.
 
     A gel that lies loose in a dish carries up to 40 % less force at equal depth than one that sticks to it: where
-    nobody knows, the two moduli are the honest answer.
+    the bond is not known, both moduli should be reported.
 
     Parameters
     ----------
     given : Problem or Fit
-        Data, free parameters, noise and solver. The bond of a fit is not fitted again.
+        Data, free parameters, noise and solver. A fit is reused for its own bond.
     face : str, default "layer"
         The layer whose lower face it is: ``"layer"`` for the one on top, ``"substrate.layers[0]"`` for the next.
 
@@ -283,7 +283,7 @@ def compare_bonds(given: Problem | Fit, face: str = "layer") -> BondComparison:
 
 @dataclass(frozen=True, eq=False)
 class HeldLaws:
-    """The scene's law and that of a half-space, at one contact point.
+    """Fits of the scene's law and of a half-space with the contact point fixed.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ class HeldLaws:
     moduli : mapping of str to float
         Layer modulus (Pa) by law: ``"layer and base"`` where there is a base, ``"half-space"``.
     lines : mapping of str to (depth, force)
-        Readings (m, N) of each law over the whole curve.
+        Model readings (m, N) of each law over the whole curve.
     refused : mapping of str to str
         Why a law could not be fitted.
     """
@@ -306,7 +306,7 @@ class HeldLaws:
 def laws_at_contact(
     file: SceneFile, curve: Curve, contact: float, low: float = -np.inf, high: float = np.inf
 ) -> HeldLaws:
-    """Fit the modulus, and what the force is linear in, with everything else held as the scene file says.
+    """Fit the modulus, and parameters in which the force is linear, with everything else as in the scene file.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""What the file of a curve says of the test, beside what the scene says: taken, compared, never passed over.
+"""Combines the numbers of a scene with those that a curve's file states, and compares them.
 
-A scene may leave out what a file knows; then the file's number is taken and a note says so. Where both speak
-and differ it is an error that names both, unless the scene file says in ``[curve]`` that it overrules the file:
-``overrule = ["indenter.radius"]``. A free parameter is not compared: the scene gives no more than its start.
+A scene may leave out what a file states; then the file's number is used and a note says so. Where both state it and
+differ it is an error that names both, unless the scene file says in ``[curve]`` that it overrules the file:
+``overrule = ["indenter.radius"]``. A free parameter is not compared: the scene gives only its starting value.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class Settled:
     Parameters
     ----------
     values : mapping of path to float
-        Numbers of the scene (SI) that the file says and the scene leaves out.
+        Numbers of the scene (SI) that the file states and the scene leaves out.
     notes : tuple of str
-        In words, what was taken from the file and what the scene overrules.
+        Sentences on what was taken from the file and what the scene overrules.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -59,25 +59,25 @@ def settle(
     overrule: Collection[str] = (),
     free: Iterable[str] = (),
 ) -> Settled:
-    """Compare a scene with what the file of its curve says.
+    """Compare a scene with what the file of its curve states, and fill in what the scene leaves out.
 
     Parameters
     ----------
     scene : Scene
-        The test; what it leaves out holds a stand-in.
+        The test, with placeholder values for what it leaves out.
     curve : Curve
-        Its metadata say what the file says.
+        The curve; its metadata are what the file states.
     left_out : collection of str
         Paths of the scene that are left to the file.
     overrule : collection of str
-        Paths for which the scene is right where the two differ.
+        Paths for which the scene's number is used where the two differ.
     free : iterable of str
         Paths that are fitted.
 
     Raises
     ------
     InputError
-        If the file does not say what is left out, or the two differ.
+        If the file does not state what is left out, or the two differ.
     """
     values: dict[str, float] = {}
     notes: list[str] = []
@@ -112,7 +112,7 @@ def _number(curve: Curve, key: str) -> float | None:
 def _compared(
     curve: Curve, path: str, stated: float, of_file: float, kind: str, overrule: Collection[str]
 ) -> list[str]:
-    """Note of two numbers that differ where the scene overrules, else InputError; none of two that agree."""
+    """A note where two numbers differ and the scene overrules, none where they agree; else InputError."""
     if abs(stated - of_file) <= _SAME * abs(of_file):
         return []
     file, scene = _apart(of_file, stated, kind)
@@ -125,13 +125,16 @@ def _compared(
 
 
 def _apart(first: float, second: float, kind: str) -> tuple[str, str]:
-    """Both numbers as text, which four digits may leave the same."""
+    """Both numbers as text, with more digits where four would make them look the same."""
     texts = format_quantity(first, kind), format_quantity(second, kind)
     return texts if texts[0] != texts[1] else (f"{texts[0]} ({first:.8g})", f"{texts[1]} ({second:.8g})")
 
 
 def _cantilever_twice(scene: Scene, curve: Curve, overrule: Collection[str]) -> list[str]:
-    """Refuse a compliance that takes the cantilever's bending off a depth that is without it already."""
+    """Raise InputError where a compliance would subtract the cantilever's bending from the depth a second time.
+
+    Returns a note instead where the scene file overrules that.
+    """
     stiffness, compliance = _number(curve, "spring_constant"), scene.instrument.compliance
     if stiffness is None or not curve.metadata.get("bending_taken_off"):
         return []

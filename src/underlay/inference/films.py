@@ -1,15 +1,15 @@
 """The modulus of a film from its contact stiffness S(h), where the loading itself is plastic.
 
-What is elastic in an indentation that leaves an imprint is how it springs back. At every depth h the stiffness of a
+In an indentation that leaves an imprint only the unloading is elastic. At every depth h the stiffness of a
 continuous-stiffness test is that of a flat punch of the contact's size on the layered body (Argatov and Sabina,
 equations 9.1 and 9.6), in series with that of the tip itself:
 
     beta 2 a / S = 1/M(a) + 1/M_tip,    M(a) = S_punch(a) / (2 a)
 
-with M the modulus that a punch of radius a sees, M_tip = E / (1 - nu^2) of the tip, beta the factor of a punch that
-is not round, and a from the contact depth h_c = h - 0.75 P/S (P the force; Oliver and Pharr 1992) by the tip's area
-function. `fit_stiffness` takes a curve; `fit_film` files, of the test and of one on a sample of known modulus with
-the same tip.
+with M(a) the effective modulus of the body for a punch of radius a, M_tip = E / (1 - nu^2) of the tip, beta the
+factor for a punch that is not round, and a from the contact depth h_c = h - 0.75 P/S (P the force; Oliver and Pharr
+1992) by the tip's area function. `fit_stiffness` takes a curve; `fit_film` files, of the test and of one on a
+sample of known modulus with the same tip.
 """
 
 from __future__ import annotations
@@ -59,22 +59,23 @@ _EPSILON = 0.75
 
 @dataclass(frozen=True, eq=False)
 class StiffnessFit:
-    """Moduli that explain a measured contact stiffness.
+    """Moduli fitted to a measured contact stiffness.
 
     Parameters
     ----------
     values, low, high : mapping of str to float
-        Fitted parameters (SI) and their 95 % intervals from the measured scatter of a single test, whose depths are
-        taken to be off together: tests differ by where they were made, not from depth to depth.
+        Fitted parameters (SI) and the ends of their 95 % intervals from the measured scatter between tests, which
+        is taken to shift all depths of one test together.
     scatter : float
-        Standard deviation of ln(S measured / S modelled): what of the trend with depth is left.
+        Standard deviation of ln(S measured / S modelled): the part of the trend with depth that the model does not
+        explain.
     area_sensitivity : mapping of str to float
-        d ln(value) / d ln(area): 1 % more in the area function changes the value by so many per cent. Where a file
-        says nothing of its tip, this is the largest doubt.
+        d ln(value) / d ln(area): per cent by which the value changes for 1 % more in the area function. Where a
+        file states nothing of its tip, this is the largest uncertainty.
     table : pandas.DataFrame
         One row per depth (SI): ``depth``, ``contact radius``, ``a/h``, ``stiffness``, ``fitted stiffness``,
-        ``noise`` (of the stiffness), ``half-space modulus`` (by Oliver and Pharr, tip taken out) and
-        ``layer modulus`` (base taken out as well) with ``layer modulus noise``, what the stiffness's makes of it.
+        ``noise`` (of the stiffness), ``half-space modulus`` (by Oliver and Pharr, corrected for the tip) and
+        ``layer modulus`` (corrected for the base as well) with ``layer modulus noise``, that due to the stiffness.
     scene : Scene
         The scene with the fitted values.
     """
@@ -117,7 +118,7 @@ def fit_stiffness(
     punch_factor : float, default 1.05
         beta: how much stiffer a triangular punch is than a round one of its area (King 1987).
     depths : (float, float)
-        Depths (m) between which points count.
+        Depths (m) between which points are used.
     solver : Solver or str, optional
         What builds the flat punch's law; `Exact(1e-4)` by default.
 
@@ -153,7 +154,11 @@ def fit_stiffness(
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """Depth (m), force (N), contact radius (m), ln S, and the noise of ln S beside the model's at that radius."""
+    """Data of a continuous-stiffness test, (n,) each.
+
+    Depth (m), contact radius (m), ln S (S in N/m), the noise of ln S relative to the model (1 where unknown), and
+    the same as `scatter` (NaN where unknown).
+    """
 
     depth: FloatArray
     radius: FloatArray
@@ -201,18 +206,18 @@ def _measured(curve: Curve, depths: tuple[float, float], area: AreaFunction) -> 
 
 
 def _known(scatter: FloatArray) -> FloatArray:
-    """Scatter where it was measured, zero where the file says nothing."""
+    """Scatter where it was measured, zero where it is not finite."""
     return np.where(np.isfinite(scatter), scatter, 0.0)
 
 
 def _log_rate(area: AreaFunction, contact: FloatArray) -> FloatArray:
-    """d ln a / d ln h_c."""
+    """d ln a / d ln h_c of the tip, (n,): contact radius a with contact depth h_c."""
     return np.asarray(np.log(area.radius(1.01 * contact) / area.radius(contact)) / np.log(1.01))
 
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """ln S of a punch of given radii (m), (n,), on a scene of which the numbers `free` vary."""
+    """Model of ln S, S the stiffness of a punch of given radii (m), (n,), as a function of the numbers `free`."""
 
     scene: Scene
     free: tuple[str, ...]
@@ -241,19 +246,19 @@ class _Model:
         return np.asarray(np.exp(curve(np.log(self.radius))))
 
     def log_stiffness(self, logs: FloatArray) -> FloatArray:
-        """ln S (N/m) of the body and the tip in series, (n,)."""
+        """ln S (S in N/m) of the body and the tip in series, (n,)."""
         together = 1.0 / (1.0 / self.modulus(logs) + 1.0 / self.tip_modulus)
         return np.asarray(np.log(2.0 * self.punch_factor * self.radius * together))
 
     def sample_modulus(self, log_stiffness: FloatArray) -> FloatArray:
-        """M (Pa) of the sample that has this stiffness, (n,): the tip taken out."""
+        """Effective modulus M (Pa) of the sample from ln of the stiffness, (n,), corrected for the tip."""
         return np.asarray(
             1.0 / (2.0 * self.punch_factor * self.radius / np.exp(log_stiffness) - 1.0 / self.tip_modulus)
         )
 
 
 def _result(curve: Curve, model: _Model, measured: _Measured, logs: FloatArray) -> StiffnessFit:
-    """Put together what was found at logarithms of the free numbers."""
+    """The result of a fit, from the fitted logarithms of the free numbers."""
     fitted = model.log_stiffness(logs)
     slopes = np.stack(
         [
@@ -285,7 +290,7 @@ def _result(curve: Curve, model: _Model, measured: _Measured, logs: FloatArray) 
 
 
 def _along_radius(model: _Model, logs: FloatArray) -> FloatArray:
-    """d ln S / d ln a, (n,)."""
+    """d ln S / d ln a of the model, (n,): stiffness S with contact radius a."""
     grown, shrunk = (
         _Model(
             model.scene,
@@ -329,18 +334,18 @@ def _table(
 def fit_film(
     file: SceneFile, curve: Path, calibration: Path | None, known_modulus: str | None, ends: tuple[str, str]
 ) -> StiffnessFit:
-    """Fit what [fit] frees of layer and substrate to the contact stiffness of a file.
+    """Fit the free parameters of layer and substrate to the contact stiffness of a file.
 
     Parameters
     ----------
     file : SceneFile
-        The test.
+        The test; its [fit] section names the free parameters.
     curve, calibration : Path
         Files of the film, and of a sample of known modulus with the same tip; None for a perfect tip.
     known_modulus : str
         E / (1 - nu^2) of that sample, with its unit.
     ends : (str, str)
-        Shallowest and deepest depth that count, with units.
+        Smallest and largest depth that are used, with units.
 
     Raises
     ------

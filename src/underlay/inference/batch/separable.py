@@ -162,7 +162,7 @@ class SeparableModel:
             return None
 
     def _forward_of(self, curve: Curve, values: Mapping[str, float]) -> Forward:
-        """The forward model of a curve; with tables of its own where its scene differs in what those here hold."""
+        """The forward model of a curve, with its own tables where its numbers differ from the shared scene's."""
         similarity, laws = self.forward.similarity, self.forward.laws
         served = {MODULUS, similarity.length, *similarity.shape} - {_EXPONENT}
         if laws.table is not None:

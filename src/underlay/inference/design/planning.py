@@ -193,14 +193,14 @@ class Plan:
         Raises
         ------
         InputError
-            If no test of the grid fixes the parameter.
+            If no test of the grid determines the parameter.
         """
         i, j = self._best_cell()
         return float(self.radii[i]), float(self.depths[j])
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether even the recommended test's standard error is too large to be a forecast."""
+        """Whether even the recommended test's standard error exceeds a tenth of the parameter's value."""
         if not np.isfinite(self.stderr).any() or not self.value:
             return False
         return bool(self.stderr[self._best_cell()] > _NO_FORECAST * abs(self.value))

@@ -104,7 +104,7 @@ class Remedy:
         )
 
     def _promise(self, shares: FloatArray) -> str:
-        """Say how well one tip fixes the parameter, and for which of its values."""
+        """Text on one tip from its relative errors (m,): how well it determines the parameter, for which values."""
         fixed = shares <= self.target
         best, worst = float(shares[fixed].min()), float(shares[fixed].max())
         error = f"{100.0 * worst:.2g} %"
@@ -266,7 +266,7 @@ def _with_others(fit: Fit, parameter: str, value: float) -> FloatArray:
 
 
 def _radii_near(own: float) -> FloatArray:
-    """Radii (m) in the usual steps, nearest in ratio to `own` first; not its own neighbourhood."""
+    """Radii (m) in steps of 1, 2, 5 between a tenth and ten times `own`, nearest in ratio first."""
     decades = 10.0 ** np.arange(np.floor(np.log10(own / _SPAN)), np.ceil(np.log10(own * _SPAN)) + 1.0)
     steps = np.multiply.outer(decades, _STEPS).ravel()
     far = np.abs(np.log(steps / own))

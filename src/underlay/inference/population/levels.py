@@ -147,7 +147,7 @@ class GroupModel:
         return _mixture(_flat(top, kept), weights[kept], self._grid)
 
     def unit_values(self) -> tuple[FloatArray, FloatArray]:
-        """Mean and standard deviation (units,) of ln of each outermost unit, drawn towards the group's mean.
+        """Posterior mean and standard deviation (units,) of ln of each outermost unit, shrunk to the group's mean.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class GroupModel:
         return average, np.sqrt(spread)
 
     def own_values(self, spreads: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-        """Ln of each outermost unit by its own curves alone, and its variance, at given inner spreads."""
+        """Ln of each outermost unit from its own curves only, and its variance, (units,), at given spreads."""
         nodes = tuple(np.array([max(spread, 1e-3)]) for spread in spreads)
         centre, variance = self._as_normal(self._messages(nodes))
         return centre.reshape(-1), variance.reshape(-1)
@@ -190,7 +190,7 @@ class GroupModel:
     def _once(
         self, what: str, nodes: tuple[FloatArray, ...], make: Callable[[tuple[FloatArray, ...]], Messages]
     ) -> Messages:
-        """Messages at some nodes, kept: evidence, mean and units' values ask for the same one after the other."""
+        """The result of `make` at some nodes, stored under the name `what` and reused for the same nodes."""
         asked = tuple(each.tobytes() for each in nodes)
         if what not in self._known or self._known[what][0] != asked:
             self._known[what] = asked, make(nodes)
@@ -201,7 +201,7 @@ class GroupModel:
         return self._once("top", nodes, self._gathered)
 
     def _messages(self, nodes: tuple[FloatArray, ...]) -> Messages:
-        """Messages of the outermost units, each before its own spread; `nodes` of all levels below."""
+        """Likelihoods of the outermost units, not yet blurred by their spread; `nodes` of all levels below."""
         return self._once("units", nodes, self._carried)
 
     def _gathered(self, nodes: tuple[FloatArray, ...]) -> Messages:
@@ -247,7 +247,7 @@ class GroupModel:
             )
 
     def _with_normal_ones(self, open_ones: FloatArray, x: FloatArray, spread: float) -> FloatArray:
-        """Tables of all curves, blurred: those of the normal ones in closed form."""
+        """Blurred log-likelihoods of all curves, (curves, x): `open_ones` as given, normal ones in closed form."""
         tables = np.empty((len(self.curves), len(x)))
         tables[~self._normal] = open_ones
         errors = self._errors[self._normal]
@@ -265,7 +265,7 @@ class GroupModel:
 
     @cached_property
     def _grid(self) -> Grid:
-        """Places for tables: fine where curves are, coarse far beyond, where what is open stays open."""
+        """Grid of ln of the parameter for tables: fine where the curves are, coarse far beyond."""
         if self._normal.all() and not self._outliers:
             return Grid(np.zeros(0), 0.0, 1.0, 1)
         step = _WIDEST

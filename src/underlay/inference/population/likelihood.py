@@ -192,7 +192,7 @@ def _outside(beyond: FloatArray, roots: FloatArray, places: FloatArray, level: f
 
 
 def _of_grid(x: FloatArray, log_density: FloatArray, bounds: tuple[float, float]) -> CurveLikelihood:
-    """Nine numbers of a tabulated log-likelihood; a side that ends at a bound of the prior levels off there."""
+    """Likelihood from a log-density at x (n,); it levels off on a side that ends at a bound of the prior."""
     best = int(np.argmax(log_density))
     drop = np.sqrt(np.maximum(2.0 * (log_density[best] - log_density), 0.0))
     places, levels = [x[best]] * len(ROOTS), [-math.inf, math.inf]

@@ -252,7 +252,7 @@ def _compared(later: Group, earlier: Group) -> Comparison:
 
 
 def _triple(density: Density) -> Triple:
-    """The parameter of its logarithm, and its ends; no end stays none."""
+    """Median and ends of the 95 % interval of the parameter, from the density of its logarithm."""
     low, middle, high = (
         math.exp(end) if end < math.inf else math.inf for end in density.quantile(_ENDS).tolist()
     )

@@ -1,4 +1,4 @@
-"""Which curves of a table count, whose they are, and what each says: the rows of a map made ready."""
+"""Selects the curves of a map's table, or of results, that a population uses, with labels and likelihoods."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _KEEP, _DROP = "keep", "drop"
 
 @dataclass(frozen=True)
 class LabelledCurve:
-    """One curve that counts: its group, its labels (outermost first), its likelihood."""
+    """One curve that is used: its group, its labels (outermost first), its likelihood."""
 
     group: str
     labels: tuple[str, ...]
@@ -40,7 +40,7 @@ class LabelledCurve:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """One curve that does not count: its group, and why."""
+    """One curve that is not used: its group, its name, and why."""
 
     group: str
     name: str
@@ -50,7 +50,7 @@ class LeftOut:
 def select_rows(
     table: pd.DataFrame, parameter: str, by: Sequence[str], group: str | None, doubtful: str
 ) -> tuple[list[LabelledCurve], list[LeftOut]]:
-    """Curves of a map's table, and those left out.
+    """Curves of a map's table that are used, and those left out with the reason.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def select_rows(
 def select_results(
     results: Sequence[Labelled], parameter: str, by: Sequence[str], group: str | None
 ) -> list[LabelledCurve]:
-    """Curves of fits, profiles or posteriors with their labels; fits are profiled.
+    """Curves of fits, profiles or posteriors with their labels and likelihoods.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def select_results(
     Raises
     ------
     InputError
-        If a label is missing, the parameter is not free, or the results are of other models.
+        If a label is missing, the parameter is not free, or the results are of different models.
     """
     _require_pairs(results)
     curves = []
@@ -197,7 +197,7 @@ def _label(row: Mapping[Any, Any], column: str) -> str:
 
 
 def _error(row: Mapping[Any, Any], parameter: str) -> float:
-    """Standard error (SI) of a row: of its statistical interval in the logarithm, or of least squares."""
+    """Standard error (SI) of a row of a map, from its statistical interval in the logarithm or its error column."""
     if f"{parameter}.stderr" in row:
         return float(row[f"{parameter}.stderr"])
     low, high = (float(row[f"{parameter}.stat.{end}"]) for end in ("low", "high"))
