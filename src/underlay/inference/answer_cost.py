@@ -299,7 +299,7 @@ def _problem(own: OwnCurve, max_depth: float) -> Problem:
 
 
 def _references(problem: Problem, seed: int) -> list[FloatArray]:
-    """Runs that share nothing but the problem: weighted draws, or converged chains where these are not accepted."""
+    """Modulus and thickness of four independent runs: weighted draws, or converged chains if those are refused."""
     seeds = range(seed + 1, seed + 1 + _REFERENCES)
     try:
         return [_drawn(problem, rng=one, method="importance") for one in seeds]
@@ -353,7 +353,7 @@ class OwnCurve:
 
     @classmethod
     def of(cls, scene: Scene, max_depth: float, seed: int | None = None) -> OwnCurve:
-        """Make the curve of `scene` up to `max_depth` (m) since contact, with noise where there is a seed."""
+        """Simulate the curve of `scene` to the depth `max_depth` (m), with noise where there is a seed."""
         deepest = positive(max_depth, "max_depth", "m")
         bare = replace(scene.elastic.instrument, baseline=0.0, baseline_slope=0.0)
         scene = replace(scene.elastic, instrument=bare)

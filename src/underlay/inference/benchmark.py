@@ -357,7 +357,7 @@ class Scores:
     scores: tuple[Score, ...]
 
     def to_frame(self) -> pd.DataFrame:
-        """One row a curve: truth, estimate and its interval (Pa), error (%), and why there is none."""
+        """One row per curve: true modulus, estimate, interval (Pa), error (%), and why there is no estimate."""
         return pd.DataFrame(
             {
                 "kind": case.kind,
@@ -373,7 +373,7 @@ class Scores:
         )
 
     def summary(self) -> pd.DataFrame:
-        """One row a kind of sample: median and largest size of the error (%), intervals that hold the truth."""
+        """One row per kind of sample: median and largest absolute error (%), intervals that contain the truth."""
         return pd.DataFrame(
             _summed(str(kind), own) for kind, own in self.to_frame().groupby("kind", sort=False)
         )

@@ -86,7 +86,7 @@ def of_fit(*, robust: bool, averaged: bool) -> dict[str, str]:
 
 
 def of_sampling(*, chain: bool = True, mixture: bool = False) -> dict[str, str]:
-    """Works that a posterior adds: of its Markov chain, and of the mixture along its ridges where there is one."""
+    """Works behind a posterior, from key to purpose: of its Markov chain, and of its mixture of draws."""
     used = {}
     if chain:
         used = {
@@ -202,7 +202,7 @@ def _of_source(key: str, source: str, doi: str | None) -> Work:
 
 
 def bibtex(cited: Iterable[Work]) -> str:
-    """Return one entry a work; what is not known of it is left out.
+    """Return BibTeX text with one entry for each work; unknown fields are left out.
 
     Examples
     --------

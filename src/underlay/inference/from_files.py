@@ -1,4 +1,4 @@
-"""From a curve file and a scene file to a `Problem`: the part of the curve that is used, and what is free."""
+"""Builds a `Problem` from a curve file and a scene file: selects the part of the curve, and the free parameters."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -
     curve : path
         Measured curve, in any known format.
     scene : path
-        Scene file; its ``[fit]`` section says what is free, ``[curve]`` which part of the curve is used.
+        Scene file; its ``[fit]`` section names the free parameters, ``[curve]`` the part of the curve that is used.
 
     Raises
     ------
@@ -68,7 +68,10 @@ def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -
 
 
 def read_for(file: SceneFile, path: str | os.PathLike[str] | MapCurve) -> Curve:
-    """Read the part of a curve file that the scene file asks for."""
+    """Read the part of a curve file that the scene file selects.
+
+    With a sharp tip a note is added to the curve's metadata if the test left an imprint.
+    """
     whole = read_whole(file, path)
     part = chosen_part(whole, file.curve)
     if file.draft.indenter.opening is None or file.curve.get("segment", LOADING) == UNLOADING:
@@ -79,7 +82,7 @@ def read_for(file: SceneFile, path: str | os.PathLike[str] | MapCurve) -> Curve:
 
 
 def require_elastic(scene: Scene, curve: Curve, overrule: Collection[str] = ()) -> None:
-    """Refuse the loading of a test that left an imprint: no elastic law of it holds.
+    """Raise CurveError for the loading part of a test that left an imprint: no elastic law holds for it.
 
     Raises
     ------
@@ -97,12 +100,12 @@ def require_elastic(scene: Scene, curve: Curve, overrule: Collection[str] = ()) 
 
 
 def read_whole(file: SceneFile, path: str | os.PathLike[str] | MapCurve) -> Curve:
-    """Read a curve file, or a curve of a map, as the scene file says it must be read, with every segment.
+    """Read a curve file, or a curve of a map, with the reading options of the scene file and all segments.
 
     Raises
     ------
     CurveError
-        If a sign is reversed and the scene file does not say what to do about it.
+        If a sign is reversed and the scene file does not state how to treat it.
     """
     options = {key: file.curve[key] for key in ("format", "columns", "calibration") if key in file.curve}
     if isinstance(path, MapCurve):
@@ -113,7 +116,10 @@ def read_whole(file: SceneFile, path: str | os.PathLike[str] | MapCurve) -> Curv
 
 
 def turned(curve: Curve, choice: Mapping[str, Any]) -> Curve:
-    """Return the curve with the signs that the ``[curve]`` section turns; refuse one that it should turn."""
+    """Return the curve with the signs reversed that the ``[curve]`` section names in ``flip``.
+
+    Without ``flip`` a curve whose signs look reversed is refused.
+    """
     if "flip" in choice:
         return flipped(curve, choice["flip"] or ())
     require_signs(curve)
@@ -121,12 +127,12 @@ def turned(curve: Curve, choice: Mapping[str, Any]) -> Curve:
 
 
 def whole_curve(part: Curve) -> Curve | None:
-    """Read again the whole curve of which `part` was taken.
+    """Read again the whole curve that `part` is a part of.
 
     Parameters
     ----------
     part : Curve
-        A part of a curve. Its metadata say from which file, and by which scene file, if it was read from one.
+        A part of a curve. Its metadata name its file, and the scene file it was read with, if it was read from one.
 
     Returns
     -------
@@ -148,7 +154,7 @@ def whole_curve(part: Curve) -> Curve | None:
 
 
 def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
-    """Return the segment and depth range of `curve` that the ``[curve]`` section names."""
+    """Return the segment and depth range of `curve` that the ``[curve]`` section selects."""
     segment = choice.get("segment", LOADING)
     curve = _in_window(curve, choice)
     parts = {
@@ -180,7 +186,7 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
 
 
 def _in_window(curve: Curve, choice: Mapping[str, Any]) -> Curve:
-    """The points between two times, and of one step, as the ``[curve]`` section asks."""
+    """The points of a curve between two times, and of one step, as the ``[curve]`` section selects."""
     name = curve.metadata.get("name", "the curve")
     low, high = choice.get("from_time", -np.inf), choice.get("to_time", np.inf)
     if np.isfinite([low, high]).any():
@@ -229,14 +235,14 @@ def _times(count: int) -> str:
 
 
 def within_range(file: SceneFile, scene: Scene, curve: Curve) -> Curve:
-    """Return the points of a part of a curve within the fit range of the ``[curve]`` section; all without one.
+    """Return the points of a curve within the fit range of the ``[curve]`` section; all points without one.
 
-    Depths count from the contact that the scene file states, or from where the curve shows it.
+    Depths count from the contact point that the scene file states, or from the one found in the curve.
 
     Raises
     ------
     CurveError, InputError
-        If no point is left, or the scene lacks what the range is a multiple of.
+        If no point is left, or the scene lacks the length that the range is a multiple of.
     """
     choice = file.curve
     preset = PRESETS.get(choice.get("preset") or "", FitRange())
@@ -246,7 +252,7 @@ def within_range(file: SceneFile, scene: Scene, curve: Curve) -> Curve:
 
 
 def _inelastic(curve: Curve) -> list[str]:
-    """Warnings against an elastic law on the way back: the work that it does not give back."""
+    """A warning where the unloading returns at least a tenth less work than the loading took; else none."""
     spent, back = (abs(_work(part)) for part in (curve.loading(), curve.unloading()))
     lost = 1.0 - back / spent if spent > 0.0 else 0.0
     if lost < _LOST:
@@ -269,18 +275,18 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
     Parameters
     ----------
     file : SceneFile
-        The test, and what is free.
+        The test, and the free parameters.
     curve : Curve
         The part of a curve that is fitted.
     priors : mapping of path to prior, optional
-        Go before those of the file.
+        Priors that replace those of the file.
 
     Raises
     ------
     InputError
-        If the scene file frees nothing, or differs from what the file of the curve says.
+        If the scene file frees nothing, or differs from what the file of the curve states.
     CurveError
-        If depth or force cannot be what the scene says.
+        If depth or force are impossible for the scene.
     """
     if not file.free:
         raise InputError(
@@ -308,7 +314,7 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
 
 
 def _started(file: SceneFile, curve: Curve) -> Scene:
-    """Return the scene, with a contact depth from the data where the file gives bounds for it and no start."""
+    """The scene, with a contact depth estimated from the data where the file gives bounds for it and no start."""
     entry = next((entry for entry in file.free if entry.path == _CONTACT), None)
     start = file.scene.instrument.contact_depth
     if entry is None or _CONTACT in file.stated or entry.low < start < entry.high:
@@ -319,10 +325,10 @@ def _started(file: SceneFile, curve: Curve) -> Scene:
 
 
 def weak_bounds(file: SceneFile, curve: Curve) -> dict[str, Given]:
-    """Bounds for a free baseline and its slope where the scene file gives none, by path.
+    """Wide uniform priors for a free baseline and its slope where the scene file gives none, by path.
 
-    A sampler needs proper priors. The force is linear in both, and ten times the span of the curve holds
-    whatever they can be.
+    A sampler needs proper priors. The force is linear in both, and ten times the span of the curve contains all
+    possible values.
     """
     force = _WEAK * float(np.ptp(curve.force))
     widths = {
@@ -337,16 +343,16 @@ def weak_bounds(file: SceneFile, curve: Curve) -> dict[str, Given]:
 
 
 def free_of(file: SceneFile, curve: Curve | None = None) -> dict[str, Given]:
-    """Priors of what a scene file frees, by path; empty if it frees nothing.
+    """Priors of the parameters that a scene file frees, by path; empty if it frees none.
 
-    The prior ``"found"`` of the contact depth is what `find_contact` says of `curve`: a normal density with
-    its estimate and uncertainty. It uses the foot of the curve twice, so it steadies a fit and a sampler's
-    start; for an interval that covers, bounds are the better choice.
+    The prior ``"found"`` of the contact depth is a normal density with the estimate and the uncertainty of
+    `find_contact` for `curve`. It uses the data near contact twice, so it helps a fit's convergence and a sampler's
+    start; for intervals with the stated coverage, bounds are the better choice.
 
     Raises
     ------
     InputError
-        If ``"found"`` is asked of another parameter, or where there is no curve.
+        If ``"found"`` is given for another parameter, or where there is no curve.
     """
     return {entry.path: _prior_of(entry, file, curve) for entry in file.free}
 

@@ -1,4 +1,4 @@
-"""The modulus depth by depth of a fit, or of a problem that is fitted first."""
+"""The modulus as a function of depth, from a fit or from a problem that is fitted first."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ __all__ = ["pointwise_modulus"]
 def pointwise_modulus(
     result: Fit | Problem, *, curve: int = 0, points: int = 30, level: float = 0.95
 ) -> PointwiseModulus:
-    """Read the modulus of the layer from every depth of a curve by itself.
+    """Compute the modulus of the layer separately at every depth of a curve.
 
     Parameters
     ----------
     result : Fit or Problem
-        Says contact point, baseline and all that is not the layer's modulus; a problem is fitted first.
+        Gives contact point, baseline and everything but the layer's modulus; a problem is fitted first.
     curve : int, default 0
         Which curve of a joint fit.
     points : int, default 30
-        Most depths; each stands on eight points of the curve or more.
+        Largest number of depths; each uses eight points of the curve or more.
     level : float, default 0.95
-        Confidence of the intervals. They hold the noise of the points about each depth and what the fit does not
-        know of its parameters, under the noise that `Fit.interval` assumes.
+        Confidence of the intervals. They include the noise of the points about each depth and the uncertainty of
+        the fitted parameters, under the noise that `Fit.interval` assumes.
 
     Returns
     -------
     PointwiseModulus
-        Depths at which the interval is narrower than twice the modulus; the first after contact are not.
+        Depths at which the interval is narrower than twice the modulus, which excludes the first after contact.
 
     Raises
     ------
     InputError
-        If the tip sticks, or the curve is not one of the fit.
+        If the tip adheres, or the curve is not one of the fit.
     CurveError
-        If the modulus is known at no depth.
+        If the modulus is determined at no depth.
 
     Examples
     --------

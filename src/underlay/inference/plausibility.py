@@ -1,7 +1,7 @@
-"""Refuse depth, force and scene that do not belong together: mistakes of columns and units a fit would follow.
+"""Refuses depth, force and scene that do not belong together, such as mistaken columns or units.
 
-Each refusal needs a mismatch that no material explains: deeper than the layer is thick, ten radii deep, a
-modulus ten times beyond its own bounds, or a force proportional to the depth from the first point on.
+Each refusal needs a mismatch that no material explains: deeper than the layer is thick, ten radii deep, a modulus
+ten times beyond its own bounds, or a force proportional to the depth from the first point on.
 """
 
 from __future__ import annotations
@@ -46,19 +46,21 @@ _MONOTONE = ("layer.E", "layer.thickness", "substrate.E", "indenter.radius")
 
 
 def require_plausible(problem: Problem) -> None:
-    """Refuse curves whose depth or force cannot be what the scene says.
+    """Raise CurveError for curves whose depth or force is impossible for the scene.
 
     Raises
     ------
     CurveError
-        With both numbers, and what to look at.
+        With both numbers, and what to check.
     """
     require_travel(problem)
     require_sizes(problem)
 
 
 def require_travel(problem: Problem) -> None:
-    """Refuse curves whose depth is the deflection of a spring, which a fit may follow to a place inside its bounds.
+    """Raise CurveError where the depth of a curve is the deflection of a spring.
+
+    A fit of such a curve may end inside its bounds.
 
     Raises
     ------
@@ -71,7 +73,7 @@ def require_travel(problem: Problem) -> None:
 
 
 def in_doubt(found: Fit) -> bool:
-    """Whether a fit ended where a mistaken unit or column leads: on a bound, without an error bar, or too deep."""
+    """Whether a fit may come from a mistaken unit or column: on a bound, without an error bar, or too deep."""
     if found.bounds_hit or found.no_error_bars:
         return True
     physical = found.problem.physical(found.vector)
@@ -84,12 +86,12 @@ def in_doubt(found: Fit) -> bool:
 
 
 def require_sizes(problem: Problem) -> None:
-    """Refuse curves whose depth or force is out of reach: the fit of one ends on a bound, or too deep, or nowhere.
+    """Raise CurveError for curves whose depth or force is out of reach of the scene with its bounds.
 
     Raises
     ------
     CurveError
-        With both numbers, and what to look at.
+        With both numbers, and what to check.
     """
     for member in problem.members:
         priors = {path: problem.coordinates[entry].prior for path, entry in member.entries.items()}
@@ -151,7 +153,7 @@ def _require_sizes(scene: Scene, curve: Curve, priors: dict[str, Prior]) -> None
 
 
 def _refuse_deflection(curve: Curve) -> None:
-    """Refuse a force that is a spring's: the deflection was given for the depth."""
+    """Raise CurveError for a force proportional to the depth: a deflection given as depth."""
     try:
         approach = approach_of(curve)
     except CurveError:  # no contact either
@@ -183,7 +185,7 @@ def _refuse_too_deep(scene: Scene, pressed: float, priors: dict[str, Prior]) -> 
 
 
 def _refuse_beyond_bounds(scene: Scene, pressed: float, peak: float, priors: dict[str, Prior]) -> None:
-    """Refuse a force out of reach of every modulus within its bounds."""
+    """Raise CurveError for a peak force (N) more than ten times beyond that of any modulus within its bounds."""
     low, high = _bounds("layer.E", scene, priors)
     if "layer.E" not in priors or not (low > 0.0 and np.isfinite(high)):
         return
@@ -211,7 +213,7 @@ def _refuse_beyond_bounds(scene: Scene, pressed: float, peak: float, priors: dic
 
 
 def _bounds(path: str, scene: Scene, priors: dict[str, Prior]) -> tuple[float, float]:
-    """Ends of what a number of the scene may be; infinite where the scene has none."""
+    """Smallest and largest value of a number of the scene; infinite where the scene does not have it."""
     if path in priors:
         return priors[path].support
     value = scene.parameters.get(path, np.inf)

@@ -1,16 +1,16 @@
-"""What is known of a parameter before the test: densities, bounds, and how a scene file writes them.
+"""Prior distributions of parameters: densities, bounds, and their form in a scene file.
 
-A prior is a density in the physical parameter x (SI). Three readers use it:
+A prior is a density in the physical parameter x (SI). It is used in three ways:
 
-- a sampler works in a scaled coordinate q and needs the density there, `log_density` plus the logarithm of
-  |dx/dq|; `Problem.log_prior` adds that Jacobian;
-- a least-squares fit adds `penalty` as one more residual: the standardised distance from what was measured
-  before, for the priors that are such a measurement (Normal, HalfNormal in x; LogNormal in ln x); the flat
-  ones only bound;
-- both draw starts from `quantile`.
+- a sampler works in a scaled coordinate q and needs the density there, `log_density` plus the logarithm of |dx/dq|;
+`Problem.log_prior` adds that Jacobian;
+- a least-squares fit adds `penalty` as one more residual, the standardised distance from an earlier measurement,
+for the priors that are such a measurement (Normal, HalfNormal in x; LogNormal in ln x); the flat ones only set
+bounds;
+- both draw starting values from `quantile`.
 
-`Flat` is what a parameter without a prior gets: no preference, not normalisable, fine for a fit; a sampler
-refuses it (`proper` is False).
+`Flat` is the default of a parameter without a prior: it is not normalisable, which a fit allows and a sampler
+refuses (`proper` is False).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _LOG_SQRT_2PI = 0.5 * np.log(2.0 * np.pi)
 
 
 class Prior(ABC):
-    """A density of one parameter; all numbers in the parameter's SI unit."""
+    """Prior density of one parameter; all numbers in the parameter's SI unit."""
 
     #: Whether it can be normalised, as a sampler needs.
     proper: bool = True
@@ -100,7 +100,7 @@ class Truncated(Prior):
     Raises
     ------
     InputError
-        If the interval holds none of the prior.
+        If the prior has no probability in the interval.
     """
 
     prior: Prior
@@ -115,12 +115,12 @@ class Truncated(Prior):
 
     @property
     def proper(self) -> bool:  # type: ignore[override]  # a class constant elsewhere, inherited here
-        """As the truncated prior."""
+        """Whether the prior can be normalised: as the original prior."""
         return self.prior.proper
 
     @property
     def informative(self) -> bool:  # type: ignore[override]  # likewise
-        """As the truncated prior."""
+        """Whether the prior contributes to a fit: as the original prior."""
         return self.prior.informative
 
     @property
@@ -144,16 +144,16 @@ class Truncated(Prior):
         return above - below
 
     def log_density(self, value: FloatArray) -> FloatArray:
-        """The prior's own, raised by what was cut away."""
+        """Log-density of the original prior, renormalised; -inf outside the interval."""
         return inside(np.asarray(value), self.support, self.prior.log_density(value) - np.log(self._mass))
 
     def probability_below(self, value: FloatArray) -> FloatArray:
-        """The prior's own, rescaled."""
+        """Cumulative distribution of the original prior, rescaled to 0 to 1 over the interval."""
         below, above = self._ends
         return np.clip((self.prior.probability_below(value) - below) / (above - below), 0.0, 1.0)
 
     def quantile(self, probability: FloatArray) -> FloatArray:
-        """The prior's own, rescaled."""
+        """Inverse of `probability_below`, from the original prior's quantiles."""
         below, above = self._ends
         inner = self.prior.quantile(below + np.asarray(probability) * (above - below))
         low, high = self.support
@@ -161,7 +161,7 @@ class Truncated(Prior):
         return np.clip(inner, low, high)
 
     def penalty(self, value: float) -> tuple[float, float]:
-        """As the truncated prior."""
+        """Least-squares residual and derivative of the original prior."""
         return self.prior.penalty(value)
 
 
@@ -174,7 +174,7 @@ def _ordered(low: float, high: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Uniform(Prior):
-    """Every value between `low` and `high` alike.
+    """Constant density between `low` and `high`.
 
     Raises
     ------
@@ -192,26 +192,26 @@ class Uniform(Prior):
 
     @property
     def support(self) -> tuple[float, float]:
-        """(low, high)."""
+        """The interval (low, high)."""
         return self.low, self.high
 
     def log_density(self, value: FloatArray) -> FloatArray:
-        """-ln(high - low) inside."""
+        """-ln(high - low) between the bounds, -inf outside."""
         flat = np.full(np.shape(value), -np.log(self.high - self.low))
         return inside(np.asarray(value), self.support, flat)
 
     def probability_below(self, value: FloatArray) -> FloatArray:
-        """Linear from 0 to 1."""
+        """Cumulative distribution: linear from 0 at `low` to 1 at `high`."""
         return np.clip((value - self.low) / (self.high - self.low), 0.0, 1.0)
 
     def quantile(self, probability: FloatArray) -> FloatArray:
-        """Linear from `low` to `high`."""
+        """Inverse of `probability_below`: linear from `low` to `high`."""
         return self.low + np.asarray(probability) * (self.high - self.low)
 
 
 @dataclass(frozen=True)
 class LogUniform(Prior):
-    """Every ratio alike between `low` and `high`, both positive (Jeffreys' prior of a scale).
+    """Density proportional to 1/x between `low` and `high`, both positive (Jeffreys' prior of a scale).
 
     Raises
     ------
@@ -229,23 +229,23 @@ class LogUniform(Prior):
 
     @property
     def support(self) -> tuple[float, float]:
-        """(low, high)."""
+        """The interval (low, high)."""
         return self.low, self.high
 
     def log_density(self, value: FloatArray) -> FloatArray:
-        """-ln x - ln ln(high / low) inside."""
+        """-ln x - ln ln(high / low) between the bounds, -inf outside."""
         x = np.asarray(value, dtype=np.float64)
         # Outside the support the logarithm is taken of `low` and then discarded.
         safe = np.where(x > 0.0, x, self.low)
         return inside(x, self.support, -np.log(safe) - np.log(np.log(self.high / self.low)))
 
     def probability_below(self, value: FloatArray) -> FloatArray:
-        """ln(x / low) / ln(high / low)."""
+        """Cumulative distribution, ln(x / low) / ln(high / low) between the bounds."""
         x = np.clip(value, self.low, self.high)
         return np.asarray(np.log(x / self.low) / np.log(self.high / self.low))
 
     def quantile(self, probability: FloatArray) -> FloatArray:
-        """Geometric between `low` and `high`."""
+        """Inverse of `probability_below`: low (high / low)^p for a probability p."""
         return self.low * (self.high / self.low) ** np.asarray(probability)
 
 
@@ -264,30 +264,30 @@ class Normal(Prior):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The whole line."""
+        """The whole real line."""
         return -np.inf, np.inf
 
     def log_density(self, value: FloatArray) -> FloatArray:
-        """Gaussian."""
+        """Logarithm of the normal density."""
         z = (np.asarray(value) - self.mean) / self.sd
         return np.asarray(-0.5 * z * z - np.log(self.sd) - _LOG_SQRT_2PI)
 
     def probability_below(self, value: FloatArray) -> FloatArray:
-        """Gaussian."""
+        """Cumulative normal distribution."""
         return np.asarray(special.ndtr((np.asarray(value) - self.mean) / self.sd))
 
     def quantile(self, probability: FloatArray) -> FloatArray:
-        """Gaussian."""
+        """Quantile of the normal distribution."""
         return np.asarray(self.mean + self.sd * special.ndtri(probability))
 
     def penalty(self, value: float) -> tuple[float, float]:
-        """(x - mean) / sd."""
+        """Least-squares residual (x - mean) / sd and its derivative 1 / sd."""
         return (value - self.mean) / self.sd, 1.0 / self.sd
 
 
 @dataclass(frozen=True)
 class LogNormal(Prior):
-    """A positive quantity known to a factor: ln x is normal about ln `median` with deviation `sigma`."""
+    """A positive quantity known to a factor: ln x is normal about ln `median` with standard deviation `sigma`."""
 
     median: float
     sigma: float
@@ -304,7 +304,7 @@ class LogNormal(Prior):
         return 0.0, np.inf
 
     def log_density(self, value: FloatArray) -> FloatArray:
-        """Gaussian in ln x, over x."""
+        """Logarithm of the log-normal density in x; -inf at zero and below."""
         x = np.asarray(value, dtype=np.float64)
         safe = np.where(x > 0.0, x, self.median)
         z = np.log(safe / self.median) / self.sigma
@@ -312,17 +312,17 @@ class LogNormal(Prior):
         return np.where(x > 0.0, inside, -np.inf)
 
     def probability_below(self, value: FloatArray) -> FloatArray:
-        """Gaussian in ln x."""
+        """Cumulative distribution: that of a normal in ln x."""
         x = np.asarray(value, dtype=np.float64)
         safe = np.where(x > 0.0, x, self.median)
         return np.where(x > 0.0, special.ndtr(np.log(safe / self.median) / self.sigma), 0.0)
 
     def quantile(self, probability: FloatArray) -> FloatArray:
-        """Gaussian in ln x."""
+        """Quantile of the log-normal distribution."""
         return np.asarray(self.median * np.exp(self.sigma * special.ndtri(probability)))
 
     def penalty(self, value: float) -> tuple[float, float]:
-        """ln(x / median) / sigma."""
+        """Least-squares residual ln(x / median) / sigma and its derivative in x."""
         return float(np.log(value / self.median)) / self.sigma, 1.0 / (self.sigma * value)
 
 
@@ -343,27 +343,27 @@ class HalfNormal(Prior):
         return 0.0, np.inf
 
     def log_density(self, value: FloatArray) -> FloatArray:
-        """Twice the Gaussian, above zero."""
+        """Logarithm of twice the normal density of mean zero; -inf below zero."""
         z = np.asarray(value) / self.sd
         density = -0.5 * z * z + np.log(2.0 / self.sd) - _LOG_SQRT_2PI
         return inside(np.asarray(value), self.support, density)
 
     def probability_below(self, value: FloatArray) -> FloatArray:
-        """Error function."""
+        """Cumulative distribution: erf(x / (sqrt(2) sd))."""
         return np.asarray(special.erf(np.maximum(value, 0.0) / (np.sqrt(2.0) * self.sd)))
 
     def quantile(self, probability: FloatArray) -> FloatArray:
-        """Inverse error function."""
+        """Quantile, by the inverse error function."""
         return np.asarray(np.sqrt(2.0) * self.sd * special.erfinv(probability))
 
     def penalty(self, value: float) -> tuple[float, float]:
-        """The residual x / sd and its slope."""
+        """Least-squares residual x / sd and its derivative 1 / sd."""
         return value / self.sd, 1.0 / self.sd
 
 
 @dataclass(frozen=True)
 class Flat(Prior):
-    """No preference between `low` and `high`, at least one of them infinite: cannot be normalised.
+    """Constant density between `low` and `high`, at least one of them infinite: it cannot be normalised.
 
     The density is constant (taken as 1) in x, or in ln x when `log` is set, as for a scale.
     """
@@ -380,7 +380,7 @@ class Flat(Prior):
 
     @property
     def support(self) -> tuple[float, float]:
-        """(low, high)."""
+        """The interval (low, high)."""
         return self.low, self.high
 
     def truncated(self, low: float = -np.inf, high: float = np.inf) -> Prior:
@@ -391,7 +391,7 @@ class Flat(Prior):
         return LogUniform(low, high) if self.log and low > 0.0 else Uniform(low, high)
 
     def log_density(self, value: FloatArray) -> FloatArray:
-        """Zero, or -ln x when `log` is set."""
+        """Zero, or -ln x when `log` is set; -inf outside the bounds."""
         x = np.asarray(value, dtype=np.float64)
         if not self.log:
             return inside(x, self.support, np.zeros_like(x))
@@ -399,24 +399,24 @@ class Flat(Prior):
         return np.where(x > 0.0, inside(x, self.support, -np.log(safe)), -np.inf)
 
     def probability_below(self, value: FloatArray) -> FloatArray:
-        """Not defined: raises InputError."""
+        """Not defined for an improper prior: raises InputError."""
         del value
         raise InputError(f"{self!r} is improper: it has no probabilities; give the parameter a proper prior")
 
     def quantile(self, probability: FloatArray) -> FloatArray:
-        """Not defined: raises InputError."""
+        """Not defined for an improper prior: raises InputError."""
         del probability
         raise InputError(f"{self!r} is improper: it cannot be drawn from; give the parameter a proper prior")
 
 
 def prior_from_numbers(name: str | None, low: float, high: float, numbers: Mapping[str, float]) -> Given:
-    """Make what `Problem` takes for one free parameter from the words of a scene file.
+    """Make the prior of one free parameter, as `Problem` takes it, from an entry of a scene file.
 
     Parameters
     ----------
     name : str or None
         ``"uniform"``, ``"loguniform"``, ``"normal"`` (mean; sd or relative_sd), ``"lognormal"`` (median;
-        relative_sd, the deviation of ln x), ``"halfnormal"`` (sd), or None: bounds only.
+        relative_sd, the standard deviation of ln x), ``"halfnormal"`` (sd), or None: bounds only.
     low, high : float
         Bounds (SI), infinite where there are none; they truncate the prior.
     numbers : mapping
@@ -425,7 +425,7 @@ def prior_from_numbers(name: str | None, low: float, high: float, numbers: Mappi
     Returns
     -------
     Prior, tuple of float, or None
-        None where nothing at all is said.
+        None where neither a prior nor bounds are given.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""An inverse problem: scenes, curves, what is free, and how the noise behaves.
+"""An inverse problem: scenes, curves, free parameters with priors, and noise.
 
-Everything a fit or a sampler asks is a pure function of one vector of scaled coordinates (`coordinates.py`);
+All that a fit or a sampler needs is a pure function of one vector of scaled coordinates (`coordinates.py`);
 `log_prior`, `log_likelihood` and `log_posterior` take any number of vectors at once, (..., k).
 """
 
@@ -30,7 +30,7 @@ __all__ = ["Given", "Likelihood", "Problem", "by_path"]
 
 
 class Likelihood(Protocol):
-    """A log-density of the data that stands in place of a noise model's."""
+    """A log-density of the data that replaces that of the noise model."""
 
     def __call__(self, physical: FloatArray) -> FloatArray:
         """Log-density (sets,) at physical vectors (sets, k), SI; -inf where no law exists."""
@@ -42,18 +42,18 @@ class Problem:
     Parameters
     ----------
     scene : Scene
-        The test; its numbers are the start of the free parameters and the values of the others.
+        The test; its numbers are the starting values of the free parameters and the values of the others.
     curve : Curve
-        The points to explain, usually ``curve.loading()``. Points before contact belong to the model.
+        The points to be fitted, usually ``curve.loading()``. Points before contact belong to the model.
     free : mapping of path to prior
-        Paths of the scene (``"layer.E"``, ``"instrument.contact_depth"``, ...) or of the noise
-        (``"noise.force"``, ...), each with a `Prior`, bounds ``(low, high)`` (SI) or None. Finite bounds mean
-        LogUniform for a quantity that is positive by nature and Uniform for another.
+        Paths of the scene (``"layer.E"``, ``"instrument.contact_depth"``, ...) or of the noise (``"noise.force"``,
+        ...), each with a `Prior`, bounds ``(low, high)`` (SI) or None. Finite bounds mean LogUniform for a quantity
+        that is positive by nature and Uniform for another.
     noise : Noise or another NoiseModel, optional
-        What disturbs the force. Without it, or with ``Noise()``, the noise is white (or AR(1)) of unknown size: a
-        fit estimates it, and the likelihood has it integrated out under 1/sigma. ``Noise()`` states that it is
-        white, and intervals and posteriors rest on that; without any, both are averaged over what else the
-        residuals may be (`marginalised`).
+        Noise of the force. Without it, or with ``Noise()``, the noise is white (or AR(1)) of unknown size: a fit
+        estimates it, and the likelihood has it integrated out under 1/sigma. ``Noise()`` states that it is white,
+        and intervals and posteriors assume that; without any, both are averaged over what else the residuals may be
+        (`marginalised`).
     solver : Solver or str, default "auto"
         What builds the contact law; see `contact_law`.
 
@@ -65,7 +65,7 @@ class Problem:
     Raises
     ------
     ParameterError
-        If a path is not the scene's, cannot act in it, or none is free.
+        If a path is not the scene's, has no effect in it, or none is free.
     InputError
         If a start is outside its bounds, the noise is zero, or there are not more points than parameters.
     CurveError
@@ -93,16 +93,16 @@ class Problem:
         *,
         solver: AnySolver = "auto",
     ) -> Self:
-        """Several curves with shared and own parameters.
+        """A problem of several curves with shared parameters and parameters of single curves.
 
         Parameters
         ----------
         tests : sequence of (Scene, Curve)
             The curves, each with its scene.
         free : mapping of path to prior
-            As for one curve. A path named in `shared` is one parameter for all curves and keeps its name;
-            any other is one parameter per curve, named ``"layer.E[0]"``, ``"layer.E[1]"``, ... A path with
-            a number, such as ``"indenter.radius[1]"``, frees it, or says another prior, for that curve only.
+            As for one curve. A path named in `shared` is one parameter for all curves and keeps its name; any other
+            is one parameter per curve, named ``"layer.E[0]"``, ``"layer.E[1]"``, ... A path with a number, such as
+            ``"indenter.radius[1]"``, frees it, or gives another prior, for that curve only.
         shared : iterable of str
             Paths that all curves have in common.
         noise : Noise, or one per curve
@@ -152,9 +152,9 @@ class Problem:
         scenes: Sequence[Scene] | None = None,
         curves: Sequence[Curve] | None = None,
     ) -> Problem:
-        """Return the problem with some of its parts changed; what is None stays.
+        """Return the problem with some of its parts replaced; parts that are None stay.
 
-        Parameters are those of `Problem`; `scenes` and `curves` are one for each curve.
+        Parameters are those of `Problem`; `scenes` and `curves` have one entry for each curve.
         """
         wanted = self.free if free is None else free
         return Problem.joint(
@@ -166,7 +166,7 @@ class Problem:
         )
 
     def with_likelihood(self, likelihood: Likelihood) -> Self:
-        """Return the problem with another log-density of its data; `revised` forgets it."""
+        """Return the problem with another log-density of its data, which `revised` does not carry over."""
         changed = copy(self)
         changed.likelihood = likelihood
         return changed
@@ -180,12 +180,12 @@ class Problem:
 
     @property
     def priors(self) -> dict[str, Prior]:
-        """Prior of every free parameter, in SI; `Flat` where nothing was said."""
+        """Prior of every free parameter, in SI; `Flat` where none was given."""
         return {coordinate.name: coordinate.prior for coordinate in self.coordinates}
 
     @property
     def curves(self) -> tuple[Curve, ...]:
-        """The curves."""
+        """The curves of the problem."""
         return tuple(member.curve for member in self.members)
 
     @property
@@ -205,7 +205,7 @@ class Problem:
 
     @property
     def noise_is_stated(self) -> bool:
-        """Whether anything was said of the noise of any curve, or its points are means whose errors are known."""
+        """Whether a noise was given for any curve, or its points are means with known errors."""
         given = [self.noise] if isinstance(self.noise, NoiseModel) else self.noise or ()
         return any(entry is not None for entry in given) or any(map(means_alone, self.curves))
 
@@ -216,12 +216,12 @@ class Problem:
 
     @property
     def adheres(self) -> bool:
-        """Whether something adheres in the test of any curve."""
+        """Whether the scene of any curve has adhesion."""
         return any(member.scene.adhesion is not None for member in self.members)
 
     @property
     def start(self) -> FloatArray:
-        """Scaled coordinates of the scene's own numbers, (k,)."""
+        """Scaled coordinates of the scene's own numbers, all zero, (k,)."""
         return np.zeros(len(self.coordinates))
 
     # --- vectors and values -----------------------------------------------------------------------------
@@ -250,7 +250,7 @@ class Problem:
         return self.space.physical(np.asarray(vectors, dtype=np.float64))
 
     def slopes(self, vector: FloatArray) -> FloatArray:
-        """dx/dq (SI), (k,), at a vector (k,)."""
+        """d parameter (SI) / d scaled coordinate, (k,), at a vector (k,)."""
         return self.space.slopes(self.physical(self._one(vector)))
 
     def scenes(self, vector: FloatArray) -> tuple[Scene, ...]:
@@ -282,9 +282,9 @@ class Problem:
         return np.concatenate(own if self.common is None else self.common.whitened(own))
 
     def log_prior(self, vectors: FloatArray) -> FloatArray:
-        """Log-density of scaled vectors (..., k) before the test, (...); -inf outside the bounds.
+        """Log-prior of scaled vectors (..., k), (...); -inf outside the bounds.
 
-        A density in q: that of the physical parameter times |dx/dq|.
+        A density in the scaled coordinates q: that of the physical parameters x times |dx/dq|.
         """
         q = np.asarray(vectors, dtype=np.float64)
         # What lies far outside the bounds has perhaps no value that a float holds.
@@ -296,8 +296,8 @@ class Problem:
     def log_likelihood(self, vectors: FloatArray) -> FloatArray:
         """Logarithm of the probability density of the data at scaled vectors (..., k), (...).
 
-        -inf where no law exists (an impossible material, a depth out of the law's reach): a vector with a
-        finite prior and an infinite likelihood is a failed evaluation, and a sampler counts it.
+        -inf where no law exists (an impossible material, a depth out of the law's reach): a vector with a finite
+        prior and zero likelihood is a failed evaluation, and a sampler counts it.
         """
         q = np.asarray(vectors, dtype=np.float64)
         return self._likelihood_at(self.physical(q.reshape(-1, q.shape[-1]))).reshape(q.shape[:-1])
@@ -338,7 +338,7 @@ class Problem:
 
 
 def by_path(free: object) -> dict[str, Given]:
-    """Priors by the path of what is not known, given as a mapping or as paths alone."""
+    """Priors of the free parameters by path, from a mapping or from paths without priors (None)."""
     if isinstance(free, Iterable) and not isinstance(free, str):
         paths = list(free)
         if all(isinstance(path, str) for path in paths):

@@ -1,8 +1,8 @@
-"""A problem as text and arrays: what a file keeps so that it can be stated again, to the last bit.
+"""A problem as text and arrays, as a file stores it so that it can be restored to the last bit.
 
-Scenes are kept as the text of scene files, curves as arrays with the hash of their points, priors and noise
-by name and numbers. No code is kept: what cannot be named, such as a prior of the caller's own, cannot be kept
-either, and `problem_record` says so.
+Scenes are stored as the text of scene files, curves as arrays with the hash of their points, priors and noise by
+name and numbers. No code is stored: what has no such name, such as a caller's own class of prior, cannot be stored,
+and `problem_record` raises an error.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ _FURTHER = "columns/"
 
 
 def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
-    """Return what states a problem: a document of plain values, ready for JSON, and its arrays by name.
+    """Return a problem as a document of plain values, ready for JSON, and its arrays by name.
 
-    An infinity, such as the thickness of a half-space, is one: Python's JSON writes and reads it.
+    An infinity, such as the thickness of a half-space, stays one: Python's JSON writes and reads it.
 
     Raises
     ------
     InputError
-        If a part of it has no name under which it could be found again.
+        If a part of it has no name under which it could be restored.
     """
     tests: list[dict[str, Any]] = []
     arrays: dict[str, np.ndarray[Any, Any]] = {}
@@ -81,14 +81,14 @@ def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarr
 
 
 def problem_from_record(document: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> Problem:
-    """Return the problem that `problem_record` took apart.
+    """Restore the problem that `problem_record` stored.
 
     Raises
     ------
     FileFormatError
-        If something is missing, or the points of a curve are not those whose hash was kept.
+        If something is missing, or the points of a curve do not have the stored hash.
     InputError
-        If the problem cannot be stated here, e.g. for a shape of indenter that this program does not know.
+        If the problem cannot be built here, e.g. for a shape of indenter that this program does not know.
     """
     try:
         tests = [
@@ -104,7 +104,7 @@ def problem_from_record(document: Mapping[str, Any], arrays: Mapping[str, np.nda
 
 
 def _text_of(scene: Scene) -> str:
-    """Text that gives this scene again: draws of hours must not wait for a reader to find that it does not."""
+    """Scene-file text of a scene, after a check that reading it gives the same scene."""
     name = type(scene.indenter).__name__
     if not type(scene.indenter).shape:
         raise InputError(f"its indenter, {name}, has no name in scene files")
@@ -139,7 +139,7 @@ def _curve(number: int, test: Mapping[str, Any], arrays: Mapping[str, np.ndarray
 
 
 def _given(path: str, given: Given) -> dict[str, Any] | None:
-    """A prior, bounds or nothing, as plain values."""
+    """A prior, bounds or None as plain values."""
     if given is None:
         return None
     if not isinstance(given, Prior):

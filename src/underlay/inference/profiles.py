@@ -1,22 +1,22 @@
-"""Profile likelihood: how far a parameter can go before the data object, all others following it.
+"""Profile likelihood of one parameter, with all others optimised at each of its values.
 
-For each value of the parameter the others are fitted again; with frozen noise the rise of the weighted sum
-of squares S is t = S(q) - S_min, q the scaled parameter, and an interval is where t stays below the quantile of
+For each value of the parameter the others are fitted again. With the noise fixed, the rise of the weighted sum of
+squares S is t = S(q) - S_min, q being the scaled parameter, and an interval is where t stays below the quantile of
 chi-square with one degree of freedom, or of F(1, n - k) where the size of the noise was estimated (n readings, k
-parameters). Unlike a standard error this can end at one side and never at the other, and it says so.
+parameters). Unlike a standard error it can be infinite on one side, and says so.
 
-Where the curve has two optima (thin and soft, thick and stiff) chi-square is too small: the 95 % intervals of
-such curves cover 88 to 91 % (`tests/studies/coverage.py`). `calibrate` takes the threshold from curves drawn
-at the ends instead; see `profiling/calibrated_profile.py`.
+Where the curve has two optima (thin and soft, thick and stiff) the chi-square threshold is too small: the 95 %
+intervals of such curves cover 88 to 91 % (`tests/studies/coverage.py`). `calibrate` takes the threshold from curves
+simulated at the ends instead; see `profiling/calibrated_profile.py`.
 
-Where the noise was not stated there is no one likelihood to follow: the profile is then made of the ends of the
+Where the noise was not stated there is no single likelihood: the profile is then made of the ends of the
 statistical intervals that `Fit.answer` states, at every level (a confidence curve: Birnbaum 1961,
-doi:10.1080/01621459.1961.10482107, with z^2, level = 2 Phi(z) - 1, for the level). A number of the noise has a
-profile of its own (`noise_profile`).
+doi:10.1080/01621459.1961.10482107, with z^2, level = 2 Phi(z) - 1, for the level). A parameter of the noise has its
+own profile (`noise_profile`).
 
-The profile is walked from the optimum in steps of about half a standard deviation of z = sqrt(t), in which
-it is nearly straight, and read between the steps by monotone interpolation. lmfit's `conf_interval` looks
-for two crossings and fails where one does not exist.
+The profile is computed outwards from the optimum in steps of about half a standard deviation of z = sqrt(t), in
+which it is nearly linear, and interpolated monotonically between the steps. lmfit's `conf_interval` looks for two
+crossings and fails where one does not exist.
 """
 
 from __future__ import annotations
@@ -90,15 +90,16 @@ def profile(
     problem : Problem or Fit
         A problem is fitted first.
     name : str
-        The parameter, as in `Problem.names`. One of the noise's, ``"noise.correlation_time"``, is walked
-        along its restricted likelihood; the others freeze the noise at the fit.
+        The parameter, as in `Problem.names`. The profile of a parameter of the noise, such as
+        ``"noise.correlation_time"``, is that of the restricted likelihood; those of others keep the fit's noise.
     calibrate : int, default 0
-        How many curves are drawn and fitted at each of two or three places per end, so that the interval
-        covers where chi-square does not: 99 are usual, 19 the fewest for 95 %. None by default.
+        Number of curves that are simulated and fitted at each of two or three places per end, so that the interval
+        has its coverage where the chi-square threshold does not: 99 are usual, 19 the fewest for 95 %. None by
+        default.
     level : float, default 0.95
         Confidence whose ends are calibrated.
     seed : int, default 0
-        Where the chance of the drawn curves comes from: the same seed gives the same interval.
+        Seed of the simulated curves: the same seed gives the same interval.
 
     Returns
     -------
@@ -108,10 +109,10 @@ def profile(
     Raises
     ------
     InputError
-        If the parameter is not free, there are too few curves for the level, or a parameter of the noise is
-        to be calibrated.
+        If the parameter is not free, there are too few curves for the level, or a parameter of the noise is to be
+        calibrated.
     FitError
-        If too many of the drawn curves cannot be fitted.
+        If too many of the simulated curves cannot be fitted.
     """
     require_given(problem, "problem", Problem, Fit)
     fit = least_squares_fit(problem) if isinstance(problem, Problem) else problem
@@ -127,7 +128,7 @@ def profile(
 
 
 def _of_answers(fit: Fit, name: str) -> LikelihoodProfile:
-    """Profile made of the ends of the statistical intervals at every level."""
+    """Profile made of the ends of the statistical intervals at several levels."""
     index = fit.names.index(name)
     coordinate = fit.problem.coordinates[index]
     parts = [fit.interval(name, float(2.0 * special.ndtr(z) - 1.0), part="statistical") for z in _HEIGHTS]
@@ -152,7 +153,7 @@ def _of_answers(fit: Fit, name: str) -> LikelihoodProfile:
 
 
 def _reason(ends: list[float]) -> str:
-    """Reason why a side ends, from its ends at every level: ``"data"`` where every level has one."""
+    """Why a side of the profile ends: ``"data"`` if its interval end is finite at every level, else ``"none"``."""
     return "data" if len(ends) == len(_HEIGHTS) else "none"
 
 
@@ -173,17 +174,18 @@ def _refit(fit: Fit, vector: FloatArray) -> Fit:
 
 
 def noise_profile(fit: Fit, name: str) -> LikelihoodProfile:
-    """Profile of a number of the noise: its restricted likelihood, all other parameters following it.
+    """Profile of a parameter of the noise: its restricted likelihood, with all other parameters optimised.
 
-    t is twice the fall of the restricted log-likelihood (`least_squares/settle.py`) below its maximum, with the
-    other numbers of the noise at their most likely values and the model fitted again under each. Its threshold
-    is chi-square's: for white noise that makes the interval of sigma the one of (n - k) s^2 / sigma^2, which is
-    chi-square with n - k degrees of freedom, to order 1 / (n - k).
+    The rise t is twice the decrease of the restricted log-likelihood (`least_squares/settle.py`) from its maximum,
+    with the other parameters of the noise at their most likely values and the model fitted again under each. Its
+    threshold is chi-square's: for white noise that makes the interval of sigma the one of (n - k) s^2 / sigma^2 (s
+    the estimated standard deviation, n readings, k parameters), which is chi-square with n - k degrees of freedom,
+    to order 1 / (n - k).
 
     Parameters
     ----------
     fit : Fit
-        A fit with the number free.
+        A fit with the parameter free.
     name : str
         ``"noise.force"``, ``"noise.correlation_time"``, ... as in `Fit.names`.
     """
@@ -203,7 +205,7 @@ def noise_profile(fit: Fit, name: str) -> LikelihoodProfile:
 
 
 def _side(fit: Fit, index: int, best: float, direction: float) -> tuple[list[FloatArray], list[float], str]:
-    """Vectors and rises outwards from the fit, and why they end."""
+    """One side of a noise profile: vectors and rises t outwards from the fit, and why the side ends."""
     bound = fit.problem.bounds[index][1 if direction > 0.0 else 0]
     here = float(fit.vector[index])
     room = abs(bound - here)
@@ -236,7 +238,7 @@ def _side(fit: Fit, index: int, best: float, direction: float) -> tuple[list[Flo
 
 
 def _held(fit: Fit, start: FloatArray, index: int, q: float) -> tuple[FloatArray, float]:
-    """All else at its best with entry `index` at q: the vector (k,) and its restricted log-likelihood."""
+    """The vector (k,) optimised with entry `index` at q, and its restricted log-likelihood."""
     problem = fit.problem
     vector: FloatArray = np.array(start)
     vector[index] = q
@@ -257,7 +259,7 @@ def _held(fit: Fit, start: FloatArray, index: int, q: float) -> tuple[FloatArray
 
 
 def _noises(fit: Fit, vector: FloatArray) -> list[NoiseModel]:
-    """Noise of every curve at a vector; a size that is no parameter stays as the fit estimated it."""
+    """Noise of every curve at a vector; where its size is no parameter, that estimated by the fit."""
     return [
         noise.of_size(float(fitted.sigma(member.force)[0])) if member.scale_is_unknown else noise
         for member, noise, fitted in zip(
@@ -267,6 +269,6 @@ def _noises(fit: Fit, vector: FloatArray) -> list[NoiseModel]:
 
 
 def _linear(problem: Problem, vector: FloatArray) -> list[tuple[Reading, FloatArray]]:
-    """Model of every curve and its derivatives (n, k) in SI."""
+    """Readings of the model for every curve, and their derivatives (n, k) in SI."""
     physical = problem.physical(vector)
     return [member.jacobian(physical) for member in problem.members]

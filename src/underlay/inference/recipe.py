@@ -1,7 +1,7 @@
-"""The recipe by which an instrument's software found its modulus, repeated, and the steps from there to ours.
+"""Repeats the fit by which an instrument's software found its modulus, and the steps from there to ours.
 
-A number of an instrument differs from ours for reasons that can be told apart: over which points it was fitted,
-what was minimised, the shape of the tip, and the substrate. Each step changes one of them and fits again.
+An instrument's modulus differs from ours for reasons that can be separated: the points that were fitted, the
+quantity that was minimised, the shape of the tip, and the substrate. Each step changes one of them and fits again.
 """
 
 from __future__ import annotations
@@ -57,11 +57,14 @@ class HertzFit(NamedTuple):
 
 
 class Recipe(ABC):
-    """How an instrument's software finds its modulus: Hertz (1882), F = (4/3) E_r sqrt(R) (h - h0)^(3/2)."""
+    """How an instrument's software fits its modulus E_r: Hertz (1882), F = (4/3) E_r sqrt(R) (h - h0)^(3/2).
+
+    F is the force, R the tip radius, h the depth and h0 the contact point.
+    """
 
     @abstractmethod
     def find(self, curve: Curve, radius: float) -> HertzFit:
-        """Repeat the recipe on a whole curve with a tip of `radius` (m).
+        """Repeat the software's fit on a whole curve with a tip of `radius` (m).
 
         Raises
         ------
@@ -76,19 +79,19 @@ class Recipe(ABC):
 
 @dataclass(frozen=True)
 class LineInPower(Recipe):
-    """A straight line through F^(2/3) against depth: its slope gives E_r, its zero h0; forces as the file has them.
+    """A straight line through F^(2/3) against depth: its slope gives E_r, its zero h0; forces as in the file.
 
     Parameters
     ----------
     low, high : float
-        Shares of the largest force between which points count.
+        Shares of the largest force between which points are used.
     """
 
     low: float
     high: float
 
     def find(self, curve: Curve, radius: float) -> HertzFit:
-        """See `Recipe`."""
+        """Fit the line to the loading part of a curve; see `Recipe.find`."""
         largest = float(curve.force.max())
         kept = (curve.segments() == LOADING) & (curve.force >= self.low * largest)
         points = np.flatnonzero(kept & (curve.force <= self.high * largest))
@@ -104,19 +107,20 @@ class LineInPower(Recipe):
 
 @dataclass(frozen=True)
 class LeastSquaresFromContact(Recipe):
-    """Least squares in the force with a free contact point, from before the software's contact to a share of it.
+    """Least squares in the force with a free contact point, up to a share of the largest force.
 
-    Forces count from their mean before the software's contact. Files of Optics11 do not state this: it is what
-    gives their numbers back (0.5 % on 11 Piuma files, 0.2 % on a Chiaro's, 1.1 % on one of a later Piuma).
+    Forces are relative to their mean before the software's contact point. Files of Optics11 do not state this
+    procedure: it was chosen because it reproduces their numbers (0.5 % on 11 Piuma files, 0.2 % on a Chiaro's, 1.1
+    % on one of a later Piuma).
 
     Parameters
     ----------
     contact : float
-        Depth reading of the contact that the software chose (m).
+        Depth reading of the contact point that the software chose (m).
     high : float
-        Share of the largest force up to which points count: until it is first passed.
+        Share of the largest force up to which points are used: until it is first passed.
     before : float
-        From how long before that contact (s).
+        Time before that contact from which points are used (s).
     """
 
     contact: float
@@ -124,7 +128,7 @@ class LeastSquaresFromContact(Recipe):
     before: float = 0.2
 
     def find(self, curve: Curve, radius: float) -> HertzFit:
-        """See `Recipe`."""
+        """Fit modulus and contact point by least squares; see `Recipe.find`."""
         first = int(np.argmax(curve.depth > self.contact))
         baseline = float(curve.force[: max(first, 1)].mean())
         force = curve.force - baseline
@@ -149,7 +153,7 @@ def _require(points: NDArray[np.intp]) -> None:
 
 
 def _contact_of(depth: FloatArray, force: FloatArray, near: float) -> float:
-    """Contact point (m) of the least squares, looked for about `near` (m); E is linear and needs no search."""
+    """Contact point (m) of the least-squares fit, searched about `near` (m); E is linear and solved for."""
 
     def misfit(contact: float) -> float:
         grown = np.maximum(depth - contact, 0.0) ** 1.5
@@ -174,9 +178,9 @@ class Step(NamedTuple):
 
 
 def recipe_of(curve: Curve) -> Recipe | None:
-    """Return the recipe behind the modulus that the file of a curve holds; None where it is not known.
+    """Return the fit procedure behind the modulus in a curve's file; None where it is not known.
 
-    Files of the Bioindenter say over which share of the force they were fitted. Those of Optics11 do not; see
+    Files of the Bioindenter state the range of force that was fitted. Those of Optics11 do not; see
     `LeastSquaresFromContact`.
     """
     ends, contact = (curve.metadata.get(key) for key in ("instrument_fit_range", "software_contact_depth"))
@@ -189,9 +193,9 @@ def recipe_of(curve: Curve) -> Recipe | None:
 
 
 def steps_to_ours(fit: Fit) -> list[Step]:
-    """Return the steps from the instrument's number to ours; empty where the file states no number or recipe.
+    """Return the steps from the instrument's modulus to ours; empty where the file states no modulus or procedure.
 
-    Every step keeps what the ones before it changed; the last is the least-squares value of the fit.
+    Every step keeps the changes of those before it; the last is the least-squares value of the fit.
     """
     require_given(fit, "fit", Fit)
     stated = fit.instrument_moduli.get("layer.E")
@@ -231,7 +235,11 @@ def _steps(fit: Fit, recipe: Recipe, radius: float) -> Iterator[Step]:
 
 
 def _fitted(fit: Fit, scene: Scene, curve: Curve, contact: float | None) -> float:
-    """Modulus (Pa) of a half-space fitted to a curve: with the contact free alone, or all that the fit frees."""
+    """Modulus (Pa) of a half-space fitted to a curve.
+
+    With a given `contact` only the contact point is free besides it; else all instrument parameters that the fit
+    frees.
+    """
     given = fit.problem.free
     instrument = {path: prior for path, prior in given.items() if path.startswith("instrument.")}
     free = {"layer.E": None, **(instrument if contact is None else {_CONTACT: None})}

@@ -1,4 +1,4 @@
-"""The moduli of a relaxing layer at once and in the end, of a fit or of draws, and their names."""
+"""Instantaneous and equilibrium moduli of relaxing layers, from draws of the parameters, and their names."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ __all__ = ["of_memory", "relaxed_moduli", "suffixes"]
 
 
 def suffixes(problem: Problem, paths: Sequence[Sequence[str]]) -> list[str]:
-    """Endings of the names of a quantity that follows from some numbers of a scene, one for every curve.
+    """Suffixes of the names of a quantity that is computed from some numbers of a scene, one for every curve.
 
-    `paths` are those numbers, for every curve. Curves whose numbers are the same parameters and the same known
-    values have one quantity, without a number; others have their own, ``"[1]"`` that of the second. A curve
+    `paths` are those numbers' paths, for every curve. Curves in which they are the same parameters and the same
+    known values share one quantity, without a suffix; others have their own, ``"[1]"`` that of the second. A curve
     without such a quantity has no paths.
     """
     if len(problem.members) == 1:
@@ -37,7 +37,7 @@ def suffixes(problem: Problem, paths: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _source(problem: Problem, member: Member, path: str) -> str | float:
-    """Name of the free parameter that a number is, or its known value."""
+    """Name of the free parameter at a path of one curve, or its known value."""
     return problem.names[member.entries[path]] if path in member.entries else member.base[path]
 
 
@@ -61,7 +61,7 @@ def relaxed_moduli(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
 
 
 def of_memory(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
-    """What follows from the numbers of memories that answer a motion themselves, (n,), at draws (n, parameters)."""
+    """Quantities derived from memories with their own force law, by name, (n,), at draws (n, parameters)."""
     found: dict[str, FloatArray] = {}
     several = len(problem.members) > 1
     for number, member in enumerate(problem.members):
@@ -75,7 +75,7 @@ def of_memory(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
 
 
 def _paths(member: Member) -> list[str]:
-    """Modulus and fractions of a layer that relaxes, if any of them is free."""
+    """Paths of modulus and relaxing fractions of a layer, if at least one of them is free, else none."""
     relaxation = member.scene.layer.relaxation
     if not isinstance(relaxation, Prony):
         return []

@@ -1,8 +1,8 @@
-"""The two moduli that laboratories report of a relaxation test, without any fit of the transient.
+"""The two moduli that laboratories report from a relaxation test, without any fit of the transient.
 
-At once no water has moved: the rise of the force over each ramp, by the elastic law at nu = 0.5. In the end it has
-drained: the force at the end of each hold, by the law at the drained Poisson's ratio. Each modulus is the
-least-squares slope over all steps, of an isotropic layer of known thickness.
+The instantaneous one, before any water has moved, comes from the rise of the force over each ramp, by the elastic
+law at nu = 0.5; the equilibrium one, after drainage, from the force at the end of each hold, by the law at the
+drained Poisson's ratio. Each is the least-squares slope over all steps, for an isotropic layer of known thickness.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _INCOMPRESSIBLE = 0.5
 
 @dataclass(frozen=True)
 class RelaxationModuli:
-    """The two moduli that a laboratory reports of a relaxation test.
+    """The two moduli that a laboratory reports from a relaxation test.
 
     Parameters
     ----------
     instantaneous, equilibrium : float
-        Young's moduli (Pa): at once, of an incompressible layer, and when all has drained.
+        Young's moduli (Pa): the initial one, of an incompressible layer, and the one after drainage.
     depth, peak, settled : ndarray (steps,)
         Depth (m) of each hold since contact, largest force (N) of its step and the force at its end.
     """
@@ -93,14 +93,14 @@ def relaxation_moduli(curve: Curve, scene: Scene) -> RelaxationModuli:
 
 
 def _step(time: FloatArray, force: FloatArray, ends: list[float]) -> tuple[float, float]:
-    """Largest force (N) of a step from its ramp's beginning to the next one's, and the force at its end."""
+    """Largest force (N) of a step, between the starts of its ramp and of the next, and mean force at its end."""
     mine = np.flatnonzero((time >= ends[0]) & (time <= ends[1]))
     late = mine[-max(int(_LATE * mine.size), 1) :]
     return float(force[mine].max()), float(force[late].mean())
 
 
 def _unit_force(scene: Scene, nu: float, depth: FloatArray) -> FloatArray:
-    """Force (N), (steps,), of the elastic layer of modulus 1 Pa."""
+    """Force (N), (steps,), on the elastic layer with Young's modulus 1 Pa and Poisson's ratio `nu`."""
     elastic = replace(scene.elastic, uncertainties=None)
     layer = replace(elastic.layer, material=Isotropic(1.0, nu))
     law = replace(elastic, layer=layer).contact_law(float(depth.max()))

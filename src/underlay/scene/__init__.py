@@ -1,1 +1,1 @@
-"""Floor 2: one indentation test, declared."""
+"""The declaration of one indentation test: tip, layer, substrate, instrument, noise."""

@@ -265,7 +265,7 @@ class SeparableSearch:
         return [column for path, column in columns.items() if path in self._free]
 
     def _law_for(self, deepest: float, modulus: float) -> ScaledLaw:
-        """Law for tip depths up to `deepest` (m); the one at hand where it is the same."""
+        """Contact law for tip depths up to `deepest` (m) at a modulus (Pa); the last one if it is the same."""
         law = self._law
         # Laws reach to a power of two (see `forward`): within the last octave the store would give the same.
         is_other = modulus != self._values[MODULUS]

@@ -104,7 +104,7 @@ class SpreadGrid:
     log_evidence: float
 
     def quantile(self, level: int, shares: FloatArray) -> FloatArray:
-        """Quantiles of one spread; zero where they lie below the smallest that is told apart."""
+        """Quantiles of the spread of one level at the probabilities `shares`; zero where they are off the grid."""
         weights = self._marginal(level)
         log_nodes = np.log(self.nodes[level])
         edges = 0.5 * (log_nodes[1:] + log_nodes[:-1])

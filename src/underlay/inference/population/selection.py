@@ -161,7 +161,7 @@ def _free(found: Fit | Posterior | LikelihoodProfile) -> tuple[str, ...]:
 
 
 def _model(found: Fit | Posterior | LikelihoodProfile) -> str:
-    """Which tip presses what on which base; empty where a posterior was saved without its problem."""
+    """Classes of tip, layer and base of a result, as text; empty for a posterior without its problem."""
     problem = found.fit.problem if isinstance(found, LikelihoodProfile) else found.problem
     return " and ".join(
         f"{type(scene.indenter).__name__} on {type(scene.layer).__name__}, "
