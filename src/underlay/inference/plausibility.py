@@ -99,12 +99,12 @@ def require_sizes(problem: Problem) -> None:
 
 
 def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
-    """Note that the force is far from that of the modulus a scene begins with, as by a unit off by a thousand.
+    """A note where the force differs from that of the starting modulus by a factor of 100, as by a wrong unit.
 
     Parameters
     ----------
     scene : Scene
-        The test with its starting numbers.
+        The test with its starting values.
     curve : Curve
         The points that are fitted.
     """

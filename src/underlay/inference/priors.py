@@ -69,7 +69,7 @@ class Prior(ABC):
         """Inverse of `probability_below`, same shape."""
 
     def penalty(self, value: float) -> tuple[float, float]:
-        """Residual that a least-squares fit adds for this prior, and its slope in `value`."""
+        """Residual that a least-squares fit adds for this prior, and its derivative; zero for a flat prior."""
         del value
         return 0.0, 0.0
 

@@ -211,7 +211,7 @@ class Problem:
 
     @property
     def noise_is_open(self) -> bool:
-        """Whether nothing was said of the noise, and none of it is free: answers then average over it."""
+        """Whether no noise was given and none of it is free: intervals then average over possible noises."""
         return not (self.noise_is_stated or self.noise_entries)
 
     @property
@@ -303,7 +303,7 @@ class Problem:
         return self._likelihood_at(self.physical(q.reshape(-1, q.shape[-1]))).reshape(q.shape[:-1])
 
     def log_posterior(self, vectors: FloatArray) -> FloatArray:
-        """log_prior + log_likelihood at scaled vectors (..., k), (...); no law where the prior is zero."""
+        """log_prior + log_likelihood at scaled vectors (..., k), (...); without a law where the prior is zero."""
         q = np.asarray(vectors, dtype=np.float64)
         flat = q.reshape(-1, q.shape[-1])
         physical = self.space.physical(flat)

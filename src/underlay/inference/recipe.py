@@ -49,7 +49,7 @@ _REACH, _TRIED = 0.5, 81
 
 
 class HertzFit(NamedTuple):
-    """Reduced modulus E / (1 - nu^2) (Pa) and contact point (m) of a half-space, and the points that were used."""
+    """Reduced modulus E / (1 - nu^2) (Pa) and contact point (m) of a half-space fit, and the points it used."""
 
     reduced: float
     contact_depth: float

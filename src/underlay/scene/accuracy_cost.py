@@ -1,9 +1,9 @@
-"""What accuracy costs: one scene under every solver, its error against its time.
+"""Cost of accuracy: one scene under every solver, its error against its time.
 
-The error is the largest relative difference from the exact contact problem solved to 1e-12, over the depths
-of the curve. Times are processor times in this process, "cold" from the materials to the forces and "held"
-from a law that is there already; ratios are to the explicit fourth-order formula (5.9) in plain numpy on the
-same depths, timed in turns with everything else. Of many rounds the shortest counts.
+The error is the largest relative difference from the exact contact problem solved to 1e-12, over the depths of the
+curve. Times are processor times in this process: "cold" from the materials to the forces, and "held" for the forces
+of a law that is already built, at the same depths. All candidates are timed in turns, and of many rounds the
+shortest time is used.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _POINTS = 1000
 
 @dataclass
 class _Trial:
-    """A candidate at work: its law, or why there is none, and its times."""
+    """One solver in the comparison: its law, or why there is none, and its times (s), cold and held."""
 
     solver: Solver
     law: ContactLaw | None = None
@@ -62,12 +62,12 @@ def accuracy_cost(
     solvers: Iterable[AnySolver] | None = None,
     rounds: int = _ROUNDS,
 ) -> pd.DataFrame:
-    """Compute one curve by every solver and say how far off each is and how long it takes.
+    """Compute one curve by every solver, with the error and the time of each.
 
     Parameters
     ----------
     scene : Scene
-        The test; only its contact counts, not its instrument.
+        The test; only its contact is used, not its instrument.
     depth : float or array_like, shape (n,)
         Depths (m) since contact, positive; a single number stands for 1000 depths up to it.
     solvers : iterable of Solver or str, optional
@@ -79,11 +79,11 @@ def accuracy_cost(
     Returns
     -------
     pandas.DataFrame
-        One row per solver, sorted by error: ``method``, ``form``, ``order``, ``rtol`` (asked), ``nodes`` (of
-        the exact law), ``error``, ``error_radius``, ``error_stiffness`` (largest relative error of force,
-        contact radius and stiffness; NaN where the solver has no answer), ``error_estimate`` (the law's own),
-        ``cold_seconds``, ``held_seconds``, ``cold_ratio``, ``held_ratio`` (to the explicit formula),
-        ``pareto`` (no other solver is both closer and faster from cold), ``pareto_held``, ``note``.
+        One row per solver, sorted by error: ``method``, ``form``, ``order``, ``rtol`` (the solver's tolerance),
+        ``nodes`` (of the exact law), ``error``, ``error_radius``, ``error_stiffness`` (largest relative error of
+        force, contact radius and stiffness; NaN where the solver does not apply), ``error_estimate`` (the law's
+        own), ``cold_seconds``, ``held_seconds``, ``cold_ratio``, ``held_ratio`` (to the explicit formula),
+        ``pareto`` (no other solver is both more accurate and faster from cold), ``pareto_held``, ``note``.
         ``.attrs`` holds ``unit_seconds``, ``points`` and ``a_over_h``.
 
     Raises
@@ -119,9 +119,10 @@ def accuracy_cost(
 
 
 def explicit_formula(scene: Scene) -> Callable[[FloatArray], FloatArray]:
-    """Return the explicit formula (5.9) in plain numpy, term by term after one root: the unit of time.
+    """Return the explicit formula (5.9) of the asymptotic law in plain numpy, whose time is the unit of time.
 
-    A shape that is no power law takes the formula of a paraboloid one thickness in radius: the same work.
+    The result maps depths (m), (n,), to forces (N). A shape that is no power law takes the formula of a paraboloid
+    one thickness in radius, which takes the same time.
     """
     tip = scene.indenter
     exponent, coefficient = (
@@ -153,7 +154,7 @@ def _depths(depth: ArrayLike) -> FloatArray:
 
 
 def compared_solvers() -> list[Solver]:
-    """Solvers that are compared where none are named."""
+    """Solvers that are compared by default."""
     return [
         HalfSpace(),
         *(
@@ -187,7 +188,7 @@ def _time_in_turns(
     formula: Callable[[FloatArray], FloatArray],
     rounds: int,
 ) -> float:
-    """Fill the shortest times (s) of the trials; returns that of the formula."""
+    """Time all trials in turns and store the shortest times (s) in them; returns the shortest of `formula`."""
     deepest = float(depths.max())
     unit = np.inf
     with warnings.catch_warnings():
@@ -240,7 +241,7 @@ def _error(
     depths: FloatArray,
     quantity: Callable[[ContactLaw, FloatArray], FloatArray],
 ) -> float:
-    """Largest relative error over the depths; NaN where the law has no answer."""
+    """Largest relative error of a quantity of a law over the depths; NaN where the law does not reach them."""
     if law is None:
         return np.nan
     try:
@@ -251,7 +252,7 @@ def _error(
 
 
 def _pareto(error: pd.Series[float], cost: pd.Series[float]) -> pd.Series[bool]:
-    """Whether no other row is both closer and faster."""
+    """Whether no other row has both a smaller error and a smaller cost."""
     best = np.inf
     front = pd.Series(data=False, index=error.index)
     known = error.notna()

@@ -1,4 +1,4 @@
-"""The response of a scene whose layer relaxes on an elastic base; see `mechanics.viscoelastic.elastic_base`."""
+"""The force of a scene whose layer relaxes on an elastic base; see `mechanics.viscoelastic.elastic_base`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SHARE = 0.1
 
 
 class Ageing(Protocol):
-    """The scene, as far as its response needs it."""
+    """Interface of a scene with a relaxing layer, as the functions here use it."""
 
     @property
     def indenter(self) -> Indenter:
@@ -40,7 +40,7 @@ class Ageing(Protocol):
 
 
 def is_punched(indenter: Indenter) -> bool:
-    """Whether the contact keeps its radius: then an elastic base is simulated exactly."""
+    """Whether the contact radius is constant (a flat punch): then an elastic base is simulated exactly."""
     return indenter.has_edge
 
 
@@ -52,12 +52,12 @@ def ageing_response(
     depth: FloatArray,
     time: FloatArray,
 ) -> Response:
-    """Response of a layer that relaxes on an elastic base: exact for a punch, else quasi-elastic.
+    """Force response of a layer that relaxes on an elastic base: exact for a punch, else quasi-elastic.
 
     Parameters
     ----------
     scene : Ageing
-        The scene; its elastic form is asked for.
+        The scene, which gives elastic laws with softened layers.
     relaxation : Relaxation
         How the layer's moduli decay.
     law : ContactLaw
@@ -70,7 +70,7 @@ def ageing_response(
     Raises
     ------
     InputError
-        If the quasi-elastic force is further off than the solver's tolerance allows.
+        If the error of the quasi-elastic force exceeds the solver's tolerance.
     """
     reach = law.max_depth if np.isfinite(law.max_depth) else max(float(depth.max()), 1e-9)
     if is_punched(scene.indenter):

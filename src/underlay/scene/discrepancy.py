@@ -1,9 +1,10 @@
-"""What the law of a scene leaves out, as numbers: a share of full friction, sizes of finite strain and of both.
+"""Numbers for what a contact law leaves out: friction, finite strain, and friction in large strains.
 
 The force is P (1 + s (P_stuck/P - 1) + A e + B g), with P the law without friction in small strains, P_stuck that
-of a tip that sticks, e the measured excess of finite strain, g that of friction in large strains alone
-(`mechanics/finite_strain`); s = 0 slides, s = 1 sticks, A = 1 is a neo-Hookean layer, and B what friction adds to
-it beyond s. None is known: they are parameters with priors (`free_model_error`), or stay out.
+of a tip without slip, e the computed relative excess of the force by finite strain, and g that by friction in large
+strains alone (`mechanics/finite_strain`); s = 0 is frictionless, s = 1 is without slip, A = 1 is a neo-Hookean
+layer, and B the size of what friction adds to it beyond s. None is known: they are parameters with priors
+(`free_model_error`), or left out.
 """
 
 from __future__ import annotations
@@ -33,16 +34,16 @@ BOTH_PATH = "discrepancy.friction_in_large_strains"
 
 @dataclass(frozen=True)
 class Discrepancy(Part):
-    """What real tests add to the law of a scene.
+    """Sizes of friction and finite strain beyond the contact law of a scene.
 
     Parameters
     ----------
     friction : float
-        Share of what full friction does: 0 slides, 1 sticks.
+        Share of the effect of full friction: 0 is frictionless, 1 without slip.
     finite_strain : float
-        Size of what finite strain does, over that of a neo-Hookean layer; zero where its shape is not known.
+        Effect of finite strain, over that of a neo-Hookean layer; zero where its shape is not known.
     friction_in_large_strains : float, default 0
-        Size of what friction adds in large strains alone; zero where its shape is not known.
+        Effect of friction that appears in large strains only; zero where its shape is not known.
     """
 
     parts: ClassVar[tuple[str, ...]] = ("discrepancy",)
@@ -71,14 +72,14 @@ class Discrepancy(Part):
             object.__setattr__(self, name, finite(getattr(self, name), f"discrepancy {name}", ""))
 
     def law(self, contact: Contact, solver: Solver, build: Callable[[Solver], ContactLaw]) -> DiscrepantLaw:
-        """Law of a contact with this discrepancy; `build` makes the law of a solver.
+        """Law of a contact with this discrepancy; `build` makes the frictionless or stuck law of a solver.
 
-        Asked where the shape of what large strains add is not known, it raises `InputError`.
+        The law raises `InputError` at depths where the effect of large strains was not computed.
 
         Raises
         ------
         InputError
-            If the solver has no law for a tip that sticks.
+            If the solver has no law for a tip without slip.
         """
         free = build(solver)
         sticks = build(solver.without_slip) if self.friction or self.friction_in_large_strains else None

@@ -1,8 +1,8 @@
-"""The effects that a scene calls for, each as the scene with it and without it.
+"""The physical effects in a scene, each as a pair of scenes: with the effect and without it.
 
-An effect is measured by leaving it out. What a scene does not declare, and a layer that differs from its base by
-less than the accuracy asked, runs none of its code. Friction under the tip and finite strain are effects that a law
-leaves out unless the scene says otherwise (`left_out_effects`).
+An effect is measured by leaving it out. An effect that a scene does not declare runs none of its code, nor does a
+layer that differs from its base by less than the requested accuracy. Friction under the tip and finite strain are
+effects that a law leaves out unless the scene says otherwise (`left_out_effects`).
 """
 
 from __future__ import annotations
@@ -38,28 +38,28 @@ _FRICTION, _FINITE_STRAIN = "friction", "finite strain"
 
 @runtime_checkable
 class Drains(Protocol):
-    """A material whose water evens out over a length (m) in a time (s)."""
+    """A material whose pore pressure equilibrates over a length (m) in a time (s)."""
 
     def drainage_time(self, length: float) -> float:
-        """Time (s)."""
+        """Time (s) in which it equilibrates over a length (m)."""
 
 
 class Simulated(Protocol):
-    """A scene as far as the ledger of effects needs it: its parts, its law and its force. `Scene` is one."""
+    """Interface of a scene as the list of effects uses it: its parts, its law and its force. `Scene` has it."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def indenter(self) -> Indenter:
-        """The tip that is pressed in."""
+        """The tip."""
 
     @property
     def layer(self) -> Layer:
-        """The layer on top, which it is pressed into."""
+        """The top layer, which is indented."""
 
     @property
     def substrate(self) -> Body | None:
-        """What the layer stands on."""
+        """The layers and the half-space under the top layer; None for a half-space of the layer."""
 
     @property
     def layers(self) -> tuple[Layer, ...]:
@@ -67,35 +67,35 @@ class Simulated(Protocol):
 
     @property
     def base(self) -> Base | None:
-        """The half-space that the layers stand on."""
+        """The half-space under all layers."""
 
     @property
     def drainage(self) -> str | None:
-        """How water leaves at the tip."""
+        """Whether the tip lets water through: "solid", "porous" or "unknown"; None without pore water."""
 
     @property
     def instrument(self) -> Instrument:
-        """What reads depth and force."""
+        """The instrument that reads depth and force."""
 
     @property
     def history(self) -> History | None:
-        """What the sample remembers."""
+        """The sample's time-dependent model (relaxation, drainage); None for an elastic one."""
 
     @property
     def adhesion(self) -> Adhesion | None:
-        """What holds tip and surface together."""
+        """The adhesion between tip and surface, or None."""
 
     @property
     def friction(self) -> str:
-        """What is known of friction under the tip."""
+        """Friction under the tip: "none", "stuck" or "unknown"."""
 
     @property
     def contact(self) -> Contact:
-        """Indenter and body: what a solver is given."""
+        """Indenter and body, as a solver takes them."""
 
     @property
     def elastic(self) -> Simulated:
-        """The scene without memory."""
+        """The scene without relaxation and drainage."""
 
     @property
     def ages(self) -> bool:
@@ -112,24 +112,24 @@ class Simulated(Protocol):
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect: the scene with it and without it.
+    """One physical effect: the scene with it and without it.
 
     Parameters
     ----------
     name : str
         Its name.
     with_it, without : Scene or None
-        The two scenes; None where the scene says too little to build one.
+        The two scenes; None where they cannot be built.
     simulated : bool
-        Whether the scene as it stands runs the effect's code.
+        Whether the scene as given includes the effect.
     note : str
-        In words, what the size is measured against, or why there is none.
+        In words, what the size is relative to, or why there is none.
     duration : float, optional
-        Time (s) of the even motion to the deepest point, for an effect that acts in time.
+        Time (s) of a ramp to the deepest point at constant rate, for an effect that depends on time.
     excess : callable, optional
         Relative change of the force at depths (m), (n,), of an effect that no scene simulates; NaN where unknown.
     note_at : callable, optional
-        The note of an effect that is known to a depth (m) only.
+        The note as a function of the largest depth (m), for an effect that is known to a limited depth.
     """
 
     name: str
@@ -143,12 +143,12 @@ class Effect:
 
 
 def left_out_effects(level: Simulated) -> list[Effect]:
-    """Friction and finite strain; `level` is the scene without memory and baseline."""
+    """The effects of friction and finite strain; `level` is the scene without memory and baseline."""
     return [_friction(level), _finite_strain(level)]
 
 
 def _friction(level: Simulated) -> Effect:
-    """A tip that sticks against one that slides; real friction lies between."""
+    """Effect of a tip without slip relative to a frictionless one; real friction lies between."""
     if level.adhesion is not None:
         note = "how a tip that sticks and adheres behaves is not simulated"
         return Effect(_FRICTION, None, None, simulated=False, note=note)
@@ -164,7 +164,7 @@ def _friction(level: Simulated) -> Effect:
 
 
 def _finite_strain(level: Simulated) -> Effect:
-    """What large strains do to the linear law, by the function that was measured; nothing is simulated."""
+    """Effect of finite strain on the linear law, by the computed function; no scene simulates it."""
 
     def excess(depth: FloatArray) -> FloatArray:
         why = why_unmeasured(level.contact, float(depth.max()))
@@ -187,10 +187,10 @@ def _finite_strain(level: Simulated) -> Effect:
 
 
 def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
-    """Every effect there is, for a scene whose contact is simulated by `law`.
+    """All effects of a scene whose contact is simulated by `law`.
 
-    All but the baseline are measured without it: a per cent of the force is one of the contact force. What the
-    sample remembers acts in time and is left out: the sizes are those of a sudden depth.
+    All but the baseline are measured without the baseline, so that sizes are relative to the contact force.
+    Relaxation and drainage are left out of the other effects: the sizes are those of a sudden depth.
     """
     given, scene = scene, replace(scene.elastic, discrepancy=None)
     ranged = scene
@@ -216,7 +216,7 @@ def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
 
 
 def _effects_on_law(scene: Simulated, linear: Simulated) -> list[Effect]:
-    """What a layer puts on the law of linear elasticity: large strains, stiffening, sides; rows where declared."""
+    """Effects beyond linear elasticity that the layer declares: finite strain, stiffening, sides of the sample."""
     layer, found = scene.layer, []
     wide = replace(scene, layer=replace(layer, half_width=None, shape="plug"))
     if layer.stiffening is not None:
@@ -233,7 +233,7 @@ def _effects_on_law(scene: Simulated, linear: Simulated) -> list[Effect]:
 
 
 def _ignored_sides(scene: Simulated, wide: Simulated) -> Effect:
-    """What the sides of a sample do that its law leaves out, taken for a round plug."""
+    """Effect of the sides of a sample that its law ignores, estimated for a round plug."""
     try:
         plug = replace(scene, layer=replace(scene.layer, shape="plug"))
     except InputError as error:
@@ -268,7 +268,7 @@ def _substrate_effect(scene: Simulated, *, layered: bool) -> Effect:
 
 
 def _stack_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
-    """Every further layer of a stack, against the body without it."""
+    """Effect of every further layer of a stack, relative to the stack without it."""
     base, layers = scene.base, scene.layers[1:]
     if base is None:
         return []
@@ -285,7 +285,10 @@ def _stack_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
 
 
 def _bond_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
-    """What slip and springs do, all together, against bonded faces; and what slip would do where nobody knows."""
+    """Effect of faces that slip or have springs, all at once, relative to bonded faces.
+
+    Where the bond of the top layer is not known, also the effect of slip there, which the scene does not simulate.
+    """
     if scene.substrate is None:
         return []
     bonded = replace(scene, layer=replace(scene.layer, bond="bonded"), substrate=scene.substrate.bonded)
@@ -346,7 +349,7 @@ def _baseline_effect(scene: Simulated, level: Simulated) -> Effect:
 
 
 def _adhesion_effects(scene: Simulated, level: Simulated, law: ContactLaw) -> list[Effect]:
-    """Adhesion against none; where its range is declared, also that range against JKR, which has none."""
+    """Effect of adhesion, and for a stated range of attraction, of that range relative to JKR's zero range."""
     name, adhesion = "adhesion", scene.adhesion
     if adhesion is None:
         note = "none is declared: a work of adhesion would put it in"
@@ -362,7 +365,7 @@ def _adhesion_effects(scene: Simulated, level: Simulated, law: ContactLaw) -> li
 
 
 def range_asked(scene: Simulated, solver: Solver) -> list[Effect]:
-    """What range of attraction a model that has none stands for: whether it may be used is for the user to see."""
+    """A row on the range of attraction that an adhesion model without one implies, for the user to check."""
     adhesion = scene.adhesion
     note = "" if adhesion is None else adhesion.about_range(scene.contact, solver)
     return [Effect("range of attraction", None, None, simulated=False, note=note)] if note else []
@@ -376,9 +379,9 @@ def _history_effect(*, remembers: bool) -> Effect:
 
 
 def _relaxation_effects(given: Simulated, level: Simulated) -> list[Effect]:
-    """What the layer's relaxation does along a ramp, and what it would do if shear alone relaxed.
+    """Effect of the layer's relaxation along a ramp, and of relaxation in shear only.
 
-    `level` is the scene without memory and baseline.
+    `given` is the scene, `level` the scene without memory and baseline.
     """
     relaxation = given.layer.relaxation
     if relaxation is None:
@@ -397,9 +400,10 @@ def _relaxation_effects(given: Simulated, level: Simulated) -> list[Effect]:
 
 
 def _drainage_effects(given: Simulated, level: Simulated, law: ContactLaw) -> list[Effect]:
-    """What water that has not drained adds along a ramp; a row where the layer has any.
+    """Effect of undrained pore water along a ramp; none where the layer has no pore water.
 
-    `level` is the scene without memory and baseline, `law` its own, as deep as is asked.
+    `given` is the scene, `level` the scene without memory and baseline, `law` its contact law, whose range sets the
+    depth.
     """
     material = given.layer.material
     if not isinstance(material, Drains):
@@ -412,7 +416,10 @@ def _drainage_effects(given: Simulated, level: Simulated, law: ContactLaw) -> li
 
 
 def _shear_alone(level: Simulated, kept: float) -> list[Effect]:
-    """The end of a relaxation in which the bulk modulus stays: what a constant Poisson's ratio leaves out."""
+    """Effect at equilibrium if the bulk modulus stayed constant, which a constant Poisson's ratio leaves out.
+
+    `kept` is the equilibrium share of the modulus.
+    """
     material = level.layer.material
     sheared = material.relaxed_in_shear(kept) if kept else None
     if sheared is None or sheared.nu == material.nu:

@@ -1,6 +1,6 @@
-"""The ledger of effects: how large each one is, whether it is simulated, what it costs.
+"""Table of physical effects in a scene: how large each is, whether it is simulated, and its computing time.
 
-Size and cost are those of the force with the effect over the force without it (`effect_rules`).
+Size and cost compare the force with the effect to the force without it (`effect_rules`).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _ROUNDING = 1e3 * np.finfo(float).eps
 def effects_table(
     scene: Simulated, max_depth: float, solver: AnySolver = "auto", further: Iterable[EffectRule] = ()
 ) -> pd.DataFrame:
-    """List every effect of `scene` at tip depth `max_depth` (m).
+    """List every effect of `scene` at tip depth `max_depth` (m), with its size and cost.
 
     Parameters
     ----------
@@ -51,12 +51,11 @@ def effects_table(
     Returns
     -------
     pandas.DataFrame
-        One row per effect: ``effect``; ``size_percent``, the change of the force at the deepest point when
-        the effect is put in, in per cent of the force without it (NaN where the scene says nothing of it);
-        ``simulated`` (bool), whether its code runs for this scene; ``cost_percent``, the time it adds to a
-        curve of 200 depths from cold, in per cent of the curve without it; ``note``. Size and cost are NaN
-        too where the scene to compare with cannot go as deep. The law that is taken and its reason stand in
-        ``.attrs["law"]``.
+        One row per effect: ``effect``; ``size_percent``, the change of the force at the deepest point by the
+        effect, in per cent of the force without it (NaN where the scene does not determine it); ``simulated``
+        (bool), whether its code runs for this scene; ``cost_percent``, the time it adds to a curve of 200 depths
+        from cold, in per cent of the curve without it; ``note``. Size and cost are NaN too where the scene without
+        the effect has no law to that depth. The law that is used and its reason are in ``.attrs["law"]``.
 
     Raises
     ------
@@ -75,7 +74,7 @@ def effects_table(
 
 
 def effects_in(scene: Simulated, law: ContactLaw, solver: Solver) -> list[Effect]:
-    """List every effect there is for a scene, and what range of attraction a solver stands for.
+    """All effects of a scene, and a row on the range of attraction that a solver implies.
 
     Parameters
     ----------
@@ -90,7 +89,7 @@ def effects_in(scene: Simulated, law: ContactLaw, solver: Solver) -> list[Effect
 
 
 def effect_sizes(scene: Simulated, depth: FloatArray, solver: AnySolver = "auto") -> pd.DataFrame:
-    """Size of every effect the scene gives numbers for, against depth.
+    """Size of every effect against depth, for the effects that can be computed over the whole range.
 
     Parameters
     ----------
@@ -104,7 +103,7 @@ def effect_sizes(scene: Simulated, depth: FloatArray, solver: AnySolver = "auto"
     Returns
     -------
     pandas.DataFrame
-        ``depth`` (m) and one column per effect: the relative change of the force when it is put in.
+        ``depth`` (m) and one column per effect: the relative change of the force by it.
     """
     wanted = as_solver(solver)
     law = scene.contact_law(float(depth[-1]), solver=wanted)
@@ -134,7 +133,7 @@ def _row(effect: Effect, deepest: float, solver: Solver) -> dict[str, object]:
 
 
 def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
-    """Relative change of the force at tip depths `depth` when the effect is put in; NaN where unknown."""
+    """Relative change of the force by an effect at tip depths (m), (n,); NaN where unknown."""
     if effect.excess is not None:
         return effect.excess(depth)
     if effect.with_it is None or effect.without is None:
@@ -152,7 +151,7 @@ def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
 
 
 def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:
-    """Time of the scene with the effect over that without, less one, in per cent."""
+    """Computing time that an effect adds to a curve, in per cent of the time without it."""
     if effect.with_it is None or effect.without is None:
         return 0.0
     depth, clock = _ramp(effect, deepest)
@@ -170,7 +169,7 @@ def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:
 
 
 def _ramp(effect: Effect, deepest: float) -> tuple[FloatArray, FloatArray | None]:
-    """Readings (m) from contact to `deepest` (m), and their times (s) where the effect acts in time."""
+    """Depth readings (m) from contact to `deepest` (m), and their times (s) for an effect that depends on time."""
     first = 0.0 if effect.with_it is None else effect.with_it.instrument.contact_depth
     depth = np.linspace(0.0, deepest, _COST_POINTS) + first
     clock = None if effect.duration is None else np.linspace(0.0, effect.duration, _COST_POINTS)

@@ -1,4 +1,4 @@
-"""The part of a curve over which a law is fitted, said as people say it: ``"10 % of force"``, ``"0.5 radius"``."""
+"""The range of a curve that is fitted, in the form that people write: ``"10 % of force"``, ``"0.5 radius"``."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class Mark:
 
     @classmethod
     def parse(cls, given: object) -> Mark:
-        """Read an end of a range.
+        """Read an end of a fit range from text such as "10 % of force"; a `Mark` is returned as it is.
 
         Raises
         ------
         InputError
-            If it is none.
+            If it is no end of a range.
         """
         if isinstance(given, Mark):
             return given
@@ -78,7 +78,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class FitRange:
-    """The range over which a curve is fitted; an end that is None is that of the curve.
+    """The range over which a curve is fitted; None for an end means the end of the curve.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class FitRange:
 
     @classmethod
     def of(cls, low: object = None, high: object = None) -> FitRange:
-        """Make a range of what people write; see `Mark.parse`."""
+        """Make a range from two ends as people write them; see `Mark.parse`."""
         return cls(*(None if end is None else Mark.parse(end) for end in (low, high)))
 
     def __bool__(self) -> bool:

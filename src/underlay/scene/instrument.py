@@ -1,14 +1,14 @@
-"""The instrument between the contact and the numbers in the file: its numbers, a lever, and the links in order.
+"""The instrument between the contact and the numbers in the file: its parameters, and how they act in turn.
 
-The links stand between what an instrument reads and what the sample feels::
+The links stand between the readings of an instrument and the contact::
 
     depth reading d -> [contact point: d - d0] -> [frame: w + C P(w) = d - d0] -> depth w
     force P(w)      -> [baseline: + F0] -> [its slope: + s d] -> force reading F
 
-with d0 the contact depth, C the compliance, F0 the baseline and s its slope. Each link says its step and its
-derivative once, for one set of numbers or for many: a number is a float, or an array (sets, 1) beside readings
-(n,). A link that a scene does not call for is absent and runs no code. With the stiffness S = dP/dw, whatever
-changes w at fixed d - d0 is divided by 1 + C S, and
+with d0 the contact depth, C the compliance, F0 the baseline and s its slope. Each link states its step and its
+derivative once, for one set of numbers or for many: a number is a float, or an array (sets, 1) with readings (n,).
+A link that a scene does not need is absent and runs no code. With the stiffness S = dP/dw, a change of w at fixed d
+- d0 is divided by 1 + C S, and
 
     dF/dd0 = -S / (1 + C S),   dF/dC = -P S / (1 + C S),   dF/dF0 = 1,   dF/ds = d.
 
@@ -63,7 +63,7 @@ _POSITIVE = (0.0, np.inf)
 
 @dataclass(frozen=True)
 class ContactDepth:
-    """The reading `depth` (m) at first contact."""
+    """First link of the depth: `depth` is the depth reading (m) at first contact."""
 
     path: ClassVar[str] = "instrument.contact_depth"
 
@@ -76,18 +76,18 @@ class ContactDepth:
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame or cantilever of this `compliance` (m/N), which takes its share of the travel."""
+    """Second link of the depth: a frame or cantilever with a `compliance` (m/N) in series with the contact."""
 
     path: ClassVar[str] = "instrument.compliance"
 
     compliance: float
 
     def tip_depth(self, response: Response, travel: FloatArray) -> FloatArray:
-        """Solve w + C P(w) = s for w (m), s the travel since contact (m).
+        """Solve w + C P(w) = s for the tip depth w (m), s the travel since contact (m), C the compliance.
 
-        There is contact from s_0 = w_0 + C P_0 on, w_0 and P_0 those with which it begins or is lost: zero, or the
-        pull-off. P is convex in w for every law without jumps and P_0 its least, so Newton's method from
-        w = s - C P_0 descends monotonically to the root. A law that jumps says itself where it goes.
+        Contact exists from s_0 = w_0 + C P_0 on, w_0 and P_0 being the depth and force at which it begins or is
+        lost: zero, or the pull-off. P is convex in w for every law without jumps and P_0 its minimum, so Newton's
+        method from w = s - C P_0 descends monotonically to the root. A law that jumps has its own solution.
         """
         own = response.tip_depth(travel, self.compliance)
         if own is not None:
@@ -110,7 +110,7 @@ class Frame:
         return w
 
     def require_standing(self, stiffness: FloatArray) -> None:
-        """Refuse a compliance so negative that the readings do not say where the tip is.
+        """Raise RangeError for a compliance so negative that the depth of the tip is not unique.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class Frame:
             )
 
     def share(self, stiffness: FloatArray) -> FloatArray:
-        """The sample's share of a small travel, 1 / (1 + C S), at stiffness S (N/m)."""
+        """The tip's share of a small change of the travel, 1 / (1 + C S), at stiffness S (N/m)."""
         return np.asarray(1.0 / (1.0 + self.compliance * stiffness))
 
     def slope(self, force: FloatArray, stiffness: FloatArray) -> FloatArray:
@@ -133,67 +133,67 @@ class Frame:
 
 
 class ForceLink(ABC):
-    """A step from the contact's force to the reading, linear in its number."""
+    """A step from the contact force to the force reading, linear in its one number."""
 
     path: ClassVar[str]
 
     @abstractmethod
     def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
-        """Force after the step (N) of a force before it (N), at depth readings (m)."""
+        """Force after this step (N) from the force before it (N), at depth readings (m)."""
 
     @classmethod
     @abstractmethod
     def slope(cls, depth: FloatArray) -> FloatArray:
-        """d force / d number at depth readings (m), (n,); the same whatever the number."""
+        """d force / d number of the link at depth readings (m), (n,); it does not depend on the number."""
 
 
 @dataclass(frozen=True)
 class Baseline(ForceLink):
-    """A reading of `force` (N) without contact, at zero of the depth axis."""
+    """Offset of the force reading: `force` (N) is the reading without contact at zero of the depth axis."""
 
     path: ClassVar[str] = "instrument.baseline"
 
     force: PerSet
 
     def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
-        """F + F0."""
+        """Force reading F + F0: the force before this step plus the baseline (N)."""
         del depth
         return force + self.force
 
     @classmethod
     def slope(cls, depth: FloatArray) -> FloatArray:
-        """One."""
+        """d force / d baseline: ones, (n,)."""
         return np.ones(depth.shape)
 
 
 @dataclass(frozen=True)
 class BaselineSlope(ForceLink):
-    """A baseline that changes by `stiffness` (N/m) along the depth axis."""
+    """Baseline that changes linearly with the depth reading, by `stiffness` (N/m)."""
 
     path: ClassVar[str] = "instrument.baseline_slope"
 
     stiffness: PerSet
 
     def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
-        """F + s d."""
+        """Force reading F + s d: the force before this step plus slope times depth reading (N)."""
         return force + self.stiffness * depth
 
     @classmethod
     def slope(cls, depth: FloatArray) -> FloatArray:
-        """The readings."""
+        """d force / d slope: the depth readings (m), (n,)."""
         return depth
 
 
 @dataclass(frozen=True)
 class Chain:
-    """The links between contact and reading that a scene calls for.
+    """The links between contact and readings that a scene needs.
 
     Parameters
     ----------
     contact : ContactDepth or None
         First link of the depth.
     frame : Frame or None
-        Second link of the depth; of one set of numbers only.
+        Second link of the depth; for one set of numbers only.
     offsets : tuple of ForceLink
         Links of the force, in order.
     """
@@ -220,7 +220,7 @@ class Chain:
         )
 
     def with_compliance(self, compliance: float) -> Chain:
-        """Return the chain with another frame's compliance (m/N), of either sign; none where it is zero."""
+        """Return the chain with another frame's compliance (m/N), of either sign; without a frame if it is zero."""
         return replace(self, frame=Frame(compliance) if compliance else None)
 
     def travel(self, depth: FloatArray) -> FloatArray:
@@ -233,13 +233,16 @@ class Chain:
         return travel if self.frame is None else self.frame.tip_depth(response, travel)
 
     def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
-        """Force reading (N) of contact forces (N) at depth readings (m)."""
+        """Force reading (N) from contact forces (N) at depth readings (m)."""
         for link in self.offsets:
             force = link.reading(force, depth)
         return force
 
     def at_fixed_travel(self, slope: FloatArray, stiffness: FloatArray) -> FloatArray:
-        """Derivative of the force where the travel is given, from that where the tip's depth is: shared."""
+        """Derivative of the force at fixed travel, from that at fixed tip depth: times 1 / (1 + C S).
+
+        C is the frame's compliance and S the contact's stiffness (N/m).
+        """
         return slope if self.frame is None else slope * self.frame.share(stiffness)
 
     def offset_slopes(self, depth: FloatArray) -> dict[str, FloatArray]:
@@ -283,36 +286,36 @@ class Instrument(Part):
 
     @cached_property
     def chain(self) -> Chain:
-        """The links of what is not zero here."""
+        """The links for the numbers that are not zero."""
         return Chain.of({f"instrument.{name}": getattr(self, name) for name in field_quantities(self)})
 
 
 @dataclass(frozen=True)
 class Lever(Part):
-    """A cantilever and how far its true calibration is from the one that made the curve.
+    """A cantilever and how far its true calibration is from the one used to compute the curve.
 
-    Its bending was taken off the depth. A detector's volts V are the bending delta = s V by the sensitivity s,
-    and the force F = k s V by the spring constant k; the depth reading is the scanner's travel less the
-    bending. With the true values k' = kappa k and s' = sigma s,
+    Its bending was subtracted from the depth. A detector's voltage V gives the bending delta = s V by the
+    sensitivity s, and the force F = k s V by the spring constant k; the depth reading is the scanner's travel less
+    the bending. With the true values k' = kappa k and s' = sigma s,
 
         force reading = P(w) / (kappa sigma),        w = depth reading - d0 - (sigma - 1) F / k,
 
-    F being the force reading itself: the model's, of which noise is no part. The spring constant alone scales the
-    force and leaves the depth; the sensitivity acts on both, in the same direction: for a sphere d ln E / d ln s is
-    about 1 + 3/2 of bending over depth.
+    P being the contact force, w the tip depth, d0 the contact depth, and F the force reading itself, as modelled
+    without noise. The spring constant alone scales the force and not the depth; the sensitivity acts on both, in
+    the same direction: for a sphere d ln E / d ln s is about 1 + 3/2 of bending over depth.
 
     The thermal method finds k from the same sensitivity, k ~ s^-2 (Hutter & Bechhoefer 1993,
-    doi:10.1063/1.1143970): kappa is then sigma**-2 times what else is not known of it, and taking the two for
+    doi:10.1063/1.1143970): kappa is then sigma**-2 times its remaining uncertainty, and to take the two as
     independent is cautious.
 
     Parameters
     ----------
     spring_constant : float
-        The one that made the curve (N/m): of the file, or given in its place.
+        Spring constant used to compute the curve (N/m): that of the file, or given in its place.
     spring_constant_ratio : float
-        True over that.
+        True spring constant over that.
     sensitivity_ratio : float
-        True sensitivity of the detector over the one that made the curve.
+        True sensitivity of the detector over the one used to compute the curve.
 
     Raises
     ------
@@ -357,14 +360,14 @@ class Lever(Part):
 
     @property
     def gain(self) -> float:
-        """Force reading over contact force, 1 / (kappa sigma)."""
+        """Force reading over contact force, 1 / (kappa sigma), kappa and sigma being the two ratios."""
         return 1.0 / (self.spring_constant_ratio * self.sensitivity_ratio)
 
     @property
     def compliance(self) -> float:
-        """Bending beyond what was taken off, over the force reading: (sigma - 1) / k (m/N), of either sign."""
+        """Bending that was not subtracted, over the force reading: (sigma - 1) / k (m/N), of either sign."""
         return (self.sensitivity_ratio - 1.0) / self.spring_constant
 
     def bending(self, force: FloatArray) -> FloatArray:
-        """Bending (m) that was taken off at force readings (N)."""
+        """Bending (m) that was subtracted from the depth at force readings (N)."""
         return np.asarray(force / self.spring_constant)

@@ -1,16 +1,15 @@
-"""Noise of a force reading: one model, shared by the generator of curves and by the likelihood.
+"""Noise of a force reading: one model, used by the generator of curves and by the likelihood.
 
-The reading at point k is F_k + sigma_k z_k, the z_k of unit variance with correlations R of their own: the
-covariance is V = D R D, D the standard deviations. A `NoiseModel` says sigma, how z is whitened, half the
+The reading at point k is F_k + sigma_k z_k, the z_k of unit variance with correlation matrix R: the covariance is V
+= D R D, D the diagonal of the standard deviations. A `NoiseModel` defines sigma, how z is whitened, half the
 logarithm of det V, and how it is drawn; the log-likelihood of residuals r is
 
     ``log_normalisation - sum(whiten(r / sigma)^2) / 2``.
 
-`Noise` is the usual model: white, in proportion to the force, of the depth, correlated in time. `LowRankNoise`
-adds errors that all readings of a curve share. To add a noise model: a frozen dataclass that derives from
-`NoiseModel`, its numbers declared in its fields. Only `sigma` must be written where the points are independent.
-The numbers may be floats, or arrays (sets, 1) beside points (sets, n): formulas in numpy's broadcasting serve
-both.
+`Noise` is the usual model: white, proportional to the force, of the depth, correlated in time. `LowRankNoise` adds
+errors that all readings of a curve share. To add a noise model, derive a frozen dataclass from `NoiseModel` with
+its numbers as fields. Only `sigma` must be written where the points are independent. The numbers may be floats, or
+arrays (sets, 1) with points (sets, n): formulas in numpy's broadcasting serve both.
 
 Noise that is correlated over a time tau is a stationary Gaussian process with correlation exp(-|t - t'| / tau).
 Sampled, it is AR(1) with rho_k = exp(-(t_k - t_{k-1}) / tau), on regular and irregular times alike. Its whitening
@@ -41,7 +40,7 @@ __all__ = ["LowRankNoise", "Noise", "NoiseModel", "ar1_coefficients", "ar1_sampl
 
 
 class NoiseModel(Part, ABC):
-    """What disturbs a force reading; its numbers stand under ``noise.``, and any of them may be free."""
+    """Model of the noise of a force reading; its numbers have paths ``noise.*``, and any of them may be free."""
 
     parts: ClassVar[tuple[str, ...]] = ("noise",)
     chosen_by: ClassVar[str] = "model"
@@ -75,7 +74,7 @@ class NoiseModel(Part, ABC):
         return standardised
 
     def log_deviations(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
-        """Logarithm of the standard deviation (N) of each point given those before it, (..., n)."""
+        """Logarithm of each point's standard deviation (N) conditional on the points before it, (..., n)."""
         del time
         return np.asarray(np.log(sigma))
 
@@ -113,7 +112,7 @@ class NoiseModel(Part, ABC):
 
     @property
     def follows_force(self) -> bool:
-        """Whether `sigma` depends on the model's force, so that a fit renews it."""
+        """Whether `sigma` depends on the model's force, so that a fit must update it."""
         return True
 
     @property
@@ -137,7 +136,7 @@ class NoiseModel(Part, ABC):
         return self
 
     def of_force(self) -> NoiseModel | None:
-        """What a generator draws on the force reading; None where nothing acts there."""
+        """The part of the noise that a generator adds to the force reading; None where there is none."""
         return self
 
     @property
@@ -146,7 +145,10 @@ class NoiseModel(Part, ABC):
         return 0.0
 
     def check(self, free: Collection[str], points: int, time: FloatArray | None) -> None:
-        """Refuse, by InputError, what no curve of so many points at `time` can have; `free` are its numbers."""
+        """Raise InputError where a curve of `points` points at `time` (s) cannot have this noise.
+
+        `free` are the names of its free numbers.
+        """
         del free
         self.whiten(np.zeros(points), time)
 
@@ -158,7 +160,7 @@ class NoiseModel(Part, ABC):
     def at(self, numbers: Mapping[str, PerSet]) -> Self:
         """Return the model with some numbers replaced, each a float or an array (sets, 1).
 
-        Numbers of many sets are not checked: where a set has impossible ones its likelihood says so.
+        Numbers of many sets are not checked: a set with impossible ones has a zero likelihood.
         """
         if not numbers:
             return self
@@ -243,33 +245,32 @@ def ar1_coefficients(time: FloatArray | None, correlation_time: PerSet) -> tuple
 
 @dataclass(frozen=True)
 class Noise(NoiseModel):
-    """What disturbs a force reading; every part is off unless named.
+    """Noise of a force reading; every part is zero unless given.
 
-    The standard deviations of white noise, of noise in proportion to the force and of an uncertain depth add in
-    squares,
+    The variances of white noise, of noise proportional to the force and of an uncertain depth add,
 
         sigma^2 = force^2 + (relative * P)^2 + (depth * dP/dw)^2,
 
-    with P the contact force; the last term is the effective variance of an uncertain depth, first order in the
-    depth error (Orear 1982, doi:10.1119/1.12972). The readings are independent, or correlated over a time
-    constant (`ar1_whiten`).
+    with P the contact force and w the depth; the last term is the effective variance of an uncertain depth, first
+    order in the depth error (Orear 1982, doi:10.1119/1.12972). The readings are independent, or correlated over a
+    time constant (`ar1_whiten`).
 
     Parameters
     ----------
     force : float, optional
-        Standard deviation of the white force noise (N). None means unknown: an inference estimates it, a
-        generator leaves it out.
+        Standard deviation of the white force noise (N). None means unknown: an inference estimates it, a generator
+        leaves it out.
     relative : float, default 0
         Standard deviation proportional to the contact force (dimensionless).
     correlation_time : float, default 0
         Time constant tau (s) over which the noise stays correlated; zero means independent points.
     depth : float, default 0
-        Standard deviation of the depth reading (m), seen in the force through the stiffness.
+        Standard deviation of the depth reading (m), which acts on the force through the stiffness.
 
     Raises
     ------
     InputError
-        If a number is negative or not finite, or all that could disturb the reading is zero.
+        If a number is negative or not finite, or all parts are zero.
 
     Examples
     --------
@@ -343,7 +344,10 @@ class Noise(NoiseModel):
         return ar1_whiten(standardised, time, self.correlation_time)
 
     def log_deviations(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
-        """log sigma_k, and log(1 - rho_k^2) / 2 more for every point but the first, (..., n)."""
+        """log sigma_k, plus log(1 - rho_k^2) / 2 for every point but the first, (..., n).
+
+        rho_k is the correlation with the point before.
+        """
         own = np.log(sigma)
         if not _is_off(self.correlation_time):
             _, spread = ar1_coefficients(time, self.correlation_time)
@@ -389,7 +393,7 @@ class Noise(NoiseModel):
         Raises
         ------
         InputError
-            If the size is zero: scatter that is not there cannot be told from the curve.
+            If the size is zero: without scatter the noise cannot be estimated.
         """
         if self.force is None and not size:
             raise InputError(
@@ -399,7 +403,7 @@ class Noise(NoiseModel):
         return replace(self, force=size) if self.force is None else self
 
     def of_force(self) -> Noise | None:
-        """White and proportional parts: the depth noise acts on the depth itself."""
+        """The white and proportional parts, for the force reading; the depth noise acts on the depth itself."""
         if self.force is None and not self.follows_force:
             raise InputError(
                 "noise.force is unknown (None), which a generator cannot draw: give it a value (N), or pass no "
@@ -435,7 +439,7 @@ class Noise(NoiseModel):
 
 
 def _is_off(part: PerSet) -> bool:
-    """Whether a part of the noise is zero in every set; a fit asks this of single numbers at every step."""
+    """Whether a part of the noise is zero in every set; fast for single numbers, which a fit checks often."""
     return part == 0.0 if isinstance(part, float) else not np.any(part)
 
 
@@ -443,14 +447,15 @@ def _is_off(part: PerSet) -> bool:
 class LowRankNoise(Noise):
     """`Noise` and errors that the readings of one curve share: known shapes, unknown sizes.
 
-    The reading at point k is F_k + sigma_k (z_k + sum_j C_kj u_j), z as `Noise` has it and u_j ~ N(0, 1): the
-    variance is D (R + C C') D. An error that is smooth along a curve does not average away with the number of
-    points. Whitened is z's own whitening, then each point less what those before it say of u,
+    The reading at point k is F_k + sigma_k (z_k + sum_j C_kj u_j), with z as in `Noise` and u_j ~ N(0, 1): the
+    covariance is D (R + C C') D, D the diagonal of sigma and R the correlation of z. An error that is smooth along
+    a curve does not average out with the number of points. Whitening is that of z, followed by recursive least
+    squares in O(n m^2): each point less its prediction from the points before it,
 
         e_k = (y_k - a_k' M_k^-1 b_k) / s_k,   M_k = 1 + sum_{i<k} a_i a_i',   b_k = sum_{i<k} a_i y_i,
         s_k^2 = 1 + a_k' M_k^-1 a_k,
 
-    y and the rows a of the whitened readings and columns: recursive least squares, O(n m^2).
+    with y the whitened readings and a_k the rows of the whitened columns.
 
     Parameters
     ----------
@@ -470,7 +475,7 @@ class LowRankNoise(Noise):
 
     Examples
     --------
-    An offset of 2 uN that nobody knows better, beside white noise of 1 uN:
+    An unknown offset of standard deviation 2 uN, with white noise of 1 uN:
 
     >>> noise = LowRankNoise(force=1e-6, columns=np.full((3, 1), 2.0))
     >>> round(float(np.exp(noise.log_determinant(noise.sigma(np.zeros(3)))) / 1e-18), 10)
@@ -509,13 +514,13 @@ class LowRankNoise(Noise):
         return np.asarray((own - np.einsum("...nm,nm->...n", so_far, gain)) / spread)
 
     def log_deviations(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
-        """Logarithm of the standard deviation (N) of each point given those before it, (..., n)."""
+        """Logarithm of each point's standard deviation (N) conditional on the points before it, (..., n)."""
         return np.asarray(super().log_deviations(sigma, time) + np.log(self._steps(time)[2]))
 
     def sample(
         self, rng: np.random.Generator, sigma: FloatArray, time: FloatArray | None = None
     ) -> FloatArray:
-        """Draw noise and shared errors (N) of standard deviation `sigma` (N) of the noise, same shape (..., n)."""
+        """Draw noise and shared errors (N), (..., n), for noise of standard deviation `sigma` (N), same shape."""
         self._require(sigma.shape[-1])
         columns = np.hstack((self.columns, self.common))
         sizes = rng.standard_normal((*sigma.shape[:-1], columns.shape[1]))
@@ -523,7 +528,7 @@ class LowRankNoise(Noise):
 
     @property
     def correlation(self) -> tuple[PerSet, ...]:
-        """The correlation time, and the size of every column."""
+        """Numbers that `whiten` depends on: the correlation time, and the norm of every column."""
         columns = np.hstack((self.columns, self.common))
         return (*super().correlation, *np.linalg.norm(columns, axis=0).tolist())
 
@@ -539,7 +544,7 @@ class LowRankNoise(Noise):
         super().check(free, points, time)
 
     def of_readings(self, kept: NDArray[np.bool_]) -> Self:
-        """Return the model for some of the readings, (n,)."""
+        """Return the model for the readings that a mask (n,) keeps."""
         return replace(self, columns=self.columns[kept], common=self.common[kept])
 
     def _require(self, points: int) -> None:
@@ -548,7 +553,7 @@ class LowRankNoise(Noise):
             raise InputError(f"these shared errors are of a curve with {of} readings; got {points}")
 
     def _steps(self, time: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rows a, gains M^-1 a, (n, m) each, and s (n,)."""
+        """Rows a of the whitened columns, gains M^-1 a, (n, m) each, and s (n,); symbols as in the class."""
         rows = super().whiten(self.columns.T, time).T
         before = np.cumsum(rows[:, :, None] * rows[:, None, :], axis=0)
         before = np.concatenate((np.zeros_like(before[:1]), before[:-1])) + np.eye(rows.shape[1])

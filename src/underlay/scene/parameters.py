@@ -1,8 +1,8 @@
-"""Parameter paths, one name for every number of a scene, and the key that a mistaken name was meant to be.
+"""Parameter paths, which name every number of a scene, and suggestions for misspelt names.
 
 ``layer.E``, ``substrate.nu``, ``indenter.radius``, ``layer.relaxation.times[0]``: the first word is a part of the
-scene, the rest leads to a field of it. Fits, scene files, manifests and tables all use these; what is behind each
-of them is declared once (`underlay.quantities`).
+scene, the rest leads to a field of it. Fits, scene files, manifests and tables all use these; each number is
+declared once (`underlay.quantities`).
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ _CHANGES = {
 
 
 def fields_meant(name: str, allowed: Iterable[str]) -> tuple[str, ...]:
-    """Fields of `allowed` that `name` may have been meant to be, best first; empty if it resembles none."""
+    """Names in `allowed` that a mistaken `name` may stand for, best first; empty if it resembles none."""
     fields = tuple(allowed)
     word = _plain(name)
     same = tuple(field for field in fields if _plain(field) == word)
@@ -92,7 +92,7 @@ def fields_meant(name: str, allowed: Iterable[str]) -> tuple[str, ...]:
 
 
 def hint(name: str, allowed: Iterable[str]) -> str:
-    """Return the clause of an error message that says what `name` should be, or nothing.
+    """Return the clause of an error message that suggests the right name for `name`, or the empty string.
 
     Examples
     --------
@@ -128,7 +128,7 @@ DECLARING: tuple[type[Part], ...] = (
 
 
 def unknown_parameter(path: str, known: Iterable[str]) -> ParameterError:
-    """Build the error for a path that does not exist: names the nearest valid one."""
+    """Build the error for a path that a scene does not have, with the nearest valid one."""
     names = sorted(known)
     part, _, field = path.rpartition(".")
     own = {name.rpartition(".")[2]: name for name in names if name.rpartition(".")[0] == part}

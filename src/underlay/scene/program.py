@@ -1,4 +1,4 @@
-"""The motion of a test's tip: ramps at a rate, holds, triangles and steps, and the depth where none is given."""
+"""Motion of a test's tip: ramps at a rate, holds, triangles and steps, and a default depth."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _WIDE, _SHALLOW, _CONE_DEPTH = 0.5, 0.1, 1e-6
 
 
 def default_depth(scene: Scene) -> float:
-    """Return a depth since contact (m) at which the substrate of a scene is felt and strains are small.
+    """Return a depth since contact (m) at which the substrate affects the force and strains are small.
 
-    The contact is then as wide as the layer is thick, or the tip at half its width, by the half-space's relation of
-    depth and contact radius (Sneddon 1965), but no deeper than a tenth of the thickness; on a half-space it is a
-    tenth of the tip's radius, and 1 um for a tip without any length.
+    The contact diameter then equals the layer's thickness, or the contact radius half the tip's largest radius, by
+    the half-space's relation of depth and contact radius (Sneddon 1965), but the depth is at most a tenth of the
+    thickness; on a half-space it is a tenth of the tip's radius, and 1 um for a tip without any length.
 
     Examples
     --------
@@ -48,9 +48,9 @@ def default_depth(scene: Scene) -> float:
 
 @dataclass(frozen=True)
 class Program:
-    """A motion of straight pieces: depth readings at its corners, and when they are reached.
+    """A piecewise linear motion: depth readings at its corners, and the times at which they are reached.
 
-    Begin with ``Program()`` or ``Program.at(depth)``, add `ramp` and `hold`, and ask for `sampled`.
+    Begin with ``Program()`` or ``Program.at(depth)``, add `ramp` and `hold`, and call `sampled`.
 
     Parameters
     ----------
@@ -74,24 +74,24 @@ class Program:
 
     @classmethod
     def at(cls, depth: float) -> Self:
-        """Begin at a depth reading (m)."""
+        """A program that begins at a depth reading (m)."""
         return cls((finite(depth, "depth", "m"),))
 
     @classmethod
     def triangle(cls, depth: float, rate: float, *, start: float = 0.0, hold: float = 0.0) -> Self:
-        """From `start` to `depth` (m) at a rate (m/s), rest for `hold` (s), and back."""
+        """A ramp from `start` to `depth` (m) at a rate (m/s), a hold (s), and a ramp back."""
         return cls.at(start).ramp(depth, rate).hold(hold).ramp(start, rate)
 
     @classmethod
     def steps(cls, depths: Sequence[float], rate: float, hold: float, *, start: float = 0.0) -> Self:
-        """To each of `depths` (m) at a rate (m/s), resting there for `hold` (s)."""
+        """Ramps to each of `depths` (m) in turn at a rate (m/s), each followed by a hold (s)."""
         program = cls.at(start)
         for depth in depths:
             program = program.ramp(depth, rate).hold(hold)
         return program
 
     def ramp(self, to: float, rate: float) -> Self:
-        """Go on to a depth reading (m) at a rate (m/s), in or out."""
+        """Return the program with a further ramp to a depth reading (m), deeper or shallower, at a rate (m/s)."""
         there = finite(to, "to", "m")
         travel = abs(there - self.depths[-1])
         if not travel:
@@ -99,7 +99,7 @@ class Program:
         return self._then(there, travel / positive(rate, "rate", "m/s"))
 
     def hold(self, duration: float) -> Self:
-        """Rest for a time (s); of zero is none."""
+        """Return the program with a further hold for a time (s); the program itself for zero."""
         seconds = finite(duration, "hold", "s")
         if seconds < 0.0:
             raise InputError(f"a hold lasts zero seconds or longer; got {duration!r}")
@@ -143,7 +143,7 @@ class Program:
 
 @dataclass(frozen=True)
 class SimulatedDepths:
-    """Depth readings of a made curve, as a scene file says them.
+    """Depth readings of a simulated curve, as the [simulate] section of a scene file states them.
 
     Parameters
     ----------
@@ -154,20 +154,20 @@ class SimulatedDepths:
     points : int
         Number of readings.
     duration : float
-        From first to last (s); a `rate` goes before it.
+        Time from the first to the last reading (s); not used where a `rate` is given.
     program : {"ramp", "triangle", "steps"}
-        In; in and out; or in by equal steps.
+        Loading; loading and unloading; or loading in equal steps.
     rate : float, optional
-        Of every ramp (m/s).
+        Speed of every ramp (m/s).
     hold : float
-        Rest at the end of every way in (s).
+        Duration of a hold after every loading ramp (s).
     steps : int
-        How many, for "steps".
+        Number of steps, for "steps".
 
     Raises
     ------
     InputError
-        If the readings do not go in, or the holds leave no time to move.
+        If `start` is not below `max_depth`, or the holds leave no time to move.
     """
 
     max_depth: float
@@ -206,7 +206,7 @@ class SimulatedDepths:
 
     @property
     def is_timed(self) -> bool:
-        """Whether the file says how fast the tip moves or how long it rests."""
+        """Whether the scene file states how fast the tip moves or how long it is held."""
         return self.rate is not None or bool(self.hold) or self.program != "ramp"
 
     @property
@@ -215,7 +215,7 @@ class SimulatedDepths:
 
     @property
     def motion(self) -> Program:
-        """The program that it names."""
+        """The motion as a `Program`."""
         travel = self.max_depth - self.start
         rate = self.rate or travel * (2.0 if self.program == "triangle" else 1.0) / self._moving
         if self.program == "triangle":
