@@ -17,7 +17,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 class _Underlay(ModuleType):
-    """The package, with `report` the function, although a subpackage has that name too.
+    """The package's module class, in which `report` is the function although a subpackage has that name too.
 
     Loading the subpackage would set it as an attribute of this module, in place of the function.
     """

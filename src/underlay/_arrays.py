@@ -1,4 +1,4 @@
-"""Arrays at the border of the library: what a caller may hand in, checked once."""
+"""Arrays from callers: conversion and checks of numbers, once, where they enter the library."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def as_finite(values: ArrayLike, name: str) -> FloatArray:
     Raises
     ------
     InputError
-        If they are no numbers, or one is NaN or infinite; says which, by its index.
+        If they are no numbers, or one is NaN or infinite; the message gives its index.
     """
     try:
         array = np.asarray(values, dtype=np.float64)
@@ -44,7 +44,7 @@ def as_finite(values: ArrayLike, name: str) -> FloatArray:
 
 
 def positive(value: float, name: str, unit: str) -> float:
-    """Return `value` as a float; `name` and `unit` are for the message.
+    """Return `value` as a float if it is positive and finite; `name` and `unit` are for the message.
 
     Raises
     ------
@@ -58,9 +58,9 @@ def positive(value: float, name: str, unit: str) -> float:
 
 
 def physical_length(length: float, name: str) -> float:
-    """Return a length (m) that a file or a user gave; zero and less are judged elsewhere.
+    """Return a length (m) from a file or a user, unless it is positive and too small to be physical.
 
-    For the border alone: inside, lengths may be in any unit.
+    For input only: inside, lengths may be in any unit. Zero and negative lengths are checked elsewhere.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def _number(value: float, name: str) -> float:
 
 
 def finite(value: float, name: str, unit: str) -> float:
-    """Return `value` as a float; `name` and `unit` are for the message.
+    """Return `value` as a float if it is finite; `name` and `unit` are for the message.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def read_only(array: FloatArray) -> FloatArray:
 
 
 def median(values: FloatArray) -> float:
-    """Return the median of finite numbers (n,): numpy's own number, without the overhead of its calls."""
+    """Return the median of finite numbers (n,), the same as numpy's, without the overhead of its calls."""
     half = len(values) // 2
     if len(values) % 2:
         return float(np.partition(values, half)[half])

@@ -1,7 +1,7 @@
-"""Tables as CSV text: rows counted before a parser takes them, and written so that a spreadsheet may open them.
+"""Tables as CSV text: read with a check of the number of cells, and written so that no cell is a formula.
 
-Counted, because one row with a hundred thousand cells takes pandas minutes: it makes an index of the cells
-that have no name. Written so, because a cell that begins like a formula would be run as one.
+The cells are counted because one row with a hundred thousand cells takes pandas minutes: it makes an index of the
+cells that have no name. Cells that begin like a formula are guarded because a spreadsheet would run them.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ __all__ = ["csv_text", "numbered_rows", "unguarded"]
 def numbered_rows(
     text: str, most_columns: int, separator: str = ",", comment: str = ""
 ) -> Iterator[tuple[int, list[str]]]:
-    """Go through the rows of a table: first its line of names, then rows that fit under it.
+    """Yield the rows of a table with their line numbers: first its header, then rows of the same width.
 
     Parameters
     ----------
     text : str
-        A line of names and rows; rows of empty cells do not count.
+        A header and rows; rows of empty cells are skipped.
     most_columns : int
-        Most names.
+        Largest number of columns.
     separator : str
-        What stands between two cells.
+        The separator of cells.
     comment : str
-        What a line begins with that is no row.
+        Beginning of comment lines, which are skipped.
 
     Yields
     ------
     line : int
         Where the row ends in the text, from 1.
     cells : list of str
-        As many as there are names; empty ones stand for those that a short row leaves out.
+        As many as the header has; short rows are filled up with empty ones.
 
     Raises
     ------
     ValueError
-        If there is no line of names, it has too many, a row has more cells than it, or a cell is longer than
-        the csv module takes (131,072 characters).
+        If there is no header, it has too many cells, a row has more cells than it, or a cell is longer than the csv
+        module takes (131,072 characters).
     """
     lines = io.StringIO(text, newline="")
     kept = ("\n" if comment and line.startswith(comment) else line for line in lines)
@@ -71,20 +71,20 @@ def numbered_rows(
 def csv_text(table: pd.DataFrame) -> str:
     """Return `table` as comma-separated text in which no word can act as a formula.
 
-    Numbers are written as they are; words, names of columns among them, as `guarded_cell` says. An index of
-    names is the first column; one of numbers is left out.
+    Numbers are written as they are; words, also in the header, by `guarded_cell`. An index of names is the first
+    column; one of integers is left out.
     """
     guarded = _mapped(table, guarded_cell)
     return str(guarded.to_csv(index=not pd.api.types.is_integer_dtype(table.index)))
 
 
 def unguarded(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table read from the text of `csv_text`, with the words as they were before they were guarded."""
+    """Return a table read from the text of `csv_text`, with its words restored."""
     return _mapped(table, unguarded_cell)
 
 
 def _mapped(table: pd.DataFrame, change: Callable[[str], str]) -> pd.DataFrame:
-    """Return `table` with every word changed: cells, names of columns and names of rows."""
+    """Return `table` with `change` applied to every word: cells, names of columns and names of rows."""
 
     def changed(value: Any) -> Any:
         return change(value) if isinstance(value, str) else value

@@ -169,7 +169,7 @@ def compared_solvers() -> list[Solver]:
 
 
 def _build(trial: _Trial, scene: Scene, deepest: float) -> None:
-    """Build the law of a trial, or note why it has none; neither where it is not for this tip and base."""
+    """Build the law of a trial, or note why it has none; nothing of both where it is for another tip or base."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UnderlayWarning)
         try:

@@ -95,7 +95,7 @@ def ageing_response(
 
 
 def refusal(error: float) -> str:
-    """Why a relaxing layer on an elastic base is refused, with the size of the error that it would have."""
+    """Message that refuses a relaxing layer on an elastic base, with the relative error of the force."""
     return (
         "a layer that relaxes on an elastic base is simulated by the moduli of the moment, which here may be up to "
         f"{100.0 * error:.2g} % too low: ask for a tolerance (rtol) of {error:g} or more to accept that; a base "

@@ -204,7 +204,7 @@ class Chain:
 
     @classmethod
     def of(cls, values: Mapping[str, PerSet], free: Collection[str] = ()) -> Self:
-        """Links of the numbers of a scene by path: those that are not zero, and those that are free."""
+        """Links for the instrument's numbers of a scene, by path, for those that are not zero or are free."""
 
         def called(path: str) -> bool:
             value = values[path]

@@ -153,7 +153,7 @@ class NoiseModel(Part, ABC):
         self.whiten(np.zeros(points), time)
 
     def of_readings(self, kept: NDArray[np.bool_]) -> Self:
-        """Return the model for some of a curve's readings, (n,); itself where it does not know their number."""
+        """Return the model for the readings that a mask (n,) keeps; itself where it has no number per reading."""
         del kept
         return self
 
@@ -419,7 +419,7 @@ class Noise(NoiseModel):
         return self.depth
 
     def check(self, free: Collection[str], points: int, time: FloatArray | None) -> None:
-        """Refuse white noise that is unknown beside other parts, or zero; and times that do not increase."""
+        """Raise InputError for white noise that is zero, or unknown beside other parts, and for unordered times."""
         del points
         if (
             self.force is None
@@ -533,7 +533,7 @@ class LowRankNoise(Noise):
         return (*super().correlation, *np.linalg.norm(columns, axis=0).tolist())
 
     def check(self, free: Collection[str], points: int, time: FloatArray | None) -> None:
-        """Refuse columns for other readings, and numbers of the noise that are not given."""
+        """Raise InputError for columns of another number of readings, and for free or unknown noise numbers."""
         if free:
             raise InputError(
                 f"noise.{min(free)} cannot be fitted beside shared errors, whose sizes are over the noise: state it"

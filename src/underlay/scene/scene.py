@@ -1,7 +1,7 @@
-"""A scene: one indentation test, declared; and the lower faces of its layers.
+"""A scene, the declaration of one indentation test, and the bonds of its layers' lower faces.
 
-An indenter is pressed into a layer, which stands on a substrate, and is read by an instrument. The faces are
-where a layer stands on something, each bonded or not (`faces`, `bond_of`, `with_bond`).
+An indenter is pressed into a layer on a substrate, and an instrument reads depth and force. A face is where a layer
+stands on something; it may be bonded or not (`faces`, `bond_of`, `with_bond`).
 """
 
 from __future__ import annotations
@@ -48,36 +48,36 @@ class Scene:
     Parameters
     ----------
     indenter : Indenter
-        What is pressed in.
+        The tip.
     layer : Layer
-        What it is pressed into.
+        The layer that it indents.
     substrate : Isotropic, TransverselyIsotropic, RIGID or Stack, optional
-        What the layer stands on: a half-space, or further layers on one. A layer of finite thickness needs
-        one, and one on it needs a finite thickness; without a substrate the layer is a half-space and no
-        substrate code runs.
+        What the layer stands on: a half-space, or further layers on one. A layer of finite thickness needs one, and
+        a layer on one needs a finite thickness; without a substrate the layer is a half-space and no substrate code
+        runs.
     instrument : Instrument, optional
-        What reads depth and force; ideal by default.
+        Contact point, baseline and compliance of the instrument; ideal by default.
     history : History, optional
-        What the sample remembers of earlier depths; without one it is elastic and no time is asked for.
+        A time-dependent model of the sample; without one it is elastic and no times are needed.
     adhesion : Adhesion, optional
-        What holds tip and surface together: ``JKR(work)``, ``DMT(work)``; without one nothing does.
+        Adhesion between tip and surface: ``JKR(work)``, ``DMT(work)``; none by default.
     lever : Lever, optional
-        A cantilever whose calibration may be off; without one it is what made the curve.
+        A cantilever whose calibration may be wrong; without one it is taken as right.
     friction : {"unknown", "none", "stuck"}
-        What is known of friction under the tip: points slide freely, or stick where they touch. Unknown friction
-        is computed as none, and a fit says what it could do.
+        What is known of friction under the tip: ``"none"``, points slide freely, or ``"stuck"``, they do not slip
+        where they touch. Unknown friction is computed as none, and a fit states its possible effect.
     finite_strain : bool, optional
-        Whether strains are large enough to count: False says that they are not, True refuses a test in which
-        what they do is not known. By default a fit says what they could do, where that is known.
+        Whether strains are large: False says that they are not, True refuses a test for which their effect is not
+        known. By default a fit states their effect, where that is known.
     discrepancy : Discrepancy, optional
-        What the law leaves out, of these sizes: for a posterior in which they are parameters (`free_model_error`).
+        Sizes of what the law leaves out: for a posterior in which they are parameters (`free_model_error`).
     uncertainties : mapping of str to float, or "none", optional
         How well its inputs are known: half widths of 95 % intervals, by path, ``{"indenter.radius": 2e-5}`` (SI);
         of ``force``, ``depth`` and ``spring_constant`` as shares, ``{"force": 0.02}``. Zero is exact; ``"none"``
-        takes every input for exact. A scene with other parts keeps the rows of the numbers that it still has.
+        takes every input as exact. A scene with other parts keeps the rows of the numbers that it still has.
     drainage : {"solid", "porous", "unknown"}, optional
-        How water leaves a draining layer at the tip, which such a layer needs said: not through it, or freely. An
-        unknown one is computed as solid, and a fit's answers span both.
+        Whether water leaves a poroelastic layer through the tip, which must be stated for such a layer: not at all,
+        or freely. Unknown drainage is computed as solid, and a fit's answers include both.
 
     Raises
     ------
@@ -154,7 +154,7 @@ class Scene:
 
     @property
     def elastic(self) -> Scene:
-        """The scene without memory: what it shows at once, or when all has drained. Itself where there is none."""
+        """The scene without relaxation or drainage: unrelaxed, or drained. Itself if it is elastic."""
         if self.memory is None:
             return self
         layer = replace(self.layer, material=self.layer.material.drained, relaxation=None)
@@ -167,12 +167,12 @@ class Scene:
 
     @property
     def base(self) -> Base | None:
-        """The half-space that the layers stand on; None where the layer is one itself."""
+        """The half-space that the layers stand on; None where the layer is itself the half-space."""
         return None if self.substrate is None else self.substrate.base
 
     @property
     def contact(self) -> Contact:
-        """Indenter, body and what acts between them: what a solver is given."""
+        """Indenter, body, friction and adhesion, as a solver takes them."""
         layer = replace(self.layer, material=self.layer.material.drained)
         contact = Contact.of(self.indenter, layer, self.substrate)
         if self.friction == "stuck":
@@ -189,14 +189,14 @@ class Scene:
     def force(
         self, depth: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
     ) -> FloatArray:
-        """Force the instrument shows (N) at its depth readings `depth` (m), same shape.
+        """Force reading (N) at depth readings `depth` (m), same shape.
 
-        `time` (s), (n,), is what a scene that remembers needs too.
+        `time` (s), (n,), are the times of the readings, which a scene with relaxation or drainage needs.
 
         Raises
         ------
         InputError
-            If a history needs times and has none that fit.
+            If a scene with relaxation or drainage has no suitable times.
         RangeError
             If the law cannot reach the deepest point.
         """
@@ -211,10 +211,10 @@ class Scene:
         return chain.reading(response.force(chain.tip_depth(response, readings), time), readings)
 
     def _through_lever(self, lever: Lever, readings: FloatArray, solver: Solver) -> FloatArray:
-        """Force reading (N) of a lever whose calibration is off, at depth readings (m).
+        """Force reading (N) of a cantilever with a wrong calibration, at depth readings (m).
 
-        What the lever bends beyond what was taken off goes with the force reading, as a frame's compliance does;
-        it may be negative, and then the tip goes deeper than it reads.
+        The bending that was not subtracted is proportional to the force reading, like a frame's compliance; it may
+        be negative, and then the tip is deeper than the reading.
         """
         instrument = self.instrument
         offset = instrument.baseline + instrument.baseline_slope * readings
@@ -231,14 +231,15 @@ class Scene:
     def depth(
         self, force: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
     ) -> FloatArray:
-        """Depth the instrument shows (m) where it is told its force readings `force` (N), same shape: load control.
+        """Depth reading (m) for given force readings `force` (N), same shape: load control.
 
-        `time` (s), (n,), is what a scene that remembers needs too: its layer creeps.
+        `time` (s), (n,), are the times of the readings, which a scene with relaxation or drainage needs: its layer
+        creeps.
 
         Raises
         ------
         InputError
-            If a history needs times and has none that fit, a force pulls, or the baseline is tilted.
+            If a scene with relaxation or drainage has no suitable times, a force pulls, or the baseline is tilted.
         RangeError
             If no law reaches the largest force.
         """
@@ -254,12 +255,12 @@ class Scene:
         return np.asarray(w + instrument.compliance * load + instrument.contact_depth)
 
     def response(self, law: ContactLaw) -> Response:
-        """Response of the sample in time, given its elastic law: the law itself where it remembers nothing."""
+        """Force response of the sample in time, from its elastic law; the law itself for an elastic sample."""
         return law if self.memory is None else Remembered(law, self.memory)
 
     @property
     def ages(self) -> bool:
-        """Whether the layer relaxes on an elastic base, against which its kernel changes in time."""
+        """Whether the layer relaxes on an elastic base, so that their ratio of moduli changes in time."""
         if self.layer.relaxation is None or self.layer.material.drains:
             return False
         from underlay.mechanics.viscoelastic.elastic_base import ages  # noqa: PLC0415  see `memory`
@@ -277,7 +278,7 @@ class Scene:
         return elastic.with_values(moduli)
 
     def _aged(self, law: ContactLaw, solver: Solver, depth: FloatArray, time: ArrayLike | None) -> Response:
-        """Response of a layer that relaxes on an elastic base to depths since contact (m) at times (s)."""
+        """Force response of a layer that relaxes on an elastic base, for depths since contact (m) at times (s)."""
         relaxation = self.layer.relaxation
         if relaxation is None:
             return law
@@ -292,12 +293,12 @@ class Scene:
 
     @property
     def quantities(self) -> dict[str, Quantity]:
-        """What every number of the scene is, by its path."""
+        """The `Quantity` (kind, name, bounds) of every number of the scene, by its path."""
         return {path: number.quantity for path, number in self._numbers.items()}
 
     @cached_property
     def _numbers(self) -> dict[str, Number]:
-        """Numbers of the scene by path, gathered once: a problem asks often, and that takes longer than a law."""
+        """Numbers of the scene by path, collected once, since a fit needs them often."""
         return numbers_of(self)
 
     def with_values(self, values: Mapping[str, float]) -> Scene:
@@ -316,7 +317,7 @@ class Scene:
         return replace_values(self, values, known=self._numbers)
 
     def effects(self, max_depth: float, *, solver: AnySolver = "auto") -> pd.DataFrame:
-        """List each effect at tip depth `max_depth` (m): its size, whether it is simulated, its cost.
+        """List each physical effect at tip depth `max_depth` (m): its size, whether it is simulated, its cost.
 
         See `underlay.scene.effects.effects_table` for the columns.
         """
@@ -334,7 +335,7 @@ class Scene:
 
 
 def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Solver) -> FloatArray:
-    """Depth of the tip (m) under contact forces (N), by a law that reaches deep enough."""
+    """Depth of the tip (m) under contact forces (N), with a law extended until it reaches the largest force."""
     if scene.ages:
         raise InputError(
             "a layer that relaxes on an elastic base is simulated under given depths only: use a rigid base"
@@ -355,7 +356,7 @@ def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Sol
 
 
 def _law_to(scene: Scene, reach: float, solver: Solver) -> ContactLaw:
-    """Law up to a depth (m), or to the end of what is known where that comes first."""
+    """Contact law up to a depth (m), or to the end of its range where that comes first."""
     try:
         return scene.contact_law(reach, solver=solver)
     except RangeError as error:
@@ -365,7 +366,7 @@ def _law_to(scene: Scene, reach: float, solver: Solver) -> ContactLaw:
 
 
 def _check_optional(scene: Scene) -> None:
-    """Refuse a part of the wrong kind where there need be none."""
+    """Raise InputError for an optional part of the wrong class."""
     for part, kind, example in (
         (scene.adhesion, Adhesion, "adhesion must be JKR(work), DMT(work)"),
         (scene.history, History, "history must be a History"),
@@ -377,7 +378,7 @@ def _check_optional(scene: Scene) -> None:
 
 
 def _check_drainage(scene: Scene) -> None:
-    """Refuse a layer with water whose scene does not say how it drains, and what is not simulated beside it."""
+    """Raise InputError for a poroelastic layer without a stated drainage, or with parts that are not simulated."""
     drains = scene.layer.material.drains
     for number, layer in enumerate(scene.layers[1:]):
         if layer.material.drains:
@@ -399,7 +400,7 @@ def _check_drainage(scene: Scene) -> None:
 
 
 def _check_sticking(scene: Scene) -> None:
-    """Refuse what is not simulated with a tip that sticks."""
+    """Raise InputError for parts that are not simulated together with a tip without slip."""
     if scene.friction != "stuck":
         return
     if scene.adhesion is not None:
@@ -412,7 +413,7 @@ def _check_sticking(scene: Scene) -> None:
 
 
 def _check_on_law(scene: Scene) -> None:
-    """Refuse what is put on the law of linear elasticity where it is not known."""
+    """Raise InputError where a layer's stiffening or sides are not known together with the scene's other parts."""
     if scene.layer.linear is scene.layer:
         return
     beside = {
@@ -426,7 +427,7 @@ def _check_on_law(scene: Scene) -> None:
 
 
 def _check_discrepancy(scene: Scene) -> None:
-    """Refuse what a discrepancy of the law does not stand beside."""
+    """Raise InputError for parts that are not known together with a discrepancy of the law."""
     if scene.discrepancy is None:
         return
     if scene.friction != "unknown" or scene.finite_strain is False:
@@ -437,7 +438,7 @@ def _check_discrepancy(scene: Scene) -> None:
 
 
 def _check_memory(scene: Scene) -> None:
-    """Refuse a memory that is not simulated."""
+    """Raise InputError for parts that are not simulated together with relaxation, drainage or a history."""
     if scene.memory is None:
         return
     if scene.history is not None and scene.layer.relaxation is not None:
@@ -467,17 +468,17 @@ def faces(scene: Scene) -> list[str]:
 
 
 def has_face(scene: Scene, face: str = "layer") -> bool:
-    """Whether a layer of that name stands on something."""
+    """Whether the scene has a layer of that name with something under it."""
     return face in faces(scene)
 
 
 def unknown_faces(scene: Scene) -> list[str]:
-    """Names of the layers of which nobody knows how they hold to what is under them."""
+    """Names of the layers whose bond to what is under them is not known."""
     return [face for face in faces(scene) if _layer(scene, face).bond == "unknown"]
 
 
 def bond_of(scene: Scene, face: str) -> Bond:
-    """Bond of a face as it is computed: bonded where nobody knows."""
+    """Bond of a face as it is computed: bonded where it is not known."""
     return _layer(scene, face).held.bond
 
 
@@ -487,7 +488,7 @@ def with_bond(scene: Scene, face: str, bond: Bond) -> Scene:
     Raises
     ------
     InputError
-        If nothing is under that layer.
+        If there is nothing under that layer.
     """
     layers, base = list(scene.layers), scene.base
     if base is None:

@@ -1,6 +1,6 @@
-"""Scene files: scene.toml to `Scene` and back, quantities as strings with units, and what is fitted.
+"""Scene files: scene.toml to `Scene` and back, quantities as strings with units, and the fitted parameters.
 
-A scene file, whose ``[fit]`` section says what is fitted and what is known of it before::
+A scene file, whose ``[fit]`` section names the fitted parameters with their bounds or priors::
 
     [indenter]
     shape = "sphere"
@@ -18,8 +18,8 @@ A scene file, whose ``[fit]`` section says what is fitted and what is known of i
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Further layers under the one on top, from the top down, stand before their base, and each may say how its lower face
-holds, ``bond = "slip"`` or ``bond = { normal = "1 GPa/m", shear = "0 Pa/m" }``::
+Further layers under the top one, from the top down, stand before their base, and each may state the bond of its
+lower face, ``bond = "slip"`` or ``bond = { normal = "1 GPa/m", shear = "0 Pa/m" }``::
 
     [substrate]
     rigid = true
@@ -29,7 +29,7 @@ holds, ``bond = "slip"`` or ``bond = { normal = "1 GPa/m", shear = "0 Pa/m" }``:
     nu = 0.4
     thickness = "100 um"
 
-A layer filled with water says its permeability and, before all sections, how water leaves at the tip::
+A layer filled with water states its permeability and, before all sections, how water leaves at the tip::
 
     drainage = "solid"
 
@@ -41,8 +41,8 @@ A layer filled with water says its permeability and, before all sections, how wa
 
 Optional sections: ``[layer.relaxation]``, ``[history]`` and ``[adhesion]`` (model, and its numbers),
 ``[instrument]``, ``[uncertainties]`` (how well the inputs are known), ``[solver]`` (name, rtol, order, form),
-``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made curve). A
-new indenter, relaxation, history or model of adhesion needs no change here.
+``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a simulated
+curve). A new indenter, relaxation, history or model of adhesion needs no change here.
 """
 
 from __future__ import annotations
@@ -112,15 +112,15 @@ _SECTIONS = (
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """What a scene file says of one fitted parameter; numbers in SI.
+    """One fitted parameter as a scene file states it; numbers in SI.
 
     Parameters
     ----------
     path : str
         E.g. ``"layer.E"``.
     prior : str or None
-        ``"uniform"``, ``"loguniform"``, ``"normal"``, ``"lognormal"``, ``"halfnormal"``, or None when only
-        bounds are given.
+        ``"uniform"``, ``"loguniform"``, ``"normal"``, ``"lognormal"``, ``"halfnormal"``, ``"found"`` (the contact
+        depth found in the curve), or None when only bounds are given.
     low, high : float
         Bounds; infinite where the file gives none.
     numbers : mapping
@@ -135,12 +135,12 @@ class FreeParameter:
 
 
 def free_parameters(table: Mapping[str, Any], scene: Scene, noise: NoiseModel) -> list[FreeParameter]:
-    """Read the ``[fit]`` section of a scene file: what of the scene and its noise is fitted.
+    """Read the fitted parameters from the ``[fit]`` section of a scene file.
 
     Raises
     ------
     InputError
-        If a path is not one of the scene or its noise, or what is said of it is not allowed.
+        If a path is not one of the scene or its noise, or its entry is not allowed.
     """
     known = [*scene.parameters, *(f"noise.{name}" for name in field_quantities(type(noise)))]
     free = []
@@ -159,7 +159,7 @@ def free_parameters(table: Mapping[str, Any], scene: Scene, noise: NoiseModel) -
 def entries(
     table: Mapping[str, Any], parts: Container[str] = (), above: str = ""
 ) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Tables of the ``[fit]`` section by the whole path of each fitted number, however the file nests them.
+    """Entries of the ``[fit]`` section with the full path of each fitted number, however the file nests them.
 
     ``layer.E = {...}``, which TOML nests, and ``"layer.E" = {...}`` are the same. `parts` are the paths that lead
     to further ones.
@@ -167,7 +167,7 @@ def entries(
     Raises
     ------
     InputError
-        If what is said of a number is no table.
+        If the entry of a number is no table.
     """
     for name, entry in table.items():
         path = f"{above}{name}"
@@ -185,7 +185,7 @@ def entries(
 
 
 def _without_part(name: str, known: Sequence[str]) -> ParameterError:
-    """Build the error for a name that does not say of which part of the scene it is."""
+    """Build the error for a parameter name without its part of the scene, such as E for layer.E."""
     fields = {path.rpartition(".")[2] for path in known}
     meant = fields_meant(name, sorted(fields))
     paths = [path for path in known if meant and path.rpartition(".")[2] == meant[0]]
@@ -197,31 +197,31 @@ def _without_part(name: str, known: Sequence[str]) -> ParameterError:
 
 @dataclass(frozen=True)
 class SceneFile:
-    """All that a scene file says.
+    """All that a scene file states.
 
     Parameters
     ----------
     draft : Scene
-        The test; where the file leaves a number to the file of the curve it holds a stand-in.
+        The test, with a placeholder for a number that is left to the file of the curve.
     free : tuple of FreeParameter
-        What is fitted; empty if there is no ``[fit]``.
+        Fitted parameters; empty if there is no ``[fit]``.
     solver : Solver
-        What builds the contact law; `Auto` where the file does not say.
+        What builds the contact law; `Auto` by default.
     noise : NoiseModel or None
-        What ``[noise]`` says; None where there is no such section, or nothing in it.
+        The noise of ``[noise]``; None where there is no such section, or nothing in it.
     curve : mapping
-        Which part of which curve file: file (a path beside the scene file); format, test, columns and
-        calibration for the reader; flip for signs that are the other way round; segment, min_depth and
-        max_depth (readings, m) for what is used of it; overrule, for what the scene knows better than the
-        file of the curve.
+        Which part of which curve file: file (a path relative to the scene file); format, test, columns and
+        calibration for the reader; flip for signs that are reversed; segment, min_depth and max_depth (readings, m)
+        for what is used of it; overrule, for numbers in which the scene takes precedence over the file of the
+        curve.
     simulate : SimulatedDepths or None
-        Depths of a made curve.
+        Depths of a simulated curve.
     stated : frozenset of str
-        Paths of the instrument's numbers that the file gives; what it leaves out is a default.
+        Paths of the instrument's numbers that the file gives; the others have their defaults.
     path : Path
         Where it was read.
     left_out : tuple of str
-        Paths of the scene that the file of the curve must say.
+        Paths of the scene that the file of the curve must give.
     """
 
     draft: Scene
@@ -241,7 +241,7 @@ class SceneFile:
         Raises
         ------
         InputError
-            If a number is left out: only with a curve whose file says it is the test complete.
+            If a number is left out: the test is complete only with a curve whose file gives it.
         """
         if self.left_out:
             section, _, key = self.left_out[0].partition(".")
@@ -259,7 +259,7 @@ class SceneFile:
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
-    """Read the scene of a scene file; see `read_scene_file` for the rest of it."""
+    """Read the scene of a scene file; `read_scene_file` also returns fit, noise, solver and curve sections."""
     return read_scene_file(path).scene
 
 
@@ -277,7 +277,7 @@ def scene_from_text(text: str) -> Scene:
 
 
 def scene_file_from_text(text: str) -> SceneFile:
-    """Return all that the text of a scene file says, as if it were the file ``scene.toml`` of this folder.
+    """Return all that the text of a scene file states, as if read from ``scene.toml`` in the current folder.
 
     Raises
     ------
@@ -359,7 +359,7 @@ def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _require_filled_in(document: Mapping[str, Any]) -> None:
-    """Refuse a starter scene whose places are not filled in, naming all of them at once."""
+    """Raise InputError for a starter scene with unfilled entries, naming all of them at once."""
     empty = list(_places(document, ""))
     if empty:
         raise InputError(f"not filled in yet: {', '.join(empty)}; replace {PLACE} by what you know")

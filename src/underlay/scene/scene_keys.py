@@ -1,11 +1,11 @@
-"""Every key that a scene file may hold: what it takes, what it means, how it is checked, and a list of them all.
+"""Every key of a scene file: what values it takes, what it means, how it is checked, and a list of them all.
 
-Most keys are fields of the dataclasses that a section describes (`keys_of`): what such a key means is the sentence
-of the docstring that declares it. One declaration serves the reader of scene files, the list of `underlay keys` and
-the form of the page.
+Most keys are fields of the dataclasses that a section describes (`keys_of`): the meaning of such a key is the
+sentence on it in the docstring of its class. One declaration serves the reader of scene files, the list of
+`underlay keys` and the form of the page.
 
-Pydantic is not asked: its models of four sections took 0.3 of the 1.55 s of processor of `underlay fit` (medians of
-four runs in turns: 1.55 with them, 1.26 without), for what `Key.read` says in ten lines.
+Pydantic is not used: its models of four sections took 0.3 of the 1.55 s of processor time of `underlay fit`
+(medians of four runs in turns: 1.55 with them, 1.26 without), for what `Key.read` does in ten lines.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ _AXIAL = " (transversely isotropic)"
 
 
 def _segment(value: Any) -> str:
-    """Return the part of a curve that a file asks for."""
+    """Check and return the part of a curve that a file selects."""
     if value in SEGMENTS or (isinstance(value, str) and RUN.fullmatch(value)):
         return str(value)
     if value == "hold":
@@ -105,14 +105,14 @@ class Key:
     Parameters
     ----------
     takes : Quantity, tuple, list, range or type
-        A number with its unit; one of these words; a list of some of them; a whole number; `Mark`; text, a switch,
-        a table of texts.
+        The allowed values: a number with its unit; one of these words; a list of some of them; a whole number;
+        `Mark`; text, a switch, a table of texts.
     default : object
-        What stands for it where a file leaves it out; an ellipsis where it must be given.
+        Its value where a file leaves it out; an ellipsis where it must be given.
     meaning : str
-        A sentence for people; empty where a docstring says it.
+        A sentence for people; empty where a docstring has it.
     several : bool
-        Whether a list of numbers is one value.
+        Whether its value is a list of numbers.
     """
 
     takes: Any
@@ -121,12 +121,12 @@ class Key:
     several: bool = False
 
     def read(self, value: Any) -> Any:
-        """Return what a file says, checked; numbers in SI.
+        """Check a value from a file and return it; numbers in SI.
 
         Raises
         ------
         InputError
-            If it is not what the key takes.
+            If the key does not take such a value.
         """
         if isinstance(self.takes, Quantity) and (self.several or not isinstance(value, list)):
             return _amount(value, self.takes)
@@ -153,7 +153,7 @@ class Key:
 
     @property
     def told(self) -> str:
-        """What the key takes, in words for people."""
+        """The values that the key takes, in words for people."""
         match self.takes:
             case Quantity(kind="dimensionless"):
                 return f"a number, {KINDS['dimensionless'].example}"
@@ -169,7 +169,7 @@ class Key:
 
     @property
     def _asked(self) -> str:
-        """What the key takes, as the message about a wrong value says it."""
+        """The values that the key takes, in the words of the message about a wrong value."""
         match self.takes:
             case range():
                 return f"{self.told} from {self.takes[0]:,} to {self.takes[-1]:,}"
@@ -178,14 +178,14 @@ class Key:
         return self.told
 
     def listed(self, section: str, name: str, meaning: str = "") -> SceneKey:
-        """The key as a row of the list."""
+        """The key as a row of the list of all keys."""
         kind = self.takes.kind if isinstance(self.takes, Quantity) else ""
         words = self.takes if isinstance(self.takes, tuple) else ()
         return SceneKey(section, name, self.told, _shown(self.default), self.meaning or meaning, kind, words)
 
 
 def _amount(value: Any, known: Quantity) -> Any:
-    """Read "1.5 mm" as 1.5e-3, and a list of such as a tuple; a size is no smaller than anything there is."""
+    """Read a quantity such as "1.5 mm" as 1.5e-3, and a list as a tuple; lengths below 1e-18 m are refused."""
     if isinstance(value, list):
         return tuple(_amount(entry, known) for entry in value)
     number = parse_quantity(value, known.kind)
@@ -201,7 +201,7 @@ def _shown(default: Any) -> str:
 
 
 def keys_of(kind: type[Any]) -> dict[str, Key]:
-    """The keys of a section, from the dataclass it describes and what that declares of its fields."""
+    """The keys of a section by name, from the fields of the dataclass that it describes."""
     return {
         entry.name: Key(
             _taken_by(entry), ... if entry.default is MISSING else entry.default, several=_is_of_many(entry)
@@ -226,9 +226,9 @@ def _taken_by(entry: Any) -> Any:
 def read_table(
     section: str, keys: Mapping[str, Key], table: Mapping[str, Any], *, besides: tuple[str, ...] = ()
 ) -> dict[str, Any]:
-    """Check a section; return only the keys the file gives, so that defaults stay with their owners.
+    """Check a section; return only the keys the file gives, so that defaults remain those of the dataclasses.
 
-    `besides` are keys of the section that something else reads: messages name them too.
+    `besides` are keys of the section that other code reads; error messages name them too.
 
     Raises
     ------
@@ -258,7 +258,7 @@ def read_table(
 
 @dataclass(frozen=True)
 class SolverSection:
-    """``[solver]``: which law, how accurate.
+    """``[solver]``: the contact law and its accuracy.
 
     Parameters
     ----------
@@ -280,12 +280,12 @@ class SolverSection:
 
 @dataclass(frozen=True)
 class CurveSection:
-    """``[curve]``: which part of which file.
+    """``[curve]``: which part of which curve file is used.
 
     Parameters
     ----------
     file : str
-        The measured curve, beside the scene file: it says depth and noise.
+        The measured curve, relative to the scene file; depths and noise are taken from it.
     format : str
         Name of the format, where the content does not tell; see underlay formats.
     test : int
@@ -295,13 +295,13 @@ class CurveSection:
     to_time : float
         Last reading that is used.
     step : int
-        Which step of a stepwise test: a ramp and the rest after it, from 1.
+        Which step of a stepwise test: a ramp and the hold after it, from 1.
     segment : str
         Which part is used; or one of several, by its number: "ramp 2".
     flip : list of str
-        Whose sign is turned: ["force"]; [] says that both are right.
+        Columns whose sign is reversed: ["force"]; [] says that both signs are right.
     overrule : list of str
-        What is right here where the file of the curve says another number.
+        Numbers for which the scene takes precedence where the file of the curve gives another.
     preset : str
         Fit range of an instrument's own software: bioindenter, 10 to 98 % of the force.
     fit_from : Mark
@@ -309,10 +309,10 @@ class CurveSection:
     fit_to : Mark
         Where it ends: "98 % of force", "10 % of thickness"; depths count from contact.
     columns : dict of str to str
-        Of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }; by number, { depth = "2 (nm)" }; or a sum,
-        { depth = "ramp - deflection" }.
+        Of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }; by number, { depth = "2 (nm)" }; or a sum, {
+        depth = "ramp - deflection" }.
     calibration : dict of str to str
-        What an AFM file lacks, or how well it is known: { spring_constant = "0.04 N/m ± 10 %", sensitivity =
+        Calibration that an AFM file lacks, or its uncertainty: { spring_constant = "0.04 N/m ± 10 %", sensitivity =
         "± 3 %" }.
     min_depth : float
         Shallowest reading that is used.
@@ -339,7 +339,7 @@ class CurveSection:
 
 
 def fit_keys(kind: str) -> dict[str, Key]:
-    """The keys of one entry of ``[fit]``, of a parameter of this physical kind."""
+    """The keys of one entry of ``[fit]``, for a parameter of the given physical kind."""
     return {
         "prior": Key(_PRIORS, None, "density of what is known before; bounds alone are a flat one"),
         "relative_sd": Key(Quantity("dimensionless"), None, "of a lognormal prior, as a share of the median"),
@@ -372,12 +372,12 @@ class SceneKey(NamedTuple):
 
     @property
     def variant(self) -> str:
-        """The shape, model or material it is of; empty where the section has one only."""
+        """The shape, model or material that the key belongs to; empty where the section has one only."""
         return self.key.partition(" (")[2].removesuffix(")")
 
 
 def scene_keys() -> list[SceneKey]:
-    """Return every key there is, section by section."""
+    """Return every key of scene files, section by section."""
     return list(_all())
 
 
@@ -450,7 +450,7 @@ def _of_material(section: str) -> Iterator[SceneKey]:
 def _family(
     family: type[Part], section: str, meaning: str, seen: tuple[str, ...] = (), words: Sequence[str] = ()
 ) -> Iterator[SceneKey]:
-    """The key that chooses one of several kinds, and the keys of each."""
+    """The key that chooses one class of a family, and the keys of each class."""
     kinds = sorted(_own(family).items())
     chosen = tuple(words or [name for name, _ in kinds])
     yield Key(chosen, meaning=meaning).listed(section, family.chosen_by)
@@ -459,7 +459,7 @@ def _family(
 
 
 def _own(family: type[Part]) -> dict[str, type[Part]]:
-    """Every kind of a part that is of this package or a plug-in, by name."""
+    """Every class of a family from this package or a plug-in, by its name in scene files."""
     added = [entry.thing for entry in plugged_indenters()]
     return {
         name: kind
@@ -478,7 +478,7 @@ def _of_class(
 
 
 def _described(kind: type[Any]) -> dict[str, str]:
-    """First sentence of what a numpydoc docstring says of each parameter."""
+    """Descriptions of the parameters of a class, by name, from its numpydoc docstring."""
     found = re.search(r"\nParameters\n-+\n(.*?)(?:\n\n\S|\Z)", inspect.getdoc(kind) or "", re.DOTALL)
     said: dict[str, str] = {}
     entries = re.findall(r"^(\S[^:\n]*) :[^\n]*\n((?:[ ]{4}.*\n?)+)", found[1] if found else "", re.MULTILINE)

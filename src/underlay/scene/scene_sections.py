@@ -1,4 +1,4 @@
-"""The parts of a test from the sections of a scene file that declare them."""
+"""Builds the parts of a test from the sections of a scene file."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
 
 
 def table_of(document: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return a section of the document, empty where it has none."""
+    """Return a section of the document as a dict, empty where it has none."""
     table = document.get(name, {})
     if not isinstance(table, Mapping):
         raise InputError(f"[{name}] must be a section, not {table!r}")
@@ -58,7 +58,7 @@ def table_of(document: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
-    """Return the test; `stood_in` are numbers of the indenter that the document leaves out."""
+    """Return the test of a document; `stood_in` are placeholder numbers of the indenter that it leaves out."""
     document, beside = taken_out(document)
     scene = Scene(
         indenter=_indenter({**table_of(document, "indenter"), **stood_in}),
@@ -77,7 +77,7 @@ def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
 
 
 def _words(document: Mapping[str, Any]) -> dict[str, Any]:
-    """What the file says of the whole scene, before its sections."""
+    """The entries of the whole scene, before its sections: friction, finite_strain and drainage, checked."""
     said = {key: document[key] for key in ("friction", "finite_strain", "drainage") if key in document}
     if said.get("friction", "none") not in FRICTIONS:
         raise InputError(f"friction: {said['friction']!r:.60} is not known; allowed: {', '.join(FRICTIONS)}")
@@ -117,7 +117,7 @@ def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
 
 
 def _layer(section: str, table: dict[str, Any]) -> Layer:
-    """A layer: its material's numbers, its thickness, how it holds and, of the one on top, what else it does."""
+    """A layer from its section: material, thickness, bond and, for the top one, relaxation and stiffening."""
     bond = _bond(section, table.pop("bond", "bonded"))
     on_top = section == "layer"
     effects = {
@@ -215,12 +215,12 @@ def solver_of(document: Mapping[str, Any]) -> Solver:
 
 
 def _given(kind: type[Any], name: str, document: Mapping[str, Any]) -> Any:
-    """The part that a section declares; None without the section."""
+    """An object of class `kind` from its section; None without the section."""
     return _build(kind, name, table_of(document, name)) if name in document else None
 
 
 def _chosen(family: type[Part], name: str, document: Mapping[str, Any]) -> Any:
-    """The part that a section declares, of the kind that it names; None without the section."""
+    """An object of the class that a section's ``model`` names; None without the section."""
     if name not in document:
         return None
     table = table_of(document, name)
@@ -228,7 +228,7 @@ def _chosen(family: type[Part], name: str, document: Mapping[str, Any]) -> Any:
 
 
 def _named(family: type[Part], section: str, table: dict[str, Any]) -> type[Any]:
-    """The class that a section's ``model`` names; the key is taken out."""
+    """The class that a section's ``model`` names; the key is removed from the table."""
     name, models = table.pop("model", None), family.kinds()
     if not isinstance(name, str) or name not in models:
         raise InputError(
@@ -238,12 +238,12 @@ def _named(family: type[Part], section: str, table: dict[str, Any]) -> type[Any]
 
 
 def _build(kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()) -> Any:
-    """Make a dataclass from a section; its fields, and `besides`, say which keys there are."""
+    """Make an object of a dataclass from a section, whose keys are its fields and those in `besides`."""
     return _made(kind, section, read_table(section, keys_of(kind), table, besides=besides))
 
 
 def _made(kind: Callable[..., Any], section: str, numbers: Mapping[str, Any]) -> Any:
-    """What `kind` makes of the numbers of a section; what it refuses is said with the section."""
+    """Call `kind` with the numbers of a section; its errors name the section."""
     try:
         return kind(**numbers)
     except InputError as error:

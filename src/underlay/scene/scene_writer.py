@@ -1,4 +1,4 @@
-"""Scene -> TOML text that reads back to the same scene, bit for bit."""
+"""Writes a scene as TOML text that reads back to the same scene, bit for bit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["document_text", "scene_text"]
 def scene_text(scene: Any) -> str:
     """Return a scene as the text of a scene file; quantities in SI units, to the last bit.
 
-    A section for every part, a key for every number its dataclass declares; what has its default is left out.
+    It has a section for every part, and a key for every number that differs from its default.
     """
     document = {name: value for name, value in _keys(scene) if value != {}}
     if isinstance(scene.uncertainties, StatedUncertainties):
@@ -28,14 +28,14 @@ def scene_text(scene: Any) -> str:
 
 
 def document_text(document: Mapping[str, Any]) -> str:
-    """Return the text of a scene file that holds these sections, keys and values as they are."""
+    """Return the text of a scene file with the given sections, keys and values."""
     import tomlkit  # noqa: PLC0415  loaded by whoever writes a scene
 
     return tomlkit.dumps(document)
 
 
 def _section(part: Any) -> dict[str, Any]:
-    """Which kind a part is, and its numbers."""
+    """The keys of a part: its model or shape, and its numbers."""
     return {**part.choice, **dict(_keys(part))}
 
 

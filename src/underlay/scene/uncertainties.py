@@ -1,7 +1,7 @@
 """Stated uncertainties of the inputs of a test: how well a radius, a thickness or the force is known.
 
-A scene file says one beside the number it is of, ``radius = "1 mm +- 0.02 mm"``, ``"1 mm ± 2 %"`` or
-``"1 mm exact"``, or in a table of its own::
+A scene file states one with its number, ``radius = "1 mm +- 0.02 mm"``, ``"1 mm ± 2 %"`` or ``"1 mm exact"``, or in
+a table of its own::
 
     [uncertainties]
     indenter.radius = "0.02 mm"
@@ -9,7 +9,7 @@ A scene file says one beside the number it is of, ``radius = "1 mm +- 0.02 mm"``
     depth = "1 %"
     spring_constant = "10 %"
 
-All are half widths of 95 % intervals. ``uncertainties = "none"`` takes every input for exact.
+All are half widths of 95 % intervals. ``uncertainties = "none"`` takes every input as exact.
 """
 
 from __future__ import annotations
@@ -68,23 +68,23 @@ class StatedUncertainties(Mapping[str, float]):
 
 
 class Stated(NamedTuple):
-    """One uncertainty as a file states it: its text, and where that stands."""
+    """One uncertainty as a file states it: its text, and the section and key for messages."""
 
     text: Any
     place: str
 
 
 def checked(given: object, numbers: Mapping[str, Number]) -> StatedUncertainties | str | None:
-    """Uncertainties of a scene that has these numbers; see `Scene`.
+    """Checked uncertainties for a scene with these numbers; see `Scene`.
 
-    Those that were checked before, in another scene, lose the rows of numbers that this one has not.
+    Of those that were checked before, for another scene, only rows of numbers that this scene has are kept.
 
     Raises
     ------
     ParameterError
         If there is no such input; names the nearest one.
     InputError
-        If an uncertainty is none.
+        If an uncertainty is not a number of zero or more.
     """
     inputs = [path for path, number in numbers.items() if _is_input(path) and math.isfinite(number.value)]
     known = (*inputs, *RELATIVE)
@@ -144,7 +144,7 @@ def taken_out(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, St
 
 
 def _bare(entry: Any, path: str, found: dict[str, Stated]) -> Any:
-    """A value, section or list without uncertainties, which go to `found`."""
+    """A value, section or list without its uncertainties, which are stored in `found`."""
     if isinstance(entry, Mapping):
         return {key: _bare(inner, f"{path}.{key}", found) for key, inner in entry.items()}
     if isinstance(entry, list):
@@ -157,7 +157,7 @@ def _bare(entry: Any, path: str, found: dict[str, Stated]) -> Any:
 
 
 def parted(text: str) -> tuple[str, str | None]:
-    """A number and the text of its uncertainty; None where none is stated.
+    """Split a text into a number and its uncertainty; None where none is stated.
 
     Examples
     --------
@@ -175,18 +175,18 @@ def parted(text: str) -> tuple[str, str | None]:
 def rows_of(
     given: Any, beside: Mapping[str, Stated], numbers: Mapping[str, Number], left_out: tuple[str, ...]
 ) -> dict[str, float] | str | None:
-    """Uncertainties of a scene of these numbers, from what a scene file says of them.
+    """Uncertainties (SI) of a scene with these numbers, by path, from the entries of a scene file.
 
     Parameters
     ----------
     given : object
         Value of ``uncertainties`` in the file: a table, or a word.
     beside : mapping of path to Stated
-        Uncertainties that stand beside their numbers.
+        Uncertainties that are written with their numbers.
     numbers : mapping of path to Number
         Numbers of the scene.
     left_out : tuple of str
-        Paths of numbers that the file of a curve will say.
+        Paths of numbers that the file of a curve will give.
     """
     if given is None or isinstance(given, Mapping):
         stated = {path: Stated(text, f"[uncertainties] {path}") for path, text in _leaves(given or {}, "")}
@@ -209,7 +209,7 @@ def rows_of(
 
 
 def _leaves(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
-    """Values of nested keys, ``layer.E = "10 %"``, by whole paths."""
+    """Values of nested keys, ``layer.E = "10 %"``, with their full paths."""
     for key, entry in table.items():
         if isinstance(entry, Mapping):
             yield from _leaves(entry, f"{above}{key}.")
@@ -218,7 +218,7 @@ def _leaves(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
 
 
 def _read(path: str, stated: Stated, numbers: Mapping[str, Number], left_out: tuple[str, ...]) -> float:
-    """Size of one uncertainty, from its text."""
+    """One uncertainty (SI, or a share) from its text."""
     text = stated.text.strip() if isinstance(stated.text, str) else stated.text
     kind = "dimensionless" if path in RELATIVE else numbers[path].quantity.kind
     try:
@@ -234,7 +234,7 @@ def _read(path: str, stated: Stated, numbers: Mapping[str, Number], left_out: tu
 
 
 def _whole(path: str, numbers: Mapping[str, Number], left_out: tuple[str, ...]) -> float:
-    """Size of the number that a percentage is of."""
+    """Absolute value of the number that a percentage refers to."""
     if path in left_out:
         raise InputError("a percentage of a number that the file of the curve says; write it with a unit")
     value = abs(numbers[path].value)
@@ -244,7 +244,7 @@ def _whole(path: str, numbers: Mapping[str, Number], left_out: tuple[str, ...]) 
 
 
 def written(rows: Mapping[str, float], numbers: Mapping[str, Number]) -> dict[str, str | float]:
-    """The section of a scene file that says these uncertainties to the last bit."""
+    """Entries of a scene file's section that state these uncertainties to the last bit."""
     return {path: _text(path, size, numbers) for path, size in rows.items()}
 
 
