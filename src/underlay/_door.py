@@ -1,15 +1,14 @@
-"""The one door through which every file comes in: curves, scenes, tables, results, chains.
+"""Reads every file that comes in: curves, scenes, tables, results, chains. No other module opens a file to read it.
 
-A file may come from anybody. Here it is opened only if it is a regular file, so that no pipe is waited for
-and no device read without end; it is taken in up to a size that its kind states; and whatever the parser
-behind the door makes of its content (a number of 5000 digits, lists in lists, a false promise of a billion
-points) becomes one error of ours that names the file and says what to do. No other module opens a file to
-read it.
+A file may come from an untrusted source. Here it is opened only if it is a regular file, so that no pipe is waited
+for and no device read without end; it is read up to a size limit of its kind; and whatever error a parser raises on
+its content (a number of 5000 digits, lists in lists, a false promise of a billion points) becomes one error of ours
+that names the file and says what to do.
 
-Archives in memory are bounded by what they claim and held to it. JSON and TOML may be neither nested nor
-filled beyond reason, and hold no integer beyond 64 bits: Python's parsers take a hundred thousand brackets,
-keys of twenty thousand parts and integers of four thousand digits, and whoever walks, prints or converts the
-result later fails on them.
+Archives in memory are limited by the sizes they declare, and these are enforced. JSON and TOML may not be nested or
+long beyond reason, and hold no integer beyond 64 bits: Python's parsers accept a hundred thousand brackets, keys of
+twenty thousand parts and integers of four thousand digits, on which code that walks, prints or converts the result
+fails later.
 """
 
 from __future__ import annotations
@@ -76,14 +75,14 @@ _LONG_NUMBER = re.compile(rf"(?<![\w.])\d[\d_]{{{_LONGEST_INTEGER},}}+(?![\w.])"
 
 @dataclass(frozen=True)
 class FileKind:
-    """What a file is meant to be.
+    """A kind of file, for size limits and messages.
 
     Parameters
     ----------
     name : str
         With its article, for messages: "a scene file".
     largest : int
-        Most bytes that are taken in.
+        Size limit in bytes.
     advice : str
         What to do with one that is damaged or too large.
     """
@@ -98,7 +97,7 @@ _ANY = FileKind("a file that is read here", 4096 * _MB, "split it first")
 
 
 def read_bytes(path: PathLike, kind: FileKind) -> bytes:
-    """Take in a file.
+    """Read a file.
 
     Raises
     ------
@@ -112,7 +111,7 @@ def read_bytes(path: PathLike, kind: FileKind) -> bytes:
 
 
 def read_text(path: PathLike, kind: FileKind) -> str:
-    """Take in a text file in UTF-8, with or without its mark; see `read_bytes`.
+    """Read a text file in UTF-8, with or without a byte order mark; see `read_bytes`.
 
     Raises
     ------
@@ -129,7 +128,7 @@ def read_text(path: PathLike, kind: FileKind) -> str:
 
 
 def read_start(path: PathLike, size: int) -> bytes:
-    """Return the first `size` bytes of a file, to see what it is."""
+    """Return the first `size` bytes of a file, to recognise its format."""
     with _regular(path, None) as stream:
         return next(_pieces(stream, path, _ANY, size), b"")
 
@@ -144,7 +143,7 @@ def sha256_of(path: PathLike) -> str:
 
 
 def require_regular(path: PathLike, kind: FileKind | None = None) -> None:
-    """Refuse what is no regular file or too large, for libraries that open a path themselves.
+    """Raise an error for a path that is no regular file or too large, for libraries that open a path themselves.
 
     Raises
     ------
@@ -170,16 +169,16 @@ def opened(path: PathLike) -> Iterator[io.FileIO]:
 
 @contextmanager
 def understood(name: PathLike, kind: FileKind) -> Iterator[None]:
-    """Turn whatever the code inside makes of a file's content into an error of ours.
+    """Context that converts any exception from parsing a file's content to a `FileFormatError`.
 
-    Only parsing belongs inside: what is raised there is taken for the file's fault.
+    Only parsing belongs inside: an exception there is taken as a fault of the file.
 
     Parameters
     ----------
     name : str or path
-        What the file is called in the message.
+        Name of the file in the message.
     kind : FileKind
-        What it is meant to be.
+        What kind of file is expected.
 
     Raises
     ------
@@ -207,7 +206,7 @@ def printable(name: PathLike) -> str:
 
 @contextmanager
 def _regular(path: PathLike, kind: FileKind | None) -> Iterator[io.FileIO]:
-    """Open a file without waiting on it, and close it again if it is not a regular one or too large."""
+    """Open a file without waiting; raise an error, with the file closed, if it is not regular or too large."""
     try:
         # Without O_NONBLOCK, opening a FIFO waits for a writer for ever.
         flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -270,21 +269,21 @@ def _in_words(error: Exception) -> str:
 
 
 def open_zip(data: bytes, name: str, largest: int) -> zipfile.ZipFile:
-    """Open an archive after checking what it claims to hold.
+    """Open a ZIP archive after a check of the sizes that it declares.
 
     Parameters
     ----------
     data : bytes
         The archive.
     name : str
-        What it is called in a message.
+        Its name in a message.
     largest : int
-        Most bytes that its members may claim together.
+        Largest total size in bytes of the unpacked members.
 
     Raises
     ------
     FileFormatError
-        If it is damaged, or claims more than that.
+        If it is damaged, or declares more than that.
     """
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
@@ -301,7 +300,7 @@ def open_zip(data: bytes, name: str, largest: int) -> zipfile.ZipFile:
 
 
 def read_member(archive: zipfile.ZipFile, name: str, largest: int | None = None) -> bytes:
-    """Unpack one member into memory, never beyond the size it claims.
+    """Unpack one member of an archive into memory, never beyond the size it declares.
 
     Parameters
     ----------
@@ -310,12 +309,12 @@ def read_member(archive: zipfile.ZipFile, name: str, largest: int | None = None)
     name : str
         Of the member.
     largest : int, optional
-        Most bytes that it may claim.
+        Largest size in bytes that it may declare.
 
     Raises
     ------
     FileFormatError
-        If it is missing, damaged, encrypted, larger than it claims, or claims more than `largest`.
+        If it is missing, damaged, encrypted, larger than it declares, or declares more than `largest`.
     """
     shown = printable(name)[:80]
     try:
@@ -338,21 +337,21 @@ def read_member(archive: zipfile.ZipFile, name: str, largest: int | None = None)
 
 
 def unpacked(data: bytes, name: str, largest: int) -> bytes:
-    """Return what a file that gzip compressed (.gz) holds, or any other content as it is.
+    """Return the unpacked content of a gzip file (.gz), or any other content as it is.
 
     Parameters
     ----------
     data : bytes
-        Its content.
+        Content of the file.
     name : str
-        What it is called in a message.
+        Its name in a message.
     largest : int
-        Most bytes that it may unpack to.
+        Largest unpacked size in bytes.
 
     Raises
     ------
     FileFormatError
-        If it is damaged, or holds more than that.
+        If it is damaged, or unpacks to more than that.
     """
     if not data.startswith(_GZIP):
         return data
@@ -379,12 +378,12 @@ def unpacked(data: bytes, name: str, largest: int) -> bytes:
 
 
 def parse_json(text: str) -> Any:
-    """Read JSON that is neither nested nor filled beyond reason; for use inside `understood`.
+    """Parse JSON, with limits on its nesting and size; for use inside `understood`.
 
     Raises
     ------
     ValueError, RecursionError
-        If it is not JSON, or goes beyond the bounds.
+        If it is not JSON, or exceeds the limits.
     """
     if text.count("[") + text.count("{") > _MOST_CONTAINERS:
         raise ValueError(f"more than {_MOST_CONTAINERS} lists and tables")
@@ -392,12 +391,12 @@ def parse_json(text: str) -> Any:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Read TOML whose keys and tables are not nested beyond reason; for use inside `understood`.
+    """Parse TOML, with limits on the nesting of keys and tables; for use inside `understood`.
 
     Raises
     ------
     ValueError, RecursionError
-        If it is not TOML, or goes beyond the bounds.
+        If it is not TOML, or exceeds the limits.
     """
     bare = _TOML_TEXT.sub("s", text)
     if _LONG_KEY.search(bare):
@@ -415,7 +414,7 @@ def _integer(digits: str) -> int:
 
 
 def _checked(document: Any) -> Any:
-    """Refuse what is nested too deeply or holds an integer that no number here can be."""
+    """Return a parsed document; raise ValueError if it is nested too deeply or has an integer beyond 64 bits."""
     level, deep = [document], 0
     while level:
         deep += 1

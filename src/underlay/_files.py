@@ -1,4 +1,4 @@
-"""Files written whole or not at all."""
+"""Writes files atomically: completely or not at all."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["replacing", "require_own_folder", "require_writable_folder", "write_
 
 
 def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
-    r"""Write `content` to `path` whole or not at all; see `replacing`.
+    r"""Write `content` to `path` completely or not at all; see `replacing`.
 
     Text is written as UTF-8. A byte of a file name that is no UTF-8, which Python keeps as a lone surrogate,
     becomes an escape such as ``\udce9``: in JSON that is the character itself.
@@ -35,16 +35,16 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """Open a file that takes the place of `path` once it is complete, so that no reader sees a part of it.
+    """Open a temporary file that replaces `path` once it is complete, so that no reader sees a part of it.
 
-    A file that is there keeps its permissions; a new one gets what the user's umask leaves. A symbolic link
-    is replaced, never written through: nothing outside the folder of `path` changes.
+    An existing file's permissions are kept; a new one has those of the user's umask. A symbolic link is replaced,
+    never written through: nothing outside the folder of `path` changes.
 
     Raises
     ------
     FileAccessError
-        If the folder does not exist or cannot be written, or `path` is a folder, a device or a pipe. The
-        file is then as it was, and nothing is left beside it.
+        If the folder does not exist or cannot be written, or `path` is a folder, a device or a pipe. The file is
+        then as it was, and no temporary file is left.
     """
     target = Path(path)
     # A short name of its own: that of the target may have all the letters a name can have.
@@ -99,7 +99,7 @@ def _move(beside: Path, target: Path) -> None:
 
 
 def require_own_folder(path: Path) -> Path:
-    """Make a folder of ours inside an output; like `require_writable_folder`, but never through a link.
+    """Make a folder inside an output, as `require_writable_folder` does, but refuse a symbolic link.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def require_own_folder(path: Path) -> Path:
 
 
 def require_writable_folder(path: str | os.PathLike[str]) -> Path:
-    """Make the folder `path` if need be and make sure that files can be written into it.
+    """Make the folder `path` if it does not exist, and check that files can be written into it.
 
     Raises
     ------

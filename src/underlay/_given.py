@@ -1,4 +1,4 @@
-"""Checks of a caller's arguments: a wrong one is refused with what is wanted and how to get it."""
+"""Checks of a caller's arguments, with messages that say what is wanted and how to get it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _HIGHEST_LEVEL = 0.999
 
 
 def require_given(value: object, name: str, *kinds: type) -> None:
-    """Refuse an argument that is of none of the `kinds`.
+    """Raise InputError for an argument that is an instance of none of the `kinds`.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def require_given(value: object, name: str, *kinds: type) -> None:
 
 
 def require_level(level: object) -> None:
-    """Refuse a confidence level that is none.
+    """Raise InputError unless `level` is a confidence level above 0 and at most 0.999.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def require_level(level: object) -> None:
 
 
 def require_count(count: object, name: str, least: int) -> None:
-    """Refuse what is no whole number of at least `least`.
+    """Raise InputError unless `count` is a whole number of at least `least`.
 
     Raises
     ------
@@ -64,12 +64,12 @@ def require_count(count: object, name: str, least: int) -> None:
 
 
 def require_share(share: object, name: str, *, what: str, zero: bool = False, one: bool = False) -> None:
-    """Refuse what is no share, a number between 0 and 1; the ends are allowed only with `zero` and `one`.
+    """Raise InputError unless `share` is a number between 0 and 1; `zero` and `one` allow the ends.
 
     Raises
     ------
     InputError
-        With what was given and what is allowed.
+        With what was given and what is allowed; `name` and `what` are for the message.
     """
     number = float(share) if isinstance(share, Real) else math.nan
     if (number > 0.0 or (zero and number == 0.0)) and (number < 1.0 or (one and number == 1.0)):
@@ -79,12 +79,12 @@ def require_share(share: object, name: str, *, what: str, zero: bool = False, on
 
 
 def columns_given(columns: object, name: str, example: str) -> tuple[str, ...]:
-    """Return names of columns, given as a list or as a single name.
+    """Return names of columns as a tuple, given as a list or as a single name.
 
     Raises
     ------
     InputError
-        If they are no different names.
+        If they are not different names.
     """
     given = (columns,) if isinstance(columns, str) else columns
     if isinstance(given, Collection) and not isinstance(given, Mapping):

@@ -1,4 +1,4 @@
-"""Text from a file or a name, made fit for where it is shown: one printable line, or a cell of a spreadsheet."""
+"""Makes text from a file or a name safe to show: as one printable line, or as a cell of a spreadsheet."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def one_line(text: object, longest: int | None = None) -> str:
 
 
 def names_there(names: Iterable[object]) -> str:
-    """List what a file holds for a message: the first twenty names, each no longer than forty characters.
+    """List names that a file holds, for a message: the first twenty, each no longer than forty characters.
 
     Examples
     --------
@@ -57,11 +57,11 @@ def names_there(names: Iterable[object]) -> str:
 
 
 def guarded_cell(text: str) -> str:
-    """Return `text` as a spreadsheet may be given it: no part of it that could be a formula begins a cell.
+    """Return `text` safe for a spreadsheet: an apostrophe goes before what could be read as a formula.
 
-    An apostrophe goes before ``=``, ``+``, ``-``, ``@``, a tab or a line end at the beginning of the text, and
-    before such a sign where a semicolon or a line end within the text could make it a beginning. Text that is a
-    number stays as it is. `unguarded_cell` gives back every text.
+    That is before ``=``, ``+``, ``-``, ``@``, a tab or a line end at the beginning of the text, and before such a
+    sign where a semicolon or a line end within the text could make it a beginning. Text that is a number stays as
+    it is. `unguarded_cell` restores every text.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def guarded_cell(text: str) -> str:
 
 
 def unguarded_cell(text: str) -> str:
-    """Return the text that `guarded_cell` was given."""
+    """Return the text from which `guarded_cell` made `text`."""
     return _GUARD.sub(lambda found: found[0][:-1], text)
 
 

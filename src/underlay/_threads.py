@@ -1,8 +1,8 @@
-"""Linear algebra on one thread while something is solved for, fitted or drawn here.
+"""Runs linear algebra on one thread during solving, fitting and sampling.
 
-The matrices are small. More threads gain nothing on idle cores, and on busy ones they wait for one another: beside
+The matrices are small. More threads gain nothing on idle cores, and on busy ones they wait for one another: with
 one other busy process on two cores the interval of a film's modulus took 8 s instead of 1 (`tests/test_threads.py`
-holds that it takes no more threads).
+checks that no more threads are used).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _POOLS = ThreadpoolController().select(user_api="blas").lib_controllers
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Leave linear algebra one thread inside, and afterwards as many as it had; a context or a decorator."""
+    """Limit linear algebra to one thread inside, and restore the number afterwards; a context or a decorator."""
     before = [(pool, pool.get_num_threads()) for pool in _POOLS]
     several = [(pool, threads) for pool, threads in before if threads and threads > 1]
     for pool, _ in several:

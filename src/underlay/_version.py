@@ -1,4 +1,4 @@
-"""Which version of the program this is: said once, here; the build reads it too."""
+"""The version of the program, which the build reads too."""
 
 __all__ = ["VERSION"]
 

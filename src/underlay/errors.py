@@ -52,7 +52,7 @@ class InputError(UnderlayError, ValueError):
 
 
 class MaterialError(InputError):
-    """Elastic constants that no stable material has."""
+    """Elastic constants that are not those of a stable material."""
 
 
 class UnitError(InputError):
@@ -60,11 +60,11 @@ class UnitError(InputError):
 
 
 class ParameterError(InputError):
-    """A parameter path that does not exist or cannot act in this scene."""
+    """A parameter path that does not exist or has no effect in this scene."""
 
 
 class RangeError(InputError):
-    """A law asked outside the range in which it holds.
+    """A law evaluated outside the range in which it holds.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class FileAccessError(UnderlayError, OSError):
 
 
 class LawError(UnderlayError, RuntimeError):
-    """A solver or law that fails, or answers with NaN or in the wrong shape."""
+    """A solver or law that fails, or returns NaN or the wrong shape."""
 
 
 class FitError(UnderlayError, RuntimeError):
@@ -98,7 +98,7 @@ class FitError(UnderlayError, RuntimeError):
 
 
 class SchedulerError(UnderlayError, OSError):
-    """A scheduler of many machines that cannot be worked with."""
+    """A Dask scheduler that does not answer, has no usable workers, or is lost."""
 
 
 class MissingExtraError(UnderlayError, ImportError):
@@ -106,7 +106,7 @@ class MissingExtraError(UnderlayError, ImportError):
 
 
 def installing(extra: str) -> str:
-    """Return what installs an extra, from a clone as from any other copy of the source."""
+    """Return the pip command that installs an extra from the source folder."""
     return f"pip install '.[{extra}]' in the folder of underlay"
 
 
@@ -118,17 +118,17 @@ def missing_extra(need: str, extra: str, otherwise: str = "") -> MissingExtraErr
     need : str
         What needs which library, e.g. ``"an Excel file needs xlsxwriter"``.
     extra : str
-        Name of the extra that brings it.
+        Name of the extra that contains it.
     otherwise : str
         What else the reader can do.
 
     Returns
     -------
     MissingExtraError
-        With the line that installs the extra.
+        With the command that installs the extra.
     """
     return MissingExtraError(f"{need}: {installing(extra)}{otherwise and f', or {otherwise}'}")
 
 
 class UnderlayWarning(UserWarning):
-    """A result that stands, with a reservation the caller should know."""
+    """A warning about a valid result with a reservation that the caller should know."""

@@ -1,4 +1,4 @@
-"""What other packages add: indenters, solvers and readers, declared as entry points.
+"""Plug-ins of other packages: indenters, solvers and readers, declared as entry points.
 
 A package declares in its pyproject.toml what it adds, under one of three groups::
 
@@ -11,10 +11,10 @@ A package declares in its pyproject.toml what it adds, under one of three groups
     [project.entry-points."underlay.readers"]
     my_device = "my_files:FORMAT"              # a Format
 
-and nothing else is needed: once it is installed, scene files, commands and `read` know it. Nobody's code is
-loaded before a name is asked for that is not this package's own, or everything there is. A plug-in that cannot be
-loaded, or is not what its group promises, costs itself only: `underlay formats` lists it with the reason, and so
-does the message about a name that is not known.
+and nothing else is needed: once it is installed, scene files, commands and `read` know it. Plug-ins are loaded only
+when a name is used that is not this package's own, or when everything is listed. A plug-in that cannot be loaded,
+or is not what its group requires, does not affect others: `underlay formats` lists it with the reason, and so does
+the message about an unknown name.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ class Plugin:
     group : str
         One of `GROUPS`.
     name : str
-        What the package calls it.
+        Name of the entry point.
     package : str
         The package and its version.
     thing : object
-        What was loaded; None where there is a fault.
+        The object that was loaded; None where there is a fault.
     fault : str
         Why it cannot be used; empty where it can.
     """
@@ -69,7 +69,7 @@ def plugins(group: str, fault_of: Callable[[str, Any], str]) -> tuple[Plugin, ..
     group : str
         One of `GROUPS`.
     fault_of : callable
-        Takes the name of an entry point and what it loaded; says why that is none of the group, or nothing.
+        Takes the name of an entry point and the loaded object; returns why it does not fit the group, or "".
     """
     from importlib import metadata  # noqa: PLC0415  tens of milliseconds that a plain law does not need
 
@@ -88,6 +88,6 @@ def _loaded(group: str, entry: Any, fault_of: Callable[[str, Any], str]) -> Plug
 
 
 def faults(found: tuple[Plugin, ...]) -> str:
-    """Say, to be added to a message, which plug-ins could not be used; empty where all can."""
+    """Text to add to a message, with the plug-ins that could not be used; empty where there are none."""
     said = [f"{entry.name} of {entry.package} ({entry.fault})" for entry in found if entry.fault]
     return f"; not usable: {'; '.join(said)}" if said else ""

@@ -1,4 +1,4 @@
-"""One declaration for each number of a test: what it is, what it may be, what it does to the force.
+"""Declarations of the numbers of a test: kind, bounds, scale, and effect on the force.
 
 A number is declared where it lives, in its dataclass::
 
@@ -7,12 +7,12 @@ A number is declared where it lives, in its dataclass::
         half_angle: float = field(metadata=quantity("angle", "half-angle of the {part}", bounds=(0.0, 0.5 * np.pi)))
 
 and nowhere else: scene files, priors, scaled coordinates, tables, plots and messages read it from there, through
-its path. A path begins with the part of the test (`Part.parts`) and ends with the field; a field that holds
-several numbers has each under its index: ``layer.E``, ``substrate.layers[0].E``, ``layer.relaxation.times[1]``.
-The *name* of a parameter in a joint problem may add the number of its curve in brackets, ``layer.E[1]``.
+its path. A path begins with the part of the test (`Part.parts`) and ends with the field; a field that holds several
+numbers has each under its index: ``layer.E``, ``substrate.layers[0].E``, ``layer.relaxation.times[1]``. The *name*
+of a parameter in a joint problem may add the number of its curve in brackets, ``layer.E[1]``.
 
-A number that is not declared is known by the last word of its field's name (``tip_radius`` is a length), and
-dimensionless where that says nothing.
+The kind of a number that is not declared follows from the last word of its field's name (``tip_radius`` is a
+length); it is dimensionless for other words.
 """
 
 from __future__ import annotations
@@ -55,26 +55,27 @@ _LAST_INDEX = re.compile(r"^(?P<rest>.+)\[(?P<number>\d{1,6})\]$")
 
 @dataclass(frozen=True)
 class Quantity:
-    """What one number of a test is.
+    """Declaration of one number of a test.
 
     Parameters
     ----------
     kind : str
         Physical kind, one of `underlay.units.KINDS`: it gives the unit.
     label : str
-        What it is called in a sentence; ``{part}`` stands for the part it belongs to.
+        Its name in a sentence; ``{part}`` stands for the part it belongs to.
     symbol : str
         Its letter in a formula (TeX).
     bounds : (float, float)
-        Open ends of what is physically possible (SI).
+        Open interval of the physically possible values (SI).
     natural_scale : float
-        Size (SI) of a change that shows, where neither the curve nor a prior gives one.
+        Size (SI) of a noticeable change, where neither the curve nor a prior gives one.
     linear : bool
         Whether the force reading is linear in it.
     nearly_linear : bool
-        Whether it bends so little in it that a curve may read it as if it were straight: each is asked.
+        Whether the force is so nearly linear in it that intervals may use a linear model, after a check for each
+        curve.
     from_zero : bool
-        Whether it is a size of what is zero otherwise: near zero its interval has an upper end alone.
+        Whether zero means that an effect is absent: near zero its interval has an upper end only.
     scales : {"force", "length"} or None
         Whether it is a scale of the force (a modulus) or of the lengths of the contact (a thickness, a radius).
     many : bool
@@ -94,7 +95,7 @@ class Quantity:
 
     @property
     def is_scale(self) -> bool:
-        """Whether it is positive by nature, without an upper end: its ratios are what matters."""
+        """Whether it is positive by nature, without an upper bound, so that it is treated by its logarithm."""
         return self.bounds == _POSITIVE
 
 
@@ -109,26 +110,26 @@ def inlined() -> Mapping[str, Any]:
 
 
 def one_of(*words: str) -> dict[str, Any]:
-    """Metadata of a field that is one of these words."""
+    """Metadata of a field whose value is one of these words."""
     return {"words": words}
 
 
 def takes(what: Any) -> Mapping[str, Any]:
-    """Metadata of a field that takes a list of these words, a whole number of this range, or this type."""
+    """Metadata of a field's allowed values: a list of words, a range of whole numbers, or a type."""
     return {"takes": what}
 
 
 def no_number() -> dict[str, Any]:
-    """Metadata of a field of a part that is no number itself: a word, or further parts."""
+    """Metadata of a field that is not a number itself: a word, or further parts."""
     return {"no number": True}
 
 
 class Part:
     """A part of a test that holds numbers: an indenter, a material, a noise model.
 
-    `parts` says under which first words of a path its numbers may stand. Classes that derive from it, wherever
-    they are defined, are found by `declared`. Where a part may be of several kinds, a scene file says which by the
-    key `chosen_by`, whose value is the name that the concrete class has in the attribute of that name.
+    `parts` are the first words that paths of its numbers may have. Classes that derive from it, wherever they are
+    defined, are found by `declared`. Where a part may be of several kinds, `chosen_by` is the key of a scene file
+    that names the kind, and the attribute of the concrete class that holds this name.
     """
 
     parts: ClassVar[tuple[str, ...]] = ()
@@ -137,9 +138,9 @@ class Part:
 
     @classmethod
     def kinds(cls) -> dict[str, type[Self]]:
-        """Every concrete kind there is, wherever it was defined, by its name in scene files.
+        """Every concrete subclass, wherever it was defined, by its name in scene files.
 
-        Of two kinds of one name the first that was defined has it.
+        Of two with the same name the first that was defined is used.
         """
         found: dict[str, type[Self]] = {}
         for child in cls.__subclasses__():
@@ -149,12 +150,12 @@ class Part:
 
     @property
     def choice(self) -> dict[str, Any]:
-        """What a scene file says of its kind, beside its numbers.
+        """The key and value by which a scene file names the kind of this part; empty where there is one kind only.
 
         Raises
         ------
         InputError
-            If it is a kind without a name.
+            If its class has no name.
         """
         if not self.chosen_by:
             return {}
@@ -168,7 +169,7 @@ class Part:
 def field_quantities(part: Any) -> dict[str, Quantity]:
     """Declaration of every number among the fields of a dataclass or one of its instances, by field name.
 
-    Fields of other kinds (materials, words) are left out; of an instance, so is what holds no number now.
+    Fields of other types (materials, words) are left out; of an instance, also those that hold no number.
     """
     return {
         entry.name: quantity_of(entry)
@@ -178,13 +179,13 @@ def field_quantities(part: Any) -> dict[str, Quantity]:
 
 
 def quantity_of(entry: Field[Any]) -> Quantity:
-    """Declaration of a field, or what its name says of it."""
+    """Declaration of a field, or one derived from the last word of its name."""
     declaration = entry.metadata.get("quantity")
     return declaration if isinstance(declaration, Quantity) else _by_word(entry.name)
 
 
 def _is_number(entry: Field[Any], part: Any) -> bool:
-    """Whether an undeclared field is a number: by its value, or of a class by its annotation."""
+    """Whether an undeclared field is a number: by its value in an instance, by its annotation in a class."""
     if isinstance(part, type):
         return entry.type in (float, "float")
     return isinstance(getattr(part, entry.name), float)
@@ -216,10 +217,10 @@ def _by_word(name: str) -> Quantity:
 
 
 def declared(name: str) -> Quantity:
-    """Declaration of a parameter by its path or name alone, when no scene is at hand.
+    """Declaration of a parameter from its path or name alone, without a scene.
 
-    Where two kinds of one part use a field name (the exponent of a shape, say), the first that was defined
-    answers; `Scene.quantities` knows which it is.
+    Where two kinds of one part have a field of this name (the exponent of a shape, say), that of the class defined
+    first is returned; `Scene.quantities` has the right one.
     """
     words = _INDEX.sub("", name).split(".")
     for kind in _kinds(words[0]):
@@ -230,7 +231,7 @@ def declared(name: str) -> Quantity:
 
 
 def _kinds(part: str) -> Iterator[type[Part]]:
-    """Every dataclass whose numbers may stand under this first word of a path."""
+    """Every dataclass whose numbers may have paths with this first word."""
     waiting = Part.__subclasses__()
     while waiting:
         kind = waiting.pop(0)
@@ -245,17 +246,17 @@ def kind_of(name: str) -> str:
 
 
 def path_of(name: str) -> str:
-    """Path of a parameter, without the number of the curve that it may be the own one of."""
+    """Path of a parameter, without the number of a curve: ``"layer.E"`` for ``"layer.E[1]"``."""
     return _apart(name)[0]
 
 
 def curve_of(name: str) -> int | None:
-    """Number of the curve whose own a parameter is, or None: 1 of ``"layer.E[1]"``."""
+    """Number of the curve in a parameter's name, or None: 1 for ``"layer.E[1]"``."""
     return _apart(name)[1]
 
 
 def _apart(name: str) -> tuple[str, int | None]:
-    """The last index is the curve's, unless the field holds several numbers and has no other index."""
+    """Path and curve number of a name; the last index is the curve's, unless it is the field's only index."""
     match = _LAST_INDEX.match(name)
     if match is None or (declared(name).many and not match["rest"].endswith("]")):
         return name, None
@@ -266,7 +267,7 @@ def _apart(name: str) -> tuple[str, int | None]:
 
 
 class Number(NamedTuple):
-    """A number of a scene: its value (SI) and what its dataclass declares of it."""
+    """A number of a scene: its value (SI) and its declaration."""
 
     value: float
     quantity: Quantity
@@ -305,7 +306,7 @@ def replace_values(
 ) -> Whole:
     """Return the scene, or the part whose path is `prefix`, with the numbers at the given paths replaced (SI).
 
-    `known` are all its paths, where the caller has them: finding them takes as long as replacing them.
+    `known` are all its paths, if the caller has them: to find them takes as long as to replace the numbers.
 
     Raises
     ------
@@ -324,7 +325,10 @@ def replace_values(
 
 
 def _replaced(part: Any, prefix: str, values: Mapping[str, float], touched: Container[str]) -> Any:
-    """Return the part with new numbers; itself where none of `values`, in the parts `touched`, is its own."""
+    """Return the part with the numbers in `values` replaced; itself where none of them is its own.
+
+    `touched` are the paths of all parts on the way to these numbers.
+    """
     changed = {}
     # Not `fields`, which takes longer: what is no field has no path that is touched.
     for name, entry in part.__dataclass_fields__.items():

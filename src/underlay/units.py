@@ -1,8 +1,8 @@
-"""Numbers with units, at the borders only: ``"1.5 mm"`` is read as ``1.5e-3``, and written from it for people.
+"""Numbers with units, for input and output only: ``"1.5 mm"`` is read as ``1.5e-3`` and written from it.
 
-Inside the library every number is an SI float. Each kind of quantity (`KINDS`) has the units that people
-write it in. The usual ones are read from a small table, all others by pint; a unit of the wrong kind is
-refused with those that would do.
+Inside the library every number is an SI float. Each kind of quantity (`KINDS`) has the units in which people write
+it. The usual ones are read from a small table, all others by pint; a unit of the wrong kind is refused with those
+that are allowed.
 """
 
 from __future__ import annotations
@@ -94,11 +94,11 @@ class Kind:
     Parameters
     ----------
     si : str
-        The unit of the floats inside.
+        SI unit of the floats inside the library.
     units : tuple of str
         Units for people, smallest first; the ones an error message offers.
     example : str
-        What a caller may write.
+        An example of a value with its unit.
     """
 
     si: str
@@ -132,7 +132,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 
 
 def kind_named(name: str) -> Kind:
-    """Return the kind of that name.
+    """Return the kind of quantity of that name.
 
     Raises
     ------
@@ -387,9 +387,9 @@ def printed(text: str) -> str:
 
 
 def format_ends(low: float, high: float, kind: str) -> tuple[str, str]:
-    """Write the ends of an interval (SI) for people, each in a unit of its size, with digits that tell its width.
+    """Write the ends of an interval (SI) for people, each in a suitable unit, with enough digits to show its width.
 
-    Four digits each, and where they are close as many as show two of the distance between them.
+    Four digits each, and where they are close as many as show two digits of the distance between them.
 
     Examples
     --------
@@ -403,7 +403,7 @@ def format_ends(low: float, high: float, kind: str) -> tuple[str, str]:
 
 
 def interval_digits(low: float, high: float) -> int:
-    """Significant digits of the ends of an interval: four, or as many as show two of the distance between them.
+    """Significant digits for the ends of an interval: four, or as many as show two digits of their distance.
 
     Examples
     --------
@@ -423,7 +423,7 @@ def _written(value: float, kind: str, digits: int) -> str:
 
 
 def format_quantity(value: float, kind: str, uncertainty: float | None = None) -> str:
-    """Write an SI value for people, in a unit of its size.
+    """Write an SI value for people, in a unit of suitable size.
 
     Parameters
     ----------

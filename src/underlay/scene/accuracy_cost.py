@@ -119,7 +119,7 @@ def accuracy_cost(
 
 
 def explicit_formula(scene: Scene) -> Callable[[FloatArray], FloatArray]:
-    """Return the explicit formula (5.9) of the asymptotic law in plain numpy, whose time is the unit of time.
+    """Return the explicit force, equation (5.9) of Argatov and Sabina, in plain numpy: its time is the unit.
 
     The result maps depths (m), (n,), to forces (N). A shape that is no power law takes the formula of a paraboloid
     one thickness in radius, which takes the same time.

@@ -139,7 +139,7 @@ class Scene:
 
     @cached_property
     def memory(self) -> History | None:
-        """What remembers earlier depths: the layer's relaxation or drainage, the scene's history, or nothing."""
+        """Time-dependent model of the sample: relaxation or drainage of the layer, or the history; else None."""
         relaxation = self.layer.relaxation
         if self.layer.material.drains:
             from underlay.mechanics.biphasic.drainage import Drainage  # noqa: PLC0415  not for a layer without water

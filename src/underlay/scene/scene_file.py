@@ -351,7 +351,7 @@ def _curve(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
-    """What a section of the indenter leaves to the file of a curve: the radius of a shape that has one."""
+    """Path of the radius if an indenter section lacks one that its shape needs: the curve's file must give it."""
     shape: Any = Indenter.kinds().get(str(tip.get("shape")))
     if shape is None or "radius" in tip:
         return ()

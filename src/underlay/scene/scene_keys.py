@@ -351,10 +351,10 @@ def fit_keys(kind: str) -> dict[str, Key]:
 
 
 class SceneKey(NamedTuple):
-    """One key: its section, name, what it takes, its default (empty if it must be given) and its meaning.
+    """One key in the list: its section, name, what it takes, its default (empty if required) and its meaning.
 
-    The name says in brackets of which variant of the section it is, where there are several: ``radius (sphere)``.
-    `kind` is the kind of quantity it takes, if any, and `words` are those it must be one of.
+    The name has in brackets the variant of the section that it belongs to, where there are several: ``radius
+    (sphere)``. `kind` is the kind of quantity it takes, if any, and `words` are the allowed words, if any.
     """
 
     section: str

@@ -135,7 +135,7 @@ def _size(path: str, given: object, numbers: Mapping[str, Number]) -> float:
 
 
 def taken_out(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Stated]]:
-    """Take the uncertainties that stand beside numbers out of a scene file; return it and them, by path."""
+    """Split a scene file into the document without the uncertainties of its numbers, and these, by path."""
     found: dict[str, Stated] = {}
     bare = {
         name: _bare(entry, name, found) if name in _SECTIONS else entry for name, entry in document.items()
