@@ -1,7 +1,7 @@
 """underlay: the stiffness of a thin layer from an indentation curve, with the substrate in the model.
 
-The public names are those of `__init__.pyi`. Each is loaded when it is first asked for: `import underlay` costs
-milliseconds, and a script that only computes a contact law never loads a fitting library (PEP 562).
+The public names are those of `__init__.pyi`. Each is loaded at its first use: `import underlay` costs milliseconds,
+and a script that only computes a contact law never loads a fitting library (PEP 562).
 """
 
 import sys

@@ -227,7 +227,7 @@ def _regular(path: PathLike, kind: FileKind | None) -> Iterator[io.FileIO]:
 
 
 def _pieces(stream: io.FileIO, path: PathLike, kind: FileKind, size: int = -1) -> Iterator[bytes]:
-    """Content in pieces: never more than its kind may hold, whatever the file claimed or grows to."""
+    """Yield the content in pieces: `size` bytes in all, or all of it up to the limit of its kind."""
     left = kind.largest + 1 if size < 0 else size
     # Room for as much as the file says it holds; more of it is taken all the same.
     room = min(_PIECE, max(_LEAST, os.fstat(stream.fileno()).st_size + 1))

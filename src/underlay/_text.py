@@ -77,7 +77,7 @@ def unguarded_cell(text: str) -> str:
 
 
 def comment_line(text: str) -> str:
-    """Return `text` as one comment line of a table; a spreadsheet splits that at its commas as well."""
+    """Return `text` as one comment line of a CSV table, guarded at its commas too (spreadsheets split there)."""
     return "# " + ",".join(map(guarded_cell, one_line(text).split(",")))
 
 

@@ -100,12 +100,12 @@ class Quantity:
 
 
 def quantity(kind: str, label: str = "", **said: Any) -> Mapping[str, Any]:
-    """Metadata of a dataclass field that is a number of the test; see `Quantity` for what may be said."""
+    """Metadata that declares a dataclass field as a number of the test; `said` are arguments of `Quantity`."""
     return {"quantity": Quantity(kind, label, **said)}
 
 
 def inlined() -> Mapping[str, Any]:
-    """Metadata of a field whose numbers stand under the path of its owner: ``layer.E``, the material's."""
+    """Metadata of a field whose numbers have the path of its owner: ``layer.E`` for the layer material's E."""
     return {"inlined": True}
 
 

@@ -135,7 +135,7 @@ class Work:
         return self.fields.get("doi", "")
 
     def __str__(self) -> str:
-        """As a line of a list of references."""
+        """The work as a line of a list of references."""
         *first, last = self.authors
         names = f"{', '.join(first)} and {last}" if first else last
         known = {name: text.strip("{}").replace("--", "-") for name, text in self.fields.items()}

@@ -308,7 +308,7 @@ def _along_radius(model: _Model, logs: FloatArray) -> FloatArray:
 def _table(
     curve: Curve, model: _Model, measured: _Measured, logs: FloatArray, fitted: FloatArray, slopes: FloatArray
 ) -> pd.DataFrame:
-    """Rows of `StiffnessFit.table`."""
+    """Table of a stiffness fit, one row per depth; columns as in `StiffnessFit.table`."""
     scene, nu = model.scene_at(logs), model.scene.layer.material.nu
     stiffness = np.exp(measured.log_stiffness)
     frame = pd.DataFrame(

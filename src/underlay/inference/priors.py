@@ -251,7 +251,7 @@ class LogUniform(Prior):
 
 @dataclass(frozen=True)
 class Normal(Prior):
-    """A measured value and its standard uncertainty: `mean` +- `sd`."""
+    """Normal prior, as from a measured value `mean` with standard uncertainty `sd`."""
 
     mean: float
     sd: float
@@ -287,7 +287,7 @@ class Normal(Prior):
 
 @dataclass(frozen=True)
 class LogNormal(Prior):
-    """A positive quantity known to a factor: ln x is normal about ln `median` with standard deviation `sigma`."""
+    """Log-normal prior of a positive quantity: ln x is normal about ln `median` with standard deviation `sigma`."""
 
     median: float
     sigma: float
@@ -328,7 +328,7 @@ class LogNormal(Prior):
 
 @dataclass(frozen=True)
 class HalfNormal(Prior):
-    """A quantity that is zero or positive and of the order of `sd`."""
+    """Half-normal prior of a quantity that is zero or positive, of scale `sd`."""
 
     sd: float
 

@@ -74,7 +74,7 @@ class Recipe(ABC):
 
     @abstractmethod
     def __str__(self) -> str:
-        """The recipe in words."""
+        """The fit procedure in words."""
 
 
 @dataclass(frozen=True)

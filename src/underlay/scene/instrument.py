@@ -63,7 +63,7 @@ _POSITIVE = (0.0, np.inf)
 
 @dataclass(frozen=True)
 class ContactDepth:
-    """First link of the depth: `depth` is the depth reading (m) at first contact."""
+    """Converts depth readings to travel since contact; `depth` is the depth reading (m) at first contact."""
 
     path: ClassVar[str] = "instrument.contact_depth"
 
@@ -76,7 +76,7 @@ class ContactDepth:
 
 @dataclass(frozen=True)
 class Frame:
-    """Second link of the depth: a frame or cantilever with a `compliance` (m/N) in series with the contact."""
+    """A frame or cantilever in series with the contact, whose `compliance` (m/N) takes a part of the travel."""
 
     path: ClassVar[str] = "instrument.compliance"
 
@@ -144,7 +144,7 @@ class ForceLink(ABC):
     @classmethod
     @abstractmethod
     def slope(cls, depth: FloatArray) -> FloatArray:
-        """d force / d number of the link at depth readings (m), (n,); it does not depend on the number."""
+        """d force reading / d number of this step at depth readings (m), (n,); it does not depend on the number."""
 
 
 @dataclass(frozen=True)
@@ -186,16 +186,16 @@ class BaselineSlope(ForceLink):
 
 @dataclass(frozen=True)
 class Chain:
-    """The links between contact and readings that a scene needs.
+    """Conversion between an instrument's readings and the contact, in the steps that a scene needs.
 
     Parameters
     ----------
     contact : ContactDepth or None
-        First link of the depth.
+        First step of the depth: the contact point.
     frame : Frame or None
-        Second link of the depth; for one set of numbers only.
+        Second step of the depth: the frame's compliance; for one set of numbers only.
     offsets : tuple of ForceLink
-        Links of the force, in order.
+        Steps of the force, in order: baseline and its slope.
     """
 
     contact: ContactDepth | None
@@ -204,7 +204,7 @@ class Chain:
 
     @classmethod
     def of(cls, values: Mapping[str, PerSet], free: Collection[str] = ()) -> Self:
-        """Links for the instrument's numbers of a scene, by path, for those that are not zero or are free."""
+        """Steps for the instrument's numbers of a scene, by path, for those that are not zero or are free."""
 
         def called(path: str) -> bool:
             value = values[path]
@@ -246,7 +246,7 @@ class Chain:
         return slope if self.frame is None else slope * self.frame.share(stiffness)
 
     def offset_slopes(self, depth: FloatArray) -> dict[str, FloatArray]:
-        """d force / d number, (n,), of every link of the force, by path."""
+        """d force reading / d number, (n,), of every step of the force (baseline, slope), by path."""
         return {link.path: link.slope(depth) for link in self.offsets}
 
 
@@ -286,7 +286,7 @@ class Instrument(Part):
 
     @cached_property
     def chain(self) -> Chain:
-        """The links for the numbers that are not zero."""
+        """The steps between readings and contact, for the numbers that are not zero."""
         return Chain.of({f"instrument.{name}": getattr(self, name) for name in field_quantities(self)})
 
 

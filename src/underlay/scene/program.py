@@ -108,14 +108,14 @@ class Program:
     def sampled(
         self, points: int | None = None, *, sampling_rate: float | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Depth readings (m) and times (s), each (n,), evenly in time.
+        """Depth readings (m) and times (s) of the motion, (n,) each, equally spaced in time.
 
         Parameters
         ----------
         points : int, optional
-            How many, two or more; the last is the end of the program.
+            Number of readings, two or more; the last is the end of the program.
         sampling_rate : float, optional
-            Points per second (Hz), instead.
+            Readings per second (Hz), instead of `points`.
 
         Raises
         ------

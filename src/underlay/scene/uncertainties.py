@@ -46,7 +46,7 @@ _EXACT = "exact"
 
 
 class StatedUncertainties(Mapping[str, float]):
-    """Half widths of 95 % intervals by input, read-only: SI by path, shares by the words of `RELATIVE`."""
+    """Half widths of 95 % intervals by input, read-only: SI by path; relative for those named in `RELATIVE`."""
 
     def __init__(self, rows: Mapping[str, float]) -> None:
         self._rows = dict(rows)

@@ -275,7 +275,7 @@ class SeparableSearch:
         return law
 
     def _at(self, contact: float, modulus: float) -> LinearModel | None:
-        """Model at a contact depth (m) and a modulus (Pa); None where the contact gives no force at all."""
+        """Model at a contact depth (m) and a modulus (Pa); None where no reading lies beyond that contact."""
         deepest = max(self._deepest - contact, 0.0)
         law = self._law_for(deepest, modulus)
         before = int(np.searchsorted(self._depth, contact, side="right"))
@@ -369,7 +369,7 @@ class SeparableSearch:
         return self._free[path].low < value < self._free[path].high
 
     def _first_contact(self) -> float | None:
-        """Best contact of a coarse grid on block means; None where no contact explains any force."""
+        """Starting contact depth (m), the best of a coarse grid on averaged readings; None if none has a force."""
         depth, force = self._blocks()
         coordinate = self._free[CONTACT]
         low, high = coordinate.low, coordinate.high
@@ -444,7 +444,7 @@ class SeparableSearch:
         )
 
     def _as_measured(self, values: FloatArray) -> FloatArray:
-        """Values in the order of the curve's points, (n,)."""
+        """Values (n,) brought from the order of depth to that of the curve's points."""
         if self._order is None:
             return values
         turned = np.empty_like(values)
@@ -585,7 +585,7 @@ def _parabola_top(grid: FloatArray, values: FloatArray, best: int) -> float:
 
 
 def separable_warnings(found: SeparableFit, problem: Callable[[], Problem]) -> tuple[str, ...]:
-    """Return the warnings of a separable fit, as the messages of `warnings_of`.
+    """Return the warnings of a separable fit as texts, the same as those of a general fit (`warnings_of`).
 
     Parameters
     ----------

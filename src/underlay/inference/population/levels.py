@@ -93,7 +93,7 @@ class Units:
 
 
 class GroupModel:
-    """Posterior of one group.
+    """Posterior of the mean and the spreads of ln of a parameter in one group of curves.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class GroupModel:
     between : SpreadPrior
         Prior of the spread of every level of units.
     rough : bool
-        Whether coarse tables do, as for locating the spreads.
+        Whether coarse tables suffice, as for locating the spreads.
     """
 
     def __init__(

@@ -169,7 +169,7 @@ def kind_of_quantity(name: str) -> str:
 
 
 def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, FloatArray]:
-    """Derived quantities at draws of the parameters.
+    """Derived quantities (moduli, stiffness, pull-off, ...) at draws of the parameters.
 
     Parameters
     ----------
@@ -181,8 +181,9 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
     Returns
     -------
     dict of str to FloatArray
-        Each (...), SI. Names such as ``"layer.reduced_modulus"`` and ``"stiffness"``; with several curves
-        the stiffness, and what follows from numbers that a curve has of its own, carry the curve's number.
+        Each (...), SI. Names such as ``"layer.reduced_modulus"`` and ``"stiffness"``; with several curves the
+        stiffness, and quantities of parameters that single curves have, end in the curve's number,
+        ``"stiffness[1]"``.
     """
     flat = physical.reshape(-1, physical.shape[-1])
     quantities: dict[str, FloatArray] = {}

@@ -269,7 +269,7 @@ def autocorrelation_times(chain: FloatArray) -> FloatArray:
 
 
 def rank_normalised_rhat(chain: FloatArray) -> float:
-    """ArviZ's R-hat of one quantity (steps, walkers); nan without ArviZ, or where nothing moves."""
+    """ArviZ's R-hat of one quantity (steps, walkers); nan without ArviZ, or for a constant chain."""
     arviz = _arviz()
     return np.nan if arviz is None or not np.ptp(chain) > 0.0 else float(arviz.rhat(chain.T))
 

@@ -191,7 +191,7 @@ class Posterior:
 
     @property
     def converged(self) -> bool:
-        """Whether the stop rule was met."""
+        """Whether the chain has converged, or the weighted draws can be trusted."""
         return self.diagnostics.converged
 
     @property
@@ -248,7 +248,7 @@ class Posterior:
         return self._of_draws(name, level) if self.problem is None else self.statement.answer(name, level)
 
     def _of_draws(self, name: str, level: float) -> Answer:
-        """Answer of a quantity by the draws alone, without a fit."""
+        """Answer of a quantity from the draws only, without a systematic part."""
         require_level(level)
         shares = [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level]
         low, value, high = np.quantile(self.of(name), shares).tolist()

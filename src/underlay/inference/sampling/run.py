@@ -603,7 +603,7 @@ def _model_error(problem: Problem, best: FloatArray) -> float:
 
 
 def _truth(problem: Problem) -> dict[str, float]:
-    """True values of the parameters, from the curves' own record."""
+    """True values of the parameters by name, as synthetic curves record them; empty for measured curves."""
     truth: dict[str, float] = {}
     for curve, member in zip(problem.curves, problem.members, strict=True):
         noise = {f"noise.{name}": entry for name, entry in member.noise_entries.items()}

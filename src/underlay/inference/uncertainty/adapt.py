@@ -67,7 +67,7 @@ class Kernels:
         return vectors
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (n,) of vectors (n, k)."""
+        """Log-density (n,) of the mixture of kernels at vectors (n, k)."""
         q = len(self.entries)
         inverse = np.linalg.inv(self.factors)
         off = vectors[:, None, self.entries] - self.centres
@@ -135,7 +135,7 @@ class Pool:
         source: Callable[[FloatArray], FloatArray],
         vectors: FloatArray,
     ) -> Pool:
-        """Pool of the draws (n, k) of one source."""
+        """Start a pool with the draws (n, k) of one distribution; `target` and `source` are log-densities."""
         return cls(target, vectors, target(vectors), [(source, len(vectors))], [source(vectors)])
 
     def add(self, source: Callable[[FloatArray], FloatArray], vectors: FloatArray) -> None:
@@ -151,24 +151,24 @@ class Pool:
 
     @property
     def log_weights(self) -> FloatArray:
-        """Logarithms of the weights of the draws, (n,), not normalised."""
+        """Logarithms of the importance weights of the draws, (n,), not normalised."""
         counts = np.array([count for _, count in self.sources], dtype=np.float64)
         shares = np.log(counts / counts.sum())
         return np.asarray(self.levels - logsumexp(np.array(self.proposed) + shares[:, None], axis=0))
 
     @property
     def weights(self) -> FloatArray:
-        """Weights of the draws, (n,), summing to 1."""
+        """Importance weights of the draws, (n,), summing to 1."""
         logs = self.log_weights
         return np.asarray(np.exp(logs - logsumexp(logs)))
 
     @property
     def effective(self) -> float:
-        """Kish's effective number of draws."""
+        """Kish's effective number of draws, 1 over the sum of the squared weights."""
         weights = self.weights
         return 1.0 / float(weights @ weights)
 
     @property
     def pareto(self) -> float:
-        """Pareto k of the weights."""
+        """Pareto k of the importance weights; above 0.7 they cannot be trusted."""
         return pareto_shape(self.log_weights)

@@ -1,7 +1,8 @@
-"""The number of one quantity as people read it: a value, how sure it is, and what makes it unsure.
+"""The number of one quantity as people read it: a value, its intervals, and an uncertainty budget.
 
-Everything that is printed of a fit, a posterior, a row of a map or a film is an `Answer`. Its two parts are at the
-same confidence and add in quadrature, in the logarithm of quantities that are positive by nature.
+Everything that is printed of a fit, a posterior, a row of a map or a film is an `Answer`. The statistical and the
+systematic part of an interval have the same confidence and add in quadrature, in the logarithm of quantities that
+are positive by nature.
 """
 
 from __future__ import annotations
@@ -61,12 +62,13 @@ class Contribution:
     source : str
         Path of an input (``"indenter.radius"``), or a name: ``"noise and misfit"``, ``"force"``, ``"friction"``.
     size : str
-        How uncertain the source is, at 95 %, as people write it; empty where its effect alone is known.
+        Uncertainty of the source, at 95 %, as people write it; empty where only its effect is known.
     origin : str
-        ``"given"`` (stated for this test), ``"assumed"`` (nobody stated it), ``"seen"`` (in the curve) or
-        ``"model"`` (what the contact model leaves out).
+        ``"given"`` (stated for this test), ``"assumed"`` (not stated), ``"seen"`` (in the curve) or ``"model"``
+        (what the contact model leaves out).
     low, high : float
-        How far it alone moves the quantity down and up (SI, both zero or more); infinite where that side is open.
+        How far it alone moves the quantity down and up (SI, both zero or more); infinite where that side has no
+        limit.
     share : float
         Share of the variance of the quantity.
     """
@@ -207,7 +209,7 @@ class States(Protocol):
     """Interface of the object that answers for a fit; its one implementation is `statement.Statement`."""
 
     def answer(self, name: str, level: float = 0.95) -> Answer:
-        """The answer of a quantity."""
+        """The `Answer` of one quantity: value, intervals and budget at a confidence level."""
 
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, (n,) each, of quantities that are computed from the parameters."""
@@ -220,7 +222,7 @@ class States(Protocol):
 
     @property
     def verdict(self) -> Advice:
-        """Whether the fit can be used."""
+        """Advice on whether the fit can be used: good, check or reject."""
 
     @property
     def sensitivity(self) -> Mapping[str, Mapping[str, float]]:

@@ -251,11 +251,12 @@ class _Budget:
             )
 
     def _left_open(self) -> Iterator[Source]:
-        """Sources that are unstated numbers of a layer's strain stiffening, within their usual range.
+        """Sources of error from strain stiffening that the scene does not state, within its usual range.
 
-        The curves are fitted again with these numbers free: where stiffening is strong, a first-order step from the
-        fit without them is too short or has the wrong sign (Ogden's energy of exponent -16). Each number's rows are
-        its own contribution to the covariance; the first source also has the shift to that fit as its bias.
+        The curves are fitted again with the stiffening's numbers free: where stiffening is strong, a first-order
+        step from the fit without them is too short or has the wrong sign (Ogden's energy of exponent -16). Each
+        number's rows are its own contribution to the covariance; the first source also has the shift to that fit as
+        its bias.
         """
         fit, problem = self.fit, self.fit.problem
         free = {coordinate.path for coordinate in problem.coordinates}

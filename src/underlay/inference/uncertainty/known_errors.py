@@ -1,15 +1,15 @@
-"""Errors that a contact law is known to have, of a size that is only roughly known.
+"""Known errors of a contact law, whose size is only roughly known.
 
-A paraboloid stands for a sphere, a frictionless law for a tip that sticks, small strains for finite ones: the
-shape of such an error over the depth can be computed, its size is uncertain, and no residual tells it from another
-thickness. It enters a fit's budget as a column with a prior,
+A paraboloid stands for a sphere, a frictionless law for a tip without slip, small strains for finite ones: the
+shape of such an error over the depth can be computed, its size is uncertain, and residuals cannot distinguish it
+from another thickness. It enters a fit's budget as a column with a prior,
 
     reading = F(theta) + sum_i amplitude_i column_i(theta) + ...,   amplitude_i ~ N(mean_i, deviation_i^2),
 
-F being the model at the parameters theta (`budget`): the interval of every parameter is as wide as the error makes
-it, and a mean that is not zero moves its middle.
+F being the model at the parameters theta (`budget`): the interval of every parameter is widened by the error, and a
+mean that is not zero shifts it.
 
-To add one, write a function that says for which scenes it counts, and name it in `KINDS`::
+To add one, write a function that returns the error for the scenes that have it, and name it in `KINDS`::
 
     def _column(test: Pressed) -> FloatArray:
         return 0.05 * test.force * test.law.contact_radius(test.depth) / test.values["indenter.radius"]
@@ -19,18 +19,18 @@ To add one, write a function that says for which scenes it counts, and name it i
             return None
         return KnownError("the tip gives way", _column, mean=1.0, deviation=0.5)
 
-A column is the force (N) that the error adds to the law at amplitude one, smooth in depth and zero up to
-contact. It follows the law at the optimum: depths, contact radii and forces are those there. Where the error is
-known only up to a sign take mean 0; where theory gives its size, mean 1 and the share by which theories differ.
-Curves of a joint fit share the amplitude of an error, by its words.
+A column is the force (N) that the error adds to the law at amplitude one, smooth in depth and zero up to contact.
+It is computed from depths, contact radii and forces of the law at the optimum. Where only the magnitude of the
+error is known, use mean 0; where theory gives its size, mean 1 and the share by which theories differ. Curves of a
+joint fit share the amplitude of an error of the same words.
 
-Friction and finite strain are errors of a law whose scene does not say that they are absent (`left_out`).
-Friction lies between none and full, and real friction between a law without it and one without slip (they
-bracket it to 0.03 %): a share of their difference, any between 0 and 1, here a normal distribution. Finite
-strain has a measured shape (`mechanics/finite_strain`) and a size that depends on a strain energy nobody knows:
-1 +- 0.5. The two are not a sum: what friction adds in large strains alone has a measured shape too, and a size
-between a part taken off (nu = 0.3) and nearly all of it added (nu = 0.49). A posterior may have these three as
-parameters (`free_model_error`), with the priors of the interval with model error.
+Friction and finite strain are errors of a law whose scene does not say that they are absent (`left_out`). Real
+friction lies between none and full, and the laws without friction and without slip bracket it to 0.03 %: the error
+is a share of their difference between 0 and 1, with a normal prior here. Finite strain has a computed shape
+(`mechanics/finite_strain`) and a size that depends on the unknown strain energy: 1 +- 0.5. The two do not add: the
+further effect of friction in large strains has a computed shape too, and a size between a part subtracted (nu =
+0.3) and nearly all of it added (nu = 0.49). A posterior may have these three as parameters (`free_model_error`),
+with the same priors.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ _PATHS = {FRICTION: FRICTION_PATH, FINITE_STRAIN: FINITE_STRAIN_PATH, BOTH: BOTH
 
 @dataclass(frozen=True)
 class Pressed:
-    """A test at the present values of its parameters.
+    """State of a test at given values of its parameters, from which a known error is computed.
 
     Parameters
     ----------
@@ -104,9 +104,9 @@ class Pressed:
     force, stiffness : FloatArray
         Contact force P (N) of the law and dP/dw (N/m), each (n,).
     made : callable
-        Makes the scene of the values.
+        Builds the scene with these values.
     by : callable
-        Law of the same contact by another solver, kept from one call to the next as the law's own is.
+        Returns the law of the same contact by a given solver.
     """
 
     values: Mapping[str, float]
@@ -192,14 +192,14 @@ def _column(test: Pressed) -> FloatArray:
 
 
 def stiffening_formula(scene: Scene) -> KnownError | None:
-    """Return the error of the formula of the stiffening factor G: 3 % of G - 1; none without stiffening."""
+    """Return the error of the stiffening factor G's formula, 3 % of G - 1 (one sigma); None without stiffening."""
     return _of_law(
         "stiffening formula", "stiffening", "± 6 % of G - 1", has=scene.layer.stiffening is not None
     )
 
 
 def sides(scene: Scene) -> KnownError | None:
-    """Return the error of the spring of the sides; none for a layer without sides."""
+    """Return the error of the spring that represents the free sides of a sample; None without sides."""
     return _of_law("sides", "sides", "± 8 % of their spring", has=scene.layer.has_sides)
 
 
@@ -225,7 +225,7 @@ KINDS: Sequence[Callable[[Scene], KnownError | None]] = (
 
 
 def known_errors(scenes: Sequence[Scene]) -> tuple[KnownError, ...]:
-    """Return the errors that the laws of these scenes have, each once."""
+    """Return the known errors of the laws of these scenes, each once."""
     found: dict[str, KnownError] = {}
     for scene in scenes:
         for kind in KINDS:
@@ -237,16 +237,16 @@ def known_errors(scenes: Sequence[Scene]) -> tuple[KnownError, ...]:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What the law of a scene leaves out of friction and finite strain.
+    """Errors of friction and finite strain that the law of a scene leaves out.
 
     Parameters
     ----------
     errors : tuple of KnownError
-        Errors whose shape can be computed.
+        Errors whose shape over the depth can be computed.
     unknown : tuple of str
-        In words, errors whose shape cannot, and why.
+        In words, errors whose shape cannot be computed, and why.
     declared : tuple of str
-        In words, what the scene declares of them.
+        In words, what the scene states about friction and finite strain.
     """
 
     errors: tuple[KnownError, ...] = ()

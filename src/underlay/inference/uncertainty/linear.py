@@ -61,7 +61,7 @@ class Mixture:
         return np.asarray(np.sqrt(np.maximum(self.weights @ (own + off * off), 0.0)))
 
     def draws(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Equally likely vectors (count, k)."""
+        """Random vectors (count, k) from the mixture."""
         own = rng.choice(len(self.weights), count, p=self.weights)
         factors = np.array([_root(C) for C in self.covariances])
         z = rng.standard_normal((count, self.means.shape[1]))

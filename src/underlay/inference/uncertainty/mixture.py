@@ -42,7 +42,7 @@ def mixture_quantiles(
 
 
 def weighted_quantiles(values: FloatArray, weights: FloatArray, shares: FloatArray) -> FloatArray:
-    """Quantiles (q,) at `shares` of draws (m,) with weights (m,) that sum to 1."""
+    """Quantiles (q,) at the probabilities `shares` (q,) of values (m,) with weights (m,) that sum to 1."""
     order = np.argsort(values, kind="stable")
     ranked = weights[order]
     return np.interp(shares, np.cumsum(ranked) - 0.5 * ranked, values[order])

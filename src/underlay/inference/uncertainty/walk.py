@@ -177,7 +177,11 @@ def _one_side(
 
 
 def bends_of(nodes: Sequence[Node], density: Density) -> list[FloatArray]:
-    """Orthonormal columns (n, p) of each curve that span the nonlinear change of its model along the ridge."""
+    """Orthonormal columns (n, p) of each curve that span the nonlinear change of its model along a ridge.
+
+    A ridge is the path of `nodes` along which the likelihood changes little; only changes larger than the noise are
+    kept.
+    """
     found = []
     for i, curve in enumerate(density.curves):
         fallen = np.array([node.places[i].fallen for node in nodes]).T

@@ -109,7 +109,7 @@ class Weighed:
 
     @cached_property
     def combined(self) -> Combined:
-        """Hypotheses of all curves together."""
+        """Joint hypotheses on the disturbances of all curves, with their probabilities."""
         return combine([state.hypotheses for state in self.states])
 
     @cached_property
@@ -171,13 +171,13 @@ class Weighed:
 
     @cached_property
     def determined(self) -> NDArray[np.bool_]:
-        """Mask (k,) of the entries that act on some curve."""
+        """Mask (k,) of the entries of the scaled vector that act on some curve."""
         acts = [np.abs(own.columns.values[:, own.columns.law]).max(axis=0) > 0.0 for own in self.states]
         return np.asarray(np.any(acts, axis=0))
 
     @property
     def entries(self) -> NDArray[np.intp]:
-        """Indices of the entries that act on some curve."""
+        """Indices of the entries of the scaled vector that act on some curve."""
         return np.flatnonzero(self.determined)
 
 
