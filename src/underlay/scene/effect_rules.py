@@ -79,7 +79,7 @@ class Simulated(Protocol):
 
     @property
     def history(self) -> History | None:
-        """The sample's time-dependent model (relaxation, drainage); None for an elastic one."""
+        """A time-dependent model of the sample besides relaxation and drainage of its layer; None without one."""
 
     @property
     def adhesion(self) -> Adhesion | None:

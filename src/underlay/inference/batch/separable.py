@@ -352,7 +352,7 @@ class SeparableSearch:
         return None
 
     def _merit(self, model: LinearModel) -> float:
-        """Sum of squares at the modulus of the law itself, without the linear change of ln E."""
+        """Sum of squares with the modulus kept at the law's, before the linear change of ln E solved for."""
         change = (float(model.linear[0]) - 1.0) * float(model.lengths[0]) if self._follows else 0.0
         return model.sum_of_squares + change * change  # residuals are at right angles to the columns
 

@@ -215,7 +215,7 @@ class Density:
         return whole & (len(self.curves) == 1)
 
     def _moments(self, fallen: Sequence[FloatArray]) -> FloatArray:
-        """Moments t of the residuals, (sets, m, k), of all curves together, from their changes (sets, n) each."""
+        """Moments t of the residuals, (sets, m, k), of all curves, from each one's change of reading (sets, n)."""
         parts = []
         for curve, row, own in zip(self.curves, self.likelihood.combined.rows, fallen, strict=True):
             moments = curve.moments

@@ -172,7 +172,7 @@ class Statement:
         return np.concatenate((at[None], self.fit.vector[None], *moved, *middles))
 
     def _derived(self, level: float) -> Mapping[str, FloatArray]:
-        """All derived quantities, by name, at the vectors of `_places`, the draws and the edge; once a level."""
+        """All derived quantities, by name, at the vectors of `_places`, the draws and the edge; kept by level."""
         if level not in self._followed:
             problem = self.fit.problem
             vectors = np.vstack((self._places, self.reading.draws, self.reading.edge(level)))
