@@ -25,20 +25,20 @@ from underlay.scene.scene_file import SceneFile
 
 __all__ = ["CurvePlace", "Curves", "list_curves", "read_place", "with_stand_ins"]
 
-#: What `list_curves` takes.
+#: Type of what `list_curves` accepts.
 Curves = str | os.PathLike[str] | Iterable[Curve | str | os.PathLike[str]]
 
-# Files that stand beside curves and are none.
+# Endings of files that are not curves.
 _NOT_CURVES = frozenset(
     {
         *(".toml", ".md", ".png", ".svg", ".pdf", ".html", ".parquet", ".ipynb", ".py"),
-        # Of a run, and what SQLite keeps beside it while it is open or after it was killed.
+        # Of a run's journal, and of SQLite's companion files, while it is open or after it was killed.
         *(".journal", ".journal-wal", ".journal-shm", ".journal-journal"),
     }
 )
-# Names that a message lists.
+# Largest number of names that a message lists.
 _LISTED = 3
-# Curves of a map whose files are read for what a scene file leaves to them.
+# Number of a map's first curves whose files are read for what a scene file leaves to them.
 _LOOKED_AT = 5
 
 

@@ -15,7 +15,7 @@ from underlay.inference.batch.work import DIED, Rows, given_up, work
 
 __all__ = ["through_dask"]
 
-# Chunks under way per thread of the cluster: one at work, one waiting beside it.
+# Chunks submitted per thread of the cluster: one at work and one waiting.
 _AHEAD = 2
 
 
@@ -87,7 +87,7 @@ def _through(
     def submit() -> None:
         while waiting and len(under_way) < ahead:
             chunk = waiting.pop()
-            # Not pure: a result is asked for once, and hashing every curve for a name would be work.
+            # Not pure: a result is needed once, and hashing every curve for a key would take time.
             future = client.submit(work, model, layout, chunk, pure=False)
             under_way[future] = chunk
             finished.add(future)

@@ -40,12 +40,12 @@ __all__ = [
 
 #: Name of the table that a review writes.
 DECISIONS = "decisions.csv"
-#: What the column ``decision`` says; an empty cell decides nothing.
+#: Values of the column ``decision``; an empty cell means no decision.
 ACCEPT, REFUSE = "accept", "refuse"
 #: ``status`` of a curve that a person refused.
 REFUSED_BY_HAND = "refused by hand"
 _KIND = FileKind("a table of decisions (CSV)", 64_000_000, "it needs the columns curve, decision and reason")
-# Columns, and characters of a reason, that are read of it.
+# Largest number of columns, and of characters of a reason, that are read.
 _MOST_COLUMNS, _LONGEST = 100, 1000
 _CURVE, _DECISION, _REASON = "curve", "decision", "reason"
 _TEXTS = ("name", "status", "verdict", "reason")
@@ -216,7 +216,7 @@ def without_refused(table: pd.DataFrame) -> pd.DataFrame:
     return kept
 
 
-# Numbers come back to the bit: from pandas 3.1 on by themselves, and to ask for it is deprecated there.
+# Floats are read exactly: from pandas 3.1 on by default, where the option is deprecated.
 _TO_THE_BIT: Mapping[str, Any] = (
     {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
 )
@@ -282,7 +282,7 @@ def read_map(path: PathLike) -> pd.DataFrame:
         absent = [name for name in fitted if name not in names]
         if absent:
             raise ValueError(f"it has no column {absent[0]!r} for its error")
-        # A path has a dot, a label has none.
+        # A parameter path has a dot, a label has none.
         paths = [name for name in names if "." in name and not name.endswith(f".{LIKELIHOOD}")]
         numbers = {*paths, *fitted, *_NUMBERS} & set(names)
         return table.astype(dict.fromkeys(sorted(numbers), "float64"))

@@ -42,18 +42,19 @@ from underlay.scene.scene_file import SceneFile
 
 __all__ = ["fit_many"]
 
-# Name of the table in an output that is a folder.
+# Name of the table where the output is a folder.
 _TABLE = "map.csv"
 # Curves sent at once: a few thousand readings each make a megabyte, and a worker is done in under a second.
 _LARGEST_CHUNK = 64
-# Chunks per worker at least, so that all end at about the same time.
+# Least number of chunks per worker, so that all end at about the same time.
 _CHUNKS_PER_WORKER = 8
-# Curves that are worth a further worker process, which takes about a second to start.
+# Number of curves that justify a further worker process, which takes about a second to start.
 _WORTH_A_WORKER = 100
-# The table is made anew from the journal this often (s), and never for more than one part in `_SHARE` of the time.
+# Interval (s) at which the table is rewritten from the journal, and the largest share of the time for it, one in
+# `_SHARE`.
 _EVERY = 10.0
 _SHARE = 50.0
-# Rows made in this process are handed to the journal this often (s).
+# Interval (s) at which rows made in this process are passed to the journal.
 _HANDED_ON = 0.2
 
 
@@ -131,7 +132,7 @@ def fit_many(
     options = options or MapOptions()
     own_files = [Path(entry) for entry in (manifest, scene) if isinstance(entry, str | os.PathLike)]
     if output is not None:
-        # With what a review writes beside the table.
+        # With the file that a review writes next to the table.
         own_files += [_table_path(output), _table_path(output).with_name(DECISIONS)]
     listed = list_curves(curves, own_files, options.folders)
     file = scene_file_of(scene)
@@ -141,7 +142,7 @@ def fit_many(
     labels = tuple(dict.fromkeys((*options.folders, *labels)))
     from_files = () if file is None else tuple(path for path in file.left_out if path not in given)
     if output is not None:
-        # The run must know its curves again.
+        # A later run must recognise its curves by their hashes.
         places = [
             place if place.curve is None else replace(place, sha256=curve_hash(place.curve))
             for place in places
@@ -208,7 +209,7 @@ def _gather(
                     last = time.monotonic()
                     pause = max(_EVERY, _SHARE * (last - now))
     except BaseException:
-        # Workers first: nothing may be added to what is written now.
+        # Stop the workers first, so that no row is added to what is written now.
         batches.close()
         if table is not None and journal.done:
             _leave_a_table(journal, table, layout)
@@ -219,7 +220,8 @@ def _leave_a_table(journal: Journal | PassingRows, table: Path, layout: Layout) 
     try:
         write_table(table, layout, journal.lines())
     except OSError:
-        # The disk may be what stopped the run: the journal holds every row, and that error is the one to see.
+        # A full disk may have stopped the run: the journal holds every row, and the first error is the one to
+        # report.
         return
 
 
@@ -257,7 +259,7 @@ def _here(model: BatchModel, layout: Layout, todo: Sequence[CurvePlace]) -> Gene
                 yield rows
                 rows, sent = [], time.monotonic()
     except KeyboardInterrupt:
-        # What is there is kept first, then the interruption goes on.
+        # Rows that are there are kept first, then the interruption is passed on.
         yield rows
         raise
     yield rows

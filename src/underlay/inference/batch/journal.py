@@ -24,7 +24,7 @@ from underlay.errors import FileAccessError, FileFormatError, InputError, Underl
 
 __all__ = ["Journal", "PassingRows"]
 
-# "ulay": how this database says that it is a journal of underlay, and of which form.
+# "ulay": marks the database as a journal of underlay; and the version of its layout.
 _APPLICATION, _FORM = 0x756C6179, 1
 _TABLES = (
     "CREATE TABLE run (identity TEXT NOT NULL)",
@@ -32,7 +32,7 @@ _TABLES = (
 )
 # Bytes of the longest value that is read: the hashes and columns of a run take some thousand, a row some hundred.
 _LONGEST = 1_000_000
-# Endings of the database and of the files that SQLite writes beside it.
+# Endings of the database and of SQLite's companion files.
 _BESIDE = ("", "-wal", "-shm", "-journal")
 
 
@@ -209,7 +209,7 @@ class Journal:
         """Lock out other processes, and set the write-ahead mode in which a kill cannot cut a commit."""
         for pragma in ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL"):
             self._file.execute(f"PRAGMA {pragma}").fetchall()
-        # In this mode a lock is only taken by the first that writes.
+        # In this mode the lock is taken only by the first write.
         self._file.execute("BEGIN EXCLUSIVE")
         self._file.execute("COMMIT")
 
@@ -260,7 +260,7 @@ class Journal:
             yield
         except sqlite3.Error as error:
             raise self._in_our_words(error) from error
-        except UnicodeDecodeError as error:  # SQLite quotes the damage, and Python cannot read that
+        except UnicodeDecodeError as error:  # SQLite quotes the damaged bytes, which Python cannot decode
             raise FileFormatError(_damaged(self.path)) from error
 
     def _in_our_words(self, error: sqlite3.Error) -> UnderlayError:
@@ -288,10 +288,10 @@ def _open(path: Path, mode: str) -> sqlite3.Connection:
     file = sqlite3.connect(
         f"{path.resolve().as_uri()}?mode={mode}", uri=True, timeout=0.0, isolation_level=None
     )
-    # What a text holds is checked here, not by SQLite's decoder.
+    # Text is checked here, not by SQLite's decoder.
     file.text_factory = bytes
     file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
-    # Functions that a foreign schema names are not called, and a damaged page is noticed where it is read.
+    # Functions named in a foreign schema are not called, and a damaged page is noticed when it is read.
     file.execute("PRAGMA trusted_schema = OFF")
     file.execute("PRAGMA cell_size_check = ON")
     return file

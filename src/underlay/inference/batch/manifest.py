@@ -33,12 +33,12 @@ from underlay.units import parse_quantity
 
 __all__ = ["Entry", "Manifest", "read_manifest"]
 
-# Names of columns: short ones of parameters, those of the file, of a position, and all words without a path.
+# Names of columns: short names of parameters, names of the file, of a position, and all of these without a path.
 _SHORT = {"thickness": "layer.thickness", "radius": "indenter.radius"}
 _FILE = ("file", "path", "curve")
 _PLACES = ("x", "y")
 _WORDS = (*_FILE, "name", *_PLACES)
-# What people call groups and the things that curves were taken from; any other name says "(label)" after it.
+# Usual names of groups and of the sources of curves; any other label is marked with "(label)".
 _LABELS = frozenset(
     {
         *("group", "treatment", "condition", "animal", "donor", "patient", "subject", "joint", "organ"),
@@ -46,15 +46,15 @@ _LABELS = frozenset(
     }
 )
 _LABEL, _REMARK = "label", "remark"
-# Likeness (difflib) from which a word is a slip of the pen for one that is known ("thicknes": 0.94).
+# Similarity (difflib) from which an unknown word is taken as a misspelling of a known one ("thicknes": 0.94).
 _SLIP = 0.8
-# A name of a column, with a unit or a mark in brackets.
+# Name of a column, with a unit or a mark in brackets.
 _HEADER = re.compile(r"\s*(?P<name>[^()\[\]]+?)\s*(?:[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]])?\s*")
 # Bytes that a manifest may have: a million curves with ten numbers each.
 _KIND = FileKind("a manifest (CSV)", 256_000_000, "it needs a row of names with 'file', and a row per curve")
-# Columns, and characters of a cell, that are read of it.
+# Largest number of columns, and of characters of a cell, that are read.
 _MOST_COLUMNS, _LONGEST_CELL = 1000, 1000
-# Names that a message lists.
+# Largest number of names that a message lists.
 _LISTED = 5
 
 

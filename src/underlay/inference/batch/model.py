@@ -32,7 +32,8 @@ __all__ = ["BatchModel", "MapOptions", "MapProgress", "Sampling", "Told", "batch
 
 #: A caller's own progress line: called with how many curves are done, and how many there are.
 Told: TypeAlias = Callable[[int, int], None]
-# Longest time of a fit (s): it takes milliseconds, and seconds where it is hard; one of ten minutes does not end.
+# Default time limit of a fit (s): a fit takes milliseconds, or seconds where it is hard; after ten minutes it will
+# not end.
 _LONGEST_FIT = 600.0
 
 
@@ -272,7 +273,8 @@ def _clock(scene: Scene, ramp: FloatArray) -> FloatArray:
     times = [value for path, value in scene.parameters.items() if ".times[" in path]
     if not times:
         return ramp
-    # Most steps are half of the shortest time, and the last ones make the record longer than the longest.
+    # Most steps are half of the shortest relaxation time, and the last ones make the record longer than the
+    # longest.
     steps = np.full(len(ramp) - 1, 0.5 * min(times))
     steps[3 * len(steps) // 4 :] = max(times)
     return np.concatenate(([0.0], np.cumsum(steps)))
@@ -342,7 +344,7 @@ def _require_proper(priors: Mapping[str, Prior]) -> None:
 
 
 def _hash(*parts: object) -> str:
-    # The reprs of frozen dataclasses and floats say every bit; arrays are cut short by repr, so they are
-    # written out.
+    # The reprs of frozen dataclasses and floats are exact; those of arrays are abbreviated, so arrays are printed
+    # in full.
     with np.printoptions(threshold=10**9, floatmode="unique"):
         return hashlib.sha256("\n".join(map(repr, parts)).encode()).hexdigest()

@@ -34,9 +34,9 @@ from underlay.inference.batch.work import DIED, CurveFitter, Rows, given_up
 
 __all__ = ["start_of_a_process", "through_processes"]
 
-# Variables by which libraries of linear algebra are held to one thread: the matrices here are small, and threads of
-# several processes would fight for the cores. It also makes the last bit of every sum the same, whatever the
-# machine and its load.
+# Environment variables that limit libraries of linear algebra to one thread: the matrices here are small, and
+# threads of several processes would compete for the cores. It also makes sums the same to the last bit, whatever
+# the machine and its load.
 _ONE_THREAD = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -45,16 +45,16 @@ _ONE_THREAD = (
     "VECLIB_MAXIMUM_THREADS",
     "NUMEXPR_NUM_THREADS",
 )
-# Environment of a worker. Without PYTHONSAFEPATH a new Python would look for every module in the folder it is
-# started in first, where the data may be.
+# Environment of a worker. Without PYTHONSAFEPATH a new Python would search the folder in which it starts, where the
+# data may be, for every module first.
 _ENVIRONMENT = dict.fromkeys((*_ONE_THREAD, "PYTHONSAFEPATH"), "1")
-# Deaths of a process on the same curve, alone with it, after which the curve is given up: it dies because of it.
+# Deaths of a process with a single curve after which that curve is given up as their cause.
 _MOST_DEATHS = 2
-# Processes in a row that may be ended from outside while they start; beyond this something ends them all.
+# Largest number of processes in a row that may be killed from outside while they start.
 _MOST_LOST_STARTS = 5
-# Longest time that a process may take to start (s): a busy machine, and a disk far away.
+# Time limit for the start of a process (s), for a busy machine or a slow disk.
 _LONGEST_START = 300.0
-# Longest time between two messages with rows (s), so that little is lost with a process.
+# Longest interval between two messages with rows (s), so that few rows are lost with a process.
 _EVERY = 0.2
 
 
@@ -68,7 +68,7 @@ def start_of_a_process() -> Iterator[None]:
     before = {name: os.environ.get(name) for name in _ENVIRONMENT}
     here = threading.current_thread() is threading.main_thread()
     interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN) if here else None
-    # multiprocessing would have the new process run the script that this module stands for.
+    # multiprocessing would run the script of this module in the new process.
     sys.modules["__main__"] = ModuleType("__main__")
     os.environ.update(_ENVIRONMENT)
     try:
@@ -163,7 +163,7 @@ class _Remaining:
         """
         if not worker.ready:
             self.lost_starts += 1
-            # A process that was ended from outside (minus the signal) is replaced.
+            # A process that was killed by a signal (negative exit code) is replaced.
             if worker.exit_code >= 0 or self.lost_starts > _MOST_LOST_STARTS:
                 raise FitError(f"a worker process did not start: it ended with code {worker.exit_code}")
         if len(worker.places) != 1:
@@ -207,7 +207,7 @@ class _Worker:
         self.deadline = time.monotonic() + _LONGEST_START
         with start_of_a_process():
             self._process.start()
-        # The only other end is the worker's now: its death is the end of the pipe.
+        # Only the worker has the other end now: its death ends the pipe.
         theirs.close()
 
     @property
@@ -272,7 +272,7 @@ def _serve(connection: Connection, message: bytes) -> None:
 
     The first message, an empty list, confirms the model; a text reports an error.
     """
-    # Ctrl-C reaches the whole group of processes; the parent decides what ends.
+    # Ctrl-C reaches the whole process group; the parent decides which processes end.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, OSError):
         try:

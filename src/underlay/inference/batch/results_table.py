@@ -35,15 +35,16 @@ __all__ = [
     "write_table",
 ]
 
-#: What the column ``status`` says.
+#: Values of the column ``status``.
 FITTED, FAILED = "fitted", "failed"
 
-#: The instrument's own modulus (Pa) for the same Poisson's ratio, and ours over it less one (per cent).
+#: Columns of the modulus from the instrument's software (Pa), at the same Poisson's ratio, and of ours over it less
+#: one (per cent).
 INSTRUMENT, DIFFERENCE = "layer.E.instrument", "layer.E.difference_percent"
-#: End of the column with the likelihood of a parameter in nine numbers, where its error alone would not do.
+#: Ending of the column with the likelihood of a parameter in nine numbers, where a standard error would not do.
 LIKELIHOOD = "likelihood"
 
-# Kinds of a column, and the columns before and after those of the parameters.
+# Types of columns, and the columns before and after those of the parameters.
 _TEXT, _NUMBER, _COUNT = "text", "number", "count"
 _BEFORE = (
     ("name", _TEXT),
@@ -63,14 +64,14 @@ _AFTER = (
     ("seconds", _NUMBER),
     ("sha256", _TEXT),
 )
-#: What an answer has in a row: value, ends of the combined interval and of its two parts (95 %).
+#: Endings of an answer's columns: value, ends of the combined interval and of its two parts (95 %).
 _ANSWERED = ("", ".low", ".high", ".stat.low", ".stat.high", ".syst.low", ".syst.high")
 _SAMPLED = (("converged", _COUNT), ("seed", _COUNT))
 _DECIDED = ("decision", "decision_reason")
-#: Columns that a label cannot have the name of.
+#: Names that a label cannot have, because columns have them.
 RESERVED = frozenset((*(name for name, _ in (*_BEFORE, *_AFTER, *_SAMPLED)), *_DECIDED))
 _SUFFIXES = (".csv", ".parquet")
-# Rows that are held while a table is written.
+# Number of rows in memory while a table is written.
 _ROWS_AT_A_TIME = 20_000
 # Half width of a normal 95 % interval in standard errors.
 _NORMAL_95 = 1.96
@@ -174,7 +175,7 @@ def _cell(value: Any) -> str:
     if isinstance(value, str):
         if not value or value.isalnum():
             return value
-        # One row is one line, whatever a message or a file name holds, and no cell of it is a formula.
+        # One row is one line, whatever a message or a file name contains, and no cell is a formula.
         text = guarded_cell(one_line(" ".join(value.split()) if not value.isprintable() else value))
         return '"' + text.replace('"', '""') + '"' if any(mark in text for mark in ',"') else text
     return str(int(value))
@@ -209,7 +210,7 @@ def to_frame(layout: Layout, lines: Iterable[str]) -> pd.DataFrame:
 
 
 def _number(cell: str) -> float:
-    # Python's own conversion is exact; that of a table reader need not be.
+    # Python's own conversion is exact; that of a table reader may not be.
     return float(cell) if cell else math.nan
 
 
@@ -217,7 +218,7 @@ def _count(cell: str) -> int | None:
     return int(cell) if cell else None
 
 
-#: What a cell of a kind stands for, and how a table stores it.
+#: How a cell of each type is read.
 _READ: Mapping[str, Callable[[str], str | float | None]] = {
     _TEXT: unguarded_cell,
     _NUMBER: _number,
@@ -226,7 +227,7 @@ _READ: Mapping[str, Callable[[str], str | float | None]] = {
 
 
 def _column(cells: Sequence[str], kind: str) -> Any:
-    # Not a Series: a table of these looks at the index of each.
+    # Not a Series: a DataFrame of these compares the index of each.
     dtype: Any = _STORED[kind]
     return pd.array([_READ[kind](cell) for cell in cells], dtype=dtype)
 

@@ -56,31 +56,31 @@ __all__ = [
     "solved",
 ]
 
-# Largest step of ln E: beyond, the force hardly depends on it and there is no step.
+# Largest step of ln E: where it would be larger the force hardly depends on E.
 _FARTHEST = log(1e6)
 #: Paths of the parameters that such a fit may have.
 MODULUS = "layer.E"
 CONTACT = "instrument.contact_depth"
 BASELINE = "instrument.baseline"
 SLOPE = "instrument.baseline_slope"
-# Contacts tried first, in ranges of depth from the first reading (half a step is within reach of the search), or as
-# shares of the way between narrower bounds.
+# Contact points tried first, in ranges of depth from the first reading (the search converges from half a step
+# away), or as shares of the interval between narrower bounds.
 _CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
 _BETWEEN_BOUNDS = np.linspace(0.0, 1.0, 25)[1:-1]
-_BLOCKS = 32  # means of neighbouring readings for that trial
-# Step of the contact, as a share of the depth range, before which the search ends: it would move E by some 2e-8 of
+_BLOCKS = 32  # number of averages of successive readings for that trial
+# Step of the contact, as a share of the depth range, at which the search ends: it would change E by some 2e-8 of
 # itself.
 _SETTLED = 1e-8
-# Step, as the same share, over which the stiffness, and so the standard errors, change by as little.
+# Step, as the same share, over which the stiffness, and so the standard errors, change by the same order.
 _LINEAR = 2e-6
-# Change of ln E over which a law may stay: it leaves an error of its square at most, 1e-10.
+# Change of ln E up to which a law is reused: the error is at most its square, 1e-10.
 _SAME_LAW = 1e-5
-# Standard error of ln E from which a base may hide E, and there may be other optima: `quick_fit` looks.
+# Standard error of ln E from which the base may hide E, and there may be other optima: left to `quick_fit`.
 _LOOSE = 0.1
-# Steps of the search, and halvings of one step that does not descend, before it is left to `quick_fit`.
+# Largest number of steps of the search, and of halvings of one step, before the fit is left to `quick_fit`.
 _MOST_STEPS = 25
 _MOST_HALVINGS = 6
-# Ratio of two sums of squares that are the same but for their rounding.
+# Ratio of two sums of squares that are equal but for rounding.
 _NO_ASCENT = 1.0 + 1e-9
 # Nearer to a bound than this (log of a modulus, ranges of depth or force), the bounded search decides.
 _NEAR_BOUND = 1e-3
@@ -88,7 +88,7 @@ _NEAR_BOUND = 1e-3
 _CONDITION = 1e-8
 _EXPONENT = "indenter.exponent"
 _SEPARABLE = frozenset({MODULUS, CONTACT, BASELINE, SLOPE})
-# The screens below pass every fit that `fit_warnings` could warn of, and a few more; published corrections warn of
+# These thresholds catch every fit that `fit_warnings` could warn of, and a few more; published corrections warn of
 # their range. Runs fewer than expected, in standard deviations: this many have a probability of 6e-3; a warning
 # needs 1e-3.
 _FEW_RUNS = -2.5
@@ -158,7 +158,7 @@ class SeparableModel:
             forward = self._forward_of(curve, values)
             return SeparableSearch(self.coordinates, self.noise, forward, curve, values).solve()
         except InputError:
-            # No law reaches a contact that was tried; the bounded search steps back from such places.
+            # No law reaches a contact that was tried; the bounded search can step back from such points.
             return None
 
     def _forward_of(self, curve: Curve, values: Mapping[str, float]) -> Forward:
@@ -166,7 +166,7 @@ class SeparableModel:
         similarity, laws = self.forward.similarity, self.forward.laws
         served = {MODULUS, similarity.length, *similarity.shape} - {_EXPONENT}
         if laws.table is not None:
-            # A table of a stack holds the thicknesses over that of its top layer.
+            # The table of a stack has the thicknesses relative to that of its top layer.
             served = (served - ({similarity.length} if similarity.lengths else set())) | {laws.table.path}
         served |= set() if laws.tips is None else {laws.tips.path, *similarity.lengths}
         own = {
@@ -234,7 +234,7 @@ class SeparableSearch:
         self._coordinates, self._noise, self._forward, self._values = coordinates, noise, forward, values
         self._free = {coordinate.path: coordinate for coordinate in coordinates}
         depth, force = curve.depth, curve.force
-        # In the order of depth, the points in contact are one piece.
+        # In the order of depth, the points in contact are contiguous.
         self._order = np.argsort(depth, kind="stable") if (depth[1:] < depth[:-1]).any() else None
         if self._order is not None:
             depth, force = depth[self._order], force[self._order]
@@ -245,7 +245,7 @@ class SeparableSearch:
         self._span = self._deepest - float(depth[0])
         self._force_span = float(force.max() - force.min())
         self._law: ScaledLaw | None = None
-        # Whether a law serves one modulus alone.
+        # Whether the law has to be computed again for each modulus.
         self._follows = bool(forward.similarity.ratio_slopes(MODULUS, values))
         self._linear = self._linear_columns(self._depth)
 
@@ -267,7 +267,7 @@ class SeparableSearch:
     def _law_for(self, deepest: float, modulus: float) -> ScaledLaw:
         """Contact law for tip depths up to `deepest` (m) at a modulus (Pa); the last one if it is the same."""
         law = self._law
-        # Laws reach to a power of two (see `forward`): within the last octave the store would give the same.
+        # Laws reach to a power of two (see `forward`): within the last octave the cache would return the same.
         is_other = modulus != self._values[MODULUS]
         if law is None or is_other or not 0.5 * law.max_depth < deepest <= law.max_depth:
             self._values = {**self._values, MODULUS: modulus}
@@ -306,7 +306,7 @@ class SeparableSearch:
             data[before:] += column - force
         for row, column in enumerate(self._linear, start=1):
             columns[row] = column
-        # Columns of unit length: newtons beside ones and metres would cost digits.
+        # Columns of unit length: different units (N, 1, m) would cost digits.
         lengths = np.sqrt(np.einsum("pn,pn->p", columns, columns))
         columns /= lengths[:, None]
         products = columns @ columns.T
@@ -332,7 +332,7 @@ class SeparableSearch:
         while model is not None and steps < _MOST_STEPS:
             step = self._step(model)
             length, turn = step.length, model.turn(step) if self._follows else 0.0
-            # Steps shrink at a steady rate at least: the next one would be shorter by as much again.
+            # Steps shrink at least at a steady rate: the next one would be shorter by the same factor.
             rate = min(1.0, abs(length) / before) if before else 1.0
             is_short = abs(length) <= _LINEAR * self._span and abs(length) * rate <= _SETTLED * self._span
             if is_short and abs(turn) <= _SAME_LAW:
@@ -354,7 +354,7 @@ class SeparableSearch:
     def _merit(self, model: LinearModel) -> float:
         """Sum of squares with the modulus kept at the law's, before the linear change of ln E solved for."""
         change = (float(model.linear[0]) - 1.0) * float(model.lengths[0]) if self._follows else 0.0
-        return model.sum_of_squares + change * change  # residuals are at right angles to the columns
+        return model.sum_of_squares + change * change  # residuals are orthogonal to the columns
 
     def _step(self, model: LinearModel) -> ContactStep:
         """Step of the contact depth; of length zero where it is not free."""
@@ -419,7 +419,7 @@ class SeparableSearch:
         jacobian = np.stack([rows[c.path] for c in self._coordinates])
         lengths = np.array([units[c.path] for c in self._coordinates])
         products = jacobian @ jacobian.T
-        # Its eigenvalues say whether it can be inverted, and with its vectors the inverse.
+        # The eigenvalues show whether it can be inverted, and with the eigenvectors give the inverse.
         powers, ways = np.linalg.eigh(products)
         if self._is_near_a_bound(values) or powers[0] < _CONDITION:
             return None
@@ -454,7 +454,7 @@ class SeparableSearch:
     def _natural_sizes(self, values: FloatArray) -> list[float]:
         """Size (SI) of a change of each parameter that is of order one in scaled coordinates."""
         spans = {CONTACT: self._span, BASELINE: self._force_span, SLOPE: self._force_span / self._span}
-        # A modulus is searched in its logarithm: a share of itself is the distance there.
+        # A modulus is searched in its logarithm, in which a relative change is the distance.
         return [
             spans.get(coordinate.path, value)
             for coordinate, value in zip(self._coordinates, values.tolist(), strict=True)
@@ -631,7 +631,7 @@ def _statistics(found: SeparableFit, problem: Problem) -> FitStatistics:
     n, k = len(found.residuals), len(found.values)
     estimated = problem.members[0].scale_is_unknown
     chi_square = found.sum_of_squares / found.noise**2
-    # The likelihood is largest at S / n; the noise was estimated with n - k.
+    # The likelihood is maximal at S / n; the noise was estimated with n - k.
     variance = found.sum_of_squares / n if estimated else found.noise**2
     log_likelihood = -0.5 * n * float(np.log(2.0 * np.pi * variance)) - 0.5 * found.sum_of_squares / variance
     counted = k + estimated

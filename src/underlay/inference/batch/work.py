@@ -58,13 +58,13 @@ __all__ = [
 ]
 
 _MODULUS = "layer.E"
-#: Why a curve is given up on which worker processes died.
+#: Reason in the row of a curve that is given up because worker processes died on it.
 DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"
 # Squared standard deviations by which a contact must explain the force better than a straight line: three free
-# numbers reach 30 by chance in one curve of a million.
+# parameters reach 30 by chance in one curve of a million.
 _NO_CONTACT = 30.0
 _MODULUS_LIKELIHOOD = f"{_MODULUS}.{LIKELIHOOD}"
-# Arms of an interval of ln E beyond which it is no normal density's: one this much longer, or this long.
+# Largest ratio of the arms of an interval of ln E, and longest arm, for a normal density.
 _LOPSIDED, _WIDE = 1.5, 0.4
 
 
@@ -78,7 +78,7 @@ def answer_cells(answers: Mapping[str, Answer]) -> dict[str, float]:
     return {column: end for column, end in cells.items() if math.isfinite(end)}
 
 
-#: Rows (index, CSV text) that came together.
+#: Rows (index, CSV text) of one message.
 Rows = list[tuple[int, str]]
 
 
@@ -178,12 +178,11 @@ class CurveFitter:
             self._model.scene.with_values(place.values),
             curve,
             left_out=() if file is None else [path for path in file.left_out if path not in place.values],
-            # Nobody but a scene file can say which of two numbers is right: without one the row says that they
-            # differ.
+            # Only a scene file can say which of two numbers is right: without one the row states the difference.
             overrule=EVERYTHING if file is None else file.curve.get("overrule", ()),
             free=self._model.free,
         )
-        notes = settled.notes[len(settled.values) :]  # what was taken stands in the row itself
+        notes = settled.notes[len(settled.values) :]  # the values themselves are in the row
         noted = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *notes)) if notes else curve
         if settled.values:
             place = replace(place, values={**place.values, **settled.values})
@@ -246,7 +245,7 @@ class CurveFitter:
         known = values | fitted
         pressed = float(curve.depth.max()) - known["instrument.contact_depth"]
         if pressed > known.get("layer.thickness", np.inf):
-            return None  # deeper than the layer is thick: the thorough way says what that means
+            return None  # deeper than the layer's thickness: the general fit reports what that means
         noise, n, k = found.noise, len(curve), len(paths)
         return _Found(
             fitted,
@@ -259,7 +258,7 @@ class CurveFitter:
         )
 
     def _thorough(self, place: CurvePlace, curve: Curve) -> _Found:
-        # A worker is a fresh Python: it loads what most maps never call (pandas, emcee) when it is called.
+        # A worker is a fresh Python: it loads what most maps never use (pandas, emcee) at its first use.
         from underlay.inference.least_squares.fitting import quick_fit  # noqa: PLC0415
 
         problem = self._problem(place, curve)
@@ -278,7 +277,7 @@ class CurveFitter:
             found.statistics.law_method,
             found.statistics.reduced_chi_square,
             float(residuals @ residuals),
-            # That a reading beside a jump was left out is no doubt of the fit.
+            # A reading left out near a jump is no reason to doubt the fit.
             tuple(str(warning) for warning in found.warnings if warning.code != "jump"),
             {},
         )
@@ -294,7 +293,7 @@ class CurveFitter:
         more: dict[str, Any] = answer_cells(answers)
         more |= {"verdict": verdict.word, "reason": "; ".join(verdict.reasons), "cause": verdict.cause}
         if _MODULUS_LIKELIHOOD in self._layout.kinds and _is_lopsided(answers[_MODULUS]):
-            # Most maps never come here.
+            # Most maps do not need this.
             from underlay.inference.population.likelihood import CurveLikelihood  # noqa: PLC0415
 
             more[_MODULUS_LIKELIHOOD] = CurveLikelihood.of_answers(found.answer, _MODULUS).as_text()

@@ -244,7 +244,7 @@ def _check_layout(file: Any, parameters: int) -> None:
             and entry.ndim == len(shape)
             and all(wanted in (None, found) for wanted, found in zip(shape, entry.shape, strict=True))
         )
-        # Contiguous: what the file does not hold cannot be claimed, and no filter runs on what is read.
+        # Contiguous: a dataset cannot claim more bytes than the file holds, and no filter runs when it is read.
         if not fits or entry.chunks is not None or entry.external or entry.is_virtual or entry.nbytes > size:
             raise ValueError(f"{name} is not laid out as a chain's")
 
@@ -274,7 +274,7 @@ def _put_new(
 ) -> None:
     """Write a new chain file, with the steps of `progress` if given, and move it to `path` when it is complete."""
     beside = Path(f"{os.fspath(path)}.new")
-    # What a killed run left, or a link that would lead out of the output.
+    # Left by a killed run, or a symbolic link that would lead out of the output.
     beside.unlink(missing_ok=True)
     with _opened(beside, "x") as file:
         _lay_out(file, names, shape)

@@ -47,7 +47,7 @@ __all__ = [
     "kind_of_quantity",
 ]
 
-#: Quantities that follow from a contact that sticks, by the last word of their names.
+#: Quantities derived for an adhesive contact, by the last word of their names.
 ADHESIVE = {
     "pull_off_force": Quantity("force", "pull-off force"),
     "pull_off_depth": Quantity("length", "pull-off depth"),
@@ -55,7 +55,7 @@ ADHESIVE = {
 }
 # Relative step of central differences of the adhesive numbers, which are smooth in every parameter.
 _STEP = 1e-3
-# Relative change of a number over that of a parameter below which it does not follow it.
+# Relative change of a number over that of a parameter below which it does not depend on the parameter.
 _ACTS = 0.02
 #: Kind and name of the derived quantities, by the last word of their names.
 DERIVED = {
@@ -112,7 +112,7 @@ def adhesive_estimates(result: Fit, curve: int = 0) -> list[AdhesiveNumber]:
     shares = slopes * optimum[:, None] / at
 
     def of(physical: FloatArray) -> FloatArray:
-        # Sizes, their logarithms to first order.
+        # Absolute values, with the logarithms to first order.
         return np.asarray(np.abs(at) * np.exp((physical[:, rows] - optimum) @ (slopes / at)))
 
     band = np.sort(np.sign(at) * np.array(result.band(of)), axis=0)
@@ -195,7 +195,7 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
                 quantities.setdefault(f"{part}.{name}{suffix}", values)
     for number, member in enumerate(problem.members):
         suffix = f"[{number}]" if several else ""
-        # What answers a motion itself has no one stiffness at a depth.
+        # A memory with its own force law has no single stiffness at a depth.
         if not isinstance(member.forward.history, WholeHistory):
             stiffness, possible = _deepest_stiffness(member, flat)
             if possible:
@@ -218,7 +218,7 @@ def _pull_offs(member: Member, flat: FloatArray) -> dict[str, FloatArray]:
 
 def _stiffening(member: Member, flat: FloatArray) -> FloatArray:
     """Stiffening factor G, the force over that without stiffening, at the deepest point of one curve, (sets,)."""
-    # Not loaded for a layer that does not stiffen.
+    # Loaded only for a layer that stiffens.
     from underlay.inference.model.on_law import OnLinear  # noqa: PLC0415  see above
     from underlay.inference.model.on_law_batch import stiffening_factors  # noqa: PLC0415  see above
 

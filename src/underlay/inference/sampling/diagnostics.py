@@ -63,18 +63,18 @@ PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 INFORMED, WEAKLY_INFORMED = "informed", "weakly informed"
 NOT_INFORMED = "not informed by these data"
 
-# When a chain has converged: its length in autocorrelation times (emcee's advice), R-hat (advice of its source),
-# and the error of a quantile in standard deviations: one known to 0.06 is hardly ever off by 0.15.
+# Convergence of a chain: its length in autocorrelation times (emcee's advice), R-hat (advice of its source), and
+# the error of a quantile in standard deviations: one known to 0.06 is hardly ever off by 0.15.
 _TIMES_NEEDED, _RHAT_NEEDED, _LARGEST_ERROR = 50.0, 1.01, 0.06
-# Autocorrelation times that are dropped: the walkers' memory of their start fades as exp(-t / tau), and ten times
+# Burn-in in autocorrelation times: the walkers' correlation with their start decays as exp(-t / tau), and ten times
 # leave 5e-5 of it.
 _BURN_IN_TIMES = 10.0
-# Largest difference of the distribution functions of prior and posterior up to which the data told nothing, and
-# little. A normal posterior that is a third narrower than its normal prior, or a quarter of a standard deviation
-# beside it, is 0.1 away from it; one 0.4 times as wide, or half a standard deviation beside it, 0.2. The third: 95
-# % point of the Kolmogorov distribution, what the noise of the draws alone makes of identical ones.
+# Largest distance between the distribution functions of prior and posterior for "not informed" and for "weakly
+# informed". A normal posterior that is a third narrower than its normal prior, or shifted by a quarter of a
+# standard deviation, is 0.1 away from it; one 0.4 times as wide, or shifted by half a standard deviation, 0.2. The
+# third: 95 % point of the Kolmogorov distribution, for identical distributions by the noise of the draws alone.
 _NOTHING, _LITTLE, _KOLMOGOROV_95 = 0.1, 0.2, 1.358
-# Ratio of the ends of a positive prior above which it is one over orders of magnitude.
+# Ratio of the ends of a positive prior above which its width is taken in the logarithm.
 _DECADES = 20.0
 
 
@@ -230,8 +230,8 @@ def arviz_library() -> ModuleType:
     try:
         return _imported()
     except FileNotFoundError:
-        # arviz notes in the user's cache on which day it last warned. Where two processes import it at the same
-        # moment, the one that comes second finds its draft of that note gone; by then the note is in its place.
+        # arviz records in the user's cache on which day it last warned. Where two processes import it at the same
+        # moment, the second finds its temporary file gone; by then the record is in its place.
         return _imported()
 
 
@@ -344,7 +344,7 @@ def judge(coords: FloatArray, max_steps: int) -> Outcome:
     if long_enough or steps >= max_steps:
         rhat = np.array([rank_normalised_rhat(kept[..., i]) for i in range(parameters)])
         errors = chain_errors(kept)
-    # Without ArviZ R-hat is nan, and does not decide.
+    # Without ArviZ R-hat is nan, and is not used.
     mixed = not (rhat >= _RHAT_NEEDED).any()
     sure = bool((errors <= _LARGEST_ERROR).all())
     converged = bool(long_enough and mixed and sure)

@@ -27,23 +27,24 @@ from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, 
 
 __all__ = ["Proposal", "Source", "Target", "WeightedDraws", "differs", "weigh"]
 
-# Weighted draws: of so many four fifths count, and an end of a 95 % interval is known to 0.05 standard deviations.
+# Number of weighted draws: four fifths of them are effective, and an end of a 95 % interval is known to 0.05
+# standard deviations.
 _DRAWS = 4000
-# Pareto k from which weights are refused, and effective draws below which they are: the reading's own rule
-# (`uncertainty/ridge`).
+# Pareto k from which weights are not trusted, and effective draws below which they are not: the rule of
+# `uncertainty/ridge`.
 _LARGEST_PARETO, _FEWEST = 0.7, 300.0
-# Share of the draws that must count for weights to be all alike, whose tail has no index.
+# Effective share of the draws from which weights count as equal, whose tail has no index.
 _EVEN = 0.99
-# Rounds from kernels about the draws that follow where the closed form was drawn from, at most: one did in 43 of 47
-# cases.
+# Largest number of further rounds from kernels about the draws after draws from the closed form: one sufficed in 43
+# of 47 cases.
 _ROUNDS = 4
-# Quantiles that differ by so many of their joint standard errors, and by so many standard deviations of the
-# posterior beyond what the two are asked for, are not one.
+# Quantiles of chain and weights differ if they are apart by more than so many joint standard errors plus so many
+# standard deviations of the posterior.
 _SIGMAS, _SLACK = 4.0, 0.05
-# Sets that are asked for together: of more, what is in between does not stay in the processor's near memory.
+# Vectors evaluated at once: with more, intermediate arrays do not fit into the processor's cache.
 _TOGETHER = 256
-# Difference of two log-densities that are one: the same density in another batch repeats to rounding times the
-# condition of the contact problem, far below a thousandth of a log unit; another problem differs by log units.
+# Difference of two evaluations of one log-density in different batches: rounding times the condition of the contact
+# problem, far below a thousandth of a log unit; another problem differs by log units.
 _SAME_DENSITY = 1e-3
 
 
@@ -84,7 +85,7 @@ class Target:
         try:
             values = self.likelihood.log_density(vectors)
         except (UnderlayError, ArithmeticError, np.linalg.LinAlgError):
-            # One of them broke the batch: find out which.
+            # One of the vectors broke the batch: find out which.
             if len(vectors) == 1:
                 return np.array([-np.inf])
             return np.concatenate([self.peek(vector[None]) for vector in vectors])
@@ -132,7 +133,7 @@ class WeightedDraws:
         """Draws (n, p) of one distribution; `log_weights` (n,) are the log-density less the proposal's."""
         total = float(logsumexp(log_weights))
         weights = np.exp(log_weights - total)
-        # Where the closed form is the density all weights are alike, and what rounding leaves of them has no tail.
+        # Where the closed form is the exact density all weights are equal, and their rounding has no tail.
         even = 1.0 / float(weights @ weights) > _EVEN * len(weights)
         pareto = 0.0 if even and np.ptp(log_weights) < 1.0 else pareto_shape(log_weights)
         return cls(source, vectors, log_density, weights, pareto, total - math.log(len(vectors)))
@@ -316,7 +317,8 @@ class Proposal:
 
     def draw(self, count: int, rng: Any) -> FloatArray:
         """Draw scaled vectors (count, p)."""
-        # In an order of chance: draws are stratified, and a walker's are of the whole mixture, not of one stratum.
+        # In random order: draws are stratified, and a walker's proposals must come from the whole mixture, not from
+        # one stratum.
         own = rng.permutation(self.source.draw(count, rng))
         whole = len(self.kernels.centres) * -(-count // len(self.kernels.centres))
         near = rng.permutation(self.kernels.draw(whole, own[0], rng))[:count]

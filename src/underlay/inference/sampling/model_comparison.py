@@ -36,10 +36,10 @@ from underlay.scene.scene import Scene
 
 __all__ = ["compare_models", "difference", "pointwise_log_likelihood", "with_model_error"]
 
-# Relative difference of numbers that are the same one, scaled and back.
+# Relative difference of equal numbers after scaling and back.
 _SAME = 1e-9
-# Draws of a posterior that are used: enough for a standard error far below that between models; the weights need
-# some hundred per tail.
+# Draws of a posterior that are used: enough for a standard error far below the differences between models; the
+# weights need some hundred per tail.
 _DRAWS = 2000
 # Largest tail index with which the estimate converges at a useful rate, and 1 - 1/log10(draws) where that is
 # less: Vehtari, Simpson, Gelman, Yao and Gabry (2024), Pareto smoothed importance sampling.
@@ -56,7 +56,7 @@ def difference(problem: Problem, posterior: Posterior) -> str:
     if posterior.priors != tuple(repr(prior) for prior in problem.priors.values()):
         return "the priors differ"
     if posterior.problem is None:
-        # Saved without its problem, it still has the readings.
+        # A posterior saved without its problem still has the readings.
         bands = posterior.predictive
         same = len(bands) == len(problem.curves) and all(
             _within(band.depth, band.force, curve) for band, curve in zip(bands, problem.curves, strict=True)
@@ -67,7 +67,7 @@ def difference(problem: Problem, posterior: Posterior) -> str:
 
 def _of_problems(ours: Problem, theirs: Problem) -> str:
     if len(ours.curves) != len(theirs.curves) or not all(
-        # Readings beside a jump of the force are left out where a tip sticks.
+        # Readings near a jump of the force are left out for an adhesive contact.
         _within(curve.depth, curve.force, own) and (scene.adhesion is not None or len(curve) == len(own))
         for curve, own, scene in zip(theirs.curves, ours.curves, ours.base_scenes, strict=True)
     ):
@@ -108,7 +108,7 @@ def _alike(ours: NoiseModel, theirs: NoiseModel) -> bool:
     if type(ours) is not type(theirs):
         return False
     names = field_quantities(type(ours))
-    # A number that is not stated is none at all.
+    # A number that is not stated is None, not zero.
     numbers = ([getattr(noise, name) for noise in (ours, theirs)] for name in names)
     arrays = [[getattr(noise, name, 0) for name in ("columns", "common")] for noise in (ours, theirs)]
     return (
@@ -117,7 +117,7 @@ def _alike(ours: NoiseModel, theirs: NoiseModel) -> bool:
             for mine, other in numbers
         )
         and all(map(np.array_equal, *arrays))
-        # What is no number, such as a word.
+        # Fields that are not numbers, such as words.
         and theirs.at({name: getattr(ours, name) for name in names}) == ours
     )
 
@@ -187,7 +187,8 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     arviz = arviz_library()
     data = {name: _inference_data(problem, posterior) for name, (problem, posterior) in models.items()}
     with warnings.catch_warnings():
-        # What arviz says of large Pareto k is the column `warning`; what pandas says is for arviz.
+        # The column `warning` replaces arviz's warnings about large Pareto k; pandas' warnings are addressed to
+        # arviz.
         warnings.simplefilter("ignore", UserWarning)
         warnings.simplefilter("ignore", DeprecationWarning)
         scores = {name: _score(arviz, entry) for name, entry in data.items()}
@@ -210,7 +211,7 @@ def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatAr
     """Columns of the log-evidences, their errors and the models' posterior probabilities; nan where unknown."""
     evidences = [posterior.log_evidence or LogEvidence(np.nan, np.nan) for _, posterior in models]
     value = np.array([entry.value for entry in evidences])
-    # Noise of unknown size has an improper prior: its evidence compares with none that states the size.
+    # Noise of unknown size has an improper prior: its evidence cannot be compared with those for a stated size.
     unknown = [[member.scale_is_unknown for member in problem.members] for problem, _ in models]
     if any(entry != unknown[0] for entry in unknown):
         value = np.full(len(value), np.nan)

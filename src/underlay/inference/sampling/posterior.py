@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LogEvidence", "Posterior", "SampledReading", "SampledStatement"]
 
-# Note of an answer of a posterior without its problem.
+# Note of an answer of a posterior whose problem was not saved.
 _ALONE = "the draws alone were kept, without the test they are of"
 _FORMAT = "underlay posterior 1"
 _KIND = FileKind("a saved posterior", LARGEST, "save it again where it was made")

@@ -31,7 +31,7 @@ __all__ = ["LARGEST", "parts_of", "read_archive", "write_archive"]
 
 #: Most bytes of such a file, packed and unpacked: 125 million numbers, more than a sampler can keep in memory.
 LARGEST = 1_000_000_000
-# Truth values, numbers and text; no objects, which would be code.
+# Booleans, numbers and text; no objects, which would be code.
 _PLAIN = "biufU"
 _HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -50,7 +50,7 @@ def write_archive(
         If the file cannot be written.
     """
     buffer = io.BytesIO()
-    # Any: a name of an array may not stand for one of the function's own options.
+    # Any: the type checker would take an array's name for one of the function's own options.
     named: dict[str, Any] = {"about": np.array(json.dumps(about)), **arrays}
     np.savez_compressed(buffer, **named)
     write_atomic(path, buffer.getvalue())
@@ -106,7 +106,7 @@ def _array(data: bytes) -> np.ndarray[Any, Any]:
     start = stream.tell()
     if min(shape, default=1) < 0 or math.prod(shape) * dtype.itemsize != len(data) - start:
         raise ValueError(f"an array declares the shape {shape!s:.60} and has {len(data) - start} bytes")
-    if not dtype.itemsize:  # text of no letters has no bytes to look at
+    if not dtype.itemsize:  # an array of empty strings has no bytes
         return np.zeros(shape, dtype)
     flat = np.frombuffer(data, dtype, offset=start)
     return flat.reshape(shape, order="F" if by_columns else "C").copy()

@@ -62,16 +62,16 @@ __all__ = ["marginalised", "moves", "posterior_from_chain", "sample"]
 #: effective samples so far.
 Told: TypeAlias = Callable[[int, int, float], None]
 
-# Steps of the chain that judges; when a chain is judged first, and how much rarer each time: checks get rarer as
-# the chain grows, so that all of them together cost a few times the last one.
+# Steps at the first check of convergence, and the growth from one check to the next: checks get rarer as the chain
+# grows, so that all of them together cost a few times the last one.
 _FIRST_CHECK, _GROWTH = 100, 1.15
-# Most steps where no number is asked for, and the processor seconds that they may take: where no table reaches laws
-# are solved one by one, and so many steps may take an hour.
+# Default limits: steps, and processor seconds, since without a table laws are solved one by one and so many steps
+# may take an hour.
 _MOST_STEPS, _MOST_SECONDS = 20_000, 300.0
 # Share of evaluations that may fail without a warning.
 _TOLERATED_FAILURES = 0.01
-# Resampled draws of each weighted one (the tail's light draws count by their own weight: an error of 0.01 standard
-# deviations is left), and the columns they are put in.
+# Number of resampled draws for each weighted one (an error of 0.01 standard deviations is left), and of the columns
+# in which they are arranged.
 _TIMES, _COLUMNS = 4, 8
 # Draws that are kept per shortest autocorrelation time: four cost about 1 % of the effective size.
 _KEPT_PER_TIME = 4.0
@@ -209,7 +209,7 @@ def _check(
             f"the prior of {', '.join(improper)} is improper and cannot be sampled: give it finite bounds "
             "(min and max) or a prior that has a mean (normal, lognormal)"
         )
-    # The moves take the covariance of one half of the walkers: p + 1 points span p dimensions, no fewer do.
+    # The moves use the covariance of one half of the walkers, which needs p + 1 points to span p dimensions.
     least = 2 * (len(problem.names) + 1)
     if walkers < least:
         raise InputError(

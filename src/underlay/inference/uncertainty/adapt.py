@@ -19,9 +19,9 @@ from underlay.inference.uncertainty.mixture import pareto_shape
 
 __all__ = ["Kernels", "Pool"]
 
-_KERNELS, _NEIGHBOURS = 32, 0.12  # number of kernels; share of the weight that makes a kernel's width
+_KERNELS, _NEIGHBOURS = 32, 0.12  # number of kernels; share of the weight whose draws set a kernel's width
 _FREEDOM, _WIDER = 5.0, 1.1  # degrees of freedom of a kernel; factor on its width
-_FEWEST = 60.0  # effective draws by which kernels are placed: weights are made even until so many count
+_FEWEST = 60.0  # least effective number of draws for kernels: weights are flattened until it is reached
 _ROOTS = np.geomspace(1.0, 0.05, 24)  # powers of the weights that are tried for that
 
 

@@ -18,7 +18,7 @@ from underlay._arrays import FloatArray
 
 __all__ = ["Advice", "Answer", "Contribution", "Follows", "Interval", "States", "answers_table"]
 
-#: Quantities (draws, n) that follow from parameters (draws, k), SI.
+#: Function from parameters (draws, k), SI, to quantities computed from them, (draws, n).
 Follows: TypeAlias = Callable[[FloatArray], FloatArray]
 
 

@@ -14,11 +14,11 @@ from underlay._arrays import FloatArray
 
 __all__ = ["Blocks", "resolution"]
 
-_MOST, _MOST_FINE = 400, 1200  # blocks of a curve at most; of one that is fast near contact
-# Widest block near contact, and how near: shares of the largest depth since contact.
+_MOST, _MOST_FINE = 400, 1200  # largest number of blocks of a curve; of a curve that is fast near contact
+# Largest width of a block near contact, and the distance that counts as near: shares of the largest depth.
 _WIDEST, _NEAR = 0.03, 0.2
-_APPROACH = 2.0  # largest depths since contact that are kept before it
-_REPEATS = 0.2  # share of neighbours that are alike from which readings are rounded
+_APPROACH = 2.0  # depth before contact that is kept, in largest indentation depths
+_REPEATS = 0.2  # share of equal successive readings from which readings are taken as rounded
 
 
 @dataclass(frozen=True)

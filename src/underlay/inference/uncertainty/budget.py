@@ -42,22 +42,22 @@ if TYPE_CHECKING:
 
 __all__ = ["LAW", "Moved", "Refit", "Source", "sensitivities", "sources_of"]
 
-#: Shift (k,) of the scaled vector that forces (N), one array a curve, make.
+#: Function from forces (N), one array for each curve, to the shift (k,) of the scaled vector by them.
 Moved: TypeAlias = Callable[[Sequence[FloatArray]], FloatArray]
-#: Fits a problem, begun at the values of its scenes.
+#: Function that fits a problem, with the values of its scenes as the starting point.
 Refit: TypeAlias = Callable[[Problem], "Fit"]
 #: Name of the general error of a contact law.
 LAW = "contact model"
 # Half width of a normal 95 % interval in standard deviations.
 _NORMAL_95 = 1.96
-# Inputs that are no number of a scene.
+# Inputs that have no path in a scene.
 _NO_PATHS = {FORCE, SPRING_CONSTANT, SENSITIVITY, DEPTH, HEIGHTS}
 # Sections of a scene whose numbers act on a curve.
 _ACTING = ("indenter.", "layer.", "substrate.", "instrument.compliance", "adhesion.", "history.")
 # Standard deviation of the law's own relative error at full depth: an assumption, marked as such. At 3 % it alone
 # makes 7.4 to 8.4 % of a modulus with the contact free, and drowns clean data.
 _LAW_SIZE = 0.01
-# Move in scaled coordinates up to which a source is taken to first order (an error of half its square, 1 %).
+# Shift in scaled coordinates up to which a source is computed to first order (an error of half its square, 1 %).
 _STRAIGHT = 0.15
 
 
@@ -164,7 +164,8 @@ class _Budget:
                 self._column(source, i, amount, slopes) if amount else np.zeros_like(self.readings[i].force)
                 for i, amount in enumerate(amounts)
             ]
-            # Were the input so much larger, the same readings would come from another sample.
+            # If the input were larger by this amount, the same readings would come from another sample: the sign is
+            # reversed.
             near = -self.moved(columns)
             far = bool((np.abs(near) > _STRAIGHT).any()) and source in slopes
             sides.append(self._moved_input(source, amounts, near) if far else near)
@@ -180,12 +181,12 @@ class _Budget:
         kept = _kept(self.fit, i, reading)
         if source == DEPTH:
             return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
-        # A force scale that is larger makes the same sample read less.
+        # With a larger scale of the force the same sample gives a smaller reading.
         if source == SPRING_CONSTANT and member.curve.metadata.get(IN_SERIES):
-            # The deflection is measured: a stiffer lever presses harder, and bends no more.
+            # The deflection is measured: a stiffer lever presses harder and bends no more.
             return -amount * kept * reading.contact
         if source == SENSITIVITY:
-            # The bending that was taken off the travel is larger by it too.
+            # The bending that was subtracted from the travel is larger by the same share.
             bending = member.force / float(member.curve.metadata.get("spring_constant", math.inf))
             return -amount * (member.force + kept * reading.stiffness * bending)
         return -amount * member.force
@@ -237,11 +238,11 @@ class _Budget:
                     for i, reading in enumerate(self.readings)
                 ]
             except InputError:
-                # The error was not measured at this test's numbers: the report says which are not known.
+                # The error was not computed at this test's numbers: the report states which errors are not known.
                 continue
             shift = self.moved(columns)
             spread = _NORMAL_95 * error.deviation
-            # What the law lacks the fit has put into its numbers.
+            # The fit has attributed to its parameters what the law lacks.
             yield Source(
                 error.words,
                 error.size,
@@ -340,9 +341,9 @@ def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | 
     """
     if not paths:
         return {}
-    # Only slopes are asked for; but a thickness beside stiffening is refused where nothing is said of it.
+    # Only derivatives are needed; but a free thickness with stiffening is refused without a prior.
     known = {path: Normal(fit.scene.parameters[path], 1.0) for path in paths}
-    # What is free beside them moves no slope, and one hold of a test in steps takes no second number.
+    # Other free parameters do not change a derivative, and one hold of a stepwise test allows no second number.
     beside = fit.problem.free if fit.problem.n_points > len(fit.problem.names) + len(paths) else {}
     free = {**beside, **known}
     scenes = [replace(scene, uncertainties=None) for scene in fit.scenes]

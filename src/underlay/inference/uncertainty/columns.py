@@ -26,13 +26,13 @@ from underlay.inference.uncertainty.tree import Tangent
 
 __all__ = ["FAMILIES", "LINE", "TURN", "Columns", "smooth_basis"]
 
-_LENGTH, _RANK, _GRID = 0.5, 6, 201  # of a misfit: correlation length in v, columns; places of its table
+_LENGTH, _RANK, _GRID = 0.5, 6, 201  # of a misfit: correlation length in v, columns, places of its table
 # Middles and widths of the steps about contact, over the largest depth.
 _PLACES = np.array([-0.15, -0.1, -0.06, -0.03, -0.01, 0.01, 0.04, 0.08])
 _WIDTHS = np.array([0.05, 0.045, 0.035, 0.025, 0.02, 0.025, 0.035, 0.05])
-_SLOWEST = 1.25  # periods in the record that a line has at least
-_FREQUENCIES = 96  # frequencies that are tried for a line
-_TURNS = 96  # places in the record that are tried for a turn
+_SLOWEST = 1.25  # least number of periods of a line in the record
+_FREQUENCIES = 96  # number of frequencies that are tried for a line
+_TURNS = 96  # number of places in the record that are tried for a turn
 #: Families of columns of which a hypothesis has one at most.
 FAMILIES = ("relative", "shift", "line", "turn", "turn, earlier", "turn, later")
 LINE, TURN = FAMILIES.index("line"), FAMILIES.index("turn")
@@ -152,7 +152,7 @@ def _turns(residual: FloatArray, law: FloatArray) -> tuple[FloatArray, float]:
     left = turns - q @ (q.T @ turns)
     own = residual - q @ (q.T @ residual)
     squares = own @ own - (own @ left) ** 2 / np.maximum((left * left).sum(axis=0), 1e-9)
-    # As many readings as numbers leave nothing that a turn could explain.
+    # With as many readings as parameters nothing is left that a turn could explain.
     squares = np.maximum(squares, max(1e-12 * float(own @ own), np.finfo(float).tiny))
     behind = 0.5 * n * np.log(squares / squares.min())
     best, near = int(np.argmin(behind)), np.flatnonzero(behind <= 1.5)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Density", "Local", "Place"]
 
-_SINGULAR = 1e-11  # added to the diagonal of a matrix scaled to ones: a direction that is hardly there
+_SINGULAR = 1e-11  # added to the unit diagonal of a scaled matrix, for nearly undetermined directions
 
 
 class Place(NamedTuple):

@@ -32,15 +32,15 @@ __all__ = ["Hypotheses", "weigh", "white"]
 
 IntArray = NDArray[np.intp]
 
-_NONE = 0.8  # prior of no misfit, of no step, of no ramp, of no turn, each
+_NONE = 0.8  # prior probability, each, of no misfit, no step, no ramp, no turn
 _MISFITS = (1.0, 5.0, 25.0, 125.0, 600.0)  # standard deviations of the columns, in those of the white noise
-_SHAPES = (1.0, 2.5, 6.0, 15.0, 40.0)  # the same of line and turn, whose size is seen well
+_SHAPES = (1.0, 2.5, 6.0, 15.0, 40.0)  # the same for line and turn, whose size is well determined
 _STEPS, _RAMPS = (2.0, 10.0, 50.0), (3.0, 30.0)  # the same of step and ramp
-_LARGEST = 0.5  # largest misfit, over the peak force: none explains the curve itself
-_TRIED = 50.0  # frequencies of a line that the data tell apart
-_KEPT, _MOST = 4e-3, 30  # least weight of a hypothesis that is kept; how many are kept at most
-_SINGULAR = 1e-6  # singular value, over the largest, of a direction that these data do not have
-_HOPELESS = 12.0  # nats that a noise may lie behind with a fifth of the choices, to be tried with all
+_LARGEST = 0.5  # largest misfit, over the peak force, so that none explains the whole curve
+_TRIED = 50.0  # number of frequencies of a line that the data can distinguish
+_KEPT, _MOST = 4e-3, 30  # least weight, and largest number, of the hypotheses that are kept
+_SINGULAR = 1e-6  # singular value, over the largest, below which a direction is undetermined by the data
+_HOPELESS = 12.0  # nats below the best, with every second size, up to which a noise is tried with all sizes
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +182,11 @@ def _choices(*, coarse: bool) -> _Choices:
     def prior(size: FloatArray, count: int) -> FloatArray:
         return np.log(np.where(size > 0.0, (1.0 - _NONE) / count, _NONE))
 
-    # A turn is as likely as a step or a ramp, and its three places together are one.
+    # A turn has the same prior as a step or a ramp, shared by its three places.
     misfit_rows, turn_rows = sum(map(len, sizes[:TURN])), len(sizes[TURN])
     log_prior = np.where(family < TURN, prior(misfit, misfit_rows), prior(misfit, turn_rows))
     log_prior += prior(step, len(_STEPS)) + prior(ramp, len(_RAMPS))
-    # A frequency is the best of as many as it could be: that is no evidence for it.
+    # The frequency was chosen as the best of many, which is no evidence for it.
     log_prior += np.where(family == LINE, -np.log(_TRIED), 0.0)
     return _Choices(family.astype(np.intp), misfit, step, ramp, log_prior, coarse)
 

@@ -19,7 +19,7 @@ from underlay.units import format_quantity
 
 __all__ = ["DEPTH", "FORCE", "HEIGHTS", "SENSITIVITY", "SPRING_CONSTANT", "Input", "inputs_of"]
 
-#: Inputs that are no number of a scene: scales of all forces, depths, and heights of a measured tip.
+#: Inputs that have no path in a scene: scales of all forces, depths, and heights of a measured tip.
 FORCE, DEPTH, SPRING_CONSTANT, SENSITIVITY = "force", "depth", "spring_constant", "sensitivity"
 HEIGHTS = "indenter.heights"
 _GIVEN, _ASSUMED = "given", "assumed"

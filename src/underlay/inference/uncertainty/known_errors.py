@@ -76,14 +76,14 @@ __all__ = [
     "paraboloid_for_sphere",
 ]
 
-#: Words of the errors of friction, finite strain, and both.
+#: `words` of the errors of friction, finite strain, and both.
 FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large strains"
-# Standard deviation of the share of full friction, about a half. A flat prior between none and full has its ends
-# outside every 95 % interval, and a tip that slides and one that sticks are both common: there it covers 75 % where
-# this covers 92 (a modulus at 0.3 % noise; 84 to 87 and 90 to 92 with the thickness free), for intervals up to 1.4
-# times as long (tests/studies/results/friction_prior.csv).
+# Standard deviation of the share of full friction, about a mean of a half. A flat prior between none and full has
+# its ends outside every 95 % interval, and both a frictionless tip and one without slip are common: there it covers
+# 75 % where this covers 92 (a modulus at 0.3 % noise; 84 to 87 and 90 to 92 with the thickness free), for intervals
+# up to 1.4 times as long (tests/studies/results/friction_prior.csv).
 _SHARE = 0.35
-# Relative tolerance of the laws behind the columns, which are known to a tenth at best.
+# Relative tolerance of the laws from which the columns are computed, which are known to a tenth at best.
 _RTOL = 1e-4
 _FIELDS = ("errors", "unknown", "declared")
 _PATHS = {FRICTION: FRICTION_PATH, FINITE_STRAIN: FINITE_STRAIN_PATH, BOTH: BOTH_PATH}
@@ -123,7 +123,7 @@ class Pressed:
         return self.made()
 
 
-#: Force (N), (n,), that an error of amplitude one adds.
+#: Function from the state of a test to the force (N), (n,), that an error of amplitude one adds.
 Column: TypeAlias = Callable[[Pressed], FloatArray]
 
 
@@ -216,7 +216,7 @@ def _own(test: Pressed) -> StiffeningLaw | NarrowLaw:
     return test.law
 
 
-#: Every kind of error: a function that returns the one that a scene's law has, or None.
+#: Every kind of error: a function that returns the error of a scene's law, or None where it has none.
 KINDS: Sequence[Callable[[Scene], KnownError | None]] = (
     paraboloid_for_sphere,
     stiffening_formula,
@@ -361,7 +361,8 @@ def free_model_error(problem: Problem) -> Problem:
         left_out(scene, max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0))
         for scene, curve in zip(problem.base_scenes, problem.curves, strict=True)
     ]
-    # What is unknown of one curve alone is not known of the specimen: only what all have is freed.
+    # Only errors that all curves leave unknown become free: one that a single curve states is known for the
+    # specimen.
     known = set(_PATHS).intersection(*({error.words for error in part.errors} for part in parts))
     errors = {error.words: error for error in parts[0].errors if error.words in known}
     if not errors:

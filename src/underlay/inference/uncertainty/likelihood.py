@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Likelihood"]
 
-# How far from straight the force may be in contact and stiffening for the closed form, over two deviations.
+# Largest relative error of a Gauss-Newton step from two standard deviations off (in contact point or stiffening)
+# for the closed form.
 _BENT = 0.35
 
 

@@ -15,8 +15,8 @@ from underlay.inference.uncertainty.moments import CurveMoments
 
 __all__ = ["Combined", "Mixture", "combine", "linear_mixture"]
 
-_SINGULAR = 1e-12  # added to the diagonal of a matrix scaled to ones
-_JOINT = 48  # combinations of the curves' hypotheses that stand for all of them
+_SINGULAR = 1e-12  # added to the unit diagonal of a scaled matrix
+_JOINT = 48  # number of joint hypotheses of several curves
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,17 +21,18 @@ from underlay._arrays import FloatArray
 
 __all__ = ["NoiseTable", "cosines", "from_cosines", "growth", "noise_table", "white_table"]
 
-_CORRELATED = 0.2  # prior of correlated noise
-_SLOW = 0.1  # prior of wiggles
-_SIZES = (0.3, 3.0, 30.0, 300.0)  # variances of the correlated part, of the white part's
-_WIGGLES = (9.0, 90.0, 900.0)  # variances of the wiggles
-_WIGGLE_LENGTHS = (0.1, 0.4, 1.6)  # lengths of the wiggles, over the record's
-_TIMES = 6  # correlation times, from two rows to three records
-_SHORT = 3.0  # variance up to which noise correlated over two rows is as good as white
-# Growths that are tried: deviation of the noise where the stiffness is largest, over that before contact, less one.
+_CORRELATED = 0.2  # prior probability of correlated noise
+_SLOW = 0.1  # prior probability of slow fluctuations
+_SIZES = (0.3, 3.0, 30.0, 300.0)  # variances of the correlated part, in that of the white part
+_WIGGLES = (9.0, 90.0, 900.0)  # variances of the slow fluctuations, in the same unit
+_WIGGLE_LENGTHS = (0.1, 0.4, 1.6)  # correlation lengths of the slow fluctuations, in lengths of the record
+_TIMES = 6  # number of correlation times, from two rows to three records
+_SHORT = 3.0  # variance up to which noise correlated over two rows is treated as white
+# Growths that are tried: standard deviation of the noise at the largest stiffness over that before contact, less
+# one.
 _GROWTHS = np.concatenate(([0.0], np.geomspace(0.1, 300.0, 30)))
-_GAIN = 3.0  # nats from which noise that grows is seen
-_OVERLAP = 1.94  # factor by which second differences of white noise count for fewer than they are
+_GAIN = 3.0  # least gain of log-likelihood for noise that grows with the stiffness
+_OVERLAP = 1.94  # factor by which overlapping second differences of white noise overstate their number
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,7 @@ def noise_table(n: int) -> NoiseTable:
     shares = [1.0 - _CORRELATED - _SLOW] + [_CORRELATED / len(correlated)] * len(correlated)
     shares += [_SLOW / len(wiggles)] * len(wiggles)
     short = np.zeros(len(shares), dtype=bool)
-    # The shortest time of each of the sizes that are no larger than the white part.
+    # The shortest correlation time of each size that is not larger than `_SHORT`.
     short[[0, *(1 + i * _TIMES for i, g in enumerate(_SIZES) if g <= _SHORT)]] = True
     return NoiseTable(np.vstack((white, correlated, wiggles)), np.log(shares), short)
 

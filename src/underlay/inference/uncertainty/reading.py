@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DrawnReading", "LinearReading", "Reading", "widened"]
 
-# Draws of a reading in closed form, where their number is not given.
+# Default number of draws of a result in closed form.
 _DRAWS = 2000
 
 

@@ -16,8 +16,8 @@ from underlay.inference.uncertainty.tree import Tangent
 
 __all__ = ["Seen", "seen_in"]
 
-_FOOT = 0.2  # share of the largest depth in which a contact that is made gradually shows
-_TOP, _CONTACT = 1.0, 0.1  # depths, over the largest, between which the change of the apparent modulus is
+_FOOT = 0.2  # share of the largest depth in which a gradual contact shows
+_TOP, _CONTACT = 1.0, 0.1  # depths, over the largest, between which the apparent modulus is compared
 
 
 @dataclass(frozen=True)

@@ -31,16 +31,17 @@ if TYPE_CHECKING:
 
 __all__ = ["NOISE", "Statement"]
 
-#: Name of the source of the statistical part.
+#: Name of the statistical part in the budget.
 NOISE = "noise and misfit"
-_LEVEL = 0.95  # confidence of answers by default, and of the moves of a source
-# Distance in scaled coordinates from which an end is none: a factor of 400, or six spans of the curve.
+_LEVEL = 0.95  # default confidence of answers, and that of the shifts of a source
+# Distance in scaled coordinates from which an interval's end is infinite: a factor of 400, or six spans of the
+# curve.
 _FARTHEST = 6.0
 # Step of central differences in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
-# Logarithm of a ratio beyond which a float holds no number.
+# Logarithm of a ratio beyond which a float overflows.
 _HIGHEST = 700.0
-# First places at which quantities are asked: the answer's value, and that of least squares.
+# Indices of the first rows of `Statement._places`: the answer's value, least squares, and the first shift.
 _VALUE, _PLAIN, _FIRST_MOVE = 0, 1, 2
 
 
@@ -197,10 +198,11 @@ class Statement:
 
         if not declared(coordinate.path).from_zero:
             return _Scale(name, unit, low, high, places, physical)
-        # Its errors add as they are: logarithms make factors of 100 of small ones.
+        # Its errors add in the plain value: in logarithms small errors near zero become factors of 100.
         own, top = physical(places[_VALUE]), physical(high)
         slope = float(self.fit.problem.slopes(self.reading.corrected)[index])
-        # Within two deviations of zero, by the end that no prior makes, it has a bound above alone.
+        # Within two standard deviations of zero, judged by the upper end, which no prior sets, it has an upper
+        # bound only.
         floor = 0.0 if top >= 2.0 * own else physical(low)
         straight = own + slope * (places - places[_VALUE])
         return _Scale(name, unit, floor, top, straight, lambda number: max(float(number), 0.0))
@@ -212,7 +214,7 @@ class Statement:
             raise InputError(
                 f"{name!r} is not free here; free are {free}; from these follow {derived or 'none'}"
             )
-        # By its logarithm; as it is where draws, or what a source moves, take it to zero.
+        # In the logarithm; in the plain value where draws, or a shift by a source, reach zero.
         found = followed[name]
         positive = bool((found > 0.0).all())
         found = np.log(found) if positive else found

@@ -188,7 +188,7 @@ def _open(fit: Any, i: int) -> CurveModel:
     forward, answers = member.forward, fold
     if forward.history is None and member.scene.adhesion is None:
         forward, answers = forward.moved(depth, blocks.means(curve.force)), at_blocks
-    # What rounding adds is alike in neighbours: it does not average out within a block.
+    # The error of rounding is the same for successive readings: it does not average out within a block.
     least = (resolution(curve.force) / deviation) ** 2 / 12.0
     force, size = fold(curve.force), blocks.size
     return CurveModel(

@@ -31,28 +31,29 @@ __all__ = ["CHECK", "GOOD", "REJECT", "verdict_of"]
 
 #: Words of a verdict.
 GOOD, CHECK, REJECT = "good", "check", "reject"
-# Changes of the apparent modulus over the range from which on a model is checked, and rejected; and the deviations
-# that a change must stand above: of 2000 clean curves one in a thousand is above by chance.
+# Changes of the apparent modulus over the range from which a model is to be checked, and rejected; and how many
+# standard deviations a change must exceed: of 2000 clean curves one in a thousand exceeds it by chance.
 _CHANGED, _WRONG, _SURE = math.log(1.10), math.log(1.30), 4.0
 # Residuals, as a share of the largest force, below which a model is not rejected: the first of three real curves of
-# cartilage changes by 41 % beside its contact point and is described to 0.8 %; the poor ones leave 2.2 and 9 %.
+# cartilage changes by 41 % near its contact point and is fitted to 0.8 %; the poor ones have residuals of 2.2 and 9
+# %.
 _DESCRIBED = 0.02
 # Residuals, as the same share, above which any model is rejected, unless they are white noise: three ramps of a
-# stepwise test fitted as one leave 20 %.
+# stepwise test fitted as one leave residuals of 20 %.
 _NOT_DESCRIBED = 0.05
-# Rise of a half-space's modulus (in ln) from which there is a base below.
+# Rise of a half-space's modulus (in ln) from which a stiffer base is the likely cause.
 _CHANGED_HALF_SPACE = math.log(1.20)
-# Share of the depth over which a step at contact rises, and the depth that counts as shallow.
+# Share of the depth over which a step at contact rises, and share of the depth that counts as shallow.
 _RISE, _TENTH = 0.03, 0.1
-# Share of a misfit that lies in the first fifth of the depth, from which on contact is made gradually.
+# Share of a misfit in the first fifth of the depth from which contact is judged to be gradual.
 _FOOT = 0.7
-# Probabilities from which on a step or a ramp is said, and the shares of the largest force that they must reach.
+# Probabilities from which a step or a ramp is reported, and the shares of the largest force that they must exceed.
 _LIKELY, _STEP, _RAMP = 0.9, 0.02, 0.02
-# Share of the variance of one input, and the half width from which on that is worth a word.
+# Share of the variance due to one input, and half width of the interval, from which that input is reported.
 _ONE_INPUT, _WIDE = 0.8, 0.30
 # 1/Jm of soft tissue, the middle of its prior (the study of stiffening layers, section 3).
 _USUAL_LIMIT = 0.5
-# Ratio of the ends of an interval from which a number is known to a factor only.
+# Ratio of the ends of an interval from which a number is reported as known to a factor only.
 _FACTOR = 2.0
 _WORDS = {
     "indenter.radius": "the tip radius",
@@ -106,7 +107,7 @@ def _left(fit: Fit, i: int) -> float:
 
 def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Iterator[Advice]:
     for i, seen in enumerate(reading.seen):
-        yield from _of_memory(fit, i)  # first: it knows a cause
+        yield from _of_memory(fit, i)  # first: it knows the cause
         yield from _of_misfit(fit, i, seen)
     yield from _of_reading(reading)
     names = [
@@ -187,7 +188,7 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
 
 def _may_stiffen(scene: Scene, deepest: float) -> bool:
     """Whether a strain-stiffening layer could be used for this test, to the depth `deepest` (m), and is not yet."""
-    # Not loaded for a curve that its model describes.
+    # Loaded only for a curve that its model does not fit.
     from underlay.mechanics.stiffening import Gent  # noqa: PLC0415  see above
 
     if scene.layer.stiffening is not None:

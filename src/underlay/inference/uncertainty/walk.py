@@ -17,12 +17,13 @@ from underlay.inference.uncertainty.tree import tangents
 
 __all__ = ["Node", "bends_of", "walk"]
 
-_FIRST, _SHORTEST = 0.5, 0.1  # first and shortest step of a walk, in standard deviations
+_FIRST, _SHORTEST = 0.5, 0.1  # first and shortest step along a ridge, in standard deviations
 _LONGEST = 1.0  # longest step, in the scaled coordinate
-_MOST, _DROP = 22, 8.0  # nodes to a side at most; nats below the top where a walk ends
-# Gauss-Newton's method beside the path: steps at most; share of a deviation below which it ends; longest step.
+_MOST, _DROP = 22, 8.0  # largest number of nodes on a side; nats below the maximum where a side ends
+# Gauss-Newton's method for the other entries: most steps; share of a standard deviation below which it ends;
+# longest step.
 _STEPS, _SETTLED, _STRIDE = 4, 0.1, 0.7
-_BENDS, _VISIBLE = 4, 0.3  # bends that are kept at most; deviations of all rows together from which one shows
+_BENDS, _VISIBLE = 4, 0.3  # most directions in which the model curves; their least size in noise deviations
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from underlay.inference.uncertainty.tree import (
 
 __all__ = ["CurveState", "Weighed", "least_norm"]
 
-_KNOWN = 1e9  # degrees of freedom of a noise whose size is stated
+_KNOWN = 1e9  # degrees of freedom for a noise of stated size
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,8 @@ class Weighed:
     def mixture(self) -> Mixture:
         """Distribution of the scaled vector if the force is linear in it."""
         if has_common_errors(self.fit.problem):
-            # Moments of one curve know nothing of what all share; the fit's own covariance does.
+            # The moments of single curves do not contain errors that the curves share; the fit's own covariance
+            # does.
             vector, covariance = np.asarray(self.fit.vector), np.asarray(self.fit.scaled_covariance)
             return Mixture(np.ones(1), vector[None], covariance[None], self.freedom)
         moments = [state.moments for state in self.states]
@@ -143,7 +144,7 @@ class Weighed:
         there = self.fit.vector + step
         low, high = self.fit.problem.bounds.T
         if not ((low <= there) & (there <= high)).all():
-            # The value stays inside its bounds, and what lies beyond them has perhaps no law.
+            # The value stays inside its bounds, beyond which there may be no contact law.
             return [np.zeros(len(state.tangent.force)) for state in self.states]
         return [
             state.model.tangent(there).force
