@@ -54,16 +54,16 @@ _PIECE, _LEAST = 16 * _MB, 65_536
 # More members than any instrument archive of 256 MB holds (a JPK map has about 20 per point).
 _MAX_MEMBERS = 400_000
 _GZIP, _MOST_STREAMS = b"\x1f\x8b\x08", 8
-# Our own files nest about ten deep; what is walked by recursion later must stay far from Python's limit.
+# Our own files nest about ten deep; recursion on the result must stay far from Python's limit.
 _DEEPEST = 50
-# An empty list takes 60 bytes of memory for its two in the text, so their number is bounded too.
+# An empty list takes 60 bytes of memory for its two characters, so their number is limited too.
 _MOST_CONTAINERS = 2_000_000
 _LONGEST_INTEGER = 20  # digits: the largest of 64 bits has 20
 _LONGEST_KEY = (
     16  # parts of a dotted key: a scene file has three, and the time of tomllib grows as their square
 )
-# Strings and comments of TOML, whose dots are no parts of a key. One without an end takes the rest, so that
-# no place is looked at twice: tomllib refuses it anyhow.
+# Strings and comments of TOML, whose dots are not parts of a key. An unterminated one takes the rest, so that no
+# text is scanned twice: tomllib refuses it anyway.
 _TOML_TEXT = re.compile(
     r'"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)'
     r'|"(?:[^"\\\n]|\\[^\n])*+"?|\'[^\'\n]*+\'?|#[^\n]*+',
@@ -92,7 +92,7 @@ class FileKind:
     advice: str
 
 
-# Any file whose content is only hashed: larger than all that is read.
+# Any file whose content is only hashed: the limit is above all others.
 _ANY = FileKind("a file that is read here", 4096 * _MB, "split it first")
 
 
@@ -229,14 +229,14 @@ def _regular(path: PathLike, kind: FileKind | None) -> Iterator[io.FileIO]:
 def _pieces(stream: io.FileIO, path: PathLike, kind: FileKind, size: int = -1) -> Iterator[bytes]:
     """Yield the content in pieces: `size` bytes in all, or all of it up to the limit of its kind."""
     left = kind.largest + 1 if size < 0 else size
-    # Room for as much as the file says it holds; more of it is taken all the same.
+    # Buffer for the size that the file reports; a larger file is read all the same.
     room = min(_PIECE, max(_LEAST, os.fstat(stream.fileno()).st_size + 1))
     while left > 0:
         try:
             piece = stream.read(min(left, room))
         except OSError as error:
             raise FileAccessError(f"cannot read {_quoted(path)}: {error.strerror or error}") from error
-        if piece is None:  # some files of the operating system have nothing to say yet
+        if piece is None:  # some special files of the operating system return None
             raise FileAccessError(f"cannot read {_quoted(path)}: it is a pipe or device, not a file")
         if not piece:
             return
@@ -287,7 +287,7 @@ def open_zip(data: bytes, name: str, largest: int) -> zipfile.ZipFile:
     """
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
-    except Exception as error:  # BadZipFile, struct.error, and whatever else a damaged directory gives
+    except Exception as error:  # BadZipFile, struct.error, and whatever else a damaged directory causes
         raise FileFormatError(f"{name} starts as a ZIP archive but is damaged: {error!s:.120}") from error
     members = archive.infolist()
     total = sum(member.file_size for member in members)
@@ -329,7 +329,7 @@ def read_member(archive: zipfile.ZipFile, name: str, largest: int | None = None)
     try:
         with archive.open(info) as stream:
             data = stream.read(info.file_size + 1)
-    except Exception as error:  # each decompressor has errors of its own
+    except Exception as error:  # each decompressor has its own errors
         raise FileFormatError(f"archive member {shown!r} is damaged: {error!s:.120}") from error
     if len(data) > info.file_size:
         raise FileFormatError(f"archive member {shown!r} is larger than it claims")
@@ -357,7 +357,7 @@ def unpacked(data: bytes, name: str, largest: int) -> bytes:
         return data
     found, left = b"", data
     try:
-        # A file may hold several streams, one after the other; a million empty ones are no file of curves.
+        # A gzip file may hold several streams in a row; a million empty ones are not a file of curves.
         for _ in range(_MOST_STREAMS):
             if not left.startswith(_GZIP) or len(found) > largest:
                 break

@@ -47,7 +47,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         then as it was, and no temporary file is left.
     """
     target = Path(path)
-    # A short name of its own: that of the target may have all the letters a name can have.
+    # A short temporary name: the target's may have the maximal length already.
     beside = target.parent / f".underlay-{secrets.token_hex(8)}"
     try:
         mode = _mode_of(target)
@@ -77,7 +77,7 @@ def _mode_of(target: Path) -> int | None:
 
 def _new_file(path: Path, mode: int | None) -> BinaryIO:
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    # The system takes the umask from 0666; asking for the umask would change it for every thread.
+    # The system applies the umask to 0666; reading the umask would change it for every thread.
     number = os.open(path, flags, 0o666 if mode is None else mode)
     try:
         if mode is not None:

@@ -19,7 +19,7 @@ _MADE_BY = {
     "Scene": "ul.Scene(indenter, layer, substrate) makes one, ul.load_scene(file) reads one",
 }
 _LONGEST = 80
-# Beyond it the tail of what was drawn or walked is not known.
+# Beyond this level the tails of draws and profiles are not known.
 _HIGHEST_LEVEL = 0.999
 
 

@@ -9,7 +9,7 @@ from itertools import islice
 
 __all__ = ["comment_line", "guarded_cell", "names_there", "one_line", "unguarded_cell"]
 
-# A spreadsheet takes a cell that begins with one of these, or with its full-width form, for a formula.
+# A spreadsheet takes a cell that begins with one of these, or with its full-width form, as a formula.
 _SIGN = "[=+\\-@\uff1d\uff0b\uff0d\uff20]"
 # Where a cell may begin inside a text: half of Europe's spreadsheets split a file with commas at semicolons.
 _BEGINNING = r"(^|[;\t\r\n])"
@@ -18,7 +18,7 @@ _NUMBER = r"[^\S\t\r\n]*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*(?:;|$)"
 _DANGER = re.compile(rf"(^)(?='*[\t\r\n])|{_BEGINNING}(?!{_NUMBER})(?={_FORMULA})")
 _GUARD = re.compile(rf"(^)'(?='*[\t\r\n])|{_BEGINNING}'(?={_FORMULA})")
 _MOST_NAMES, _LONGEST_NAME = 20, 40
-# Bytes of a file name that are no UTF-8 come from Python as these.
+# Python represents bytes of a file name that are not UTF-8 by these code points.
 _FIRST_BYTE, _LAST_BYTE = 0xDC80, 0xDCFF
 
 

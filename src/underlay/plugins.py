@@ -29,7 +29,7 @@ from underlay._text import one_line
 __all__ = ["GROUPS", "INDENTERS", "READERS", "SOLVERS", "Plugin", "faults", "plugins"]
 
 INDENTERS, SOLVERS, READERS = "underlay.indenters", "underlay.solvers", "underlay.readers"
-#: Every group of entry points that is looked for, in the order in which they are listed.
+#: All groups of entry points, in the order in which they are listed.
 GROUPS = (READERS, INDENTERS, SOLVERS)
 
 
@@ -58,8 +58,8 @@ class Plugin:
     fault: str = ""
 
 
-# What is installed does not change under a running process, and to look costs some 10 ms: what was found is kept
-# as the interpreter keeps the modules that it has loaded.
+# Installed packages do not change during a process, and a search takes some 10 ms: the result is cached, as Python
+# caches its modules.
 @lru_cache(maxsize=len(GROUPS))
 def plugins(group: str, fault_of: Callable[[str, Any], str]) -> tuple[Plugin, ...]:
     """Load the plug-ins of a group, each once; sorted by name.

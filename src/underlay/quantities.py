@@ -133,7 +133,7 @@ class Part:
     """
 
     parts: ClassVar[tuple[str, ...]] = ()
-    #: Key of a scene file that says which kind of the part it is, and attribute that holds the name.
+    #: Key of a scene file that names the kind of the part, and attribute that holds the name.
     chosen_by: ClassVar[str] = ""
 
     @classmethod
@@ -192,7 +192,7 @@ def _is_number(entry: Field[Any], part: Any) -> bool:
 
 
 _LENGTH = Quantity("length", bounds=_POSITIVE, scales="length")
-#: What the last word of a field's name says of a number that is not declared.
+#: Declaration of an undeclared number by the last word of its field's name.
 _WORDS: Mapping[str, Quantity] = {
     "radius": _LENGTH,
     "thickness": _LENGTH,
@@ -330,7 +330,7 @@ def _replaced(part: Any, prefix: str, values: Mapping[str, float], touched: Cont
     `touched` are the paths of all parts on the way to these numbers.
     """
     changed = {}
-    # Not `fields`, which takes longer: what is no field has no path that is touched.
+    # Not `fields`, which takes longer: attributes that are not fields have no path in `touched`.
     for name, entry in part.__dataclass_fields__.items():
         path = _path(prefix, entry)
         if path and path not in touched:

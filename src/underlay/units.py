@@ -31,7 +31,7 @@ __all__ = [
     "unit_factor",
 ]
 
-# The units that scene files and instruments nearly always use are read by this small table: a decimal prefix, a
+# The units that scene files and instruments nearly always use are parsed with this small table: a decimal prefix, a
 # base unit, and at most one division. pint, which knows all others, takes longer to load than a fit takes.
 _PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
 _BASES = {
@@ -66,24 +66,24 @@ _NAMED = {
     "m^4/(N s)": ("permeability", 1.0),
     "mm^4/(N s)": ("permeability", 1e-12),
 }
-#: A kind whose units may be written as those of another: J/m^2 is N/m.
+#: Kinds whose units may be written as those of another: J/m^2 is N/m.
 _ALSO = {"surface energy": "stiffness"}
-# Sizes of a quantity, in SI, whose fifth powers (forces of profiles, products of moduli and lengths) still are
-# ordinary doubles. Nothing measured comes near either; a slip of an exponent does.
+# Range of sizes, in SI, whose fifth powers (forces of profiles, products of moduli and lengths) are still ordinary
+# doubles. Nothing measured comes near either end; a mistyped exponent does.
 _SMALLEST, _LARGEST = 1e-60, 1e60
-# What a unit may be written with. Everything else is refused before pint sees it: pint evaluates
-# expressions, and a file is not trusted with an expression.
+# Characters allowed in a unit. Everything else is refused before pint sees it: pint evaluates expressions, and a
+# file is not trusted with an expression.
 _UNIT = re.compile(r"[A-Za-z%°\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.DOTALL)
-# A number of a country that writes 1,5 for 1.5.
+# A number with a decimal comma, 1,5 for 1.5.
 _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+(?:[eE][+-]?\d{1,3})?(?:\s*[^\d\s,.][^,]*)?)\s*")
-# Exponents of a unit: one digit is more than any quantity here needs, and bounds pint's work.
+# Exponents of a unit: one digit is more than any quantity here needs, and limits pint's work.
 _POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d+(?:\.\d+)?\)?")
 _SHORT_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d(?:\.\d{1,6})?\)?")
 _ANGLE_UNITS = frozenset({"degree", "radian", "turn", "arcminute", "arcsecond", "grade"})
-# Significant digits of a number for people, and of one that differs little from its neighbour.
+# Significant digits of a number for people, and the most for one that differs little from its neighbour.
 _DIGITS, _MOST_DIGITS = 4, 12
-# A typed micro before a unit, behind a number.
+# A typed micro sign (u) before a unit, after a number.
 _TYPED = re.compile(r"(?<=[\d.)] )u(?=[mNsVJ](?![A-Za-z]))")
 
 
@@ -106,7 +106,7 @@ class Kind:
     example: str
 
 
-#: The kinds of quantity underlay speaks of.
+#: The kinds of quantity, by name.
 KINDS: Mapping[str, Kind] = MappingProxyType(
     {
         "length": Kind("m", ("nm", "um", "mm", "m"), "1.5 mm"),
@@ -145,7 +145,7 @@ def kind_named(name: str) -> Kind:
         raise UnitError(f"no kind of quantity {name!r}; there are {', '.join(KINDS)}") from None
 
 
-# The units of most columns, as they are written: a map asks for them in every file.
+# The units of most columns, as they are written: a map needs them for every file.
 _COLUMNS = {
     f"{prefix}{base}": (_BASES[base], float(f"1e{power}"))
     for base in ("m", "N", "s")
@@ -154,14 +154,14 @@ _COLUMNS = {
 
 
 def _registry() -> Any:
-    # pint's own, which it builds at first use: that takes a good part of a second, and so does loading pint.
+    # pint's own registry, which it builds at first use: that takes a good part of a second, as does loading pint.
     import pint  # noqa: PLC0415  for the same reason
 
     return pint.get_application_registry()  # type: ignore[no-untyped-call]  # without annotations there
 
 
 def _clean(unit: str) -> str:
-    # The micro sign, the Greek mu and "u" are the same prefix; so are the ways to write a product.
+    # The micro sign, the Greek mu and "u" are the same prefix; products have several notations.
     text = unit.strip().replace("\u00b5", "u").replace("\u03bc", "u").replace("\u00b7", "*")
     text = text.replace("²", "^2").replace("³", "^3").replace("%", "percent").replace("°", "deg")
     return re.sub(r"(?<=[A-Za-z])-(?=[A-Za-z])", "*", text)  # "N-mm" is a product in instrument headers
@@ -259,7 +259,8 @@ def unit_factor(unit: str, kind: str) -> float:
     found, factor = known
     if found not in (kind, _ALSO.get(kind)):
         raise UnitError(f"{unit!r} is a unit of {found}, but {_article(kind)} is needed: {_offer(wanted)}")
-    # "6 Mm" is 6000 km: a slip of the shift key by 1e9, in units that nobody measures a sample in. A mHz is one.
+    # "6 Mm" is 6000 km: a mistaken capital is a factor of 1e9, in units in which no sample is measured. mHz is
+    # allowed.
     if same and unit.strip() not in same and kind != "frequency":
         raise UnitError(
             f"unit {unit!r} is {factor:g} {wanted.si}; did you mean {same[0]}? allowed: {_offer(wanted)}"

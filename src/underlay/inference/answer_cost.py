@@ -54,24 +54,24 @@ __all__ = [
 
 #: Paths of the parameters that are fitted.
 MODULUS, THICKNESS, CONTACT = "layer.E", "layer.thickness", "instrument.contact_depth"
-# The law that makes a scene's own curve, and the readings of that.
+# The law that simulates a scene's own curve, and the number of its readings.
 _TRUTH = Exact(1e-10)
 _POINTS = 400
 # Readings begin this share of the depth before contact; the noise is this share of the largest force.
 _BEFORE, _NOISE = 0.15, 0.005
-# Times that a fit is timed, and the time (s) beyond which it is timed once.
+# Number of times that a fit is timed, and the time (s) beyond which it is timed once.
 _ROUNDS = 3
 _LONG = 0.3
-# Steps of the chains that are compared, and the quantiles that are.
+# Lengths of the chains that are compared, and probabilities of the compared quantiles.
 _STEPS = (50, 100, 200, 400)
 _LEVELS = (0.05, 0.5, 0.95)
 _FROM_MEDIAN = 1.6449  # standard deviations to the outer quantiles, where a posterior is normal
 _RTOL = 1e-4  # relative tolerance of the law of a posterior: a fiftieth of the noise
-# Runs with whose means all others are compared.
+# Number of runs whose means are the reference for all others.
 _REFERENCES = 4
-# Factor by which priors reach to either side of the scene's values.
+# Factor between the scene's values and the bounds of the priors.
 _WIDE = 30.0
-#: Names that `sample` may know as its `method`, beside walkers by their steps.
+#: Values of `method` of `sample` that are compared besides emcee, if this version has them.
 _FURTHER_METHODS = ("importance", "ridge")
 
 
@@ -179,7 +179,7 @@ def _left_out(effect: Effect, deepest: float, solver: Solver) -> dict[str, float
         own = OwnCurve.of(with_it, deepest)
     except UnderlayError:
         return nothing
-    # A baseline is an effect: it is in the curve, and not in the fit that leaves it out.
+    # A baseline is an effect: the curve has it, and the fit that leaves it out does not.
     force = with_it.force(own.curve.depth, solver=solver)
     own = replace(own, scene=with_it, curve=Curve(own.curve.depth, force))
     full = _answer(own, with_it, (MODULUS, CONTACT), solver, _ROUNDS)
@@ -205,14 +205,14 @@ class _Answer:
     seconds: float = np.nan
 
 
-_NOTHING = _Answer()  # of a fit that is not there
+_NOTHING = _Answer()  # result for a fit that cannot be made
 
 
 def _answer(own: OwnCurve, model: Scene, free: Sequence[str], solver: Solver, rounds: int) -> _Answer:
     """Fit the simulated curve of a scene with another model, `model`, and return errors and time."""
     truth = own.scene.parameters
     with warnings.catch_warnings():
-        # A correction outside its range, a misfit: that is what is measured here.
+        # A correction outside its range, or a misfit, is what is measured here.
         warnings.simplefilter("ignore", UnderlayWarning)
         try:
             found, seconds = timed(
@@ -262,7 +262,7 @@ def posterior_cost(
     problem = _problem(own, max_depth)
     rows: list[tuple[str, float, float, float]] = []
     with warnings.catch_warnings():
-        # Chains that are too short are what is shown.
+        # Chains that are too short are part of the comparison.
         warnings.simplefilter("ignore", UnderlayWarning)
         references = _references(problem, seed)
         known = np.array([_quantiles(draws) for draws in references])

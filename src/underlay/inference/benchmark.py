@@ -58,11 +58,11 @@ __all__ = [
 # Files that are read, with the bytes that each may have.
 _TABLE = FileKind("a table of the benchmark", 1_000_000, "install underlay again")
 _MODULUS = "layer.E"
-# What the user of one law fits.
+# Parameters that the user of one law fits.
 _FREE = (_MODULUS, "instrument.contact_depth", "instrument.baseline")
 _ANSWER = FileKind("the answer of a program", 100_000, "let it write one number, the modulus in Pa")
-_SHOWN = 200  # characters of what a failed program said
-# Numbers of an isotropic material in a cell of the references.
+_SHOWN = 200  # characters of a failed program's output that are shown
+# Constants of an isotropic material in a cell of the references.
 _KINDS = {"E", "nu"}
 # Depth over thickness at which finite elements are compared.
 _DEPTHS = (0.1, 0.2, 0.3)
@@ -133,7 +133,7 @@ class Estimate(NamedTuple):
     high: float = np.nan
 
 
-#: What is scored: takes a case and gives an estimate, or a modulus (Pa).
+#: An estimator takes a case and returns an estimate, or a modulus (Pa).
 Estimator: TypeAlias = Callable[[Case], Estimate | float]
 
 
@@ -257,7 +257,7 @@ def _reference_error(row: Mapping[str, str], solver: Solver) -> float:
     """Relative error of the force against one reference solution; NaN where the law does not apply."""
     radius = float(row["a/h"])
     tip, halfspace_depth = _tip(row["shape"], radius)
-    # A punch goes as deep as one likes.
+    # A flat punch has the same contact radius at every depth.
     depth = float(row["w/H(a)"] or 1.0) * halfspace_depth
     layer, base = _material(row["layer"]), _material(row["base"])
     contact = Contact.of(tip, Layer(layer, 1.0), base)
@@ -315,7 +315,7 @@ def against_finite_elements(solver: AnySolver = "auto") -> pd.DataFrame:
         nu = float(str(ratio))
         depth, force = points[["w/h", "P/(E h^2)"]].to_numpy(float).T
         contact = Contact.of(Sphere(1.0), Layer(Isotropic(1.0, nu), 1.0), RIGID)
-        # Where the elements found no equilibrium a curve ends early.
+        # A curve ends early where the finite elements found no equilibrium.
         found = dict(zip(depth.tolist(), (_force(law, contact, depth) / force - 1.0).tolist(), strict=True))
         errors = {f"w/h = {w:g}": found.get(w, np.nan) for w in _DEPTHS}
         table.append({"nu": nu, "material": material, "friction": friction, **errors})
@@ -451,7 +451,7 @@ def benchmark(
 def _scored(case: Case, way: Estimator) -> Score:
     try:
         with warnings.catch_warnings():
-            # Thirty curves that were made to be difficult: what is said of each is not the score.
+            # The curves were made to be difficult: warnings about them are not part of the score.
             warnings.simplefilter("ignore", UnderlayWarning)
             found = way(case)
         estimate = found if isinstance(found, Estimate) else Estimate(float(found))

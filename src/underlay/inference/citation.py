@@ -19,7 +19,7 @@ from underlay.scene.scene import Scene
 
 __all__ = ["Work", "bibtex", "of_fit", "of_sampling", "used_by", "work", "works"]
 
-# Works behind the contact laws, by the name of the law that results carry: key in ``works.bib``, and what for.
+# Works behind the contact laws, by the name of the law in results: key in ``works.bib``, and purpose.
 _PAPER = "argatov_sabina"
 _EXACT = {_PAPER: "equations of the contact problem"}
 _LAWS: Mapping[str, Mapping[str, str]] = {
@@ -30,12 +30,13 @@ _LAWS: Mapping[str, Mapping[str, str]] = {
     "stuck": _EXACT | {"spence1968": "a tip that sticks", "malits2011": "a tip that sticks"},
 }
 _ADHESION = {"jkr": "johnson1971", "dmt": "derjaguin1975", "maugis": "maugis1992"}
-# Programs that read a file, by the format's name.
+# Libraries that read a file, by the format's name.
 _READERS = {"asylum": "igor2"}
-# An entry of ``works.bib``, and a field of one: a line each.
+# Patterns of an entry of ``works.bib``, and of one of its fields, one on a line.
 _ENTRY = re.compile(r"@(?P<kind>\w+)\{(?P<key>\w+),\n(?P<fields>(?:  \w+ = \{.*\},\n)+)\}")
 _FIELD = re.compile(r"  (\w+) = \{(.*)\},")
-# "Dimitriadis, Horkay & Chadwick 2002, Biophysical Journal 82, 2798-2810", of a published correction.
+# Pattern of a published correction's source: "Dimitriadis, Horkay & Chadwick 2002, Biophysical Journal 82,
+# 2798-2810".
 _SOURCE = re.compile(
     r"(?P<author>.+?) (?P<year>\d{4}), (?P<journal>\D+?)(?: (?P<volume>\d+)(?:, (?P<pages>[\d-]+))?)?"
 )

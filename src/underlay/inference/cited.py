@@ -13,7 +13,7 @@ from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["cited"]
 
-# The file of a fit, with the bytes that it may have; the first bytes of a posterior's; endings of a map's table.
+# The kind of a fit's file; the first bytes of a posterior's file; endings of a map's table.
 _FIT = FileKind("the JSON of a fit", 100_000_000, "name the .fit.json that underlay fit wrote")
 _ZIP = b"PK"
 _TABLES = (".csv", ".parquet")
@@ -62,7 +62,7 @@ def _of_fit(path: PathLike) -> dict[str, str]:
         document: Any = parse_json(read_text(path, _FIT))
         if "used" in document:
             return {str(key): str(why) for key, why in document["used"].items()}
-        # As it was written before a fit kept what it used.
+        # Files from before fits stored the works they used.
         return used_by([str(document["statistics"]["law_method"])]) | of_fit(robust=False, averaged=False)
 
 

@@ -29,14 +29,14 @@ from underlay.scene.scene_file import SceneFile
 
 __all__ = ["BondComparison", "Comparison", "HeldLaws", "compare", "compare_bonds", "laws_at_contact"]
 
-# Laws that are compared, beside published corrections, where none is named.
+# Laws that are compared by default, besides published corrections.
 _DEFAULT = (HalfSpace(), *(Asymptotic(order) for order in range(1, 5)), Exact())
-# Beginnings of the paths of parameters that a law of a half-space does not know.
+# First words of the paths of parameters that a half-space does not have.
 _UNSEEN = ("layer.thickness", "substrate.")
-# Names of the bonds, and the value that a layer's `bond` takes.
+# Names of the bonds, and the corresponding values of a layer's `bond`.
 _BONDS = {"bonded": "bonded", "slipping": "slip"}
 _CONTACT, _MODULUS = "instrument.contact_depth", "layer.E"
-# Depths at which a line is drawn.
+# Number of points of a drawn line.
 _POINTS = 300
 
 
@@ -271,7 +271,7 @@ def compare_bonds(given: Problem | Fit, face: str = "layer") -> BondComparison:
     for name, bond in _BONDS.items():
         scenes = [with_bond(scene, face, bond) for scene in problem.base_scenes]
         try:
-            # An unknown bond is computed as bonded: that fit is the one at hand.
+            # An unknown bond is computed as bonded: the given fit is reused.
             if isinstance(given, Fit) and all(bond_of(scene, face) == bond for scene in problem.base_scenes):
                 fits[name] = given
             else:
@@ -336,7 +336,7 @@ def laws_at_contact(
     if problem.base_scenes[0].substrate is not None:
         names = {"layer and base": problem.solver, **names}
     depth = np.linspace(float(curve.depth.min()), float(curve.depth.max()), _POINTS)
-    # The points within the fit range of the scene file, where it says one.
+    # The points within the fit range of the scene file, if it states one.
     held_laws = HeldLaws(problem.curves[0], {}, {}, {})
     for name, solver in names.items():
         found = compare(problem, [solver])

@@ -18,20 +18,21 @@ from underlay.units import format_quantity
 
 __all__ = ["EVERYTHING", "Settled", "settle"]
 
-# Numbers of a scene that files give too, by path: entry of the metadata, and physical kind.
+# Numbers of a scene that files may state too, by path: key of the metadata, and physical kind.
 _OF_SCENE = {
     "indenter.radius": ("indenter_radius", "length"),
     "lever.spring_constant": ("spring_constant", "stiffness"),
 }
-# Calibrations that [curve] may give, each with its kind; the file's own stands under "file_" and its name.
+# Calibrations that [curve] may give, each with its kind; the file's own has the prefix "file_".
 _CALIBRATIONS = {"spring_constant": "stiffness", "sensitivity": "sensitivity"}
 _COMPLIANCE = "instrument.compliance"
-#: For `settle`: the scene is right wherever the two differ, and the notes say where they do.
+#: For `settle`: the scene takes precedence for all of these, and notes state the differences.
 EVERYTHING = (*_OF_SCENE, *(f"calibration.{name}" for name in _CALIBRATIONS), _COMPLIANCE)
-# Relative difference of two writings of one number: files and people write three digits or more. It moves E by half
-# of this.
+# Relative difference up to which two numbers count as the same: files and people write three digits or more. It
+# changes E by half of this.
 _SAME = 1e-3
-# Ratios to the compliance of the cantilever between which a compliance is the cantilever's: a factor of two.
+# Ratios to the compliance of the cantilever between which a compliance is taken as the cantilever's: a factor of
+# two.
 _CANTILEVER = (0.5, 2.0)
 
 

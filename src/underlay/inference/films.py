@@ -41,15 +41,15 @@ __all__ = ["DIAMOND", "StiffnessFit", "fit_film", "fit_stiffness"]
 
 #: E / (1 - nu^2) (Pa) of a diamond tip, E = 1070 GPa and nu = 0.07.
 DIAMOND = 1070e9 / (1.0 - 0.07**2)
-# Radii at which a body's M(a) is computed; in between a cubic in ln a is within 1e-4 of it.
+# Number of radii at which a body's M(a) is computed; between them a cubic in ln a is accurate to 1e-4.
 _NODES = 9
 # Relative tolerance of the flat punch's law.
 _RTOL = 1e-4
 # Step in ln(parameter) for derivatives of ln M: far above the law's error, far below its curvature.
 _STEP = 0.02
-# Depths that a fit needs at least.
+# Least number of depths for a fit.
 _FEWEST = 4
-# Harmonic stiffness that a machine cannot have (N/m): what instruments write for "no value" is beyond.
+# Stiffness above that of any instrument (N/m): larger values in a file mean "no value".
 _LARGEST = 1e12
 # Half width of a normal 95 % interval in standard errors.
 _WIDTH = 1.959964
@@ -188,7 +188,7 @@ def _measured(curve: Curve, depths: tuple[float, float], area: AreaFunction) -> 
         for name in ("depth_scatter", "force_scatter", "contact_stiffness_scatter")
     ]
     contact = h - _EPSILON * P / S
-    # ln S - ln(2 a beta M'): the radius moves with all three readings, S itself with one.
+    # Error of ln S - ln(2 a beta M'): the radius a depends on all three readings, S itself on one.
     rate = _log_rate(area, contact) / contact
     parts = (
         rate * spread[0],
@@ -269,7 +269,8 @@ def _result(curve: Curve, model: _Model, measured: _Measured, logs: FloatArray) 
         axis=1,
     )
     answer = np.linalg.pinv(slopes / measured.noise[:, None]) / measured.noise
-    # All depths off together by the scatter of a test; and all areas by 1 %: ln a moves by half of ln A.
+    # All depths shifted together by the scatter of a test; and all areas by 1 %, which changes ln a by half of
+    # that.
     deviation = np.abs(answer @ _known(measured.scatter))
     grown = (_along_radius(model, logs) * 0.5)[None] @ answer.T
     scene = model.scene_at(logs)
@@ -324,7 +325,7 @@ def _table(
     )
     if "layer.E" in model.free:
         power = slopes[:, model.free.index("layer.E")]
-        # To first order: the film's modulus that takes the rest of the difference at this depth.
+        # To first order: the film's modulus that explains the remaining difference at this depth.
         frame["layer modulus"] = scene.layer.material.E * np.exp((measured.log_stiffness - fitted) / power)
         frame["layer modulus noise"] = frame["layer modulus"] * measured.scatter / power
     frame.attrs["curve"] = str(curve.metadata.get("name") or "")

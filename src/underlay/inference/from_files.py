@@ -40,11 +40,11 @@ __all__ = [
     "within_range",
 ]
 
-# Share of the work of the way in that is not given back from which a sample is not elastic: over a tenth is no
-# rounding of the segments' ends.
+# Share of the loading work that is not recovered from which a sample is not elastic: more than a tenth is not due
+# to inexact ends of the segments.
 _LOST = 0.1
 _CONTACT = "instrument.contact_depth"
-# Spans of a curve's force by which a baseline may be away from zero, where no bounds are given.
+# Half width of the default prior of a baseline, in spans of the curve's force.
 _WEAK = 10.0
 
 
@@ -76,7 +76,7 @@ def read_for(file: SceneFile, path: str | os.PathLike[str] | MapCurve) -> Curve:
     part = chosen_part(whole, file.curve)
     if file.draft.indenter.opening is None or file.curve.get("segment", LOADING) == UNLOADING:
         return part
-    # A sharp tip strains what it touches as much at every depth, and most samples yield to that.
+    # A sharp tip strains a sample equally at every depth, and most samples yield to that.
     reason = imprint_of(whole, file.draft.instrument.contact_depth).reason
     return part.with_metadata(imprint=reason) if reason else part
 
@@ -205,7 +205,7 @@ def _in_window(curve: Curve, choice: Mapping[str, Any]) -> Curve:
     if step is None:
         return curve
     runs = runs_of(curve.segments())
-    # A step begins with a ramp that follows no ramp.
+    # A step begins with a ramp that does not follow another ramp.
     starts = [first for first, _, label in runs if label == LOADING]
     if step > len(starts):
         raise CurveError(f"{name} has no step {step}: it goes in {_times(len(starts))}")

@@ -25,23 +25,24 @@ if TYPE_CHECKING:
 
 __all__ = ["in_doubt", "require_plausible", "require_sizes", "require_travel", "size_notes"]
 
-# Depth over the radius of a ball from which a curve is refused: real laboratories have pressed 1.4 radii deep; at
-# ten there is no law.
+# Depth over the radius of a ball from which a curve is refused: real laboratories indent to 1.4 radii; at ten no
+# law holds.
 _RADII = 10.0
-# Lengths of a scene that the depth is compared with, how many of each are refused, and words for it.
+# Lengths of a scene with which the depth is compared, the multiple of each from which it is refused, and words for
+# messages.
 _SIZES = (("layer.thickness", 1.0, "thick"), ("indenter.radius", _RADII, "in radius"))
-# Factor beyond the force of every modulus within its bounds from which a force is refused; the depth pressed is
-# known to a factor of two, which is one of three in a force ~ depth^1.5.
+# Factor beyond the forces of all moduli within bounds from which a force is refused; the depth since contact is
+# known to a factor of two, which is a factor of three in a force ~ depth^1.5.
 _BEYOND = 10.0
-_COARSE = Auto(1e-2)  # the law that is asked: far finer than that factor
-# Factor between a modulus and the one that somebody who knows the sample began with that is a slip of a unit.
+_COARSE = Auto(1e-2)  # the law used for it: far more accurate than that factor
+# Ratio of a modulus to its starting value that indicates a mistaken unit.
 _FAR = 100.0
-# Residual of a straight line through all points, as a share of the force, below which it is a spring's: a contact
-# leaves 3 % and more.
+# Residual of a straight line through all points, as a share of the force, below which it is that of a spring: a
+# contact leaves 3 % and more.
 _STRAIGHT = 1e-3
-# Share of the force within which that line begins at nothing.
+# Force at the start of that line, as a share of its range, up to which it counts as zero.
 _FROM_NOTHING = 0.05
-# Parameters that the force depends on monotonically, so that its extremes are at corners of their bounds.
+# Parameters in which the force is monotonic, so that its extremes are at corners of their bounds.
 _MONOTONE = ("layer.E", "layer.thickness", "substrate.E", "indenter.radius")
 
 
@@ -119,7 +120,7 @@ def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
             if pressed > 0.0
             else 1.0
         )
-    except (CurveError, InputError):  # the fit says what is wrong with either
+    except (CurveError, InputError):  # the fit reports the error
         return ()
     if not np.isfinite(ratio) or 1.0 / _FAR < ratio < _FAR:
         return ()
@@ -140,7 +141,7 @@ def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
 def _require_sizes(scene: Scene, curve: Curve, priors: dict[str, Prior]) -> None:
     try:
         foot = foot_of(curve)
-    except CurveError:  # no contact: whoever judges the curve says so, with more to say about it
+    except CurveError:  # no contact: other checks report it in more detail
         return
     pressed = float(foot.depth[-1] - foot.depth[foot.rise]) if foot.rise < len(foot.depth) else 0.0
     pressed = max(
@@ -156,7 +157,7 @@ def _refuse_deflection(curve: Curve) -> None:
     """Raise CurveError for a force proportional to the depth: a deflection given as depth."""
     try:
         approach = approach_of(curve)
-    except CurveError:  # no contact either
+    except CurveError:  # no contact: reported elsewhere
         return
     x, force = approach.depth - approach.depth.mean(), approach.force
     power = float(x @ x)
@@ -198,7 +199,7 @@ def _refuse_beyond_bounds(scene: Scene, pressed: float, peak: float, priors: dic
         try:
             law = scene.with_values(dict(zip(ends, corner, strict=True))).contact_law(pressed, solver=_COARSE)
             forces.append(float(law.force(pressed)))
-        except InputError:  # a corner of the bounds with no law says nothing
+        except InputError:  # a corner of the bounds without a law decides nothing
             return
     least, most = min(forces), max(forces)
     if peak > _BEYOND * most or peak < least / _BEYOND:

@@ -48,7 +48,7 @@ class Prior(ABC):
 
     #: Whether it can be normalised, as a sampler needs.
     proper: bool = True
-    #: Whether it is a measurement that pulls a fit, not only a bound.
+    #: Whether it contributes to a fit like a measurement, and is not only a bound.
     informative: bool = False
 
     @property
@@ -157,7 +157,7 @@ class Truncated(Prior):
         below, above = self._ends
         inner = self.prior.quantile(below + np.asarray(probability) * (above - below))
         low, high = self.support
-        # Rounding of the inverse may leave the interval by one unit in the last place.
+        # Rounding of the inverse may exceed the interval by one unit in the last place.
         return np.clip(inner, low, high)
 
     def penalty(self, value: float) -> tuple[float, float]:

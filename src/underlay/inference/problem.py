@@ -116,7 +116,7 @@ class Problem:
             As for one curve; also if two curves are the same, or a shared start differs between scenes.
         """
         problem = cls.__new__(cls)
-        # One class, two ways in: a second public constructor with the same checks.
+        # A second public constructor with the same checks.
         problem._compile(list(tests), free, tuple(shared), noise, as_solver(solver))  # noqa: SLF001  own class
         return problem
 
@@ -138,9 +138,9 @@ class Problem:
         self.space = ScaledSpace.of(self.coordinates)
         #: Errors that the curves have in common; see `LowRankNoise`.
         self.common = CommonErrors.of(self.members)
-        #: What stands in place of the noise model's likelihood; see `with_likelihood`.
+        #: Replaces the noise model's likelihood, if not None; see `with_likelihood`.
         self.likelihood: Likelihood | None = None
-        #: Entries of a vector that are numbers of the noise.
+        #: Indices of the entries of a vector that are parameters of the noise.
         self.noise_entries = frozenset(i for member in self.members for i in member.noise_entries.values())
 
     def revised(
@@ -287,7 +287,7 @@ class Problem:
         A density in the scaled coordinates q: that of the physical parameters x times |dx/dq|.
         """
         q = np.asarray(vectors, dtype=np.float64)
-        # What lies far outside the bounds has perhaps no value that a float holds.
+        # Far outside the bounds physical values may overflow.
         low, high = self.bounds.T
         near = ((q >= low - 1.0) & (q <= high + 1.0)).all(axis=-1)
         inside = np.where(near[..., None], q, self.start)

@@ -36,13 +36,13 @@ from underlay.scene.scene_writer import scene_text
 
 __all__ = ["problem_from_record", "problem_record"]
 
-# Priors that have a name under which they are found again.
+# Priors that can be stored, by the name of their class.
 _PRIORS: Mapping[str, type[Prior]] = {
     kind.__name__: kind for kind in (Flat, HalfNormal, LogNormal, LogUniform, Normal, Truncated, Uniform)
 }
-# Columns of a curve that are kept, beside further ones.
+# Columns of a curve that are stored, besides further ones.
 _COLUMNS = ("depth", "force", "time", "segment")
-# What the names of further columns of a curve begin with.
+# Prefix of the names of further columns of a curve.
 _FURTHER = "columns/"
 
 
@@ -155,7 +155,7 @@ def _given(path: str, given: Given) -> dict[str, Any] | None:
 def _from_given(entry: Mapping[str, Any] | None) -> Given:
     if entry is None:
         return None
-    # Any: a truncated prior holds another one beside its numbers.
+    # Any: a truncated prior contains another prior as well as numbers.
     values: dict[str, Any] = {
         key: _from_given(value) if isinstance(value, Mapping) else value
         for key, value in entry.items()
@@ -176,6 +176,6 @@ def _noise(noise: Any) -> Any:
 def _from_noise(entry: Mapping[str, Any] | None) -> NoiseModel | None:
     if entry is None:
         return None
-    # Any: what its numbers are, its class knows.
+    # Any: the types of the numbers depend on the class.
     numbers: dict[str, Any] = dict(entry)
     return NoiseModel.kinds()[numbers.pop("model", Noise.model)](**numbers)

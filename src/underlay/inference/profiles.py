@@ -62,20 +62,21 @@ __all__ = [
     "profile",
 ]
 
-# The walk of a profile of the noise, as in `walk.py`: step in z = sqrt(t); rise of z in one step beyond which the
-# step is taken again, shorter; largest growth of a step; farthest scaled coordinate (a factor 1.6e5); most steps.
+# Steps of a noise profile, as in `walk.py`: step in z = sqrt(t); rise of z in one step beyond which a shorter step
+# is tried; largest growth of a step; farthest scaled coordinate (a factor 1.6e5); most steps.
 _STEP = 0.5
 _STEEPEST = 2.0 * _STEP
 _GROWTH = 2.0
 _FARTHEST = 12.0
 _MOST_STEPS = 60
-# Rounds of model and noise in turn at most (they are orthogonal for a Gaussian, and the second changes little), and
+# Most alternations between model and noise (they are orthogonal for a Gaussian, and the second changes little), and
 # the change of a scaled coordinate below which they end.
 _MOST_ROUNDS = 5
 _SETTLED = 1e-4
-# z that a profile is walked to where its threshold is not known beforehand.
+# z to which a profile is computed where its threshold is not known beforehand.
 _HIGHEST_CALIBRATED = 6.0
-# Deviates at which ends are asked, up to 99.9 %; those of 68 and 95 % are among them.
+# Standard deviates of the levels whose interval ends are computed, up to 99.9 %; those of 68 and 95 % are among
+# them.
 _HEIGHTS = np.array([0.25, 0.5, 0.75, special.ndtri(0.84), 1.4, 1.7, special.ndtri(0.975), 2.4, 2.9, 3.29])
 
 
@@ -160,7 +161,7 @@ def _reason(ends: list[float]) -> str:
 def _walked(fit: Fit, name: str, highest: float) -> LikelihoodProfile:
     found, better = walked(fit, name, highest)
     if better is not None:
-        # The walk met a lower minimum: begin again from there.
+        # A lower minimum was found on the way: start again from there.
         again = _refit(fit, better)
         if again.statistics.chi_square < fit.statistics.chi_square:
             return _walked(again, name, highest)
@@ -218,7 +219,8 @@ def _side(fit: Fit, index: int, best: float, direction: float) -> tuple[list[Flo
         step = min(step, room - travelled)
         if step <= 1e-12 * (1.0 + travelled):
             return vectors, rises, "bound"
-        # A number that is lost in the others lies far out on a plateau and is walked back from all the way.
+        # A parameter that others can replace may have its best value far out on a plateau, from which it must come
+        # back.
         if travelled >= _FARTHEST and direction * (here + direction * travelled) >= _FARTHEST:
             return vectors, rises, "none"
         start = vectors[-1] if vectors else fit.vector

@@ -41,10 +41,10 @@ __all__ = [
 ]
 
 _CONTACT = "instrument.contact_depth"
-# Readings that a recipe needs at least.
+# Least number of readings for a fit.
 _FEWEST = 8
-# Share of the depth to both sides of the software's contact over which a contact point is searched, and places
-# first tried there.
+# Share of the depth on both sides of the software's contact point in which a contact point is searched, and number
+# of places tried first.
 _REACH, _TRIED = 0.5, 81
 
 
@@ -163,7 +163,7 @@ def _contact_of(depth: FloatArray, force: FloatArray, near: float) -> float:
     tried = near + reach * np.linspace(-_REACH, _REACH, _TRIED)
     best = float(tried[int(np.argmin([misfit(float(one)) for one in tried]))])
     step = float(tried[1] - tried[0])
-    # In steps, since the tolerance of the search is absolute.
+    # In units of the grid's step, since the tolerance of the search is absolute.
     found = optimize.minimize_scalar(
         lambda place: misfit(best + place * step), bounds=(-1.0, 1.0), method="bounded"
     )
@@ -210,7 +210,7 @@ def _steps(fit: Fit, recipe: Recipe, radius: float) -> Iterator[Step]:
     measured, ours = fit.curves[0], fit.values["layer.E"]
     whole = whole_curve(measured) or measured
     material = fit.scene.layer.material
-    # E of the reduced modulus, the ratios of an anisotropic layer kept.
+    # Young's modulus over the reduced one, at constant ratios of an anisotropic layer.
     per_reduced = material.E / (2.0 * material.theta)
     try:
         found = recipe.find(whole, radius)
@@ -228,7 +228,7 @@ def _steps(fit: Fit, recipe: Recipe, radius: float) -> Iterator[Step]:
                 f"the shape of the tip: {fit.scene.indenter.shape}", _fitted(fit, shaped, measured, None)
             )
     except (CurveError, InputError):
-        # A step that cannot be taken ends the account; what came before it stands.
+        # A step that fails ends the list; the steps before it are kept.
         return
     if fit.scene.substrate is not None or fit.scene.memory is not None or fit.scene.adhesion is not None:
         yield Step("the layer, what it stands on, and all else of the scene", ours)

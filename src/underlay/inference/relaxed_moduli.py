@@ -28,7 +28,7 @@ def suffixes(problem: Problem, paths: Sequence[Sequence[str]]) -> list[str]:
         tuple((path, _source(problem, member, path)) for path in own)
         for member, own in zip(problem.members, paths, strict=True)
     ]
-    # A parameter of one curve alone is named with that curve's number.
+    # A parameter of a single curve has that curve's number in its name.
     shared = [all(source == path or not isinstance(source, str) for path, source in own) for own in sources]
     distinct = {own for own, is_shared in zip(sources, shared, strict=True) if own and is_shared}
     return [
@@ -44,7 +44,7 @@ def _source(problem: Problem, member: Member, path: str) -> str | float:
 def relaxed_moduli(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
     """Instantaneous and equilibrium modulus of every relaxing layer, (n,), at draws (n, parameters)."""
     paths = [_paths(member) for member in problem.members]
-    # The first path is that of the modulus, and at once nothing has relaxed.
+    # The first path is that of the modulus, which alone gives the instantaneous value.
     firsts, lasts = suffixes(problem, [own[:1] for own in paths]), suffixes(problem, paths)
     found: dict[str, FloatArray] = {}
     for member, own, first, last in zip(problem.members, paths, firsts, lasts, strict=True):

@@ -19,9 +19,9 @@ from underlay.scene.scene import Scene
 
 __all__ = ["RelaxationModuli", "relaxation_moduli"]
 
-# Share of each hold, its last, that stands for equilibrium.
+# Last share of each hold, whose mean force is taken as the equilibrium force.
 _LATE = 0.05
-# Poisson's ratio before any water has moved.
+# Poisson's ratio before drainage.
 _INCOMPRESSIBLE = 0.5
 
 
@@ -70,7 +70,7 @@ def relaxation_moduli(curve: Curve, scene: Scene) -> RelaxationModuli:
         raise InputError("instantaneous and equilibrium moduli are reported of an isotropic layer")
     if curve.time is None:
         raise CurveError("a relaxation test needs the times of its points (s)")
-    # Not loaded by who does not ask.
+    # Loaded only where it is used.
     from underlay.mechanics.biphasic.history import ramps_and_holds  # noqa: PLC0415  see above
 
     w = curve.depth - scene.instrument.contact_depth

@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
 __all__ = ["accuracy_cost", "compared_solvers", "explicit_formula"]
 
-# The law that errors are measured from.
+# The law relative to which errors are measured.
 _REFERENCE = Exact(1e-12)
 # Tolerances at which the exact law, and `Auto`, are compared.
 _EXACT_RTOLS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 _AUTO_RTOLS = (1e-2, 1e-4, 1e-6)
-# Rounds of timing, and depths of a curve for which a largest depth alone is given.
+# Number of timing rounds, and of depths of a curve for which only the largest depth is given.
 _ROUNDS = 15
 _POINTS = 1000
 
@@ -102,7 +102,7 @@ def accuracy_cost(
     trials = [_Trial(as_solver(given)) for given in (compared_solvers() if solvers is None else solvers)]
     for trial in trials:
         _build(trial, scene, deepest)
-    # A correction that is for another tip or base says nothing about this scene.
+    # A correction for another tip or base does not apply to this scene.
     trials = [trial for trial in trials if trial.law is not None or trial.note]
     formula = explicit_formula(scene)
     unit = _time_in_turns(trials, scene, depths, formula, rounds)
@@ -192,7 +192,7 @@ def _time_in_turns(
     deepest = float(depths.max())
     unit = np.inf
     with warnings.catch_warnings():
-        # They were gathered when the laws were built.
+        # The warnings were collected when the laws were built.
         warnings.simplefilter("ignore", UnderlayWarning)
         for _ in range(rounds):
             unit = min(unit, _seconds(lambda: formula(depths)))

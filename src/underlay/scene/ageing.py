@@ -18,7 +18,7 @@ from underlay.mechanics.viscoelastic.history import Viscoelastic
 
 __all__ = ["Ageing", "ageing_response", "is_punched", "refusal"]
 
-# Largest tolerance of the laws of a punch, whose relaxation is exact: a rational function is put through them to
+# Largest tolerance of the laws of a punch, whose relaxation is exact: a rational function is fitted to them to
 # 1e-8.
 _FINE = 1e-9
 # Share of the quasi-elastic error that the elastic laws may add.

@@ -30,8 +30,8 @@ __all__ = ["Effect", "EffectRule", "Simulated", "effects_of", "left_out_effects"
 
 #: A function that finds one effect, from a scene and the law of its contact.
 EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
-# Duration of a ramp over a^2/c (a the contact radius, c the consolidation coefficient) after which most of the
-# water is still there.
+# Duration of a ramp over a^2/c (a the contact radius, c the consolidation coefficient) in which most of the water
+# stays.
 _QUICK = 0.1
 _FRICTION, _FINITE_STRAIN = "friction", "finite strain"
 
@@ -195,7 +195,7 @@ def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
     given, scene = scene, replace(scene.elastic, discrepancy=None)
     ranged = scene
     if scene.adhesion is not None:
-        # An attraction of finite range costs a thousand times as much, and is a row of its own.
+        # An attraction of finite range costs a thousand times as much time, and has its own row.
         scene = replace(scene, adhesion=scene.adhesion.short_ranged)
     level = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
     above = level
@@ -387,7 +387,7 @@ def _relaxation_effects(given: Simulated, level: Simulated) -> list[Effect]:
     if relaxation is None:
         return [Effect("relaxation", None, None, simulated=False, note="the layer is declared elastic")]
     if given.ages:
-        # What it does depends on the motion, and on how much error is allowed: the force itself says so.
+        # Its effect depends on the motion and on the allowed error, and so is not stated here.
         note = "it acts on an elastic base: compare the forces of a history of depths with it and without"
         return [Effect("relaxation", None, None, simulated=True, note=note)]
     ramp = relaxation.longest_time

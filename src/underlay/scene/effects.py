@@ -20,15 +20,15 @@ from underlay.scene.effect_rules import Effect, EffectRule, Simulated, effects_o
 
 __all__ = ["effect_sizes", "effects_in", "effects_table"]
 
-# Columns of the ledger.
+# Columns of the table.
 _COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
-# Depths of the curves on which the cost of an effect is timed, from cold, with and without it in turns.
+# Number of depths of the curves on which the cost of an effect is timed, from cold, with and without it in turns.
 _COST_POINTS = 200
-# Rounds of timing; the shortest counts, in processor time.
+# Number of timing rounds; the shortest processor time is used.
 _COST_ROUNDS = 25
 # Time (s) beyond which a curve is timed once.
 _LONG = 0.2
-# Relative size of an effect that is rounding.
+# Relative size below which an effect is rounding.
 _ROUNDING = 1e3 * np.finfo(float).eps
 
 
@@ -112,7 +112,7 @@ def effect_sizes(scene: Simulated, depth: FloatArray, solver: AnySolver = "auto"
         try:
             size = _size(effect, depth, wanted)
         except InputError:
-            continue  # the scene to compare with ends before, or has no such law: there is no size along the curve
+            continue  # the scene without the effect has no law to this depth: no size along the curve
         if np.isfinite(size).all():
             known[effect.name] = size
     return pd.DataFrame({"depth": depth, **known})
@@ -146,7 +146,7 @@ def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
     readings = depth + effect.with_it.instrument.contact_depth
     with_it = effect.with_it.force(readings, solver=solver)
     change = np.asarray(with_it / effect.without.force(readings, solver=solver) - 1.0)
-    # Two laws of one contact agree to rounding: friction does nothing to an incompressible half-space.
+    # Two laws of one contact may agree to rounding: friction has no effect on an incompressible half-space.
     return np.where(np.abs(change) > _ROUNDING, change, 0.0)
 
 

@@ -10,7 +10,7 @@ from underlay.units import format_quantity, parse_quantity
 
 __all__ = ["PRESETS", "FitRange", "Mark"]
 
-# What an end of a range may be a share or a multiple of, and how people write one.
+# Quantities of which an end of a range may be a share or a multiple, and the pattern of such an end.
 _OF = ("force", "depth", "thickness", "radius")
 _RELATIVE = re.compile(
     rf"\s*(\d+\.?\d*|\.\d+)\s*(%)?\s*(?:of|times|x)?\s*(?:the\s+)?({'|'.join(_OF)})\s*", re.IGNORECASE
@@ -102,5 +102,5 @@ class FitRange:
         return " ".join(f"{word} {end}" for word, end in ends if end is not None)
 
 
-#: Ranges over which the software of instruments fits by default, by name; its files say so.
+#: Default fit ranges of instruments' software, by name, as stated in their files.
 PRESETS = {"bioindenter": FitRange(Mark(0.10, "force"), Mark(0.98, "force"))}

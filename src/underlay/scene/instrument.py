@@ -48,14 +48,15 @@ __all__ = [
 
 #: One number, or one for each set, (sets, 1).
 PerSet: TypeAlias = float | FloatArray
-# Steps of Newton's method at most: from the stiff side on a convex function it converges monotonically, far sooner.
+# Largest number of steps of Newton's method: from the stiff side of a convex function it converges monotonically,
+# far sooner.
 _MAX_STEPS = 50
-#: Paths of the two numbers that a calibration may be off by.
+#: Paths of the two ratios of a cantilever's true calibration to the one used.
 SPRING_CONSTANT_RATIO = "lever.spring_constant_ratio"
 SENSITIVITY_RATIO = "lever.sensitivity_ratio"
-#: Path of the spring constant that made the curve.
+#: Path of the spring constant used to compute the curve.
 SPRING_CONSTANT = "lever.spring_constant"
-#: Reach of laws over the readings under a lever: one that bends less than was taken off lets the tip deeper.
+#: Range of laws over the depth readings with a lever: if it bends less than was subtracted, the tip is deeper.
 FURTHER = 2.0
 # Bounds of a ratio.
 _POSITIVE = (0.0, np.inf)
@@ -97,7 +98,7 @@ class Frame:
         w = np.array(travel, dtype=np.float64)
         touching = w > first + held_back
         s = w[touching]
-        # The start must be inside the range of the law; the root is below it whenever a root exists there.
+        # The start must be inside the range of the law; the root is below it wherever one exists in the range.
         x = np.minimum(s - held_back, response.max_depth)
         small = 4.0 * np.finfo(float).eps * (np.abs(s) + abs(held_back))
         for _ in range(_MAX_STEPS):

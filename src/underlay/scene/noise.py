@@ -82,7 +82,7 @@ class NoiseModel(Part, ABC):
         """Half the logarithm of the determinant of the covariance, (...): the sum of `log_deviations`."""
         points = sigma.shape[-1]
         if points > 1 and sigma.strides[-1] == 0 and not self.correlation:
-            # The broadcast view of white noise alone: all points of a set have one sigma, one logarithm serves.
+            # The broadcast view of pure white noise: all points of a set have one sigma, one logarithm suffices.
             return np.asarray(points * np.log(sigma[..., 0]))
         return np.asarray(self.log_deviations(sigma, time).sum(axis=-1))
 
@@ -498,7 +498,7 @@ class LowRankNoise(Noise):
             if columns.ndim != 2:
                 raise InputError(f"{name} are (readings, errors); got shape {columns.shape}")
             object.__setattr__(self, name, read_only(np.array(columns)))
-        # Without errors of a kind the other says how many readings there are.
+        # Without columns of one kind the other gives the number of readings.
         points = max(len(self.columns), len(self.common))
         for name in ("columns", "common"):
             if not getattr(self, name).size:

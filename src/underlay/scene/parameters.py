@@ -70,7 +70,7 @@ _SYNONYMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "law": ("method",),
     }
 )
-# How the number changes with the name, in words.
+# How the number has to be converted for that name, in words.
 _CHANGES = {
     "diameter": "half of it",
     "openingangle": "half of it, from the axis",
@@ -112,8 +112,8 @@ def _plain(name: str) -> str:
     return "".join(letter for letter in name.casefold() if letter.isalnum())
 
 
-#: Parts that declare the numbers of a test. A path is understood where these are loaded, so whoever asks what one
-#: is asks here.
+#: Classes that declare the numbers of a test. The declaration of a path is known once its class is loaded, which
+#: importing this module ensures.
 DECLARING: tuple[type[Part], ...] = (
     Indenter,
     Profile,

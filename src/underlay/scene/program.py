@@ -16,8 +16,8 @@ from underlay.scene.scene import Scene
 __all__ = ["Program", "SimulatedDepths", "default_depth"]
 
 # Of `default_depth`: contact radius over the thickness (a contact as wide as the layer is thick, where the
-# substrate is felt and strains are small); depth over the thickness, or a tip's radius on a half-space, at most;
-# depth (m) of a tip without a length, such as a cone.
+# substrate affects the force and strains are small); largest depth over the thickness, or over a tip's radius on a
+# half-space; depth (m) for a tip without a length, such as a cone.
 _WIDE, _SHALLOW, _CONE_DEPTH = 0.5, 0.1, 1e-6
 
 

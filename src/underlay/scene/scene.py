@@ -36,8 +36,7 @@ from underlay.scene.uncertainties import checked
 
 __all__ = ["Scene", "bond_of", "faces", "has_face", "unknown_faces", "with_bond"]
 
-# Depths (m) of the law that is tried first for a given force, and of the last; and the factor from one try to the
-# next at most.
+# First and largest depth (m) of the law that is tried for a given force, and the largest factor between two tries.
 _FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
 
 
@@ -147,7 +146,7 @@ class Scene:
             return Drainage(self.indenter, self.layer, "porous" if self.drainage == "porous" else "solid")
         if relaxation is None:
             return self.history
-        # Not loaded for a layer that does not relax, nor by the two methods below.
+        # Loaded only for a layer that relaxes, here and in the two methods below.
         from underlay.mechanics.viscoelastic.history import Viscoelastic  # noqa: PLC0415  see above
 
         return Viscoelastic(relaxation)
@@ -351,7 +350,7 @@ def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Sol
         except RangeError:
             if law.max_depth < reach or reach > _LAST_DEPTH:
                 raise
-        # The law itself says how stiff it is at its end: its force grows at least in proportion to depth.
+        # The force at the end of the law gives the next depth: it grows at least in proportion to depth.
         reach *= max(2.0, min(top / float(law.force(law.max_depth)), _LEAP))
 
 

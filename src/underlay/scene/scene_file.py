@@ -81,9 +81,9 @@ __all__ = [
     "scene_from_text",
 ]
 
-# Stands in place of a length that only the file of a curve says; never computed with.
+# Placeholder for a length that only the file of a curve gives; never computed with.
 _STAND_IN = "1 m"
-#: What stands in a starter scene where a number is still to be written.
+#: Placeholder in a starter scene for a number that is still to be written.
 PLACE = "TODO"
 #: Kind of file, and the bytes that it may have: a scene is a page of text.
 SCENE_FILE = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
@@ -172,7 +172,7 @@ def entries(
     for name, entry in table.items():
         path = f"{above}{name}"
         if not isinstance(entry, Mapping):
-            # A list of names is what Python takes.
+            # A list of names is the form that Python takes.
             names = entry if isinstance(entry, list) and entry else [path]
             lines = "; ".join(f"{one} = {{ min = ..., max = ... }}" for one in names)
             raise InputError(
@@ -309,7 +309,7 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
     try:
         return _interpret(document, source)
     except UnderlayError as error:
-        # A key or value of a hostile file may be as long as the file.
+        # A key or value of a hostile file may be as long as the whole file.
         raise type(error)(f"{printable(source.name)}: {printable(str(error))[:_LONGEST_MESSAGE]}") from error
 
 

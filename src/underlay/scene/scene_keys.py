@@ -51,9 +51,9 @@ __all__ = [
     "scene_keys",
 ]
 
-#: Pyramids that are taken as the cone of the same projected area.
+#: Pyramids that are replaced by the cone of the same projected area.
 EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
-#: Parts of a curve that can be fitted; and one segment of several, by what it is and its number from 1.
+#: Parts of a curve that can be fitted; and the pattern of one segment of several, by its kind and number from 1.
 SEGMENTS = ("all", "loading", "unloading", "equilibrium")
 RUN = re.compile(r"(ramp|loading|hold|unloading)\s+([1-9]\d{0,3})")
 _OVERRULED = [
@@ -68,9 +68,9 @@ _OF_ITS_KIND = {
     "sd": "standard deviation of a normal or half-normal prior",
     "median": "of a lognormal prior",
 }
-#: What the keys are listed under that stand before any section.
+#: Heading of the keys that stand before any section.
 TOP = "top of the file"
-#: What a scene file says of how well its inputs are known, at 95 %.
+#: Entries on how well inputs are known, at 95 %: values and meaning.
 _UNCERTAINTIES = {
     "PATH": (
         'in its unit, "2 %" or exact',
@@ -235,7 +235,7 @@ def read_table(
     InputError
         With the section and the key.
     """
-    # A key that is not known comes first: it is often the one that is missing, misspelt.
+    # An unknown key is reported first: it is often a required one, misspelt.
     for name in table:
         if name not in keys:
             allowed = [*keys, *besides]

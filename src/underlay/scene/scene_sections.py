@@ -43,9 +43,9 @@ from underlay.scene.uncertainties import rows_of, taken_out
 
 __all__ = ["noise_of", "scene_of", "solver_of", "table_of"]
 
-#: Sections of the layer on top. `Gent` is loaded with this module, so that it is among the kinds.
+#: Sections of the top layer. `Gent` is loaded with this module, so that it is among the kinds.
 _EFFECTS = {"relaxation": Relaxation, Gent.section.partition(".")[2]: Stiffening}
-#: Keys that [solver] had once, and what to write now.
+#: Former keys of [solver], and their present names.
 _OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
 
 
@@ -157,7 +157,7 @@ def _kind_of_material(table: Mapping[str, Any]) -> type[Material]:
     transverse = bool({"E_axial", "G_axial", "nu_axial"} & table.keys())
     if not {"permeability", "permeability_ratio"} & table.keys():
         return TransverselyIsotropic if transverse else Isotropic
-    # Not loaded for a layer without water.
+    # Loaded only for a poroelastic layer.
     from underlay.mechanics.biphasic.material import Biphasic, BiphasicTransverse  # noqa: PLC0415
 
     return BiphasicTransverse if transverse or "permeability_ratio" in table else Biphasic

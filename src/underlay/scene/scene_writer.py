@@ -23,7 +23,7 @@ def scene_text(scene: Any) -> str:
     document = {name: value for name, value in _keys(scene) if value != {}}
     if isinstance(scene.uncertainties, StatedUncertainties):
         document["uncertainties"] = written(scene.uncertainties, numbers_of(scene))
-    # A word or a switch of the whole scene stands before its sections.
+    # Entries of the whole scene stand before its sections.
     return document_text(dict(sorted(document.items(), key=lambda item: isinstance(item[1], dict))))
 
 
@@ -59,6 +59,6 @@ def _keys(part: Any) -> Iterator[tuple[str, Any]]:
 def _value(value: Any, unit: str) -> Any:
     if np.ndim(value):
         return [_value(entry, unit) for entry in value]
-    # A shape from outside may hold numpy's floats, which write themselves otherwise.
+    # A shape from a plug-in may hold numpy floats, whose repr differs.
     number = float(value)
     return f"{number!r} {unit}" if unit else number

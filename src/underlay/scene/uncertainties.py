@@ -35,11 +35,11 @@ __all__ = [
     "written",
 ]
 
-#: Inputs that are no numbers of a scene; their uncertainties are shares.
+#: Inputs that have no path in a scene; their uncertainties are relative.
 RELATIVE = ("force", "depth", "spring_constant")
-# Parts whose numbers are inputs; those of the instrument but its compliance are seen in the curve.
+# Parts whose numbers are inputs; the instrument's other numbers are seen in the curve.
 _INPUTS = ("indenter.", "layer.", "substrate.", "instrument.compliance", "adhesion.", "history.")
-# Sections of a scene file in which an uncertainty may stand beside its number.
+# Sections of a scene file in which an uncertainty may be written with its number.
 _SECTIONS = ("indenter", "layer", "substrate", "instrument", "adhesion", "history", "lever", "discrepancy")
 _SIGNS = ("±", "+/-", "+-")
 _EXACT = "exact"

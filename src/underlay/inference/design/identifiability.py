@@ -50,14 +50,14 @@ __all__ = [
     "prior_information",
 ]
 
-#: Beginnings of the paths of a specimen's parameters; the others are those of one test.
+#: First words of the paths of a specimen's parameters; all others belong to one test.
 SPECIMEN = ("layer.", "substrate.")
-#: Eigenvalue of an information matrix, over the largest, below which it is rounding and the error of the finite
-#: differences in it.
+#: Eigenvalue of an information matrix, over the largest, below which it is due to rounding and the error of the
+#: finite differences.
 LOST = 1e-13
-#: Relative standard deviations up to which a quantity is fixed, and beyond which it is not.
+#: Relative standard deviations up to which a quantity counts as determined, and beyond which it does not.
 FIXED, OPEN = 0.1, 1.0
-_SMALL_POWER = 0.05  # powers below this are left out of the words
+_SMALL_POWER = 0.05  # powers below this are left out of the text
 
 
 def expected_problem(

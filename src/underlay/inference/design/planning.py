@@ -33,17 +33,18 @@ from underlay.units import format_quantity
 
 __all__ = ["Grid", "Plan", "plan", "readings"]
 
-#: Depths since contact (m) and times (s), (n,) each.
+#: A motion: depths since contact (m) and times (s), (n,) each.
 Record: TypeAlias = tuple[ArrayLike, ArrayLike]
-# Share of the readings before contact: a test that starts in contact cannot tell its contact point.
+# Share of the readings before contact: a test that starts in contact cannot determine its contact point.
 _APPROACH = 0.25
-# Readings of a test.
+# Default number of readings of a test.
 _POINTS = 200
-# Factor on the least error within which a test is as good: the mildest such test is recommended.
+# Factor on the least error within which tests count as equally good: of these the one with the smallest force is
+# recommended.
 _AS_GOOD = 1.1
-# Relative standard error above which the forecast, which is linear, is none.
+# Relative standard error above which the forecast, which is linear, is not reliable.
 _NO_FORECAST = 0.1
-# Factor beyond the ends of the grid up to which a first test is taken for the nearest one of the grid.
+# Factor beyond the ends of the grid up to which the nearest test of the grid is used for a first test.
 _BEYOND = 2.0
 
 

@@ -26,15 +26,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Remedy", "remedy"]
 
-# Steps of the radii tried in a decade: tips are sold in steps like these.
+# Steps of the radii tried in a decade: tips are sold in similar steps.
 _STEPS = (1.0, 2.0, 5.0)
-# Factor by which radii tried may be larger or smaller than the one at hand.
+# Largest factor between the radii tried and the present one.
 _SPAN = 10.0
-# Values that are supposed over an interval, and the factor by which it is followed where the data leave an end
-# open.
+# Number of values assumed over an interval, and the factor by which it is extended where an end is infinite.
 _PLACES, _OPEN = 5, 8.0
 _LEVEL = 0.95  # confidence of that interval
-# Ratio of errors up to which they are told as one number.
+# Ratio of errors up to which they are reported as one number.
 _ALIKE = 1.3
 
 

@@ -37,18 +37,18 @@ from underlay.inference.population.result import Density
 __all__ = ["GroupModel", "Units"]
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
-# Share of the curves that may come from a wider step, and how many times as wide, where outliers are allowed for.
+# For outliers: share of the curves that may come from a wider step, and the factor on its spread.
 _OUTLIERS, _WIDER = 0.1, 5.0
-# Widest and narrowest cell in ln of the parameter; between these it is half of the narrowest message, which adds
-# two per cent to its variance.
+# Largest and smallest cell in ln of the parameter; between these it is half the width of the narrowest likelihood,
+# which adds two per cent to its variance.
 _WIDEST, _NARROWEST = 0.05, 0.01
-# While it is looked for where the spreads are: factor on the width of cells, and least scatter of curves (in ln).
+# For locating the spreads: factor on the width of cells, and least scatter of curves (in ln).
 _LARGER, _LEAST = 2.5, 0.05
-# How far (in ln) the fine part of a grid goes beyond the middles of the curves, the coarse one beyond that, and the
-# ratio of neighbouring coarse cells.
+# Extent (in ln) of the fine part of a grid beyond the curves' middles, of the coarse part beyond that, and ratio of
+# neighbouring coarse cells.
 _FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.25
-# Places of a mean, how many of its standard deviations they reach, and log units below the largest weight from
-# which a combination of spreads is left out.
+# Number of grid points for a mean, their extent in its standard deviations, and log units below the largest weight
+# from which a combination of spreads is left out.
 _PLACES, _FAR, _NEGLIGIBLE = 801, 9.0, 30.0
 
 
@@ -155,7 +155,7 @@ class GroupModel:
             If the curves have no labels.
         """
         nodes = self.spreads.nodes
-        below = self._messages(nodes[1:])  # of the outermost units, before their own spread
+        below = self._messages(nodes[1:])  # of the outermost units, not yet blurred by their spread
         centre, variance = self._as_normal(below)
         between = nodes[0].reshape(-1, *([1] * (centre.ndim - 1)), 1)
         seen = 1.0 / (variance + between**2)
@@ -323,7 +323,7 @@ def _mixture(top: Messages, weights: FloatArray, grid: Grid) -> Density:
     else:
         spread = 1.0 / np.sqrt(top.precision[:, 0])
         low, high = (top.centre[:, 0] - _FAR * spread).min(), (top.centre[:, 0] + _FAR * spread).max()
-        # Sinh-spaced about the middle: the sum has sharp and wide parts.
+        # Sinh-spaced about the middle: the sum has narrow and wide parts.
         middle, narrow = float(weights @ top.centre[:, 0]), float(spread.min())
         reach = max(high - middle, middle - low)
         x = middle + narrow * np.sinh(np.linspace(-1.0, 1.0, _PLACES) * np.arcsinh(reach / narrow))

@@ -28,13 +28,13 @@ __all__ = ["ROOTS", "CurveLikelihood"]
 ROOTS = np.arange(-3.0, 4.0)
 _ROOTS = tuple(ROOTS.tolist())
 _MIDDLE = 3
-# Distance (in standard errors) from the places of a normal density within which they are a normal density's.
+# Distance (in standard errors) from the places of a normal density up to which a likelihood counts as normal.
 _NORMAL = 0.05
-# Largest root that is told apart: beyond three the likelihood is continued.
+# Largest root that is distinguished: beyond three the likelihood is extrapolated.
 _FURTHEST = 30.0
-# Places at which the density of draws is computed.
+# Number of places at which the density of draws is computed.
 _DRAWS_ON_A_GRID = 512
-_NEAREST = 0.02  # confidence of an interval that is as good as its median
+_NEAREST = 0.02  # confidence of an interval narrow enough to give the median
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class CurveLikelihood:
     above: float = math.inf
 
     def __post_init__(self) -> None:
-        # Without arrays: a map has ten thousand of these.
+        # Without arrays, for speed: a map has ten thousand of these.
         places = self.places
         if len(places) != len(ROOTS) or any(map(math.isnan, places)) or not math.isfinite(places[_MIDDLE]):
             raise InputError(f"a likelihood has seven places and a finite middle; got {self.places!r:.200}")
@@ -184,7 +184,7 @@ def _outside(beyond: FloatArray, roots: FloatArray, places: FloatArray, level: f
     slope = (roots[-1] - roots[-2]) / (places[-1] - places[-2]) if len(roots) > 1 else 0.0
     left = level - roots[-1]
     if math.isinf(left):
-        # A middle alone that is not open either cannot be made by a profile.
+        # Only a middle, with no levelling off, is not the result of a profile.
         return np.asarray(roots[-1] + slope * np.maximum(beyond, 0.0), dtype=np.float64)
     if left <= 0.0 or slope == 0.0:
         return np.full(np.shape(beyond), roots[-1])
@@ -208,7 +208,8 @@ def _of_grid(x: FloatArray, log_density: FloatArray, bounds: tuple[float, float]
             else:
                 places[_MIDDLE + sign * step] = sign * math.inf
         if at_bound and z[-1] <= ROOTS[-1]:
-            # The density of draws halves at a wall by the width of its kernel: the level is that a little inside.
+            # At a bound the kernel density is halved within the width of its kernel: the level is taken a little
+            # inside.
             inside = np.abs(there - there[-1]) >= spacing
             levels[int(upper)] = sign * float(z[inside][-1]) if inside.any() else 0.0
             for step in (1, 2, 3):

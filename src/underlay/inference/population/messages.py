@@ -44,26 +44,26 @@ __all__ = [
     "weighted_grid",
 ]
 
-#: Logarithm of the likelihood at all combinations of a tuple of spreads per level.
+#: Function from a tuple of spreads per level to the log-likelihood of all their combinations.
 LogLikelihood: TypeAlias = Callable[[tuple[FloatArray, ...]], FloatArray]
-#: Per level, outermost first: ln of the smallest and the largest spread that count.
+#: Per level, outermost first: ln of the smallest and of the largest spread of the range.
 Windows: TypeAlias = tuple[tuple[float, float], ...]
 # Smallest and largest spread on a grid.
 _SMALLEST, _LARGEST = 1e-3, 5.0
-# Nodes per axis: while it is looked for where the posterior is, for the sums by number of levels, and with more.
+# Nodes per axis: for locating the posterior, for the sums by number of levels, and for more levels.
 _FIRST = 9
 _NODES = {1: (32,), 2: (24, 16), 3: (14, 12, 12)}
 _MOST = 10
-# Log units below the largest from which a node is left out: a share of 1e-5.
+# Log units below the largest at which a node is left out: a share of 1e-5.
 _NEGLIGIBLE = 12.0
-# Times that the windows of the spreads are narrowed.
+# Number of times that the ranges of the spreads are narrowed.
 _PASSES = 6
 IntArray: TypeAlias = NDArray[np.intp]
-# Log units below its table's largest from which a place counts for nothing, and how many standard deviations off a
+# Log units below a table's largest at which a place is left out, and the number of standard deviations at which a
 # normal is as low.
 _MESSAGES_NEGLIGIBLE = 300.0
 _NOTHING, _FURTHEST = math.exp(-_MESSAGES_NEGLIGIBLE), math.sqrt(2.0 * _MESSAGES_NEGLIGIBLE)
-# Distance between places that are computed, in standard deviations of the normal.
+# Distance between computed places, in standard deviations of the normal.
 _APART = 1.0 / 3.0
 
 
@@ -81,7 +81,7 @@ class SpreadPrior:
         return result
 
 
-#: Priors of the spread between units, and among the curves of one: see the head of this module.
+#: Priors of the spread between units, and among the curves of one unit: see the head of this module.
 BETWEEN, WITHIN = SpreadPrior(0.3, 1.0), SpreadPrior(0.5, 4.0)
 
 
@@ -284,7 +284,7 @@ class Grid:
         """Share of a normal density about each place (rows) that falls into each cell (columns)."""
         outer, count = len(self.outside), self.count
         share = np.empty((len(rows), columns.stop - columns.start))
-        # Among even places only the distance counts.
+        # Among evenly spaced places only the distance matters.
         first, last = max(columns.start, outer + 1), min(columns.stop, outer + count - 1)
         is_even = (rows >= outer) & (rows < outer + count)
         edges = np.concatenate([[-np.inf], 0.5 * (self.x[1:] + self.x[:-1]), [np.inf]])
@@ -308,7 +308,7 @@ class Grid:
 def _shares_of_cells(edges: FloatArray, x: FloatArray, spread: float) -> FloatArray:
     """Probability of a normal about each x (rows) between neighbouring edges, (rows, edges - 1)."""
     away = (edges - x[:, None]) / spread
-    # What lies beyond an edge on its far side keeps its digits however little it is.
+    # Tail probabilities beyond an edge keep their digits however small they are.
     beyond = np.zeros(away.shape)
     near = np.abs(away) < _FURTHEST
     beyond[near] = special.ndtr(-np.abs(away[near]))
@@ -357,7 +357,7 @@ def carried(units: Messages, spreads: FloatArray, parents: IntArray, count: int,
         Places of the tables.
     """
     of = units.tabulated
-    # All of a unit that has a table goes into its table.
+    # A unit that has a table has all of its likelihood in the table.
     own, constant = units.precision.copy(), units.constant.copy()
     own[..., of], constant[..., of] = 0.0, 0.0
     widened = 1.0 + own * spreads.reshape(-1, *([1] * own.ndim)) ** 2
@@ -365,7 +365,7 @@ def carried(units: Messages, spreads: FloatArray, parents: IntArray, count: int,
     starts = np.searchsorted(parents, np.arange(count))
     together = np.add.reduceat(precision, starts, axis=-1)
     weighted = np.add.reduceat(precision * units.centre, starts, axis=-1)
-    # A parent whose units all have tables has no normal part: any centre does.
+    # A parent whose units all have tables has no normal part: its centre has no effect.
     centre = np.divide(weighted, together, out=np.zeros_like(weighted), where=together > 0.0)
     off = units.centre - np.repeat(centre, np.diff([*starts, len(parents)]), axis=-1)
     constants = np.add.reduceat(constant - 0.5 * precision * off**2, starts, axis=-1)

@@ -44,14 +44,14 @@ if TYPE_CHECKING:
 
 __all__ = ["population"]
 
-# Quantiles of a 95 % interval and its middle.
+# Probabilities of the ends and the middle of a 95 % interval.
 _ENDS = np.array([0.025, 0.5, 0.975])
-# A spread is stated as an upper limit where it may be none: where one below the first is more probable than the
-# second.
+# A spread is stated as an upper limit only where the probability of one below the first number exceeds the second.
 _NO_SPREAD, _MAY_BE_NONE = 0.05, 0.05
 _TAILS = ("normal", "outliers")
 _MODULUS = "layer.E"
-# Units from which they tell how much they differ: of fewer the prior would, and no scale of it covers so evenly.
+# Number of units from which they determine their spread: with fewer the prior would, and no scale of it covers so
+# evenly.
 _ENOUGH = 6
 
 
@@ -230,7 +230,7 @@ def _plain_of_units(model: GroupModel, own: FloatArray, spreads: Sequence[Spread
     def left(which: Sequence[float]) -> float:
         return float(shares**2 @ model.own_values(which)[1])
 
-    # Where no unit holds two of the next level, nothing within units tells how those differ: the scatter does.
+    # Where no unit has two members of the next level, their spread is seen only in the scatter of the units.
     freedoms = model.units.freedoms(len(model.curves))
     seen = [spread if freedom else 0.0 for spread, freedom in zip(inner, freedoms, strict=True)]
     parts, rest = [], left(seen)

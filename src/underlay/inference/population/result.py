@@ -21,10 +21,10 @@ __all__ = ["Comparison", "Density", "Group", "PlainMean", "Population", "Spread"
 
 #: A value, and the low and the high end of its 95 % interval.
 Triple = tuple[float, float, float]
-# Probability below the high end of a 95 % interval, and that end of a standard normal distribution.
+# Probability below the upper end of a 95 % interval, and that end of a standard normal distribution.
 _UPPER = 0.975
 _NORMAL = float(special.ndtri(_UPPER))
-# Share of the largest below which a place holds nothing, and places of a difference.
+# Share of the largest probability below which a place is left out, and number of places of a difference.
 _NOTHING, _DIFFERENCES = 1e-10, 1600
 
 

@@ -22,9 +22,9 @@ __all__ = ["Labelled", "LabelledCurve", "LeftOut", "select_results", "select_row
 
 # Half width of a normal 95 % interval in standard errors.
 _NORMAL_95 = 1.96
-#: Labels by column, beside the result of one curve.
+#: Labels by column, with the result of one curve.
 Labelled: TypeAlias = tuple[Mapping[str, str], Fit | Posterior | LikelihoodProfile]
-# Names that a message lists.
+# Largest number of names that a message lists.
 _LISTED = 4
 _KEEP, _DROP = "keep", "drop"
 
