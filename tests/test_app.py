@@ -9,6 +9,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from nicegui import ui
 
 import underlay as ul
 from support.films import write_films
@@ -241,6 +242,64 @@ def test_many_curves_are_fitted_decided_and_taken_together(tmp_path):
         assert list(judged["animal"]) == [*"AAABBBB"]
 
     run(person())
+
+
+FIELDS = (ui.input, ui.textarea, ui.select, ui.checkbox, ui.switch, ui.slider, ui.range, ui.upload)
+
+
+def without_help(user):
+    """Fields of the page, in steps that are shown and not, that say nothing where the mouse rests."""
+    fields = [element for element in user.client.elements.values() if isinstance(element, FIELDS)]
+    assert len(fields) > 40
+    return [
+        field._props.get("label") or field._markers
+        for field in fields
+        if len(field._props.get("title", "")) < 20
+    ]
+
+
+def test_every_field_of_every_step_has_help_and_a_number_that_nobody_entered_can_be_confirmed(tmp_path):
+    async def person():
+        async with page(tmp_path) as user:
+            folder = await begin(user)
+            for step in ("3", "4", "5"):
+                press(user, f"step-{step}")
+            await until(user, content="No curve yet: bring some first.")
+            await until(user, content="Not fitted yet: fit this curve in step 3.")
+            press(user, "step-1")
+            await bring(user, SAMPLES / "gel_on_glass.csv")
+            await until(user, "tests")
+            press(user, "step-3")
+            await until(user, content="Complete the test")
+            assert "Poisson's ratio of the layer" in text_of(user, "way")
+            press(user, "step-2")
+            assert state(user, 2) == "3 needed"
+            press(user, "preset-gel_on_glass")
+            await until(user, "to-fit")
+            assert state(user, 2) == "3 assumed"
+            press(user, "assumed-layer.nu")
+            await wait_for(lambda: state(user, 2) == "2 assumed")
+            write(user, "layer.thickness", "6.1")
+            await wait_for(lambda: state(user, 2) == "1 assumed")
+            assert read_scene_file(folder.scene).assumed == ("indenter.radius", "layer.E")
+            # A layer under it, an elastic substrate, and what is known of a number before: more fields.
+            write(user, "base", "elastic")
+            await until(user, "substrate.E")
+            press(user, "add-layer")
+            await until(user, "substrate.layers[0].E")
+            write(user, "prior", "normal")
+            await until(user, "layer.E.mean")
+            write(user, "layer.relaxation.model", "prony")
+            await until(user, "layer.relaxation.fractions")
+            assert without_help(user) == []
+
+    run(person())
+
+
+def state(user, number):
+    """What stands behind the name of a step."""
+    (tab,) = user.find(marker=f"step-{number}").elements
+    return tab._props["label"].partition("   ")[2]
 
 
 def test_two_browsers_do_not_mix_and_a_second_window_takes_over(tmp_path):

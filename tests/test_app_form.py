@@ -1,5 +1,7 @@
 """The form of a scene: what it takes and refuses, and that every key of a scene file has a place on the page."""
 
+from dataclasses import replace
+
 import pytest
 
 import underlay as ul
@@ -31,10 +33,46 @@ def test_every_key_of_a_scene_file_has_a_field_or_another_place_on_the_page():
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_sample_is_a_whole_scene_and_survives_the_form(name):
     draft = preset(name)
-    for section in ("indenter", "layer", *ADVANCED):
+    for section in ("indenter", "layer", "substrate", *ADVANCED):
         for field in draft.fields(section):
             draft.put(section, field.key, field.text)
-    assert scene_file_from_text(draft.text()) == scene_file_from_text(preset(name).text())
+    entered = scene_file_from_text(draft.text())
+    assert entered.assumed == ()
+    assert replace(scene_file_from_text(preset(name).text()), assumed=()) == entered
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_number_of_a_sample_is_assumed_until_it_is_entered_confirmed_or_fitted(name):
+    draft = preset(name)
+    sections = ("indenter", "layer", "substrate")
+    numbers = {
+        field.path for part in sections for field in draft.fields(part) if field.key.kind and field.text
+    }
+    assert set(draft.assumed) == numbers
+    assert set(draft.assumptions) == numbers - set(draft.free)
+    draft.put("layer", key_of("layer", "nu"), "0.4")
+    draft.confirm("indenter.radius")
+    draft.free["layer.thickness"] = {}
+    left = numbers - {"layer.nu", "indenter.radius", "layer.thickness", "layer.E"}
+    assert set(Draft.of(draft.text()).assumptions) == left
+
+
+def test_a_number_that_the_form_fills_in_is_assumed_and_stays_so_when_a_layer_above_it_goes():
+    draft = preset("gel_on_glass")
+    draft.choose_base("elastic")
+    draft.add_layer()
+    draft.add_layer()
+    draft.put("substrate.layers[1]", key_of("substrate.layers", "nu"), "0.3")
+    draft.set_axial("layer", axial=True)
+    draft.remove_layer("substrate.layers[0]")
+    filled = [path for path in draft.assumed if path.startswith("substrate") or "axial" in path]
+    assert set(filled) == {
+        *("substrate.E", "substrate.nu", "substrate.layers[0].E", "substrate.layers[0].thickness"),
+        *("layer.E_axial", "layer.nu_axial", "layer.G_axial"),
+    }
+    assert set(scene_file_from_text(draft.text()).assumed) == set(draft.assumed)
+    draft.choose_base("none")
+    assert not any("substrate" in path for path in Draft.of(draft.text()).assumed)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """What the processes of the page do, called directly."""
 
+import io
 import json
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,14 +10,15 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from support.reports import text_in
 from underlay.app.folder import AnalysisFolder, keep, kept
-from underlay.app.form import preset
+from underlay.app.form import Draft, preset
 from underlay.app.shown import Sampled
 from underlay.app.tasks import Analyst
 from underlay.inference.compare import laws_at_contact
 from underlay.inference.from_files import read_whole
 from underlay.scene.program import default_depth
-from underlay.scene.scene_file import read_scene_file
+from underlay.scene.scene_file import read_scene_file, scene_file_from_text
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"
 
@@ -45,6 +48,23 @@ def test_a_file_is_told_with_its_segments_and_what_the_instrument_found(tmp_path
     assert "nN" in test["force"]
     for picture in analyst.curve("chiaro_cell_indentation.csv", 1, silent):
         assert picture[:4] == b"\x89PNG"
+
+
+def test_what_nobody_entered_is_assumed_in_the_result_in_the_report_and_in_the_exported_test(tmp_path):
+    analyst, folder = looked_at(tmp_path, "gel_on_glass", "gel_on_glass")
+    draft = Draft.of(folder.scene_text())
+    draft.confirm("layer.nu")
+    draft.free["instrument.contact_depth"] = {"min": "-1 um", "max": "1 um"}
+    folder.write_scene(draft.text())
+    found = analyst.fit(silent)
+    pages = text_in(found.sheet), text_in(analyst.report(silent).decode())
+    for text in pages:
+        assert "Assumed: indenter radius, layer thickness: usual values, not measured; enter yours." in text
+        assert "indenter radius and layer thickness (6 \N{MICRO SIGN}m) were assumed, not measured" in text
+        assert "Poisson's ratio of the layer (0.5) was given" in text
+    archive = zipfile.ZipFile(io.BytesIO(analyst.archive(silent)))
+    exported = scene_file_from_text(archive.read("scene.toml").decode())
+    assert exported.assumed == ("indenter.radius", "layer.E", "layer.thickness")
 
 
 def test_a_share_of_the_force_is_a_range_that_the_picture_shows(tmp_path):

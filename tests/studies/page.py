@@ -33,7 +33,6 @@ import underlay as ul  # noqa: E402
 from support import browser_page  # noqa: E402
 from support.browser_page import (  # noqa: E402  after the path is set
     CONTACT,
-    button,
     drag,
     drop,
     family,
@@ -150,11 +149,7 @@ def memory(tab, folder: Path, files: int, points: int) -> dict[str, object]:
         scale.stage("spreadsheet of all")
         press(tab, "5")
         tab.call("Page.setDownloadBehavior", behavior="deny")
-        until(tab, f"Boolean({button('Excel')})")
-        # The second one is of all curves.
-        tab.evaluate(
-            "[...document.querySelectorAll('button')].filter(e => e.innerText == 'Excel')[1].click()"
-        )
+        press(tab, "Spreadsheet of all")
         time.sleep(5.0)
         scale.end()
     peak = max(entry["MB"] for entry in scale.peaks.values())

@@ -33,6 +33,7 @@ __all__ = [
     "AnalysisFolder",
     "analyses",
     "described",
+    "is_kept",
     "keep",
     "kept",
     "new_analysis",
@@ -244,6 +245,11 @@ def kept(folder: AnalysisFolder, stem: str, kind: type[_Shown]) -> _Shown | None
             return kind(**parse_json(read_text(path, _KIND)))
     except UnderlayError:
         return None
+
+
+def is_kept(folder: AnalysisFolder, stem: str, kind: type[object]) -> bool:
+    """Whether `keep` wrote this class for this curve."""
+    return folder.result(_name(stem, kind)).is_file()
 
 
 def _name(stem: str, kind: type[object]) -> str:

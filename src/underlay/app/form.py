@@ -9,8 +9,9 @@ a whole is possible by `read_scene_file`.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -36,6 +37,7 @@ __all__ = [
     "apart",
     "draft_from",
     "empty",
+    "help_of",
     "in_the_form",
     "preset",
     "problem_with",
@@ -86,6 +88,7 @@ ELSEWHERE: Mapping[tuple[str, str], str] = {
     ("curve", "max_depth"): _HANDLES,
     ("instrument", "contact_depth"): _HANDLES,
     (TOP, "uncertainties"): _TEXT,
+    (TOP, "assumed"): "the mark beside a number that nobody entered",
     ("uncertainties", "PATH"): "beside the number itself: 0.02 mm of 1 mm is 1 mm ± 0.02 mm",
 }
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
@@ -118,7 +121,7 @@ class Field:
     text : str
         What stands there now; empty for nothing.
     assumed : bool
-        Whether it is still the usual number that a preset filled in.
+        Whether it is a usual number that nobody touched or confirmed.
     is_missing : bool
         Whether the test is not complete without it.
     """
@@ -130,11 +133,22 @@ class Field:
     is_missing: bool = False
 
     @property
+    def path(self) -> str:
+        """By which the rest of the program knows it."""
+        return self.key.name if self.section == TOP else f"{self.section}.{self.key.name}"
+
+    @property
     def label(self) -> str:
         """What it is called."""
-        path = self.key.name if self.section == TOP else f"{self.section}.{self.key.name}"
-        words = label(path) if self.key.kind else self.key.name
-        return start(self.key.name if words == path else words).replace("_", " ")
+        words = label(self.path) if self.key.kind else self.key.name
+        return start(self.key.name if words == self.path else words).replace("_", " ")
+
+    @property
+    def help(self) -> str:
+        """What it is, for whom the mouse rests on it; of a tip from outside what that declares."""
+        known, section = _helps()["test"], _INDEX.sub("", self.section)
+        own = (f"{section}.{self.key.name}", self.key.name)
+        return next((known[name] for name in own if name in known), self.key.meaning)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -159,6 +173,7 @@ class Draft:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.document: dict[str, Any] = dict(document)
         self.document["fit"] = _flat(self.document.get("fit", {}))
+        self.document["assumed"] = list(map(str, _parts_of(self.document.get("assumed", []))))
 
     @classmethod
     def of(cls, text: str) -> Draft:
@@ -174,7 +189,9 @@ class Draft:
 
     def text(self) -> str:
         """Text of the scene file."""
-        return document_text({key: value for key, value in self.document.items() if value not in ({}, [])})
+        # A key before all sections: TOML has no other place for it.
+        whole = {"assumed": [], **self.document} | {"assumed": self.assumed}
+        return document_text({key: value for key, value in whole.items() if value not in ({}, [])})
 
     def table(self, section: str) -> dict[str, Any]:
         """The keys of a section, made if absent; those before any section under `TOP`."""
@@ -195,7 +212,8 @@ class Draft:
         return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
 
     def put(self, section: str, key: SceneKey, text: str) -> None:
-        """Write a text at a key; an empty one removes the key."""
+        """Write a text at a key, which is nobody's assumption from then on; an empty one removes the key."""
+        self.confirm(key.name if section == TOP else f"{section}.{key.name}")
         if not text.strip():
             self._take_out(section, key.name)
             return
@@ -227,7 +245,7 @@ class Draft:
                 section,
                 key,
                 self.get(section, key.name),
-                assumed=self._is_assumed(section, key),
+                assumed=f"{section}.{key.name}" in self.assumptions,
                 is_missing=self._is_missing(section, key),
             )
             for key in declared
@@ -250,6 +268,7 @@ class Draft:
             self.peek("layer").pop("thickness", None)
             return
         self.document["substrate"] = {"rigid": True} if base == "rigid" else {"E": "1 GPa", "nu": 0.3}
+        self._assume([*self.assumed, *(["substrate.E", "substrate.nu"] if base == "elastic" else [])])
         if between:
             self.document["substrate"]["layers"] = between
 
@@ -269,14 +288,22 @@ class Draft:
                 "thickness": above.get("thickness", "1 mm"),
             }
         )
+        self._assume([*self.assumed, *(f"{self.between[-1]}.{name}" for name in ("E", "nu", "thickness"))])
 
     def remove_layer(self, section: str) -> None:
         """Take a layer out."""
-        found = _INDEX.search(section)
-        layers = self.table("substrate")["layers"]
-        if found is not None:
-            layers.pop(int(found[1]))
-        if not layers:
+        there, assumed = self.between, self.assumed
+        left = [name for name in there if name != section]
+        self.table("substrate")["layers"] = [self.peek(name) for name in left]
+        # Those under it have another place from now on.
+        places = dict(zip(left, there, strict=False))
+        parts = [(path, *path.rpartition(".")) for path in assumed]
+        self._assume(
+            f"{places[part]}.{name}" if part in places else path
+            for path, part, _, name in parts
+            if part != section
+        )
+        if not left:
             self.table("substrate").pop("layers")
 
     def set_axial(self, section: str, *, axial: bool) -> None:
@@ -287,6 +314,7 @@ class Draft:
         if axial:
             stiffness = table.get("E", "1 MPa")
             table |= {"E_axial": stiffness, "nu_axial": table.get("nu", 0.3), "G_axial": stiffness}
+            self._assume([*self.assumed, *(f"{section}.{name}" for name in _AXIAL)])
 
     @property
     def free(self) -> dict[str, dict[str, Any]]:
@@ -305,21 +333,28 @@ class Draft:
         return table if isinstance(table, dict) else {}
 
     @property
-    def assumptions(self) -> list[str]:
-        """What is still as the preset filled it in, in words."""
-        return [
-            field.label
-            for section in ("indenter", "layer", *self.between, "substrate")
-            for field in self.fields(section)
-            if field.assumed
-        ]
+    def assumed(self) -> list[str]:
+        """Paths of numbers that stand in the test and nobody entered or confirmed."""
+        there = [(path, *path.rpartition(".")) for path in self.document.get("assumed", [])]
+        return [path for path, section, _, name in there if self.get(section, name)]
 
-    def _is_assumed(self, section: str, key: SceneKey) -> bool:
-        begun_with = next((name for name, words in PRESETS.items() if words == self.get(TOP, "title")), "")
-        here = self.get(section, key.name)
-        if not begun_with or not key.kind or not here or f"{section}.{key.name}" in self.free:
-            return False
-        return here == preset(begun_with).get(section, key.name)
+    @property
+    def assumptions(self) -> list[str]:
+        """Those of them that the fit takes as they stand: what is fitted only starts there."""
+        return [path for path in self.assumed if path not in self.free]
+
+    @property
+    def missing(self) -> list[str]:
+        """What the test is not complete without, in words."""
+        fields = [field for section in ("indenter", "layer") for field in self.fields(section)]
+        return [field.label for field in fields if field.is_missing]
+
+    def confirm(self, path: str) -> None:
+        """Take a number for the user's own."""
+        self._assume(known for known in self.assumed if known != path)
+
+    def _assume(self, paths: Iterable[str]) -> None:
+        self.document["assumed"] = list(dict.fromkeys(paths))
 
     def _is_missing(self, section: str, key: SceneKey) -> bool:
         """Whether nothing stands where something must; the file of a curve may know the tip."""
@@ -333,6 +368,18 @@ class Draft:
         if key.name == _RATIO:
             return {"E_axial", "permeability"} <= table.keys()
         return key.name in _AXIAL and key.name in table
+
+
+@cache
+def _helps() -> Mapping[str, Mapping[str, str]]:
+    with understood("the help of the page", _KIND):
+        return parse_toml(read_text(Path(__file__).parent / "help.toml", _KIND))
+
+
+def help_of(name: str) -> str:
+    """Return what a field of the page is, which is none of a test's, by its mark."""
+    known = _helps()
+    return known["page"].get(name) or known["test"][name]
 
 
 def draft_from(text: str, files: Collection[str]) -> Draft:
@@ -369,6 +416,7 @@ def empty() -> Draft:
     """
     return Draft(
         {
+            "assumed": ["layer.E"],
             "indenter": {"shape": "sphere"},
             "layer": {"E": "1 MPa"},
             "substrate": {"rigid": True},
@@ -445,6 +493,12 @@ def _value(text: str, kind: str) -> Any:
     """A bare number for a dimensionless quantity, which a file writes without quotes."""
     found = _AMOUNT.fullmatch(text)
     return float(found[1]) if kind == "dimensionless" and found is not None and not found[2] else text
+
+
+def _parts_of(assumed: Any) -> list[Any]:
+    if not isinstance(assumed, list):
+        raise InputError("assumed must be a list of numbers of the test")
+    return assumed
 
 
 def _flat(fit: Any) -> dict[str, dict[str, Any]]:

@@ -13,7 +13,6 @@ import pandas as pd
 from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder, keep
-from underlay.app.form import Draft
 from underlay.app.shown import Film, Found, Progress, Row, Sampled, spoken_once
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
@@ -53,8 +52,6 @@ def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell
     page = FitPage(result, today())
     values = {name: _exact(result.answer(name)) for name in (*result.names, *result.derived)}
     notes = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
-    if assumed := Draft.of(tested.text).assumptions:
-        notes.append(f"Assumed, not entered: {', '.join(assumed)}. Enter yours in step 2.")
     found = Found(tested.stem, tested.of, tested.text, values, page.head(), spoken_once(*notes))
     tell(found)
     found = replace(found, sheet=page.sheet())

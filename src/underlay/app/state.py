@@ -33,6 +33,7 @@ _CHANGED = {
     "curve.test": "the curve",
     "curve.m": "fit range",
     "instrument.contact_depth": "contact point",
+    "assumed": "what is assumed",
 }
 # Changes that are remembered; seconds within which changes of one number are one.
 _MOST_UNDONE, _AT_ONCE = 50, 2.0
@@ -121,6 +122,8 @@ def changed(before: str, after: str) -> str:
     """
     first, second = (_numbers(parse_toml(text)) for text in (before, after))
     paths = [path for path in {**first, **second} if first.get(path) != second.get(path)]
+    # What was entered is no assumption any more: that is the same change.
+    paths = [path for path in paths if path != "assumed"] or paths
     words = {
         next((said for begin, said in _CHANGED.items() if path.startswith(begin)), label(path))
         for path in paths

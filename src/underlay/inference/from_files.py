@@ -301,7 +301,10 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
         free=[entry.path for entry in file.free],
     )
     file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
-    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
+    assumed = [path for path in file.assumed if all(entry.path != path for entry in file.free)]
+    curve = curve.with_metadata(
+        notes=(*curve.metadata.get("notes", ()), *settled.notes), **({"assumed": assumed} if assumed else {})
+    )
     require_elastic(file.draft, curve, file.curve.get("overrule", ()))
     curve = within_range(file, file.draft, curve)
     free = {**free_of(file, curve), **(priors or {})}

@@ -11,7 +11,14 @@ from underlay.mechanics.body import RIGID
 from underlay.quantities import numbers_of
 from underlay.report.labels import label, labelled, start
 from underlay.report.scene_tables import number_rows
-from underlay.report.screen import by_depth_words, name_of, source_words, told_names, written
+from underlay.report.screen import (
+    assumed_inputs,
+    by_depth_words,
+    name_of,
+    source_words,
+    told_names,
+    written,
+)
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -110,18 +117,24 @@ def _model(fit: Fit) -> str:
 def _parameters(fit: Fit) -> str:
     free = listed([label(name) for name in fit.names if not name.startswith("noise.")])
     parts = {"layer": fit.scene.layer.material, "substrate": fit.scene.base}
-    fixed = [
-        f"{label(path)} ({format_quantity(known.value, known.quantity.kind)})"
+    fixed = {
+        path: f"{label(path)} ({format_quantity(known.value, known.quantity.kind)})"
         for part, owner in parts.items()
         if owner is not None
         for path, known in numbers_of(owner, part).items()
         if not any(name.partition("[")[0] == path for name in fit.names)
-    ]
+    }
     if fit.scene.substrate is not None and "layer.thickness" not in fit.names:
-        fixed.append(f"layer thickness ({format_quantity(fit.scene.layer.thickness, 'length')})")
-    were = "was" if len(fit.names) == 1 else "were"
-    given = f"; {listed(fixed)} {'was' if len(fixed) == 1 else 'were'} given" if fixed else ""
-    return f"{start(free)} {were} fitted{given}."
+        thick = format_quantity(fit.scene.layer.thickness, "length")
+        fixed["layer.thickness"] = f"layer thickness ({thick})"
+    assumed = assumed_inputs(fit)
+    given = [words for path, words in fixed.items() if path not in assumed]
+    guessed = [fixed.get(path, label(path)) for path in assumed]
+    told = [(free, len(fit.names), "fitted")]
+    told += [(listed(given), len(given), "given")] if given else []
+    told += [(listed(guessed), len(guessed), "assumed, not measured")] if guessed else []
+    said = "; ".join(f"{names} {'was' if count == 1 else 'were'} {how}" for names, count, how in told)
+    return f"{start(said)}."
 
 
 def _numbers(fit: Fit) -> list[str]:

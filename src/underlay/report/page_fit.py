@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -39,6 +39,8 @@ from underlay.report.plots.style import Axes, axes, in_words, style
 from underlay.report.reading import beyond_loading
 from underlay.report.scene_tables import effects_table, scene_table
 from underlay.report.screen import (
+    assumed_inputs,
+    assumed_words,
     budget_table,
     by_depth_words,
     half_space_fit,
@@ -81,8 +83,8 @@ def sized(millimetres: tuple[float, float], draw: Callable[[Axes], object]) -> A
     return panel
 
 
-def drawing(test: DistinctScene, solver: Solver, where: str) -> str:
-    """Return the test to scale as HTML, without axes: its numbers are in the caption, where they have room."""
+def drawing(test: DistinctScene, solver: Solver, where: str, assumed: Iterable[str] = ()) -> str:
+    """Return the test to scale as HTML, without axes: its numbers are in the caption, and which are `assumed`."""
     ax = sized(_DRAWING, lambda panel: plots.scene(test.scene, depth=test.reading, solver=solver, ax=panel))
     size = ax.get_title()
     ax.set_title("")
@@ -98,6 +100,7 @@ def drawing(test: DistinctScene, solver: Solver, where: str) -> str:
     layers = [f"{material_words(layer.material)}{_thickness(layer)}" for layer in scene.layers]
     base = [] if scene.base is None else [f"substrate {material_words(scene.base)}"]
     told = [f"to scale {where}", f"layer {'; '.join(layers)}", *base, size]
+    told += [f"assumed: {named}"] if (named := ", ".join(map(label, assumed))) else []
     alt = "Tip, layer and substrate to scale, with the contact radius and the depth."
     caption = "; ".join([test.label, *told] if test.label else told)
     return figure(ax, f"test {test.label}", alt, "The test,", f"{caption}.", kind="side")
@@ -215,11 +218,13 @@ class FitPage:
 
     def head(self) -> str:
         """The numbers and the verdict, which are there before the pictures."""
-        return headline(self.answers, self.fit.verdict, self._narrower())
+        assumed = assumed_words(assumed_inputs(self.fit))
+        told = f"Assumed: {assumed}." if assumed else ""
+        return headline(self.answers, self.fit.verdict, f"{self._narrower()} {told}".strip())
 
     def sheet(self, *, opened: bool = False) -> str:
         """What stands under the masthead."""
-        side = drawing(self.tests[0], self.fit.solver, "at the deepest point")
+        side = drawing(self.tests[0], self.fit.solver, "at the deepest point", assumed_inputs(self.fit))
         blocks = [
             self.head(),
             tag("section", self._curve(0), side, kind="figs"),
@@ -358,7 +363,8 @@ class FitPage:
 
     def _more_curves(self) -> Iterator[Detail]:
         blocks = [self._curve(number) for number in range(1, len(self.fit.curves))]
-        blocks += [drawing(test, self.fit.solver, "at the deepest point") for test in self.tests[1:]]
+        assumed = assumed_inputs(self.fit)
+        blocks += [drawing(test, self.fit.solver, "at the deepest point", assumed) for test in self.tests[1:]]
         yield "The other curves", f"{len(self.fit.curves) - 1} more", blocks
 
     def _more_depths(self) -> Iterator[Detail]:

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "answer_text",
+    "assumed_inputs",
+    "assumed_words",
     "budget_table",
     "by_depth_words",
     "fit_lines",
@@ -257,6 +259,22 @@ def budget_table(known: Answer) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def assumed_inputs(fit: Fit) -> list[str]:
+    """Numbers of the test that nobody measured, by their paths: a usual value stands in their place."""
+    return list(dict.fromkeys(path for curve in fit.curves for path in curve.metadata.get("assumed", ())))
+
+
+def assumed_words(paths: Iterable[str]) -> str:
+    """Say that the values of these numbers are nobody's measurement; empty where there are none."""
+    named = ", ".join(map(label, paths))
+    return f"{named}: usual values, not measured; enter yours" if named else ""
+
+
+def _assumed_lines(fit: Fit) -> Iterator[str]:
+    if words := assumed_words(assumed_inputs(fit)):
+        yield _line("Assumed", words)
+
+
 # --- a fit --------------------------------------------------------------------------------------------------
 def fit_lines(fit: Fit) -> list[str]:
     """The short text of a fit."""
@@ -266,7 +284,7 @@ def fit_lines(fit: Fit) -> list[str]:
     lines += _by_depth(fit)
     if answers and verdict != "reject":
         lines += _budget_lines(answers[0])
-    lines += _half_space(fit)
+    lines += [*_assumed_lines(fit), *_half_space(fit)]
     return "\n".join(lines).splitlines()
 
 
@@ -382,6 +400,7 @@ def posterior_lines(posterior: Posterior) -> list[str]:
     lines = [*_answer_lines(answers, verdict), *_verdict_lines(verdict)]
     if answers and verdict != "reject":
         lines += _budget_lines(answers[0])
+    lines += _assumed_lines(posterior.statement.fit)
     told = posterior.summary()["informed"]
     silent = [start(label(str(name))) for name in told.index[told == "not informed by these data"]]
     if silent:

@@ -93,6 +93,7 @@ _SECTIONS = (
     "friction",
     "finite_strain",
     "drainage",
+    "assumed",
     "indenter",
     "layer",
     "substrate",
@@ -218,6 +219,8 @@ class SceneFile:
         Depths of a simulated curve.
     stated : frozenset of str
         Paths of the instrument's numbers that the file gives; the others have their defaults.
+    assumed : tuple of str
+        Paths of numbers that nobody measured: a usual value stands in their place.
     path : Path
         Where it was read.
     left_out : tuple of str
@@ -233,6 +236,7 @@ class SceneFile:
     path: Path
     left_out: tuple[str, ...] = ()
     stated: frozenset[str] = frozenset()
+    assumed: tuple[str, ...] = ()
 
     @property
     def scene(self) -> Scene:
@@ -337,7 +341,17 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         path=path,
         left_out=left_out,
         stated=frozenset(f"instrument.{name}" for name in table_of(document, "instrument")),
+        assumed=_assumed(document.get("assumed", []), scene),
     )
+
+
+def _assumed(paths: Any, scene: Scene) -> tuple[str, ...]:
+    if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
+        raise InputError('assumed: write a list of numbers of this test, such as ["layer.nu"]')
+    for path in paths:
+        if path not in scene.parameters:
+            raise unknown_parameter(path, list(scene.parameters))
+    return tuple(paths)
 
 
 def _curve(table: Mapping[str, Any]) -> dict[str, Any]:

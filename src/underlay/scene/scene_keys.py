@@ -391,6 +391,8 @@ def _all() -> Iterator[SceneKey]:
     yield Key(tuple(TIP_DRAINAGES), "none", drains).listed(TOP, "drainage")
     known = "how well the inputs are known: [uncertainties]; none takes all for exact"
     yield SceneKey(TOP, "uncertainties", '"none", or a section', "sizes that are assumed", known)
+    usual = 'numbers of this test that nobody measured, such as ["layer.nu"]; results mark them'
+    yield SceneKey(TOP, "assumed", "a list of paths", "none", usual)
     shapes = (*_own(Indenter), *EQUIVALENT_CONES)
     yield from _family(
         Indenter, "indenter", "the tip; what else it needs is listed by shape", words=sorted(shapes)

@@ -8,7 +8,7 @@ from nicegui import events, ui
 
 from underlay.app.folder import LARGEST_FILE
 from underlay.app.labels import comma_problem, pairs_of
-from underlay.app.pages.step import Step, data_address, message_list
+from underlay.app.pages.step import Step, data_address, helped, message_list
 from underlay.app.shown import Reading
 from underlay.data.readers import all_formats
 from underlay.errors import InputError, UnderlayError
@@ -32,6 +32,11 @@ class FilesStep(Step):
     title = "Curves"
     help = "Bring curve files, and see how each was read"
 
+    @property
+    def state(self) -> str:
+        """How many there are."""
+        return str(len(self.analysis.folder.curve_files()) or "")
+
     def build(self) -> None:
         """Build the place to drop files, the list, and room for how one was read."""
         with ui.row().classes("columns"):
@@ -49,12 +54,10 @@ class FilesStep(Step):
                     )
                     .props("flat bordered hide-upload-btn")
                     .classes("drop")
-                    .mark("drop")
                 )
-                self._upload.on("failed", self._failed)
-                self._find = ui.input("Find").props("dense outlined clearable").classes("wide")
-                self._find.tooltip("Lists the curves whose name holds this")
-                self._find.on_value_change(self._show_list)
+                helped(self._upload, "drop").on("failed", self._failed)
+                self._find = helped(ui.input("Find"), "find").props("dense outlined clearable")
+                self._find.classes("wide").on_value_change(self._show_list)
                 self._list = ui.column().classes("wide")
             self._reading = ui.column().classes("main")
 
@@ -80,6 +83,7 @@ class FilesStep(Step):
                 self.window.complain(str(error))
         if brought and not self.analysis.curve_name:
             self.analysis.pick(brought[0])
+        self.window.kept()
         await self.show()
 
     def _show_list(self) -> None:
@@ -115,15 +119,16 @@ class FilesStep(Step):
     async def _remove(self, name: str) -> None:
         if self.window.holds:
             self.analysis.remove(name)
+            self.window.kept()
             await self.show()
 
     async def _show_reading(self) -> None:
         name, place = self.analysis.curve_name, self._reading
         place.clear()
         with place:
-            ui.label(f"Reading {name} ..." if name else "No file yet").classes("heading")
+            ui.label(f"Reading {name} ..." if name else "No curve yet").classes("heading")
             if not name:
-                ui.label("The curve and how it was read will appear here. Drop one or many on the left.")
+                ui.label("Force against indentation will appear here. Drop one curve or many at the left.")
                 return
         told: Reading | None = await self.window.ask(self.analysis.quick, "read", name)
         place.clear()
@@ -186,41 +191,41 @@ class FilesStep(Step):
         known = draft.peek("curve")
         with ui.expansion("Read it differently", value=bool(told.refused)).props("dense").classes("wide"):
             with ui.row().classes("fields"):
-                ui.select(
+                named = ui.select(
                     [_AUTO, *(entry.name for entry in all_formats())],
                     label="Format",
                     value=draft.get("curve", "format") or _AUTO,
                     on_change=lambda event: self._read_as(
                         "format", None if event.value == _AUTO else event.value
                     ),
-                ).props("outlined dense").classes("field").mark("format")
+                )
+                helped(named.props("outlined dense").classes("field"), "format")
                 for key, words in _CALIBRATION.items():
-                    ui.input(
+                    entry = ui.input(
                         words,
                         value=str((known.get("calibration") or {}).get(key, "")),
                         placeholder=told.facts.get(words, "as in the file"),
-                    ).props("outlined dense").classes("field").props(
-                        f'title="{words} with its unit, where the file holds none"'
-                    ).on(
+                    )
+                    helped(entry.props("outlined dense").classes("field"), f"read-{key}").on(
                         "change",
                         lambda event, key=key: self._calibrate(key, str(event.sender.value or "").strip()),
-                    ).mark(f"read-{key}")
+                    )
                 turned = known.get("flip") or []
                 for column in ("depth", "force"):
-                    ui.checkbox(
+                    turn = ui.checkbox(
                         f"turn the sign of the {column}",
                         value=column in turned,
                         on_change=lambda event, column=column: self._turn(column, turned=bool(event.value)),
                     )
+                    helped(turn, f"turn-{column}")
             there = known.get("columns") or {}
-            ui.input(
+            columns = ui.input(
                 "Columns",
                 value=", ".join(f"{name} = {value}" for name, value in there.items()),
                 placeholder="depth = h (nm), force = -Fz (mN)",
-            ).props("outlined dense").classes("wide").props(
-                'title="Which columns are depth and force, with their units"'
-            ).on("change", lambda event: self._pair("columns", str(event.sender.value or ""))).mark(
-                "read-columns"
+            )
+            helped(columns.props("outlined dense").classes("wide"), "read-columns").on(
+                "change", lambda event: self._pair("columns", str(event.sender.value or ""))
             )
 
     async def _calibrate(self, key: str, text: str) -> None:

@@ -9,9 +9,10 @@ import math
 
 from nicegui import events, ui
 
+from underlay.app.folder import is_kept
 from underlay.app.pages.outcome import Outcome, plain_table
-from underlay.app.pages.step import Step, Window, Working, data_address, message_list
-from underlay.app.shown import Film, Look
+from underlay.app.pages.step import Step, Window, Working, data_address, helped, message_list
+from underlay.app.shown import Film, Found, Look
 from underlay.report.tables import amounts, span
 from underlay.units import printed
 
@@ -54,7 +55,7 @@ class FilmPart:
             ui.label(_WORDS).classes("quiet")
             with ui.row().classes("fields"):
                 self._base = ui.select([_PERFECT], value=_PERFECT, label="Same tip on a known sample")
-                self._base.props("outlined dense").classes("field").mark("film-base")
+                helped(self._base, "film-base").props("outlined dense").classes("field")
                 self._modulus = self._entry("Its E / (1 - nu^2)", "165 GPa", "film-modulus")
                 self._low = self._entry("From depth", "0 nm", "film-from")
                 self._high = self._entry("To depth", "1 m", "film-to")
@@ -64,8 +65,7 @@ class FilmPart:
         self._whole.set_visibility(False)
 
     def _entry(self, words: str, example: str, mark: str) -> ui.input:
-        entry = ui.input(words, placeholder=example)
-        return entry.props("outlined dense").classes("field").mark(mark)
+        return helped(ui.input(words, placeholder=example), mark).props("outlined dense").classes("field")
 
     async def show(self, *, has_stiffness: bool) -> None:
         """Offer it for curves that have a stiffness, with what was found before."""
@@ -112,6 +112,12 @@ class FitStep(Step):
     title = "Fit"
     help = "Set contact point and range on the curve, fit it, and see the number with its uncertainty"
 
+    @property
+    def state(self) -> str:
+        """Whether this curve is fitted."""
+        stem = self.analysis.stem
+        return "fitted" if stem and is_kept(self.analysis.folder, stem, Found) else ""
+
     def __init__(self, window: Window) -> None:
         super().__init__(window)
         self._look: Look | None = None
@@ -124,7 +130,7 @@ class FitStep(Step):
 
     def build(self) -> None:
         """Build picture, sliders, the button, and room for what is found."""
-        self._empty = ui.label("Bring a curve first.").classes("heading")
+        self._empty = ui.column()
         with ui.row().classes("columns") as self._whole:
             with ui.column().classes("main"):
                 with ui.row().classes("actions"):
@@ -159,37 +165,34 @@ class FitStep(Step):
                     "The wheel zooms, dragging elsewhere moves what is seen."
                 ).classes("quiet")
                 with ui.row().classes("slide"):
-                    ui.label("Contact").classes("slide-name").tooltip(
-                        "Where the tip first touches; the arrow keys move it"
-                    )
+                    ui.label("Contact").classes("slide-name")
                     self._contact_slide = ui.slider(min=0, max=_STEPS, step=1, on_change=self._slid)
-                    self._contact_slide.props('color=accent aria-label="contact point"').mark("contact")
+                    helped(self._contact_slide, "contact").props('color=accent aria-label="contact point"')
                     self._contact_words = ui.label().classes("slide-value").mark("contact-words")
                 with ui.row().classes("slide"):
-                    ui.label("Fit range").classes("slide-name").tooltip(
-                        "The part of the curve that is fitted, from the contact point"
-                    )
+                    ui.label("Fit range").classes("slide-name")
                     self._range_slide = ui.range(min=0, max=_STEPS, step=1, on_change=self._slid)
-                    self._range_slide.props('color=grey-9 aria-label="fit range"').mark("range")
+                    helped(self._range_slide, "range").props('color=grey-9 aria-label="fit range"')
                     self._range_words = ui.label().classes("slide-value")
             with ui.column().classes("side"):
                 ui.label("Modulus at this contact point").classes("heading")
                 self._moduli = ui.column().classes("wide")
-                self._fitted = ui.switch("find the contact point in the fit", on_change=self._hold).mark(
-                    "fit-contact"
-                )
-                self._fitted.tooltip("Off: it is taken where the green handle stands, as exactly known")
+                self._fitted = ui.switch("find the contact point in the fit", on_change=self._hold)
+                helped(self._fitted, "fit-contact")
                 self._notes = ui.column().classes("wide")
         self._outcome = Outcome(self.window, self._fill_in)
         self._film = FilmPart(self.window)
 
     async def show(self) -> None:
         """Look at the curve as the scene says."""
-        there = bool(self.analysis.curve_name)
+        there = bool(self.analysis.curve_name) and not self.analysis.lacks
         self._whole.set_visibility(there)
-        self._empty.set_visibility(not there)
+        self._outcome.allow(allowed=there)
+        self._empty.clear()
+        if not there:
+            self._show_way()
+        self._look = self._view = None
         if there:
-            self._look = self._view = None
             names = [path.name for path in self.analysis.folder.curve_files()]
             at = names.index(self.analysis.curve_name)
             self._place.set_text(f"{names[at]}, {at + 1} of {len(names)}")
@@ -198,6 +201,20 @@ class FitStep(Step):
             self._fill_in()
             await self._outcome.show()
         await self._film.show(has_stiffness=there and self._look is not None and self._look.has_stiffness)
+
+    def _show_way(self) -> None:
+        """Say what is missing for a fit, and where it is entered."""
+        missing = self.analysis.draft.missing
+        what = f"Needed: {', '.join(missing)}." if missing else self.analysis.lacks
+        says, step, words = (
+            (f"The test is not complete. {what}", "Test", "Complete the test")
+            if self.analysis.curve_name
+            else ("No curve yet.", "Curves", "Bring a curve")
+        )
+        with self._empty:
+            ui.label(says).classes("heading").mark("way")
+            ui.label("The curve with its contact point and fit range will appear here, and then its modulus.")
+            ui.button(words, on_click=lambda: self.window.go(step)).props("unelevated no-caps")
 
     async def _turn(self, turn: int) -> None:
         """Look at the curve before or after this one; the first follows the last."""

@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable
 from nicegui import events, ui
 
 from underlay.app.labels import LABELS
-from underlay.app.pages.step import Step, Window, Working, data_address, message_list, sheet
+from underlay.app.pages.step import Step, Window, Working, data_address, helped, message_list, sheet
 from underlay.app.shown import Card, Gallery, Overview, Together
 from underlay.report.plots.fit import Canvas
 
@@ -101,7 +101,7 @@ class GalleryPart:
     async def _refuse(self, card: Card) -> None:
         with self._asked, ui.dialog() as dialog, ui.card():
             ui.label(f"Why is {card.name} rejected?")
-            reason = ui.input("Reason").props("outlined dense autofocus").classes("wide").mark("reason")
+            reason = helped(ui.input("Reason"), "reason").props("outlined dense autofocus").classes("wide")
             reason.on("keydown.enter", lambda: dialog.submit(reason.value))
             with ui.row():
                 ui.button("Reject", on_click=lambda: dialog.submit(reason.value)).props(
@@ -144,47 +144,37 @@ class PopulationPart:
         self._window, self._place = window, place
         ui.label("Groups").classes("heading")
         with ui.expansion("What each curve belongs to").props("dense").classes("wide").mark("whose"):
-            self._find = (
-                ui.input("Files whose name holds")
-                .props("outlined dense clearable")
-                .classes("wide")
-                .mark("label-files")
-            )
+            self._find = helped(ui.input("Files whose name holds"), "label-files").classes("wide")
+            self._find.props("outlined dense clearable")
             self._found = ui.label().classes("quiet")
             self._find.on_value_change(self._count)
             self._known = ui.column().classes("wide")
             with ui.row().classes("fields"):
-                self._column = (
-                    ui.select(list(LABELS), value=LABELS[0], label="are of")
-                    .props("outlined dense")
-                    .classes("prior")
+                self._column = ui.select(list(LABELS), value=LABELS[0], label="are of").classes("prior")
+                helped(self._column, "label-column").props("outlined dense")
+                self._label = (
+                    helped(ui.input("called"), "label-name").props("outlined dense").classes("field")
                 )
-                self._label = ui.input("called").props("outlined dense").classes("field").mark("label-name")
                 ui.button("Set", on_click=self._set).props("outline no-caps").mark("label-set")
-            ui.upload(
-                label="Or bring a manifest (CSV: file, animal, group, x, y, thickness, ...)",
+            manifest = ui.upload(
+                label="Or bring a table (CSV: file, animal, group, x, y, thickness, ...)",
                 auto_upload=True,
                 on_upload=self._manifest,
-            ).props("flat bordered accept=.csv").classes("drop small").mark("manifest")
-        with ui.row().classes("fields"):
-            self._by = (
-                ui.select([_NONE], value=_NONE, label="Curves belong together by")
-                .props("outlined dense")
-                .classes("field")
-                .mark("by")
             )
-            self._group = (
-                ui.select([_NONE], value=_NONE, label="Compare")
-                .props("outlined dense")
-                .classes("field")
-                .mark("group")
-            )
-        ui.button("Mean and spread", on_click=self._together).props("outline no-caps").mark(
-            "together"
-        ).tooltip("Mean over animals with its interval, spread between and within them, and a box plot")
+            helped(manifest, "manifest").props("flat bordered accept=.csv").classes("drop small")
+        with ui.column().classes("wide") as self._fitted:
+            with ui.row().classes("fields"):
+                self._by = ui.select([_NONE], value=_NONE, label="Curves belong together by")
+                helped(self._by, "by").props("outlined dense").classes("field")
+                self._group = ui.select([_NONE], value=_NONE, label="Compare")
+                helped(self._group, "group").props("outlined dense").classes("field")
+            ui.button("Mean and spread", on_click=self._together).props("outline no-caps").mark(
+                "together"
+            ).tooltip("Mean over animals with its interval, spread between and within them, and a box plot")
 
     async def show(self, told: Overview) -> None:
         """Offer the labels that the map has, and show what was found before."""
+        self._fitted.set_visibility(bool(told.sheet))
         before = await self._window.try_to(self._window.analysis.quick, "together")
         found, is_new = before if isinstance(before, tuple) else (None, True)
         # Curves of one animal are not independent: with such a label, that is where it begins.
@@ -282,8 +272,8 @@ class RegionPart:
             self._picture.classes("picture region").mark("regions")
             with ui.row().classes("fields") as self._ask:
                 self._words = ui.label().classes("quiet")
-                self._name = ui.input("Name of this region").props("outlined dense").classes("field")
-                self._name.mark("region-name")
+                self._name = helped(ui.input("Name of this region"), "region-name").classes("field")
+                self._name.props("outlined dense")
                 ui.button("Name region", on_click=self._set).props("outline no-caps").mark("region-set")
 
     def show(self, told: Overview) -> None:
@@ -342,6 +332,11 @@ class ManyStep(Step):
     title = "Map"
     help = "Fit every curve by itself, look at each, and compare animals, groups and regions"
 
+    @property
+    def state(self) -> str:
+        """Whether the curves are fitted."""
+        return "fitted" if (self.analysis.folder.results / "map.csv").is_file() else ""
+
     def build(self) -> None:
         """Build the button, and room for what is found."""
         with ui.row().classes("actions"):
@@ -360,9 +355,15 @@ class ManyStep(Step):
 
     async def show(self) -> None:
         """Show what was found before."""
-        count = len(self.analysis.folder.curve_files())
+        count, lacks = len(self.analysis.folder.curve_files()), self.analysis.lacks
+        self._working.allow(allowed=count > 0 and not lacks)
+        missing = self.analysis.draft.missing
+        first = f"needed in step 2: {', '.join(missing)}" if missing else "complete the test first (step 2)"
+        said = "each by itself, with the test of step 2" if not lacks else first
         self._count.set_text(
-            f"{count} curve{'' if count == 1 else 's'}, each by itself, with the test of step 2"
+            f"{count} curve{'' if count == 1 else 's'}, {said}"
+            if count
+            else "No curve yet: bring some first."
         )
         told = await self.window.try_to(self.analysis.quick, "overview")
         if isinstance(told, Overview):
@@ -406,6 +407,4 @@ class ManyStep(Step):
             if told.sheet:
                 sheet(told.sheet)
             else:
-                ui.label("Median, map and every curve will appear here. Press Fit all curves.").classes(
-                    "quiet"
-                )
+                ui.label("Median, map and every curve will appear here.").classes("quiet")

@@ -30,11 +30,15 @@ class Outcome:
         self._window, self._prepare = window, prepare
         # A fit, or what it told, is newer than what was found before.
         self._turns, self._fitting = 0, False
-        with ui.row().classes("actions"):
+        with ui.row().classes("actions") as self._actions:
             self._working = Working(window, "Fit", self._go, mark="fit", heard=self._shown)
         self._old = ui.label(_OLD).classes("note").mark("old")
         self._old.set_visibility(False)
         self._place = ui.column().classes("wide outcome")
+
+    def allow(self, *, allowed: bool) -> None:
+        """Offer the fit, or not."""
+        self._actions.set_visibility(allowed)
 
     async def show(self) -> None:
         """Show what was found before."""
@@ -76,6 +80,7 @@ class Outcome:
         with self._place:
             sheet(found.sheet)
             message_list(found.notes)
+        self._window.kept()
 
 
 def plain_table(rows: tuple[Row, ...]) -> None:

@@ -12,7 +12,7 @@ from underlay.app.pages.files import FOLDER_DROPPED, FilesStep
 from underlay.app.pages.fitting import FitStep
 from underlay.app.pages.many import ManyStep
 from underlay.app.pages.scene import SceneStep
-from underlay.app.pages.step import Step, Window, complain
+from underlay.app.pages.step import Step, Window, complain, helped
 from underlay.app.pages.takeaway import TakeAwayStep
 from underlay.app.samples import SAMPLES, with_sample
 from underlay.app.state import Home, OpenAnalysis
@@ -57,8 +57,11 @@ class AnalysisPage:
         analysis = self.window.analysis
         first = self._steps[0 if not analysis.curve_name else 1 if analysis.lacks else 2]
         with ui.tabs().classes("steps") as self._tabs:
-            for number, step in enumerate(self._steps, start=1):
-                ui.tab(step.title, label=f"{number}  {step.title}").mark(f"step-{number}").tooltip(step.help)
+            names = [
+                ui.tab(step.title).mark(f"step-{number}").tooltip(step.help)
+                for number, step in enumerate(self._steps, start=1)
+            ]
+        self._names = dict(zip(self._steps, names, strict=True))
         self.window.go = self._tabs.set_value
         with ui.tab_panels(self._tabs, value=first.title, animated=False).classes("panels"):
             for step in self._steps:
@@ -66,8 +69,8 @@ class AnalysisPage:
                     step.build()
         # Only now: the first step is shown once, below, and not for being chosen above as well.
         self._tabs.on_value_change(lambda event: self._show(str(event.value)))
-        self.window.kept = self._show_steps_back
-        self._show_steps_back()
+        self.window.kept = self._kept
+        self._kept()
         await ui.context.client.connected()
         await first.show()
 
@@ -75,6 +78,7 @@ class AnalysisPage:
         for step in self._steps:
             if step.title == title:
                 await step.show()
+        self._kept()
 
     def _head(self) -> None:
         with ui.header(elevated=False).classes("top"):
@@ -91,8 +95,11 @@ class AnalysisPage:
                 "another"
             ).tooltip("Gives an address that opens this page in another browser of this machine")
 
-    def _show_steps_back(self) -> None:
-        """Name on the buttons what they undo, or do again."""
+    def _kept(self) -> None:
+        """Say behind each step how far it is, and on the buttons what they undo, or do again."""
+        for number, (step, name) in enumerate(self._names.items(), start=1):
+            name.props["label"] = f"{number}  {step.title}   {step.state}".rstrip()
+            name.update()
         for button, verb, what in zip(self._back, ("Undo", "Redo"), self.window.analysis.undone, strict=True):
             button.set_text(f"{verb}: {what}" if what else verb)
             button.set_enabled(bool(what))
@@ -100,13 +107,14 @@ class AnalysisPage:
     async def _step(self, *, back: bool) -> None:
         if self.window.holds:
             self.window.analysis.step(back=back)
-            self._show_steps_back()
+            self._kept()
             await self._show(str(self._tabs.value))
 
     async def _another(self) -> None:
         with ui.dialog() as dialog, ui.card():
             ui.label("This address opens the page once, in another browser on this machine:")
-            ui.input(value=self._home.new_address()).props("readonly outlined dense").classes("wide")
+            address = ui.input(value=self._home.new_address()).props("readonly outlined dense")
+            helped(address.classes("wide"), "address")
             ui.button("Close", on_click=dialog.close).props("flat no-caps")
         await dialog
         dialog.delete()
@@ -157,7 +165,8 @@ class StartPage:
                     label="Drop curves here, or press +",
                     on_multi_upload=self._bring,
                 )
-                self._upload.props("flat bordered hide-upload-btn").classes("drop").mark("drop-new")
+                self._upload.props("flat bordered hide-upload-btn").classes("drop")
+                helped(self._upload, "drop").mark("drop-new")
                 self._upload.on("failed", self._failed)
                 ui.label("They are copied; your files are not changed.").classes("quiet")
                 ui.button("New analysis", on_click=lambda: self._go(self._new())).mark("new").props(

@@ -12,9 +12,20 @@ from typing import Any
 
 from nicegui import ui
 
-from underlay.app.form import ADVANCED, BASES, PRESETS, Draft, Field, apart, draft_from, preset, problem_with
+from underlay.app.form import (
+    ADVANCED,
+    BASES,
+    PRESETS,
+    Draft,
+    Field,
+    apart,
+    draft_from,
+    help_of,
+    preset,
+    problem_with,
+)
 from underlay.app.labels import comma_problem
-from underlay.app.pages.step import Step, Window, data_address
+from underlay.app.pages.step import Step, Window, data_address, helped
 from underlay.errors import UnderlayError
 from underlay.report.labels import label, start
 from underlay.report.tables import amounts
@@ -51,6 +62,7 @@ def amount(
     wrong: Callable[[str], str],
     put: Callable[[str], Awaitable[None]],
     kind: str,
+    assumed: tuple[str, Callable[[], Awaitable[None]]] | None = None,
 ) -> ui.input:
     """A number and its unit, side by side.
 
@@ -66,6 +78,8 @@ def amount(
         Called with a text that is not wrong.
     kind : str
         Classes of the pair.
+    assumed : (str, callable), optional
+        Of a number that nobody entered: mark of the button by which it is taken for one's own, and what that does.
     """
     many = "," in stated
     number, unit = (stated, "") if many else apart(stated, tuple(units))
@@ -76,6 +90,13 @@ def amount(
         if any(units) and not many:
             picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
             picked.props(f'outlined dense options-dense aria-label="unit of {words}"').classes("unit")
+            picked.props["title"] = help_of("unit")
+    if assumed is not None:
+        mark, confirm = assumed
+        with entry.add_slot("append"):
+            ui.button("assumed", on_click=confirm).props("flat dense no-caps").classes("assumption").mark(
+                mark
+            ).props["title"] = "A usual number that you did not enter. Press to take it for yours."
 
     async def changed() -> None:
         said = str(entry.value or "").strip()
@@ -144,9 +165,7 @@ class FreeTable:
                 start(label(path)),
                 value=path in free,
                 on_change=lambda event: self._toggle(path, value, on=bool(event.value)),
-            ).props("dense").classes("free-name").mark(f"free-{path}").props(
-                'title="Ticked: the fit finds it; else it stays as it is"'
-            )
+            ).props("dense").classes("free-name").mark(f"free-{path}").props["title"] = help_of("free")
             if path not in free:
                 ui.label(f"fixed at {printed(amounts([value], kind_of(path))[0])}").classes("quiet")
                 return
@@ -154,13 +173,13 @@ class FreeTable:
             names = ["uniform", "loguniform", *_OF_PRIOR]
             for name in (*_BOUNDS, *_OF_PRIOR.get(str(entry.get("prior")), ())):
                 self._amount(path, name)
-            ui.select(
+            known = ui.select(
                 {"": "bounds only", **{name: name for name in names}},
                 value=entry.get("prior", ""),
                 on_change=lambda event: self._put(path, "prior", str(event.value)),
-            ).props('outlined dense options-dense aria-label="what is known before"').classes("prior").props(
-                'title="What is known of it before the test"'
             )
+            known.props('outlined dense options-dense aria-label="what is known before"').classes("prior")
+            helped(known, "prior")
 
     def _amount(self, path: str, name: str) -> None:
         kind = "dimensionless" if name == "relative_sd" else kind_of(path)
@@ -174,7 +193,7 @@ class FreeTable:
             lambda text: self._put(path, name, text),
             "small",
         )
-        entry.mark(f"{path}.{name}")
+        entry.mark(f"{path}.{name}").props["title"] = help_of(name)
 
     async def _put(self, path: str, name: str, text: str) -> None:
         entry = self._window.analysis.draft.free.setdefault(path, {})
@@ -231,9 +250,8 @@ class SceneText:
         self._window, self._changed = window, changed
         with ui.expansion("More: the test as text").props("dense").classes("wide"):
             ui.label(_WORDS).classes("quiet")
-            self._text = ui.textarea(value=window.analysis.draft.text())
+            self._text = helped(ui.textarea(value=window.analysis.draft.text()), "scene-text").classes("wide")
             self._text.props('outlined autogrow input-class=code-entry aria-label="the test as text"')
-            self._text.classes("wide").mark("scene-text")
             ui.button("Use this text", on_click=self._use).props("outline no-caps").mark("use-text")
 
     async def _use(self) -> None:
@@ -256,6 +274,14 @@ class SceneStep(Step):
 
     title = "Test"
     help = "Say what was tested: tip, layer, what lies under it, and what is fitted"
+
+    @property
+    def state(self) -> str:
+        """How many numbers are needed, or assumed."""
+        draft = self.analysis.draft
+        if self.analysis.lacks:
+            return f"{len(draft.missing)} needed" if draft.missing else "not complete"
+        return f"{len(draft.assumptions)} assumed" if draft.assumptions else ""
 
     def build(self) -> None:
         """Build the samples to begin with, and room for form and drawing."""
@@ -285,9 +311,11 @@ class SceneStep(Step):
             self._between(draft)
             with ui.row().classes("section-head"):
                 ui.label("Substrate").classes("heading")
-                ui.select(
+                base = ui.select(
                     dict(BASES), value=draft.base, on_change=lambda event: self._rebase(event.value)
-                ).props("outlined dense aria-label='what lies under the layer'").classes("field").mark("base")
+                )
+                base.props("outlined dense aria-label='what lies under the layer'").classes("field")
+                helped(base, "base")
             if draft.base == "elastic":
                 self._fields("substrate")
                 self._axial("substrate")
@@ -321,11 +349,12 @@ class SceneStep(Step):
             ).mark("add-layer")
 
     def _axial(self, section: str) -> None:
-        ui.checkbox(
+        axial = ui.checkbox(
             "stiffer along than across (transversely isotropic)",
             value="E_axial" in self.analysis.draft.peek(section),
             on_change=lambda event: self._make_axial(section, axial=bool(event.value)),
-        ).props("dense")
+        )
+        helped(axial.props("dense"), "axial")
 
     def _fields(self, section: str) -> None:
         """The fields of a section; of a layer what every test needs, the others behind it."""
@@ -356,7 +385,7 @@ class SceneStep(Step):
             words = [*words, value] if value else words
         picked = ui.select(words, label=field.label, value=value, clearable=not field.required)
         picked.props("outlined dense").classes("field").mark(_mark(field))
-        picked.props["title"] = field.key.meaning
+        picked.props["title"] = field.help
         picked.on_value_change(lambda event: self._put(field.section, field.key, str(event.value or "")))
 
     def _amount(self, field: Field) -> None:
@@ -369,13 +398,18 @@ class SceneStep(Step):
             lambda text: problem_with(text, field.key),
             lambda text: self._put(field.section, field.key, text),
             kind if field.key.kind else "wide",
+            (f"assumed-{field.path}", lambda: self._confirm(field.path)) if field.assumed else None,
         )
         entry.props["placeholder"] = "needed" if missing else "" if field.required else field.key.default
-        about = "Assumed, a usual number: change it, or add how well you know it. " if field.assumed else ""
-        entry.mark(_mark(field)).props["title"] = f"{about}{field.key.meaning}"
+        entry.mark(_mark(field)).props["title"] = field.help
         if not field.key.kind:
             # Of words there is no example in a unit: what may stand there is said under it.
-            entry.props["hint"] = field.key.meaning
+            entry.props["hint"] = field.help
+
+    async def _confirm(self, path: str) -> None:
+        self.analysis.draft.confirm(path)
+        if self.window.keep():
+            await self.show()
 
     async def _begin(self, name: str) -> None:
         """Begin with a sample; the curve that is looked at stays."""
@@ -414,7 +448,11 @@ class SceneStep(Step):
 
     async def _draw(self) -> None:
         """Draw the scene, or say what it lacks."""
-        drawn = await self.window.try_to(self.analysis.quick, "scene")
+        missing = self.analysis.draft.missing
+        if missing and self.analysis.lacks:
+            drawn = f"Needed: {', '.join(missing)}. Enter them, and the test is drawn here to scale."
+        else:
+            drawn = await self.window.try_to(self.analysis.quick, "scene")
         self._drawing.clear()
         self._next.set_visibility(isinstance(drawn, bytes))
         with self._drawing:

@@ -5,16 +5,19 @@ from __future__ import annotations
 import base64
 from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Callable, Iterable
-from typing import Any
+from typing import Any, TypeVar
 
 from nicegui import ui
 
+from underlay.app.form import help_of
 from underlay.app.shown import Progress
 from underlay.app.state import OpenAnalysis
 from underlay.app.work import Tell, Worker, WorkError
 from underlay.errors import UnderlayError
 
-__all__ = ["Step", "Window", "Working", "complain", "data_address", "message_list", "sheet"]
+__all__ = ["Step", "Window", "Working", "complain", "data_address", "helped", "message_list", "sheet"]
+
+_Element = TypeVar("_Element", bound=ui.element)
 
 
 def complain(message: str) -> None:
@@ -101,6 +104,11 @@ class Step(ABC):
         """What is shown."""
         return self.window.analysis
 
+    @property
+    def state(self) -> str:
+        """How far it is, in a word or two behind its name."""
+        return ""
+
     @abstractmethod
     def build(self) -> None:
         """Build what does not change."""
@@ -108,6 +116,12 @@ class Step(ABC):
     @abstractmethod
     async def show(self) -> None:
         """Bring what is shown up to date."""
+
+
+def helped(element: _Element, mark: str) -> _Element:
+    """Give a field the mark by which it is found, and its help where the mouse rests."""
+    element.mark(mark).props["title"] = help_of(mark)
+    return element
 
 
 def data_address(picture: bytes) -> str:
@@ -153,7 +167,7 @@ class Working:
         heard: Callable[[Any], None] | None = None,
     ) -> None:
         self._window, self._heard = window, heard
-        self._asked = False
+        self._asked, self._allowed = False, True
         self._go = ui.button(words, on_click=begin).props("unelevated no-caps size=lg").mark(mark)
         self._stop = ui.button("Stop", on_click=self._halt).props("outline no-caps").mark(f"stop-{mark}")
         self._stop.tooltip("Ends it with what is there by then; pressed again, at once")
@@ -197,8 +211,13 @@ class Working:
         self._stop.set_text("Stop at once")
         self._words.set_text("stopping, with what is there ...")
 
+    def allow(self, *, allowed: bool) -> None:
+        """Whether it may begin."""
+        self._allowed = allowed
+        self._go.set_enabled(allowed)
+
     def _working(self, *, on: bool) -> None:
-        self._go.set_enabled(not on)
+        self._go.set_enabled(self._allowed and not on)
         for element in (self._stop, self._bar, self._words):
             element.set_visibility(on)
         self._words.set_text("")

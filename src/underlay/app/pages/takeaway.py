@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from underlay.app.pages.step import Step, Working, message_list, sheet
-from underlay.app.shown import Sampled, Taken
+from underlay.app.folder import is_kept
+from underlay.app.pages.step import Step, Working, helped, message_list, sheet
+from underlay.app.shown import Found, Sampled, Taken
 
 __all__ = ["TakeAwayStep"]
 
@@ -38,30 +39,26 @@ class TakeAwayStep(Step):
         with ui.row().classes("columns"):
             with ui.column().classes("side wider"):
                 ui.label("This fit").classes("heading")
-                for words, task, ending in _OF_FIT:
-                    ui.button(
-                        words, on_click=lambda task=task, ending=ending: self._take(task, ending)
-                    ).props("outline no-caps align=left").mark(f"take-{task}")
+                self._none = ui.label("Not fitted yet: fit this curve in step 3.").classes("quiet")
+                self._of_fit = [
+                    self._offer(words, task, ending).mark(f"take-{task}") for words, task, ending in _OF_FIT
+                ]
                 self._pictures = ui.column().classes("wide")
                 ui.label("All curves").classes("heading")
+                self._no_map = ui.label("Not fitted yet: fit all curves in step 4.").classes("quiet")
                 self._old_map = ui.label(_OLD_MAP).classes("note").mark("old-map")
-                ui.button("Excel", on_click=lambda: self._take("excel_of_all", "all.xlsx")).props(
-                    "outline no-caps"
-                ).mark("take-all")
+                self._of_map = self._offer("Spreadsheet of all (Excel)", "excel_of_all", "all.xlsx")
+                self._of_map.mark("take-all")
                 ui.label("Posterior").classes("heading")
                 ui.label(
                     "How probable each combination of numbers is, given this curve; not only the best one."
                 ).classes("quiet")
-                self._most = (
-                    ui.select(
-                        {most: f"at most {most} steps ({words})" for most, words in _STEPS.items()},
-                        value=20_000,
-                        label="How long",
-                    )
-                    .props("outlined dense")
-                    .classes("wide")
-                    .mark("most")
+                self._most = ui.select(
+                    {most: f"at most {most} steps ({words})" for most, words in _STEPS.items()},
+                    value=20_000,
+                    label="How long",
                 )
+                helped(self._most, "most").props("outlined dense").classes("wide")
                 self._working = Working(self.window, "Sample", self._sample, mark="sample")
             with ui.column().classes("main"):
                 self._posterior = ui.column().classes("wide")
@@ -77,7 +74,15 @@ class TakeAwayStep(Step):
     async def show(self) -> None:
         """Show scene and script as they are now, and what was sampled before."""
         await self._show_posterior()
-        folder = self.analysis.folder
+        folder, stem = self.analysis.folder, self.analysis.stem
+        is_fitted = bool(stem) and is_kept(folder, stem, Found)
+        is_mapped = (folder.results / "map.csv").is_file()
+        self._none.set_visibility(not is_fitted)
+        self._no_map.set_visibility(not is_mapped)
+        for button in self._of_fit:
+            button.set_enabled(is_fitted)
+        self._of_map.set_enabled(is_mapped)
+        self._working.allow(allowed=bool(stem) and not self.analysis.lacks)
         told = await self.window.try_to(self.analysis.quick, "taken")
         is_told = isinstance(told, Taken)
         self._old.set_visibility(is_told and told.is_old)
@@ -86,12 +91,15 @@ class TakeAwayStep(Step):
         self._script.set_content(told.script if is_told else str(told))
         self._pictures.clear()
         with self._pictures:
-            stem = self.analysis.stem
             for path in folder.result_files(stem, (".png",)):
                 ui.button(
                     f"Picture: {path.name.removeprefix(f'{stem}.')}",
                     on_click=lambda path=path: self._give(path.name, path.name),
                 ).props("flat dense no-caps align=left")
+
+    def _offer(self, words: str, task: str, ending: str) -> ui.button:
+        button = ui.button(words, on_click=lambda: self._take(task, ending))
+        return button.props("outline no-caps align=left")
 
     async def _take(self, task: str, ending: str) -> None:
         with ui.context.client.content:
