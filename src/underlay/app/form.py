@@ -347,7 +347,7 @@ class Draft:
     def missing(self) -> list[str]:
         """What the test is not complete without, in words."""
         fields = [field for section in ("indenter", "layer") for field in self.fields(section)]
-        return [field.label for field in fields if field.is_missing]
+        return [label(field.path) for field in fields if field.is_missing]
 
     def confirm(self, path: str) -> None:
         """Take a number for the user's own."""

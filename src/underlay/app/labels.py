@@ -19,6 +19,7 @@ from underlay.app.folder import AnalysisFolder
 from underlay.errors import InputError
 
 __all__ = [
+    "BARE",
     "LABELS",
     "comma_problem",
     "label_columns",
@@ -26,12 +27,15 @@ __all__ = [
     "read_labels",
     "set_label",
     "take_manifest",
+    "write_labels",
 ]
 
 # A comma with a digit on each side: of 0.45, of 45 thousand, or between 0 and 45.
 _COMMA = re.compile(r"\d*,\d+(?:,\d+)*")
 #: Columns that can be filled in on the page; a manifest that is brought may have others.
 LABELS = ("animal", "group", "region")
+#: Column of the curves that are on the bare substrate, beside the sample: they give its height and no modulus.
+BARE = "bare substrate"
 _KIND = FileKind("a manifest (CSV)", 20_000_000, "it needs a row of names with 'file', and a row per curve")
 _MOST_COLUMNS, _LONGEST = 200, 80
 
@@ -119,7 +123,7 @@ def set_label(folder: AnalysisFolder, files: list[str], column: str, label: str)
     for file in files:
         if file in rows:
             rows[file][column] = one_line(label.strip(), _LONGEST)
-    _write(folder, rows)
+    write_labels(folder, rows)
 
 
 def take_manifest(folder: AnalysisFolder, content: bytes) -> None:
@@ -138,7 +142,8 @@ def take_manifest(folder: AnalysisFolder, content: bytes) -> None:
     write_atomic(folder.path / "manifest.csv", content)
 
 
-def _write(folder: AnalysisFolder, rows: dict[str, dict[str, str]]) -> None:
+def write_labels(folder: AnalysisFolder, rows: dict[str, dict[str, str]]) -> None:
+    """Keep the cells of every curve, by file and column, as a manifest; none where no cell says anything."""
     columns = list(dict.fromkeys(name for row in rows.values() for name in row))
     used = [name for name in columns if any(row.get(name) for row in rows.values())]
     path = folder.path / "manifest.csv"

@@ -14,6 +14,7 @@ from underlay._door import sha256_of
 from underlay._files import write_atomic
 from underlay.app import many, takeaway
 from underlay.app.folder import AnalysisFolder, kept
+from underlay.app.heights import thickness_from_heights
 from underlay.app.labels import read_labels, set_label, take_manifest
 from underlay.app.results import film_of, sample_posterior, tell_found
 from underlay.app.shown import (
@@ -215,6 +216,10 @@ class Analyst:
     def set_label(self, files: list[str], column: str, label: str, _tell: Tell) -> None:
         """Give curves a label in a column such as animal or group."""
         set_label(self._folder, files, column, label)
+
+    def thickness(self, begins: str, _tell: Tell) -> str:
+        """Set the thickness under every curve by how deep others met the bare substrate; say what it is."""
+        return thickness_from_heights(self._folder, read_scene_file(self._folder.scene), begins)
 
     def take_manifest(self, content: bytes, _tell: Tell) -> None:
         """Keep a manifest that was brought, with its labels."""

@@ -21,6 +21,10 @@ __all__ = ["GalleryPart", "ManyStep", "PopulationPart", "RegionPart"]
 
 _NONE = "none"
 _OLD = "Curves were fitted or decided on since: press Mean and spread again."
+_HEIGHTS = (
+    "For maps with some curves beside the sample, on the bare substrate: the tip met it deeper, by the thickness. "
+    "All curves must count depth from one zero."
+)
 _CUT = "This run did not come to its end; what it finished is kept. Press Fit all curves to go on."
 _MANY_OLD = "Curves, labels or the test were changed since: fit all curves again. What was decided is kept."
 
@@ -247,6 +251,45 @@ class PopulationPart:
             sheet(told.sheet)
 
 
+class HeightPart:
+    """Thickness from contact heights, where some curves are on the bare substrate beside the sample.
+
+    Parameters
+    ----------
+    window : Window
+        Where it is shown.
+    told : callable
+        Called when the labels have it.
+    """
+
+    def __init__(self, window: Window, told: Callable[[], Awaitable[None]]) -> None:
+        self._window, self._told = window, told
+        with ui.expansion("Thickness from contact heights").props("dense").classes("wide").mark("heights"):
+            ui.label(_HEIGHTS).classes("quiet")
+            with ui.row().classes("fields"):
+                self._begins = helped(ui.input("Names on the substrate begin with"), "on-glass")
+                self._begins.props("outlined dense").classes("field")
+                ui.button("Set the thickness", on_click=self._set).props("outline no-caps").mark(
+                    "set-heights"
+                )
+            self._place = ui.column().classes("wide")
+
+    async def _set(self) -> None:
+        if not self._window.holds:
+            return
+        analysis = self._window.analysis
+        done = await self._window.ask(analysis.quick, "thickness", str(self._begins.value or ""))
+        if done is None:
+            return
+        self._place.clear()
+        with self._place:
+            ui.label(str(done)).classes("more").mark("heights-set")
+        # Each curve has its own now: there is nothing to fit.
+        if analysis.draft.free.pop("layer.thickness", None) is not None:
+            self._window.keep()
+        await self._told()
+
+
 class RegionPart:
     """The map of the curves: a click opens a curve, a box drawn over some gives them the name of a region.
 
@@ -350,6 +393,7 @@ class ManyStep(Step):
             with ui.column().classes("side wider"):
                 place = ui.column()
                 self._population = PopulationPart(self.window, place)
+                HeightPart(self.window, self.show)
         place.classes("wide").move(target_index=-1)
         self._gallery = GalleryPart(self.window, self._decided)
 
@@ -393,6 +437,7 @@ class ManyStep(Step):
         self._words(told)
         await self._population.show(told)
         await self._gallery.show()
+        self.window.kept()
 
     async def _named(self, files: list[str], label: str) -> None:
         await self._population.name(files, "region", label)

@@ -91,12 +91,10 @@ def amount(
             picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
             picked.props(f'outlined dense options-dense aria-label="unit of {words}"').classes("unit")
             picked.props["title"] = help_of("unit")
-    if assumed is not None:
-        mark, confirm = assumed
-        with entry.add_slot("append"):
-            ui.button("assumed", on_click=confirm).props("flat dense no-caps").classes("assumption").mark(
-                mark
-            ).props["title"] = "A usual number that you did not enter. Press to take it for yours."
+        if assumed is not None:
+            mark, confirm = assumed
+            taken = ui.button("assumed", on_click=confirm).props("flat dense no-caps").classes("assumption")
+            taken.mark(mark).props["title"] = "A usual number, not yours. Press to take it for yours."
 
     async def changed() -> None:
         said = str(entry.value or "").strip()
