@@ -8,15 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import underlay as ul
+from support.call_counter import count_calls
 from support.reports import text_in
+from underlay.app import tasks
 from underlay.app.folder import AnalysisFolder, keep, kept
 from underlay.app.form import Draft, preset
 from underlay.app.shown import Sampled
 from underlay.app.tasks import Analyst
 from underlay.inference.compare import laws_at_contact
 from underlay.inference.from_files import read_whole
+from underlay.inference.least_squares import fitting
 from underlay.scene.program import default_depth
 from underlay.scene.scene_file import read_scene_file, scene_file_from_text
 
@@ -78,6 +82,28 @@ def test_a_share_of_the_force_is_a_range_that_the_picture_shows(tmp_path):
     # The baseline, and one reading more or less at each end.
     assert float(held.used.force.min()) == pytest.approx(0.1 * top, abs=0.02 * top)
     assert float(held.used.force.max()) == pytest.approx(0.6 * top, abs=0.02 * top)
+
+
+@pytest.mark.parametrize("sample", ["cartilage_on_bone", "gel_on_glass"])
+def test_while_a_handle_is_moved_two_laws_are_fitted_once_each_and_no_picture_is_drawn(
+    tmp_path, monkeypatch, sample
+):
+    analyst, _ = looked_at(tmp_path, sample, sample)
+    seen = analyst.look(None, None, None, None, silent)
+    pictures, readings = (
+        count_calls(monkeypatch, Figure, "savefig"),
+        count_calls(monkeypatch, tasks, "read_whole"),
+    )
+    fits = count_calls(monkeypatch, fitting, "_fit_once")
+    moved = seen.contact + 0.01 * (seen.extent[1] - seen.extent[0])
+    laws, notes = analyst.laws(moved, seen.low, seen.high, silent)
+    assert (pictures.calls, readings.calls, fits.calls) == (0, 0, 2)
+    assert [law.name for law in laws] == ["layer on substrate", "half-space"]
+    assert [law.modulus for law in laws] != [law.modulus for law in seen.laws]
+    assert not notes
+    # What is shown while it moves is what is shown when it rests.
+    assert analyst.look(moved, seen.low, seen.high, None, silent).laws == laws
+    assert pictures.calls == 1
 
 
 def test_a_tip_that_only_the_file_knows_is_drawn_as_the_file_says_it(tmp_path, monkeypatch):

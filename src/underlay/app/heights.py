@@ -19,7 +19,7 @@ from underlay.errors import InputError
 from underlay.inference.from_files import read_whole
 from underlay.report.tables import span
 from underlay.scene.scene_file import SceneFile
-from underlay.units import format_quantity, parse_quantity
+from underlay.units import format_quantity, parse_quantity, printed
 
 __all__ = ["thickness_from_heights"]
 
@@ -89,7 +89,7 @@ def thickness_from_heights(folder: AnalysisFolder, file: SceneFile, begins: str)
     own = thickness[~bare]
     width = format_quantity(float(f"{2.0 * np.median(np.hypot(error, of_plane)[~bare]):.2g}"), "length")
     how = "level" if terms.shape[1] == 1 else "tilted"
-    return (
+    return printed(
         f"Thickness under {len(own)} curves: {span(own.min(), own.max(), 'length')}, each ± {width} by the contact "
         f"points (95 %). The {bare.sum()} curves on the bare substrate, taken as {how}, are left out of the map."
     )

@@ -8,6 +8,7 @@ stand between numbers or in one: what can be taken in two ways is found by `comm
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pandas as pd
 
@@ -22,6 +23,7 @@ __all__ = [
     "BARE",
     "LABELS",
     "comma_problem",
+    "curves_on_sample",
     "label_columns",
     "pairs_of",
     "read_labels",
@@ -97,6 +99,12 @@ def read_labels(folder: AnalysisFolder) -> dict[str, dict[str, str]]:
             if file in rows:
                 rows[file] = row
     return rows
+
+
+def curves_on_sample(folder: AnalysisFolder) -> list[Path]:
+    """Files of the curves that are on the sample, none beside it."""
+    rows = read_labels(folder)
+    return [path for path in folder.curve_files() if not rows[path.name].get(BARE)]
 
 
 def label_columns(folder: AnalysisFolder) -> list[str]:

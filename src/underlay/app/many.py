@@ -15,7 +15,7 @@ from underlay._door import FileKind, parse_json, read_text, sha256_of, understoo
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder, keep, kept
 from underlay.app.form import Draft
-from underlay.app.labels import BARE, label_columns, read_labels
+from underlay.app.labels import BARE, curves_on_sample, label_columns, read_labels
 from underlay.app.shown import Card, Gallery, Overview, Progress, Together
 from underlay.app.work import Tell
 from underlay.errors import InputError
@@ -81,7 +81,12 @@ def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
     # A run that did not come to its end goes on in a process of its own: a curve that kills that is given up.
     workers = 1 if options.resume else 0
     fit_many(
-        _curves(folder), scene, manifest=_manifest(folder), workers=workers, output=table, options=options
+        curves_on_sample(folder),
+        scene,
+        manifest=_manifest(folder),
+        workers=workers,
+        output=table,
+        options=options,
     )
     write_atomic(folder.results / "map.done.txt", of)
     return overview(folder)
@@ -237,12 +242,6 @@ def _scene_of_all(folder: AnalysisFolder) -> str:
     return draft.text()
 
 
-def _curves(folder: AnalysisFolder) -> list[Path]:
-    """The curves of the map: those on the bare substrate are none of the sample."""
-    rows = read_labels(folder)
-    return [path for path in folder.curve_files() if not rows[path.name].get(BARE)]
-
-
 def _manifest(folder: AnalysisFolder) -> Path | None:
     """What is known of the curves of the map: the manifest, without rows of curves that are none of it."""
     path = folder.path / "manifest.csv"
@@ -290,7 +289,7 @@ def _cards(folder: AnalysisFolder) -> list[Card]:
             card.picture,
             card.name in fitted,
         )
-        for card in review_cards(table, _curves(folder), folder.results / "map.scene.toml")
+        for card in review_cards(table, curves_on_sample(folder), folder.results / "map.scene.toml")
     ]
     write_atomic(path, json.dumps({"of": of.decode(), "cards": [asdict(card) for card in cards]}))
     return cards

@@ -24,6 +24,7 @@ __all__ = [
     "Film",
     "Found",
     "Gallery",
+    "Law",
     "Look",
     "Overview",
     "Progress",
@@ -80,19 +81,40 @@ class Reading:
 
 
 @dataclass(frozen=True)
+class Law:
+    """What a contact law makes of a curve whose contact point is held.
+
+    Parameters
+    ----------
+    name, modulus : str
+        In words.
+    colour, dashes : str
+        Of its line, as SVG has them.
+    line : tuple of (float, float)
+        Depth and force readings (m, N).
+    """
+
+    name: str
+    modulus: str
+    colour: str
+    dashes: str
+    line: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
 class Look:
     """A curve before its fit.
 
     Parameters
     ----------
     picture : Canvas
-        Of the curve and both laws.
+        Of the curve, over which laws are drawn.
     contact, low, high : float
         Depth readings (m) of the contact and of the ends of what is used.
     extent : (float, float)
         Depth readings (m) at the ends of the curve.
-    moduli : mapping of str to str
-        Layer modulus by law, in words.
+    laws : tuple of Law
+        Of the scene, and of a half-space.
     quality : str
         Verdict on the curve.
     notes : tuple of str
@@ -106,7 +128,7 @@ class Look:
     low: float
     high: float
     extent: tuple[float, float]
-    moduli: dict[str, str] = field(default_factory=dict)
+    laws: tuple[Law, ...] = ()
     quality: str = ""
     notes: tuple[str, ...] = ()
     has_stiffness: bool = False

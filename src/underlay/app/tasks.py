@@ -5,6 +5,7 @@ Results are plain values, so that they travel through a pipe: texts, numbers, an
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,6 +22,7 @@ from underlay.app.shown import (
     Film,
     Found,
     Gallery,
+    Law,
     Look,
     Overview,
     Reading,
@@ -48,7 +50,7 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
 from underlay.report.limits import quality_doubts
-from underlay.report.plots.fit import canvas
+from underlay.report.plots.fit import LAW_STROKES, canvas, force_ends
 from underlay.report.plots.style import drawn
 from underlay.report.reading import format_name, reading_table
 from underlay.report.spoken import gathered_warnings, spoken
@@ -115,11 +117,14 @@ class Analyst:
     def scene(self, _tell: Tell) -> bytes:
         """Draw the test to scale, at the depth of the curve or of a default."""
         file = read_scene_file(self._folder.scene)
-        test = file.draft
-        if file.left_out and file.curve_path is not None:
-            # The tip that the file of the curve says; a stand-in is never drawn.
-            test = test.with_values(settle(test, self._curve(file), left_out=file.left_out).values)
-        return drawn(plots.scene(test, depth=self._deepest(file), solver=file.solver))
+        curve = self._readable(file)
+        if curve is not None:
+            if file.left_out:
+                # The tip that the file of the curve says; a stand-in is never drawn.
+                told = settle(file.draft, curve, left_out=file.left_out).values
+                file = replace(file, draft=file.draft.with_values(told), left_out=())
+            file = replace(file, draft=file.draft.with_values({_CONTACT: _first_contact(curve, file)}))
+        return drawn(plots.scene(file.scene, depth=self._deepest(file), solver=file.solver))
 
     def look(
         self,
@@ -140,33 +145,47 @@ class Analyst:
             contact = _first_contact(curve, file)
         extent = float(curve.depth.min()), float(curve.depth.max())
         ends = view or extent
-        lines, moduli = {}, {}
+        laws, said, used = self._laws(file, contact, low, high)
+        up = force_ends(curve, *ends)
+        return Look(
+            canvas(plots.laws(curve, used, {}, contact=contact, view=ends), ends, up),
+            contact,
+            max(low, extent[0]),
+            min(high, extent[1]),
+            extent,
+            laws,
+            quality,
+            spoken_once(*notes, *said),
+            "contact_stiffness" in curve.columns,
+        )
+
+    def laws(self, contact: float, low: float, high: float, _tell: Tell) -> tuple[tuple[Law, ...], list[str]]:
+        """Both laws at a contact point and what they say of it, without a picture: while a handle is moved."""
+        return self._laws(read_scene_file(self._folder.scene), contact, low, high)[:2]
+
+    def _laws(
+        self, file: SceneFile, contact: float, low: float, high: float
+    ) -> tuple[tuple[Law, ...], list[str], Curve]:
+        """Both laws, what is said of them, and the points they are fitted to."""
+        curve = self._curve(file)
         try:
             with gathered_warnings() as told:
                 held = laws_at_contact(file, curve, contact, low, high)
         except UnderlayError as error:
             used = chosen_part(curve, {**file.curve, "min_depth": low, "max_depth": high})
-            said = [str(error)]
-        else:
-            used = held.used
-            moduli = {
-                _said(name): printed(format_quantity(value, "pressure"))
-                for name, value in held.moduli.items()
-            }
-            lines = {f"{_said(name)}, {moduli[_said(name)]}": line for name, line in held.lines.items()}
-            said = [*(f"{name}: {reason}" for name, reason in held.refused.items()), *told]
-        picture = canvas(plots.laws(curve, used, lines, contact=contact, view=ends), ends)
-        return Look(
-            picture,
-            contact,
-            max(low, extent[0]),
-            min(high, extent[1]),
-            extent,
-            moduli,
-            quality,
-            spoken_once(*notes, *said),
-            "contact_stiffness" in curve.columns,
-        )
+            return (), [spoken(str(error))], used
+        laws = [
+            Law(
+                _said(name),
+                printed(format_quantity(held.moduli[name], "pressure")),
+                colour,
+                "none" if stroke == "-" else "9 5",
+                tuple(zip(*(readings.tolist() for readings in line), strict=True)),
+            )
+            for (name, line), (colour, stroke) in zip(held.lines.items(), LAW_STROKES, strict=False)
+        ]
+        refused = [f"{name}: {reason}" for name, reason in held.refused.items()]
+        return tuple(laws), [*map(spoken, (*refused, *told))], held.used
 
     def fit(self, tell: Tell) -> Found:
         """Fit the curve as the scene says; what is there already is told on the way."""
@@ -305,13 +324,20 @@ class Analyst:
             self._read = (key, read_whole(file, path))
         return self._read[1]
 
+    def _readable(self, file: SceneFile) -> Curve | None:
+        """The curve that the scene names; None where there is none, or it cannot be read."""
+        if file.curve_path is None:
+            return None
+        try:
+            return self._curve(file)
+        except UnderlayError:
+            return None
+
     def _deepest(self, file: SceneFile) -> float:
         """Depth reading (m) to which a test is drawn: of its curve, of ``[simulate]``, else a default."""
-        if file.curve_path is not None:
-            try:
-                return float(self._curve(file).depth.max())
-            except UnderlayError:
-                pass
+        curve = self._readable(file)
+        if curve is not None:
+            return float(curve.depth.max())
         if file.simulate is not None:
             return file.simulate.max_depth
         return default_depth(file.scene) + file.draft.instrument.contact_depth

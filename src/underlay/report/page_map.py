@@ -32,9 +32,8 @@ from underlay.report.page import (
 )
 from underlay.report.page_fit import footer, masthead, sized
 from underlay.report.plots.style import in_words
-from underlay.report.screen import name_of
+from underlay.report.screen import name_of, quartiles
 from underlay.scene.parameters import kind_of
-from underlay.units import human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.population.result import Population
@@ -45,7 +44,6 @@ __all__ = ["MapPage", "together_block"]
 _MAP, _SMALL = (112.0, 78.0), (70.0, 60.0)
 # Sites above which a map is sent as pixels; numbers in the headline.
 _MANY, _NUMBERS = 2000, 2
-_QUARTILES = (0.25, 0.5, 0.75)
 
 
 @dataclass
@@ -109,22 +107,15 @@ class MapPage:
         ]
         return "\n".join(blocks)
 
-    def _quartiles(self, name: str) -> tuple[str, str, str]:
-        """Median with its unit, and the ends of the middle half."""
-        values = self.sites[name].to_numpy(dtype=float)
-        low, middle, high = np.quantile(values[np.isfinite(values)], _QUARTILES)
-        unit, factor = human_unit(float(middle), kind_of(name))
-        return f"{middle / factor:.3g} {unit}".rstrip(), f"{low / factor:.3g}", f"{high / factor:.3g} {unit}"
-
     def _number(self, name: str, place: int) -> str:
-        middle, low, high = self._quartiles(name)
-        title, letter = name_of(name)
+        middle, half, _, _ = quartiles(self.sites, name)
         number, _, unit = middle.partition(" ")
-        under = f"middle half of the sites: {low} to {high}"
+        title, letter = name_of(name)
+        under = f"middle half of the sites: {half}"
         if {f"{name}.low", f"{name}.high"} <= set(self.sites.columns):
             ends = self.sites[[f"{name}.low", f"{name}.high"]].to_numpy(dtype=float)
-            half = float(np.nanmedian(0.5 * (ends[:, 1] - ends[:, 0])))
-            under = f"{under}; one curve ± {in_words(half, kind_of(name), digits=2)} (95 %)"
+            width = float(np.nanmedian(0.5 * (ends[:, 1] - ends[:, 0])))
+            under = f"{under}; one curve ± {in_words(width, kind_of(name), digits=2)} (95 %)"
         return number_block(f"{title} {letter}, median", number, unit, under, "second" if place else "")
 
     def _verdict(self) -> str:
@@ -160,10 +151,8 @@ class MapPage:
         first = f"{number} force-indentation curves were fitted one by one (underlay {VERSION} [1])"
         sentences = [f"{first}; {fitted} gave a number."]
         for name in self.parameters:
-            middle, low, high = self._quartiles(name)
-            sentences.append(
-                f"{start(label(name))}: median {middle}, middle half of the sites {low} to {high}."
-            )
+            middle, half, _, _ = quartiles(self.sites, name)
+            sentences.append(f"{start(label(name))}: median {middle}, middle half of the sites {half}.")
         listed = " ".join(f"[{n}] {start(str(work))}." for n, work in enumerate(cited, start=1))
         body = tag("div", tag("p", words(" ".join(sentences))), tag("p", words(listed)), kind="methods")
         return f"<h2>Methods paragraph</h2>{body}"

@@ -44,6 +44,7 @@ __all__ = [
     "name_of",
     "next_step",
     "posterior_lines",
+    "quartiles",
     "source_words",
     "told_names",
     "written",
@@ -427,10 +428,23 @@ def map_lines(table: pd.DataFrame) -> list[str]:
     return "\n".join(lines).splitlines()
 
 
+def quartiles(curves: pd.DataFrame, name: str) -> tuple[str, str, str, float]:
+    """Return the median and the middle half of a number of many curves, their unit, and its SI value.
+
+    ``("0.99 MPa", "0.91 to 1.11 MPa", "MPa", 1e6)``
+    """
+    values = curves[name].to_numpy(dtype=float)
+    low, middle, high = (
+        float(value) for value in np.quantile(values[np.isfinite(values)], [0.25, 0.5, 0.75])
+    )
+    unit, factor = human_unit(middle, kind_of(name))
+    decimals = _decimals(max((high - low) / factor, 1e-3 * abs(middle / factor)))
+    first, *ends = (f"{value / factor:.{decimals}f}" for value in (middle, low, high))
+    return f"{first} {unit}".rstrip(), f"{' to '.join(ends)} {unit}".rstrip(), unit, factor
+
+
 def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
-    values = fitted[name].to_numpy(dtype=float)
-    values = values[np.isfinite(values)]
-    if not values.size:
+    if not np.isfinite(fitted[name].to_numpy(dtype=float)).any():
         return
     (own, letter), told = name_of(name), f"{name}.low" in fitted.columns
     widths = [_half_widths(fitted, f"{name}{part}") for part in ("", ".stat", ".syst")] if told else []
@@ -438,15 +452,11 @@ def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
     if is_open.all():
         yield _line(own, "not determined by any curve")
         return
-    low, middle, high = (float(value) for value in np.quantile(values, [0.25, 0.5, 0.75]))
-    unit, factor = human_unit(middle, kind_of(name))
-    unit = f" {unit}".rstrip()
-    decimals = _decimals(max((high - low) / factor, 1e-3 * abs(middle / factor)))
-    ends = " to ".join(f"{end / factor:.{decimals}f}" for end in (low, high))
-    yield _line(own, f"median {letter} = {middle / factor:.{decimals}f}{unit}, middle half {ends}{unit}")
+    middle, ends, unit, factor = quartiles(fitted, name)
+    yield _line(own, f"median {letter} = {middle}, middle half {ends}")
     if told:
         each, stat, syst = (_two_digits(float(np.median(width[~is_open])) / factor) for width in widths)
-        yield _line("One curve", f"± {each}{unit} (95 %; stat {stat}, syst {syst})")
+        yield _line("One curve", f"{f'± {each} {unit}'.rstrip()} (95 %; stat {stat}, syst {syst})")
     if is_open.any():
         yield _line("", f"not determined by {int(is_open.sum())} of {len(fitted)} curves")
 

@@ -6,13 +6,15 @@ Of a curve with continuous stiffness it offers the fit of a film as well (`FilmP
 from __future__ import annotations
 
 import math
+import time
 
 from nicegui import events, ui
 
 from underlay.app.folder import is_kept
 from underlay.app.pages.outcome import Outcome, plain_table
 from underlay.app.pages.step import Step, Window, Working, data_address, helped, message_list
-from underlay.app.shown import Film, Found, Look
+from underlay.app.shown import Film, Found, Law, Look
+from underlay.report.plots.fit import Canvas
 from underlay.report.tables import amounts, span
 from underlay.units import printed
 
@@ -27,6 +29,8 @@ _PERFECT = "none: a perfect tip"
 _OLD = "The test was changed since: fit the stiffness again."
 _CONTACT = "instrument.contact_depth"
 _STEPS = 1000
+# Seconds without a movement after which a handle has come to rest: longer than between two presses of a held key.
+_REST = 0.4
 # What is held where no handle is near.
 _PAN = "pan"
 # Which way a wheel was turned, and where on the picture, as a share of its width.
@@ -37,6 +41,11 @@ _WHEEL = """(event) => { event.preventDefault();
 _REACH = 20.0
 #: Of the handles: the contact point, and the ends of the range.
 GREEN, GREY = "#009e73", "#404040"
+
+
+def _stroke(law: Law) -> str:
+    """How the line of a law looks, for SVG."""
+    return f'fill="none" stroke="{law.colour}" stroke-width="2.5" stroke-dasharray="{law.dashes}"'
 
 
 class FilmPart:
@@ -126,7 +135,10 @@ class FitStep(Step):
         self._view: tuple[float, float] | None = None
         self._taken = (0.0, 0.0, 0.0)
         self._held: str = ""
-        self._looking = self._again = False
+        self._laws: tuple[Law, ...] = ()
+        # Whether laws are being worked out, and what is to be done after that.
+        self._looking = self._again = self._redraw = False
+        self._moved = 0.0
 
     def build(self) -> None:
         """Build picture, sliders, the button, and room for what is found."""
@@ -180,6 +192,8 @@ class FitStep(Step):
                 self._fitted = ui.switch("find the contact point in the fit", on_change=self._hold)
                 helped(self._fitted, "fit-contact")
                 self._notes = ui.column().classes("wide")
+        # The axis counts from the contact point: it is drawn again when that has come to rest.
+        self._rest = ui.timer(_REST, self._rested, active=False)
         self._outcome = Outcome(self.window, self._fill_in)
         self._film = FilmPart(self.window)
 
@@ -236,7 +250,7 @@ class FitStep(Step):
         low, high = self._view or self._look.extent
         about = self._contact if about is None else about
         self._show_from(about - factor * (about - low), about + factor * (high - about), whole=not factor)
-        await self._follow()
+        await self._follow(redraw=True)
 
     def _show_from(self, low: float, high: float, *, whole: bool = False) -> None:
         """Have this part of the curve seen, within its ends."""
@@ -257,15 +271,31 @@ class FitStep(Step):
             self._contact, self._range = look.contact, (look.low, look.high)
             self._set_slides()
             self._say([f"Quality: {look.quality}.", *look.notes], "note" if look.notes else "more")
+        self._show_laws(look.laws, [] if first else look.notes)
+
+    async def _hold_laws(self) -> None:
+        """What both laws make of the curve where the handles are now; the picture of the curve stays."""
+        told = await self.window.try_to(self.analysis.quick, "laws", self._contact, *self._range)
+        if isinstance(told, tuple):
+            self._show_laws(*told)
+        else:
+            self._say([str(told)], "bad")
+
+    def _show_laws(self, laws: tuple[Law, ...], notes: object) -> None:
+        self._laws = laws
         self._overlay()
         self._moduli.clear()
         with self._moduli:
-            for name, words in look.moduli.items():
+            for law in laws:
                 with ui.row().classes("fact"):
-                    ui.label(name).classes("quiet")
-                    ui.label(words).classes("number-shown").mark(f"modulus-{name.replace(' ', '-')}")
-        if not first and not look.moduli:
-            self._say(look.notes, "bad")
+                    mark = f'<svg width="30" height="10"><line x2="30" y1="5" y2="5" {_stroke(law)}/></svg>'
+                    ui.html(mark, sanitize=False)
+                    ui.label(law.name).classes("quiet")
+                    ui.label(law.modulus).classes("number-shown").mark(
+                        f"modulus-{law.name.replace(' ', '-')}"
+                    )
+        if notes and not laws:
+            self._say(notes, "bad")
 
     def _say(self, texts: object, kind: str) -> None:
         self._notes.clear()
@@ -322,7 +352,7 @@ class FitStep(Step):
             began, low, high = self._taken
             moved = (began - event.image_x) * (high - low) / (picture.right - picture.left)
             self._show_from(low + moved, high + moved)
-            await self._follow()
+            await self._follow(redraw=True)
         elif event.type == "pointermove" and self._held and event.buttons:
             self._move(min(max(at, picture.low), picture.high))
             await self._follow()
@@ -348,20 +378,32 @@ class FitStep(Step):
             self._range = (self._range[0], max(depth, self._range[0]))
         self._overlay()
 
-    async def _follow(self) -> None:
-        """Draw both laws for where the handles are now; while one is drawn, only the last place counts."""
+    async def _follow(self, *, redraw: bool = False) -> None:
+        """Draw both laws for where the handles are now; while they are worked out, only the last place counts."""
+        self._redraw = self._redraw or redraw
+        if not redraw:
+            self._moved = time.monotonic()
+            self._rest.activate()
         if self._looking:
             self._again = True
             return
-        self._looking = True
+        self._looking = self._again = True
         try:
-            while True:
+            while self._again:
                 self._again = False
-                await self._take(self._contact, *self._range)
-                if not self._again:
-                    return
+                if self._redraw:
+                    self._redraw = False
+                    await self._take(self._contact, *self._range)
+                else:
+                    await self._hold_laws()
         finally:
             self._looking = False
+
+    async def _rested(self) -> None:
+        """Draw the curve again where nothing was moved for a moment."""
+        if not self._held and time.monotonic() - self._moved >= _REST:
+            self._rest.deactivate()
+            await self._follow(redraw=True)
 
     def _depth(self, pixel: float) -> float:
         picture = self._known().picture
@@ -395,12 +437,26 @@ class FitStep(Step):
             )
             if picture.left - 1.0 <= x <= picture.right + 1.0
         )
-        self._picture.set_content(shade + handles)
+        self._picture.set_content(self._lines(picture) + shade + handles)
         # As on the axis: from the contact point; the contact point itself as the file reads.
         (at, *_) = (printed(text) for text in amounts([self._contact, *self._known().extent], "length"))
         self._contact_words.set_text(at)
         low, high = (end - self._contact for end in self._range)
         self._range_words.set_text(printed(span(low, high, "length")))
+
+    def _lines(self, picture: Canvas) -> str:
+        """The laws over the curve, within the axes."""
+        wide, high = picture.right - picture.left, picture.bottom - picture.top
+        across, up = wide / (picture.high - picture.low), high / (picture.ceiling - picture.floor)
+        drawn = ""
+        for law in self._laws:
+            points = " ".join(
+                f"{(depth - picture.low) * across:.1f},{(picture.ceiling - force) * up:.1f}"
+                for depth, force in law.line
+            )
+            drawn += f'<polyline points="{points}" {_stroke(law)}/>'
+        place = f'x="{picture.left:.1f}" y="{picture.top:.1f}" width="{wide:.1f}" height="{high:.1f}"'
+        return f"<svg {place}>{drawn}</svg>"
 
     def _write(self) -> None:
         """Write contact and range into the scene."""

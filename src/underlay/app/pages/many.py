@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable
 
 from nicegui import events, ui
 
-from underlay.app.labels import LABELS
+from underlay.app.labels import LABELS, curves_on_sample
 from underlay.app.pages.step import Step, Window, Working, data_address, helped, message_list, sheet
 from underlay.app.shown import Card, Gallery, Overview, Together
 from underlay.report.plots.fit import Canvas
@@ -399,11 +399,14 @@ class ManyStep(Step):
 
     async def show(self) -> None:
         """Show what was found before."""
-        count, lacks = len(self.analysis.folder.curve_files()), self.analysis.lacks
+        folder, lacks = self.analysis.folder, self.analysis.lacks
+        count = len(curves_on_sample(folder))
+        beside = len(folder.curve_files()) - count
         self._working.allow(allowed=count > 0 and not lacks)
         missing = self.analysis.draft.missing
         first = f"needed in step 2: {', '.join(missing)}" if missing else "complete the test first (step 2)"
         said = "each by itself, with the test of step 2" if not lacks else first
+        said = f"{said}; {beside} on the bare substrate are left out" if beside else said
         self._count.set_text(
             f"{count} curve{'' if count == 1 else 's'}, {said}"
             if count

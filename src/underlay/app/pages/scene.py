@@ -46,6 +46,7 @@ _WORDS = (
     'What has no field is written here: springs under a layer, bond = { normal = "1 GPa/m" }, and the prior '
     '"found" of the contact point.'
 )
+_TAKE = "A usual number that you did not enter. Press to take it for yours."
 _CHOOSES = ("shape", "model")
 # What every test says of a layer.
 _OF_A_LAYER = ("E", "nu", "thickness")
@@ -93,8 +94,8 @@ def amount(
             picked.props["title"] = help_of("unit")
         if assumed is not None:
             mark, confirm = assumed
-            taken = ui.button("assumed", on_click=confirm).props("flat dense no-caps").classes("assumption")
-            taken.mark(mark).props["title"] = "A usual number, not yours. Press to take it for yours."
+            taken = ui.button("assumed", on_click=confirm, color=None).props("flat dense no-caps")
+            taken.classes("assumption").mark(mark).props["title"] = _TAKE
 
     async def changed() -> None:
         said = str(entry.value or "").strip()

@@ -27,6 +27,7 @@ from underlay.report.plots.style import (
     GREY,
     PAGE,
     REFERENCE,
+    SOFT,
     axes,
     drawn,
     in_words,
@@ -40,7 +41,19 @@ if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.mechanics.body import Layer
 
-__all__ = ["Canvas", "canvas", "drainage", "fit", "fit_in_time", "fit_log", "laws", "relaxation", "segments"]
+__all__ = [
+    "LAW_STROKES",
+    "Canvas",
+    "canvas",
+    "drainage",
+    "fit",
+    "fit_in_time",
+    "fit_log",
+    "force_ends",
+    "laws",
+    "relaxation",
+    "segments",
+]
 
 # More points than the picture has pixels only make the file heavy.
 _MOST_POINTS = 1500
@@ -50,7 +63,8 @@ _BEFORE, _SHALLOWEST = 0.35, 3e-3
 _SMOOTHED = 0.015
 # Of a picture on a page: crisp enough, and drawn in half the time of one for print.
 _DPI = 130
-_LINES = ((FIT, "-"), (REFERENCE, "--"))
+#: Colour and stroke of the laws beside a curve, in their order.
+LAW_STROKES = ((FIT, "-"), (REFERENCE, "--"))
 _CURVE_POINTS = 60
 _COLOURS = {LOADING: FIT, HOLD: DATA, UNLOADING: REFERENCE}
 _MARKS = {LOADING: ".", HOLD: "s", UNLOADING: "x"}
@@ -366,26 +380,33 @@ def laws(
         The axes.
     """
     low, high = view or (float(np.min(curve.depth)), float(np.max(curve.depth)))
-    shown = (curve.depth >= low) & (curve.depth <= high)
-    forces = curve.force[shown] if shown.any() else curve.force
     length, metre = _axis_unit(np.array([low - contact, high - contact]), "length")
-    load, newton = _axis_unit(forces, "force")
+    load, newton = _axis_unit(np.array(force_ends(curve, low, high)), "force")
     with style():
         ax = _wide_axes() if ax is None else ax
-        for points, colour, label in ((curve, GREY, "measured"), (used, DATA, "used in the fit")):
+        words = [("measured", SOFT), ("used in the fit", DATA)]
+        for points, colour in ((curve, GREY), (used, DATA)):
             inside = np.flatnonzero((points.depth >= low) & (points.depth <= high))
             step = inside[:: max(1, len(inside) // _MOST_POINTS)]
             x, y = (points.depth[step] - contact) / metre, points.force[step] / newton
-            ax.plot(x, y, ".", ms=3.0, color=colour, label=label)
-        for (label, (depth, force)), (colour, stroke) in zip(lines.items(), _LINES, strict=False):
-            ax.plot((depth - contact) / metre, force / newton, stroke, color=colour, label=label)
+            ax.plot(x, y, ".", ms=3.0, color=colour)
+        for (label, (depth, force)), (colour, stroke) in zip(lines.items(), LAW_STROKES, strict=False):
+            ax.plot((depth - contact) / metre, force / newton, stroke, color=colour)
+            words.append((label, colour))
         ax.set_xlim((low - contact) / metre, (high - contact) / metre)
-        least, most = float(np.min(forces)), float(np.max(forces))
-        room = 0.06 * (most - least)
-        ax.set_ylim((least - room) / newton, (most + room) / newton)
+        ax.set_ylim(*(end / newton for end in force_ends(curve, low, high)))
         ax.set(xlabel=f"Indentation δ ({length})", ylabel=f"Force F ({load})")
-        ax.legend(loc="upper left")
+        _say(ax, words)
     return ax
+
+
+def force_ends(curve: Curve, low: float, high: float) -> tuple[float, float]:
+    """Return the ends of the vertical axis (N) on which a curve is drawn between two depth readings (m)."""
+    shown = (curve.depth >= low) & (curve.depth <= high)
+    forces = curve.force[shown] if shown.any() else curve.force
+    least, most = float(np.min(forces)), float(np.max(forces))
+    room = 0.06 * (most - least)
+    return least - room, most + room
 
 
 def _wide_axes() -> Axes:

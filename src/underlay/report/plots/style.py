@@ -75,7 +75,7 @@ INK, METAL, LAYER, SUBSTRATE = "#1c2126", "#c3c9d1", "#dcebf7", "#cbbfa9"
 #: Blue for negative, orange for positive, distinguishable with every common colour vision.
 DIVERGING = "PuOr_r"
 #: Dark to light in even steps, also without colour.
-SEQUENTIAL = "viridis"
+SEQUENTIAL = "cividis"
 
 # Any: the names of all settings differ between versions of matplotlib.
 _STYLE: Any = {
