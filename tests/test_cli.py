@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 import zipfile
@@ -181,7 +182,6 @@ def test_files_that_are_not_there(run, tmp_path):
     for words in (
         ("fit", tmp_path / "none.csv", "--scene", SCENE),
         ("fit", CURVE, "--scene", tmp_path / "none.toml"),
-        ("fit", tmp_path, "--scene", SCENE),
         ("fit", CURVE, "--scene", SCENE, "--output", CURVE),
     ):
         code, _, err = run(*words)
@@ -218,10 +218,43 @@ def test_bad_scenes_end_with_one_line(run, tmp_path, old, new, message):
     assert err.count("\n") == 1
 
 
-def test_a_missing_option_is_not_a_traceback(run):
-    code, _, err = run("fit", CURVE)
+def next_step(err):
+    """The command that a refusal names, as a shell would run it."""
+    first, step = err.splitlines()
+    assert first.startswith("underlay: ")
+    return shlex.split(step.removeprefix("Next step: underlay "))
+
+
+def test_without_a_scene_the_next_step_leads_to_a_fit_as_it_is_printed(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    curve = tmp_path / "my curve.csv"
+    curve.write_bytes(CURVE.read_bytes())
+    for command in ("fit", "sample", "compare", "film"):
+        code, _, err = run(command, curve.name)
+        assert code == 2
+        assert next_step(err) == ["formats", "my curve.csv", "--new-scene", "my curve.toml"]
+    assert run(*next_step(err))[0] == 0
+    scene = tmp_path / "my curve.toml"
+    assert "TODO" in scene.read_text(encoding="utf-8")
+    scene.write_bytes(SCENE.read_bytes())
+    _, _, err = run("fit", curve.name)
+    assert next_step(err) == ["fit", "my curve.csv", "--scene", "my curve.toml"]
+    code, out, _ = run(*next_step(err))
+    assert code == 0
+    assert out.strip().startswith("Layer modulus")
+
+
+def test_a_folder_for_one_curve_leads_to_a_map_and_a_map_without_a_scene_to_a_new_scene(run, tmp_path):
+    folder = tmp_path / "curves"
+    folder.mkdir()
+    (folder / "a.csv").write_bytes(CURVE.read_bytes())
+    _, _, err = run("fit", folder, "--scene", SCENE)
+    assert next_step(err) == ["map", str(folder), "--scene", str(SCENE)]
+    code, _, err = run("map", folder)
     assert code == 2
-    assert "Traceback" not in err
+    assert next_step(err)[:2] == ["formats", str(folder / "a.csv")]
+    code, _, err = run("fit", tmp_path / "none.csv")
+    assert (code, err.count("\n")) == (2, 1)
 
 
 def test_the_module_runs_too(tmp_path):

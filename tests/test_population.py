@@ -20,8 +20,10 @@ from underlay.report.maps import (
     comparison_table,
     group_table,
     of_map,
+    population_lines,
     population_sentences,
     population_tables,
+    population_verdict,
 )
 
 ENDS = np.array([0.025, 0.5, 0.975])
@@ -507,3 +509,43 @@ def test_picture_has_every_animal_and_a_mean():
     names = [text.get_text() for text in ax.get_yticklabels()]
     assert [name.split()[0] for name in names] == ["a0", "a1", "a2", "all:"]
     plt.close(ax.figure)
+
+
+@pytest.mark.parametrize(
+    ("animals", "spread", "word"), [(8, 0.1, "good"), (3, 0.9, "check"), (1, 0.3, "check")]
+)
+def test_the_short_text_begins_with_the_mean_and_says_how_many_animals_would_do(animals, spread, word):
+    rng = np.random.default_rng(7)
+    table = table_of(*made_study(rng, animals=animals, sites=4, between=spread, within=0.1))
+    result = ul.population(table, by=["animal"])
+    lines = population_lines(result)
+    (group,) = result.groups.values()
+    kind = "pressure"
+    assert lines[0].startswith(
+        "Layer modulus   mean " + screen.interval_text(group.mean, group.low, group.high, kind)
+    )
+    assert len(lines) <= 12
+    assert max(map(len, lines)) <= 80
+    verdict = population_verdict(result)
+    assert verdict == word
+    assert [line for line in lines if line.startswith("Verdict")] == [f"Verdict         {verdict}"]
+    assert any(line.startswith("Next step") for line in lines) == (word == "check")
+
+
+def test_as_many_animals_as_are_asked_for_would_give_the_interval_that_is_promised():
+    rng = np.random.default_rng(7)
+    result = ul.population(
+        table_of(*made_study(rng, animals=3, sites=4, between=0.9, within=0.1)), by=["animal"]
+    )
+    (group,) = result.groups.values()
+    step = population_verdict(result).next
+    count = int(step.split()[0])
+    variance = group.plain_mean.variance.value * group.units / count
+    half = stats.t.ppf(0.975, count - 1) * math.sqrt(variance)
+    assert half <= math.log(2.0)
+    fewer = stats.t.ppf(0.975, count - 2) * math.sqrt(variance * count / (count - 1))
+    assert fewer > math.log(2.0) or count == group.units + 1
+    assert (
+        screen.interval_text(group.mean, group.mean / math.exp(half), group.mean * math.exp(half), "pressure")
+        in step
+    )

@@ -75,7 +75,7 @@ def main() -> None:
         with noted(), without_empty_folders():
             app()
     except UnderlayError as error:
-        say_error(str(error))
+        say_error(str(error), getattr(error, "__notes__", ()))
         sys.exit(_BAD_INPUT)
     except KeyboardInterrupt:
         say_error("interrupted; what was finished is kept")

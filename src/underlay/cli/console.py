@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-__all__ = ["noted", "say", "say_error", "say_table", "say_warnings", "write_out"]
+__all__ = ["noted", "say", "say_error", "say_table", "say_warnings", "write_all", "write_out"]
 
 _FILE_WIDTH = 160
 # Letters of a cell from which on a column of words is broken into lines, as the last one is.
@@ -37,10 +37,11 @@ def say(text: str) -> None:
     Console(highlight=False).print("\n".join(map(one_line, text.split("\n"))), markup=False, soft_wrap=True)
 
 
-def say_error(text: str) -> None:
-    """Print one line to standard error."""
-    line = one_line(" ".join(spoken(text).split()))
-    Console(stderr=True, highlight=False).print(f"underlay: {line}", markup=False, soft_wrap=True)
+def say_error(text: str, steps: Sequence[str] = ()) -> None:
+    """Print one line to standard error, and one for each command that comes next."""
+    told = one_line(" ".join(spoken(text).split()))
+    for each in (f"underlay: {told}", *(f"Next step: {one_line(step)}" for step in steps)):
+        Console(stderr=True, highlight=False).print(each, markup=False, soft_wrap=True)
 
 
 def say_table(frame: pd.DataFrame, title: str) -> None:
@@ -78,16 +79,20 @@ def _cell(value: object) -> str:
 
 def write_out(folder: Path | None, files: Mapping[str, pd.DataFrame | Callable[[], Axes]]) -> None:
     """Write tables as CSV, and pictures that are drawn for it, and say so; nothing without a folder."""
-    if folder is None:
-        return
+    for written in [] if folder is None else write_all(folder, files):
+        say(f"wrote {written}")
+
+
+def write_all(folder: Path, files: Mapping[str, pd.DataFrame | Callable[[], Axes]]) -> list[Path]:
+    """Write tables as CSV, and pictures that are drawn for it; return where they are."""
     from underlay._csv import csv_text
     from underlay._files import write_atomic
     from underlay.report.plots import save
 
-    for name, what in files.items():
-        path = folder / name
-        written = save(what(), path) if callable(what) else write_atomic(path, csv_text(what))
-        say(f"wrote {written}")
+    return [
+        save(what(), folder / name) if callable(what) else write_atomic(folder / name, csv_text(what))
+        for name, what in files.items()
+    ]
 
 
 @contextmanager

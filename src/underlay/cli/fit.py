@@ -20,6 +20,7 @@ from underlay.cli.options import (
     SceneOption,
     Seed,
     SolverName,
+    scene_for,
     wanted_solver,
 )
 from underlay.data.samples import sample as sample_file
@@ -41,7 +42,7 @@ _SAMPLES = (
 
 def fit(
     curve: CurveFile,
-    scene: SceneOption,
+    scene: SceneOption = None,
     solver: SolverName = None,
     rtol: Rtol = None,
     output: OutputFolder = None,
@@ -54,6 +55,7 @@ def fit(
     """
     from underlay.report.limits import quality_doubts, reservations
 
+    scene = scene_for(scene, curve, "fit")
     with gathered_warnings() as notes:
         problem = ul.load_problem(curve, scene)
         problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
@@ -152,7 +154,7 @@ def demo(
     say(f"\nNext: underlay fit CURVE --scene SCENE.toml (start from {sample_file(_SAMPLES[1][1])})")
 
 
-def compare(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> None:
+def compare(curve: CurveFile, scene: SceneOption = None, output: OutputFolder = None) -> None:
     """Fit one curve with every contact model, and with the layer bonded or free to slip on its substrate.
 
     Example: `underlay compare curve.csv --scene scene.toml --output results`
@@ -160,6 +162,7 @@ def compare(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -
     from underlay.report.limits import bonds_sentences
     from underlay.scene.scene import has_face
 
+    scene = scene_for(scene, curve, "compare")
     with gathered_warnings() as notes:
         problem = ul.load_problem(curve, scene)
         laws = ul.compare(problem)
@@ -192,7 +195,7 @@ def _laws_shown(laws: Comparison) -> pd.DataFrame:
 
 def film(
     curve: CurveFile,
-    scene: SceneOption,
+    scene: SceneOption = None,
     calibration: Annotated[
         Path | None,
         typer.Option(help="Test with the same tip on a sample of known modulus, for its area."),
@@ -215,6 +218,7 @@ def film(
     from underlay.report.film_tables import film_notes, film_table
     from underlay.scene.scene_file import read_scene_file
 
+    scene = scene_for(scene, curve, "film")
     found = fit_film(read_scene_file(scene), curve, calibration, known_modulus, (depth_from, depth_to))
     say_table(film_table(found), "Film")
     for note in film_notes(found, perfect=calibration is None):
@@ -228,7 +232,7 @@ def film(
 
 def sample(
     curve: CurveFile,
-    scene: SceneOption,
+    scene: SceneOption = None,
     output: OutputFolder = None,
     walkers: Annotated[int, typer.Option(help="Walkers of the ensemble.")] = 64,
     max_steps: Annotated[
@@ -269,7 +273,7 @@ def sample(
     from underlay.report.screen import posterior_lines
     from underlay.scene.scene_file import read_scene_file
 
-    file = read_scene_file(scene)
+    file = read_scene_file(scene_for(scene, curve, "sample"))
     part = read_for(file, curve).with_metadata(scene_path=str(file.path))
     weak = weak_bounds(file, part)
     problem = problem_from(file, part, weak)

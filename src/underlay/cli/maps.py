@@ -9,8 +9,18 @@ import typer
 
 import underlay as ul
 from underlay._files import require_writable_folder
-from underlay.cli.console import say, say_error, say_table, write_out
-from underlay.cli.options import ExcelFile, OutputFolder, Rtol, SceneOption, Seed, SolverName, wanted_solver
+from underlay.cli.console import say, say_error, say_table, write_all
+from underlay.cli.options import (
+    Details,
+    ExcelFile,
+    OutputFolder,
+    Rtol,
+    SceneOption,
+    Seed,
+    SolverName,
+    scene_for,
+    wanted_solver,
+)
 from underlay.errors import InputError
 from underlay.report.spoken import spoken
 
@@ -25,7 +35,7 @@ _INTERRUPTED = 130  # what shells give a command that Ctrl-C ended
 
 def map_curves(
     curves: Annotated[Path, typer.Argument(help="Folder with a curve per file, or one file of many tests.")],
-    scene: SceneOption,
+    scene: SceneOption = None,
     manifest: Annotated[
         Path | None,
         typer.Option(
@@ -75,6 +85,7 @@ def map_curves(
     from underlay.inference.batch.results_table import write_frame
     from underlay.scene.scene_file import read_scene_file
 
+    scene = scene_for(scene, curves, "map")
     decided = None if decisions is None else ul.read_decisions(decisions)
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
@@ -206,6 +217,7 @@ def population(
     ] = None,
     output: OutputFolder = None,
     excel: ExcelFile = None,
+    details: Details = False,
 ) -> None:
     """Mean and spread over animals, with intervals that allow for sites of one animal that are alike.
 
@@ -214,23 +226,30 @@ def population(
 
     Example: `underlay population map.csv --by animal --group treatment`
     """
-    from underlay.report.maps import comparison_table, group_table, population_sentences
+    from underlay.report.maps import population_lines, population_tables
+    from underlay.report.screen import written_line
 
     levels = [] if sites_only else (by or ["animal"])
     result = ul.population(
         table, levels, parameter, group=group, doubtful=doubtful, tails=tails, shared_error=shared_error
     )
-    for sentence in population_sentences(result):
-        say(sentence)
-    say_table(group_table(result), "Groups" if group else "Population")
-    if result.comparisons:
-        say_table(comparison_table(result), "Ratios")
+    for text in population_lines(result):
+        say(text)
+    if details:
+        for sentence in result.sentences():
+            say(sentence)
+        for frame, title in zip(population_tables(result), ("Groups", "Ratios"), strict=False):
+            say_table(frame, title)
     if excel is not None:
         from underlay.inference.batch.decisions import read_map
 
         asked = {"table": str(table), "by": ", ".join(levels), "group": group or "", "parameter": parameter}
         asked |= {"doubtful": doubtful, "tails": tails, "shared error": f"{result.shared_error:g}"}
         say(f"wrote {ul.write_excel(excel, read_map(table), result, settings=asked)}")
-    stem = f"{table.stem}.population"
-    files = {f"{stem}.csv": result.table()}
-    write_out(output, files | ({f"{stem}.png": lambda: ul.plots.population(result)} if levels else {}))
+    if output is not None:
+        stem = f"{table.stem}.population"
+        files = {f"{stem}.csv": result.table()}
+        written = write_all(
+            output, files | ({f"{stem}.png": lambda: ul.plots.population(result)} if levels else {})
+        )
+        say(written_line(written, output, stem))

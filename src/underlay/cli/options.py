@@ -9,6 +9,7 @@ work fails before it: the folder is made before a command computes, and gone if 
 from __future__ import annotations
 
 import difflib
+import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from underlay._files import require_writable_folder
-from underlay.errors import InputError, UnitError
+from underlay.errors import FileAccessError, InputError, UnitError
 
 if TYPE_CHECKING:
     from underlay.mechanics.solver import Solver
@@ -36,6 +37,7 @@ __all__ = [
     "Seed",
     "SolverName",
     "named_quantities",
+    "scene_for",
     "wanted_solver",
     "without_empty_folders",
 ]
@@ -47,7 +49,9 @@ CurveOption = Annotated[
         "--curve", help="Measured curve that gives depth and noise; else the one named by [curve] file."
     ),
 ]
-SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): your test as a file.")]
+SceneOption = Annotated[
+    Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): your test as a file. Required.")
+]
 ScenePath = Annotated[Path, typer.Argument(help="Scene file (TOML).")]
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same seed makes the same file.")]
 MaxDepth = Annotated[
@@ -68,6 +72,50 @@ Rtol = Annotated[
     float | None,
     typer.Option("--rtol", help="Relative error allowed; else that of [solver], else 1e-6."),
 ]
+
+
+def scene_for(scene: Path | None, curves: Path, command: str) -> Path:
+    """Return the scene file that was named, or refuse in words, with the command that comes next.
+
+    Parameters
+    ----------
+    scene : Path or None
+        As it was asked for.
+    curves : Path
+        What is to be fitted: a file, or a folder for the command ``map``.
+    command : str
+        The command that was given.
+
+    Raises
+    ------
+    InputError
+        If there is none, or a folder was given to a command on one curve.
+    FileAccessError
+        If the curve is not there.
+    """
+    if not curves.exists():
+        raise FileAccessError(f"cannot open {str(curves)!r}: there is no such file or folder")
+    if curves.is_dir() and command != "map":
+        error: InputError = InputError(f"{curves} is a folder, and {command} is of one curve")
+        named = "" if scene is None else f" --scene {shlex.quote(str(scene))}"
+        error.add_note(f"{_words('map', curves)}{named}")
+        raise error
+    if scene is not None:
+        return scene
+    inside = sorted(path for path in curves.iterdir() if path.is_file()) if curves.is_dir() else [curves]
+    first = inside[0] if inside else curves
+    own = first.with_suffix(".toml")
+    error = InputError("no scene file is named: tip, sample and substrate of this test")
+    error.add_note(
+        f"{_words(command, curves)} --scene {shlex.quote(str(own))}"
+        if own.exists()
+        else f"{_words('formats', first)} --new-scene {shlex.quote(own.name)}"
+    )
+    raise error
+
+
+def _words(command: str, path: Path) -> str:
+    return f"underlay {command} {shlex.quote(str(path))}"
 
 
 def named_quantities(option: str, given: Iterable[str], kinds: Mapping[str, str]) -> dict[str, float]:

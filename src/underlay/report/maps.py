@@ -23,8 +23,9 @@ from underlay.inference.batch.decisions import (
     without_refused,
 )
 from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
+from underlay.inference.uncertainty.answer import Advice
 from underlay.report.labels import label, start
-from underlay.report.screen import interval_text
+from underlay.report.screen import interval_text, line, name_of, verdict_lines
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
@@ -45,8 +46,10 @@ __all__ = [
     "map_provenance_table",
     "of_map",
     "parameter_table",
+    "population_lines",
     "population_sentences",
     "population_tables",
+    "population_verdict",
     "read_map",
     "sample_parameters",
     "shared_error_words",
@@ -56,6 +59,9 @@ __all__ = [
 # More rows than this are looked up in the table itself.
 _LISTED = 50
 _MIDDLE = (0.5, 0.16, 0.84)
+# Factor to either side from which an interval is too wide for use, the units that are asked for at most, and
+# standard errors in the half of a 95 % interval.
+_WIDE, _MOST_UNITS, _EXPANDED = 2.0, 30, 1.96
 # What follows from a fit with adhesion at every site; the table has no error of them.
 _FOLLOW = ("adhesion.pull_off_force", "adhesion.pull_off_depth")
 # Columns of a map that say whose a curve is, and of which group.
@@ -272,17 +278,90 @@ def population_sentences(result: Population) -> list[str]:
         said.append(f"{who}{start(label(result.parameter))} {mean}, geometric mean of {of}.")
     said += [_compared(pair) for pair in result.comparisons]
     if result.shared_error:
-        said.append(
-            f"An error of {100.0 * result.shared_error:.2g} % that all curves share is in every mean."
-        )
+        said.append(f"{start(_shared_words(result))}.")
     return said + result.sentences()
+
+
+def population_lines(result: Population) -> list[str]:
+    """The short text of a population: means first, one verdict, one next step, the spreads."""
+    kind, name = kind_of(result.parameter), name_of(result.parameter)[0]
+    lines = []
+    for place, (called, group) in enumerate(result.groups.items()):
+        mean = interval_text(group.mean, group.low, group.high, kind)
+        of = f"{group.units} {result.by[0]}s, " if result.by else ""
+        what = f"{one_line(called)} " if called else "mean "
+        scale = "; 95 %, geometric mean" if place == 0 else ""
+        lines.append(line("" if place else name, f"{what}{mean} ({of}{group.curves} curves{scale})"))
+    first = next(iter(result.groups))
+    for pair in result.comparisons:
+        if pair.reference == first:
+            ratio = f"{one_line(pair.name)} / {one_line(first)} {_ratio(pair.ratio, pair.low, pair.high)}"
+            lines.append(
+                line("Ratio", f"{ratio} (> 1 with probability {_probability(pair.probability_above)})")
+            )
+    lines += verdict_lines(population_verdict(result))
+    spreads = next(iter(result.groups.values())).spreads
+    told = [f"between {spread.level}s {_spread_in_words(spread)}" for spread in spreads]
+    lines.append(line("Spread", "; ".join(told)))
+    if result.shared_error:
+        lines.append(line("Systematic", _shared_words(result)))
+    if result.left_out:
+        lines.append(line("Left out", f"{len(result.left_out)} curves (--details says why)"))
+    return "\n".join(lines).splitlines()
+
+
+def _shared_words(result: Population) -> str:
+    share = 100.0 * _EXPANDED * result.shared_error
+    return f"± {share:.2g} % on all curves alike, by inputs and model (95 %)"
+
+
+def population_verdict(result: Population) -> Advice:
+    """Return whether the means can be used, with likely cause and next step where not."""
+    level = result.by[0] if result.by else "animal"
+    wide = {
+        name: math.sqrt(one.high / one.low) if one.low else math.inf for name, one in result.groups.items()
+    }
+    worst, factor = result.groups[max(wide, key=lambda name: wide[name])], max(wide.values())
+    if not result.by:
+        cause = f"the {level} of each curve is not named"
+        return Advice(
+            "check", "the interval holds for these sites alone", cause, f"name the {level} of each curve"
+        )
+    cause = f"only {worst.units} {level}s; curves of one {level} are not independent"
+    if worst.units == 1:
+        reason = f"one {level} does not show how {level}s differ"
+        return Advice("check", reason, f"curves of one {level} are not independent", f"measure more {level}s")
+    if factor > _WIDE:
+        known = f"to a factor of {factor:.2g} only" if math.isfinite(factor) else "to one side only"
+        return Advice("check", f"the mean is known {known}", cause, _more_units(result, worst, level))
+    return Advice("good", f"the interval holds for {level}s like these")
+
+
+def _more_units(result: Population, group: Group, level: str) -> str:
+    """How many units of the same spread would give a useful interval, and which."""
+    from underlay.inference.population.result import Variance  # noqa: PLC0415  as above
+
+    variance = group.plain_mean.variance
+    for count in range(group.units + 1, _MOST_UNITS + 1) if variance is not None else ():
+        fewer = Variance(variance.value * group.units / count, count - 1.0)
+        half = math.hypot(fewer.half, _EXPANDED * result.shared_error)
+        if half <= math.log(_WIDE):
+            ends = interval_text(
+                group.mean,
+                group.mean * math.exp(-half),
+                group.mean * math.exp(half),
+                kind_of(result.parameter),
+            )
+            return f"{count} {level}s of the same spread would give {ends}"
+    return f"measure more {level}s: of this spread more than {_MOST_UNITS} are needed"
 
 
 def _spread_in_words(spread: Spread) -> str:
     """Return ``"24 % (9 to 56)"``, or an upper limit where there may be none."""
-    if spread.low == 0.0:
-        return f"under {100.0 * spread.high:.2g} %"
-    return f"{100.0 * spread.median:.2g} % ({100.0 * spread.low:.2g} to {100.0 * spread.high:.2g})"
+    low, middle, high = (
+        f"{float(f'{100.0 * end:.2g}'):g}" for end in (spread.low, spread.median, spread.high)
+    )
+    return f"{middle} % ({low} to {high})" if spread.low > 0.0 else f"under {high} %"
 
 
 def _compared(pair: Comparison) -> str:

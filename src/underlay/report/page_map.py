@@ -192,6 +192,8 @@ def together_block(found: Population | str, curves: pd.DataFrame, label: str, sh
     told = [tag("p", words(text)) for text in (*sentences, shared) if text]
     if isinstance(found, str):
         return "<h2>All sites together</h2>" + "".join(told)
+    verdict = maps.population_verdict(found)
+    told.append(verdict_block(verdict.word, verdict.reason, verdict.cause, verdict.next))
     drawn = ""
     if found.by:
         alt = "Curves, animals and the population with its interval, group by group."

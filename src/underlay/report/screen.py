@@ -40,6 +40,7 @@ __all__ = [
     "half_space_fit",
     "half_space_words",
     "interval_text",
+    "line",
     "map_lines",
     "name_of",
     "next_step",
@@ -47,6 +48,7 @@ __all__ = [
     "quartiles",
     "source_words",
     "told_names",
+    "verdict_lines",
     "written",
     "written_line",
 ]
@@ -81,10 +83,10 @@ _SHORT = {
 }
 
 
-def _line(name: str, text: str) -> str:
-    """One line: a name in the left column, or above where it is long, and what is said of it, broken."""
+def line(name: str, text: str) -> str:
+    """Return one line: a name in the left column, or above where it is long, and what is said of it, broken."""
     if len(name) >= _LEFT:
-        return f"{name}\n{_line('', text)}"
+        return f"{name}\n{line('', text)}"
     folded = textwrap.wrap(text, _WIDTH - _LEFT, break_long_words=False, break_on_hyphens=False) or [""]
     return "\n".join(f"{name if n == 0 else '':<{_LEFT}}{part}".rstrip() for n, part in enumerate(folded))
 
@@ -175,7 +177,7 @@ def _answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
             else answer_text(known)
         )
         separator = "" if text.startswith("not") else f"{symbol} = "
-        yield _line(name, f"{separator}{text}")
+        yield line(name, f"{separator}{text}")
 
 
 def name_of(parameter: str) -> tuple[str, str]:
@@ -194,13 +196,13 @@ def _letter(name: str) -> str:
 
 
 # --- a verdict ----------------------------------------------------------------------------------------------
-def _verdict_lines(verdict: Advice) -> Iterator[str]:
+def verdict_lines(verdict: Advice) -> Iterator[str]:
     """The verdict; cause and next step where there are."""
-    yield _line("Verdict", f"{verdict.word}: {labelled(verdict.reason)}")
+    yield line("Verdict", f"{verdict.word}: {labelled(verdict.reason)}")
     if verdict.cause:
-        yield _line("Likely cause", labelled(verdict.cause))
+        yield line("Likely cause", labelled(verdict.cause))
     if verdict.next:
-        yield _line("Next step", next_step(verdict))
+        yield line("Next step", next_step(verdict))
 
 
 def next_step(verdict: Advice) -> str:
@@ -235,7 +237,7 @@ def _budget_words(known: Answer) -> tuple[str, str]:
 def _budget_lines(known: Answer) -> Iterator[str]:
     for name, words in zip(("Uncertainty", ""), _budget_words(known), strict=True):
         if words:
-            yield _line(name, words)
+            yield line(name, words)
 
 
 def budget_table(known: Answer) -> pd.DataFrame:
@@ -273,7 +275,7 @@ def assumed_words(paths: Iterable[str]) -> str:
 
 def _assumed_lines(fit: Fit) -> Iterator[str]:
     if words := assumed_words(assumed_inputs(fit)):
-        yield _line("Assumed", words)
+        yield line("Assumed", words)
 
 
 # --- a fit --------------------------------------------------------------------------------------------------
@@ -281,7 +283,7 @@ def fit_lines(fit: Fit) -> list[str]:
     """The short text of a fit."""
     answers = [fit.answer(name) for name in told_names(fit)]
     verdict = fit.verdict
-    lines = [*_answer_lines(answers, verdict), *_relaxation(fit), *_adhesion(fit), *_verdict_lines(verdict)]
+    lines = [*_answer_lines(answers, verdict), *_relaxation(fit), *_adhesion(fit), *verdict_lines(verdict)]
     lines += _by_depth(fit)
     if answers and verdict != "reject":
         lines += _budget_lines(answers[0])
@@ -304,7 +306,7 @@ def _relaxation(fit: Fit) -> Iterator[str]:
     if isinstance(relaxation, Prony):
         shares = ", ".join(f"{100.0 * share:.0f} %" for share in relaxation.fractions)
         times = ", ".join(format_quantity(time, "time") for time in relaxation.times)
-        yield _line("Relaxation", f"{shares} with time constants {times}")
+        yield line("Relaxation", f"{shares} with time constants {times}")
 
 
 def _adhesion(fit: Fit) -> Iterator[str]:
@@ -314,7 +316,7 @@ def _adhesion(fit: Fit) -> Iterator[str]:
     baseline = fit.scenes[0].instrument.baseline
     lowest = float(curve.force.min()) - baseline
     if lowest < 0.0:
-        yield _line(
+        yield line(
             "Adhesion",
             f"pull-off force {format_quantity(-lowest, 'force')} (lowest force against the baseline)",
         )
@@ -327,7 +329,7 @@ def _by_depth(fit: Fit) -> Iterator[str]:
         return
     if words:
         # Intervals of a rejected model are no judge of whether it is constant.
-        yield _line("E by depth", words.partition(",")[0] if fit.verdict == "reject" else words)
+        yield line("E by depth", words.partition(",")[0] if fit.verdict == "reject" else words)
 
 
 def by_depth_words(found: PointwiseModulus) -> str:
@@ -384,13 +386,13 @@ def half_space_words(fit: Fit, own: Fit) -> str:
 def _half_space(fit: Fit) -> Iterator[str]:
     own = half_space_fit(fit)
     if own is not None:
-        yield _line("Half-space", half_space_words(fit, own))
+        yield line("Half-space", half_space_words(fit, own))
 
 
 def written_line(paths: Sequence[object], folder: object, stem: str) -> str:
     """Where the files are: one line."""
     endings = " ".join(sorted({str(path).rpartition(stem)[2] for path in paths}))
-    return _line("Written", f"{folder}/{stem} ({endings})")
+    return line("Written", f"{folder}/{stem} ({endings})")
 
 
 # --- a posterior --------------------------------------------------------------------------------------------
@@ -398,15 +400,15 @@ def posterior_lines(posterior: Posterior) -> list[str]:
     """The short text of a posterior that was sampled here: the same numbers as a fit's, and how they were drawn."""
     verdict = posterior.verdict
     answers = [posterior.answer(name) for name in told_names(posterior.statement.fit)]
-    lines = [*_answer_lines(answers, verdict), *_verdict_lines(verdict)]
+    lines = [*_answer_lines(answers, verdict), *verdict_lines(verdict)]
     if answers and verdict != "reject":
         lines += _budget_lines(answers[0])
     lines += _assumed_lines(posterior.statement.fit)
     told = posterior.summary()["informed"]
     silent = [start(label(str(name))) for name in told.index[told == "not informed by these data"]]
     if silent:
-        lines.append(_line("Not informed", f"{', '.join(silent)}: what was known before"))
-    lines.append(_line("Sampling", posterior.diagnostics.reason))
+        lines.append(line("Not informed", f"{', '.join(silent)}: what was known before"))
+    lines.append(line("Sampling", posterior.diagnostics.reason))
     return "\n".join(lines).splitlines()
 
 
@@ -421,10 +423,10 @@ def map_lines(table: pd.DataFrame) -> list[str]:
     words = [f"{counts.get(word, 0)} {word}" for word in ("good", "check", "reject")]
     failed = int((table["status"] != "fitted").sum())
     lines.append(
-        _line("Curves", f"{len(table)}: {', '.join(words)}{f', {failed} without a fit' if failed else ''}")
+        line("Curves", f"{len(table)}: {', '.join(words)}{f', {failed} without a fit' if failed else ''}")
     )
     if "layer.E.syst.low" in table.columns:
-        lines.append(_line("Shared by all", "inputs and model shift all curves alike and do not average out"))
+        lines.append(line("Shared by all", "inputs and model shift all curves alike and do not average out"))
     return "\n".join(lines).splitlines()
 
 
@@ -438,7 +440,7 @@ def quartiles(curves: pd.DataFrame, name: str) -> tuple[str, str, str, float]:
         float(value) for value in np.quantile(values[np.isfinite(values)], [0.25, 0.5, 0.75])
     )
     unit, factor = human_unit(middle, kind_of(name))
-    decimals = _decimals(max((high - low) / factor, 1e-3 * abs(middle / factor)))
+    decimals = _decimals(max((high - low) / factor, 0.1 * abs(middle / factor)))
     first, *ends = (f"{value / factor:.{decimals}f}" for value in (middle, low, high))
     return f"{first} {unit}".rstrip(), f"{' to '.join(ends)} {unit}".rstrip(), unit, factor
 
@@ -450,15 +452,15 @@ def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
     widths = [_half_widths(fitted, f"{name}{part}") for part in ("", ".stat", ".syst")] if told else []
     is_open = np.isinf(widths[0]) if told else np.zeros(len(fitted), dtype=bool)
     if is_open.all():
-        yield _line(own, "not determined by any curve")
+        yield line(own, "not determined by any curve")
         return
     middle, ends, unit, factor = quartiles(fitted, name)
-    yield _line(own, f"median {letter} = {middle}, middle half {ends}")
+    yield line(own, f"median {letter} = {middle}, middle half {ends}")
     if told:
         each, stat, syst = (_two_digits(float(np.median(width[~is_open])) / factor) for width in widths)
-        yield _line("One curve", f"{f'± {each} {unit}'.rstrip()} (95 %; stat {stat}, syst {syst})")
+        yield line("One curve", f"{f'± {each} {unit}'.rstrip()} (95 %; stat {stat}, syst {syst})")
     if is_open.any():
-        yield _line("", f"not determined by {int(is_open.sum())} of {len(fitted)} curves")
+        yield line("", f"not determined by {int(is_open.sum())} of {len(fitted)} curves")
 
 
 def _half_widths(fitted: pd.DataFrame, name: str) -> FloatArray:

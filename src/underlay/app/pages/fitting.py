@@ -205,7 +205,7 @@ class FitStep(Step):
         self._empty.clear()
         if not there:
             self._show_way()
-        self._look = self._view = None
+        self._forget()
         if there:
             names = [path.name for path in self.analysis.folder.curve_files()]
             at = names.index(self.analysis.curve_name)
@@ -215,6 +215,9 @@ class FitStep(Step):
             self._fill_in()
             await self._outcome.show()
         await self._film.show(has_stiffness=there and self._look is not None and self._look.has_stiffness)
+
+    def _forget(self) -> None:
+        self._look = self._view = None
 
     def _show_way(self) -> None:
         """Say what is missing for a fit, and where it is entered."""

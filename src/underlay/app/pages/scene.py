@@ -449,7 +449,7 @@ class SceneStep(Step):
         """Draw the scene, or say what it lacks."""
         missing = self.analysis.draft.missing
         if missing and self.analysis.lacks:
-            drawn = f"Needed: {', '.join(missing)}. Enter them, and the test is drawn here to scale."
+            drawn: object = f"Needed: {', '.join(missing)}. Enter them, and the test is drawn here to scale."
         else:
             drawn = await self.window.try_to(self.analysis.quick, "scene")
         self._drawing.clear()
