@@ -13,6 +13,8 @@ from support.browser_page import (
     choose,
     downloaded,
     drag,
+    drop,
+    drop_from_outside,
     enter,
     eventually,
     key,
@@ -278,6 +280,75 @@ def test_long_names_stay_in_their_places(tmp_path):
         press(tab, "5")
         until(tab, says("Picture: fit.png"))
         assert tab.evaluate(_CUT_OFF) == []
+
+
+def dismiss(tab, words):
+    """Wait for a message that stays, and close it."""
+    until(tab, says(words))
+    press(tab, "OK", ".q-notification button")
+    until(tab, f"!{says(words)}")
+
+
+def is_seen(tab, handle):
+    return tab.evaluate(f"Boolean(document.querySelector('.handle .{handle} rect'))")
+
+
+def zoomed_by_button_and_wheel_and_moved_aside(tab):
+    """Zooming in takes an end of the range out of sight, dragging beside the handles moves what is seen."""
+    assert is_seen(tab, "low")
+    press(tab, "zoom_in")
+    until(tab, "!document.querySelector('.handle .low rect')")
+    x, y = middle(tab, "contact")
+    drag(tab, (x + 60, y - 80), (x + 160, y - 80))
+    assert eventually(lambda: abs(middle(tab, "contact")[0] - x - 100) < 3.0)
+    press(tab, "zoom_out_map")
+    until(tab, "Boolean(document.querySelector('.handle .low rect'))")
+    x, y = middle(tab, "contact")
+    tab.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y - 80, deltaX=0, deltaY=-240)
+    until(tab, "!document.querySelector('.handle .low rect')")
+    # What is under the pointer stays there.
+    assert eventually(lambda: abs(middle(tab, "contact")[0] - x) < 3.0)
+    press(tab, "zoom_out_map")
+    until(tab, "Boolean(document.querySelector('.handle .low rect'))")
+
+
+def test_a_folder_a_failed_upload_zoom_undo_and_the_next_curve(tmp_path):
+    folder = tmp_path / "curves"
+    folder.mkdir()
+    (folder / "inside.csv").write_bytes((SAMPLES / "gel_on_glass.csv").read_bytes())
+    with browser() as tab, server(tmp_path / "home") as (_, address):
+        tab.open(address, **SIZE)
+        enter(tab, "New analysis")
+        until(tab, "location.pathname.startsWith('/analysis/')")
+        drop_from_outside(tab, folder)
+        dismiss(tab, "a folder cannot be dropped")
+        tab.call("Network.setBlockedURLs", urls=["*upload*"])
+        drop(tab, SAMPLES / "gel_on_glass.csv")
+        dismiss(tab, "The upload failed")
+        tab.call("Network.setBlockedURLs", urls=[])
+        drop(tab, SAMPLES / "gel_on_glass.csv", SAMPLES / "cartilage_on_bone.csv")
+        until(tab, says("cartilage_on_bone.csv"))
+        until(tab, says("loading 741"))
+        press(tab, "2")
+        press(tab, "Gel on glass")
+        press(tab, "Next: the fit")
+        first = modulus(tab)
+        zoomed_by_button_and_wheel_and_moved_aside(tab)
+        at = words(tab, "Contact")
+        tab_to(tab, CONTACT)
+        for _ in range(20):
+            key(tab, "ArrowRight")
+        modulus(tab, first)
+        assert words(tab, "Contact") != at
+        # The icon is a word of its font.
+        press(tab, "undo\nUndo: contact point")
+        assert eventually(lambda: words(tab, "Contact") == at)
+        assert modulus(tab) == first
+        press(tab, "redo\nRedo: contact point")
+        assert eventually(lambda: words(tab, "Contact") != at)
+        until(tab, says("gel_on_glass.csv, 2 of 2"))
+        press(tab, "Next")
+        until(tab, says("cartilage_on_bone.csv, 1 of 2"))
 
 
 # Words under a field that lie on something else than what the field stands in.

@@ -153,6 +153,18 @@ def drop(tab, *files):
     tab.call("DOM.setFileInputFiles", files=names, objectId=answer["result"]["objectId"])
 
 
+def drop_from_outside(tab, *paths):
+    """Drag files or folders from the desktop onto the place for curves, and let go."""
+    until(tab, f"{CONNECTED} && Boolean(document.querySelector('.q-uploader'))")
+    x, y = tab.evaluate(
+        "(() => { const b = document.querySelector('.q-uploader').getBoundingClientRect();"
+        "return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+    )
+    data = {"items": [], "files": [str(path) for path in paths], "dragOperationsMask": 1}
+    for kind in ("dragEnter", "dragOver", "drop"):
+        tab.call("Input.dispatchDragEvent", type=kind, x=x, y=y, data=data)
+
+
 def choose(tab, *files):
     """Open the choice of files by Tab and Enter, and choose some."""
     tab.call("Page.setInterceptFileChooserDialog", enabled=True)
