@@ -275,7 +275,7 @@ def test_too_few_walkers_are_refused_with_the_least_number(run, tmp_path):
     code, out, err = run(*words[:4], "--walkers", "10", "--max-steps", "100")
     assert code == 0, err
     # The baseline has no bounds in this scene file, and a sampler needs some.
-    assert "instrument.baseline: sampled within ten spans of the curve" in out
+    assert "baseline: no bounds in [fit], so within ten times the range of the curve" in out
 
 
 SLOW = ul.TransverselyIsotropic(E=1e6, E_axial=1e8, nu=0.3, nu_axial=0.2, G_axial=1e4)

@@ -31,6 +31,7 @@ from underlay.cli.options import (
     wanted_solver,
 )
 from underlay.errors import InputError
+from underlay.report.labels import labelled
 from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def plan(
         parameter=parameter,
         solver=wanted_solver(file.solver, solver, rtol),
     )
-    say(planned.recommendation)
+    say(labelled(planned.recommendation))
     stem = f"{scene.stem}.plan"
     write_out(output, {f"{stem}.csv": planned.to_frame(), f"{stem}.png": lambda: ul.plots.plan(planned)})
 
@@ -144,7 +145,7 @@ def identify(
     file = replace(file, solver=wanted_solver(file.solver, solver, rtol))
     measured = measured_curve(file, curve)
     told = _before(file) if measured is None else ul.identifiability(problem_from(file, measured))
-    say(spoken(told.report()))
+    say(labelled(spoken(told.report())))
     stem = f"{scene.stem}.identifiability"
     write_out(output, {f"{stem}.csv": told.to_frame(), f"{stem}.png": lambda: ul.plots.identifiability(told)})
 

@@ -269,6 +269,7 @@ def sample(
     Example: `underlay sample curve.csv --scene scene.toml --output results --max-steps 400`
     """
     from underlay.inference.from_files import problem_from, read_for, weak_bounds
+    from underlay.report.labels import label
     from underlay.report.posterior_tables import posterior_table, prior_table
     from underlay.report.screen import posterior_lines
     from underlay.scene.scene_file import read_scene_file
@@ -286,18 +287,20 @@ def sample(
             problem = ul.free_model_error(problem)
         if problem.noise_is_open:
             say(
-                "note: no noise level is given, so it is sampled too. A known one is quicker: force in [noise] "
-                "of the scene file"
+                "note: the noise of the force is not given: it is sampled too. It is quicker where you know it: "
+                "force in [noise] of the scene file"
             )
         posterior = ul.sample(problem, walkers, max_steps, seed, backend=chain, resume=resume, method=method)
     say("")
     for text in posterior_lines(posterior):
         say(spoken(text))
     if details:
+        say(f"sampling: {posterior.diagnostics.reason}")
         say_table(posterior_table(posterior), f"Posterior of {curve.name}")
         say_table(prior_table(posterior), "Prior and posterior")
     if weak:
-        notes.append(f"{', '.join(weak)}: sampled within ten spans of the curve, for want of bounds in [fit]")
+        named = ", ".join(map(label, weak))
+        notes.append(f"{named}: no bounds in [fit], so within ten times the range of the curve")
     say_warnings(notes)
     if output is not None:
         draws = output / f"{curve.stem}.posterior.npz"

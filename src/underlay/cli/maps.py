@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -83,13 +84,15 @@ def map_curves(
     """
     from underlay.inference.batch.decisions import without_refused
     from underlay.inference.batch.results_table import write_frame
+    from underlay.report.screen import assumed_words, line, written_line
     from underlay.scene.scene_file import read_scene_file
 
     scene = scene_for(scene, curves, "map")
     decided = None if decisions is None else ul.read_decisions(decisions)
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
-    wanted = wanted_solver(read_scene_file(scene).solver, solver, rtol)
+    file = read_scene_file(scene)
+    wanted = wanted_solver(file.solver, solver, rtol)
     if excel is not None:
         _require_elsewhere(excel, curves, folders)
     folder = require_writable_folder(output)
@@ -122,7 +125,12 @@ def map_curves(
         write_frame(path, table)
     counted = without_refused(table)
     _show(counted)
-    say(f"wrote {path}")
+    if assumed := assumed_words(file.assumed):
+        say(line("Assumed", assumed))
+    say(written_line([path, *_draw(counted, folder)], folder, path.stem))
+    if "animal" in counted:
+        # A command is not broken: it is copied.
+        say(f"{line('Next step', ''):<16}underlay population {shlex.quote(str(path))} --by animal")
     if review:
         # As `fit_many` listed the curves.
         own = [entry for entry in (manifest, scene, path) if entry is not None]
@@ -131,8 +139,6 @@ def map_curves(
         )
         say(f"wrote {pages[0]}{f' and {len(pages) - 2} more' if len(pages) > 2 else ''}")
         say(f"wrote {pages[-1]}: fill it in, and run this again with --resume --decisions {pages[-1]}")
-    for picture in _draw(counted, folder):
-        say(f"wrote {picture}")
     if excel is not None:
         say(f"wrote {_write_excel(table, excel, scene, wanted)}")
 
@@ -170,12 +176,10 @@ def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: ul.Solver
 
 def _show(table: pd.DataFrame) -> None:
     """Print what was found: counts, the spread of every parameter, the failures."""
-    from underlay.report.maps import errors_in_words
     from underlay.report.screen import map_lines
 
     for text in map_lines(table):
         say(text)
-    say(errors_in_words(table))
     failed = table[table["status"] == "failed"]
     for name, reason in zip(failed["name"].head(_LISTED), failed["reason"].head(_LISTED), strict=True):
         say(f"failed: {name}: {reason}")

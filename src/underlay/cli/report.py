@@ -244,7 +244,7 @@ def cite(
     found = cited(result)
     say_table(
         pd.DataFrame([{"for": why, "cite": str(work)} for work, why in found]),
-        f"What {result.name} stands on",
+        f"What to cite for {result.name}",
     )
     if output is not None:
         stem = result.name.partition(".")[0]

@@ -145,6 +145,7 @@ def _list_formats() -> None:
         for entry in all_formats()
     ]
     say_table(pd.DataFrame(rows), "Formats")
+    say("What needs .[afm] or the like: pip install '.[afm]' in the folder of underlay")
     added = _plug_ins()
     if added:
         say_table(pd.DataFrame(added), "Plug-ins of other packages")

@@ -28,6 +28,7 @@ from underlay.units import format_quantity, human_unit
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.pointwise.result import PointwiseModulus
+    from underlay.inference.sampling.diagnostics import SamplingDiagnostics
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
@@ -316,10 +317,7 @@ def _adhesion(fit: Fit) -> Iterator[str]:
     baseline = fit.scenes[0].instrument.baseline
     lowest = float(curve.force.min()) - baseline
     if lowest < 0.0:
-        yield line(
-            "Adhesion",
-            f"pull-off force {format_quantity(-lowest, 'force')} (lowest force against the baseline)",
-        )
+        yield line("Pull-off", f"{format_quantity(-lowest, 'force')}: the lowest force against the baseline")
 
 
 def _by_depth(fit: Fit) -> Iterator[str]:
@@ -408,8 +406,16 @@ def posterior_lines(posterior: Posterior) -> list[str]:
     silent = [start(label(str(name))) for name in told.index[told == "not informed by these data"]]
     if silent:
         lines.append(line("Not informed", f"{', '.join(silent)}: what was known before"))
-    lines.append(line("Sampling", posterior.diagnostics.reason))
+    lines.append(line("Sampling", _sampling(posterior.diagnostics)))
     return "\n".join(lines).splitlines()
+
+
+def _sampling(told: SamplingDiagnostics) -> str:
+    """How many independent draws there are of the number with the fewest; why not, where they are not enough."""
+    if not told.converged or not told.effective:
+        return told.reason
+    chains = f", R-hat {max(told.rhat):.3f}" if told.rhat else ""
+    return f"{min(told.effective):.0f} effective samples{chains}, {told.seconds:.2g} s"
 
 
 # --- a map --------------------------------------------------------------------------------------------------
@@ -426,7 +432,9 @@ def map_lines(table: pd.DataFrame) -> list[str]:
         line("Curves", f"{len(table)}: {', '.join(words)}{f', {failed} without a fit' if failed else ''}")
     )
     if "layer.E.syst.low" in table.columns:
-        lines.append(line("Shared by all", "inputs and model shift all curves alike and do not average out"))
+        lines.append(
+            line("Shared by all", "errors of inputs and model shift all curves alike: no mean reduces them")
+        )
     return "\n".join(lines).splitlines()
 
 
