@@ -19,9 +19,9 @@ from underlay.report import screen
 from underlay.report.maps import (
     comparison_table,
     group_table,
+    means_in_words,
     of_map,
     population_lines,
-    population_sentences,
     population_tables,
     population_verdict,
 )
@@ -279,7 +279,10 @@ def test_the_page_of_a_map_says_what_its_animals_say():
     table = pd.concat([table_of(one, labels, group="sham"), table_of(other, labels, group="treated<b>")])
     found = of_map(table)
     assert found.groups["sham"].mean == ul.population(table, group="group").groups["sham"].mean
-    assert "geometric mean of 4 animals, 20 curves" in " ".join(population_sentences(found))
+    assert [(name, of) for name, _, of in means_in_words(found)] == [
+        ("sham", "4 animals, 20 curves"),
+        ("treated<b>", "4 animals, 20 curves"),
+    ]
     groups, ratios = population_tables(found)
     assert len(groups) == 2
     assert len(ratios) == 1

@@ -231,7 +231,7 @@ def test_page_of_a_map_says_what_was_found_and_what_was_not(map_page):
     _, page = map_page
     text = page_text(page)
     assert "6 curves, 5 fitted" in text
-    assert "Layer modulus E, median 1.2 MPa middle half of the sites: 1.1 to 1.3 MPa" in text
+    assert "Layer modulus E, median 1.20 MPa middle half of the sites: 1.10 to 1.30 MPa" in text
     assert "4 good, 1 check, 0 reject, 1 without a fit" in text
     assert "broken <b>" in text
     assert "6 force-indentation curves were fitted one by one" in text

@@ -11,7 +11,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -93,6 +92,7 @@ ELSEWHERE: Mapping[tuple[str, str], str] = {
 }
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
 _FOLDER = Path(__file__).parent / "presets"
+_HELP: Mapping[str, Mapping[str, str]] = parse_toml(read_text(_FOLDER.with_name("help.toml"), _KIND))
 _CHOSEN_BY = {
     "indenter": "shape",
     "layer.relaxation": "model",
@@ -146,7 +146,7 @@ class Field:
     @property
     def help(self) -> str:
         """What it is, for whom the mouse rests on it; of a tip from outside what that declares."""
-        known, section = _helps()["test"], _INDEX.sub("", self.section)
+        known, section = _HELP["test"], _INDEX.sub("", self.section)
         own = (f"{section}.{self.key.name}", self.key.name)
         return next((known[name] for name in own if name in known), self.key.meaning)
 
@@ -370,16 +370,9 @@ class Draft:
         return key.name in _AXIAL and key.name in table
 
 
-@cache
-def _helps() -> Mapping[str, Mapping[str, str]]:
-    with understood("the help of the page", _KIND):
-        return parse_toml(read_text(Path(__file__).parent / "help.toml", _KIND))
-
-
 def help_of(name: str) -> str:
     """Return what a field of the page is, which is none of a test's, by its mark."""
-    known = _helps()
-    return known["page"].get(name) or known["test"][name]
+    return _HELP["page"].get(name) or _HELP["test"][name]
 
 
 def draft_from(text: str, files: Collection[str]) -> Draft:

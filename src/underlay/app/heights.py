@@ -25,8 +25,8 @@ __all__ = ["thickness_from_heights"]
 
 _THICKNESS = "thickness (m)"
 _PLACE = re.compile(r"([xy])\s*[(\[]\s*(\w+)\s*[)\]]")
-# Corners of a plane; the least sine between its directions for which it is one and no line: one degree.
-_CORNERS, _LEAST_SINE = 3, 0.017
+# Least ratio of the directions of a plane for which it is one and no line: the sine of one degree.
+_LEAST_SINE = 0.017
 
 
 def thickness_from_heights(folder: AnalysisFolder, file: SceneFile, begins: str) -> str:
@@ -120,7 +120,8 @@ def _contact(
 def _terms(places: list[tuple[float, ...]], bare: np.ndarray) -> FloatArray:
     """Columns of what the height of the substrate is made of: one, and x and y where they span a plane."""
     level = np.ones((len(places), 1))
-    if bare.sum() < _CORNERS or not all(places):
+    # A plane has three corners.
+    if bare.sum() < 3 or not all(places):
         return level
     across = np.array(places, dtype=float)
     across -= across[bare].mean(axis=0)

@@ -14,17 +14,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from underlay._door import parse_toml, sha256_of
+from underlay._door import FileKind, parse_toml, read_bytes, read_text, sha256_of
 from underlay._files import require_writable_folder
 from underlay.app.folder import AnalysisFolder, stem_of
 from underlay.app.form import Draft, empty, in_the_form
+from underlay.app.labels import take_manifest
 from underlay.app.security import Doorkeeper
 from underlay.app.work import Worker
+from underlay.data.samples import sample, samples
 from underlay.errors import InputError, UnderlayError
 from underlay.report.labels import label
 from underlay.scene.scene_file import SceneFile, scene_file_from_text
 
-__all__ = ["Home", "OpenAnalysis", "Snapshot", "changed", "said"]
+__all__ = ["SAMPLES", "Home", "OpenAnalysis", "Snapshot", "changed", "said", "with_sample"]
 
 _NOTHING = "bring a file first, and pick the curve to look at"
 _CHANGED = {
@@ -38,6 +40,7 @@ _CHANGED = {
 # Changes that are remembered; seconds within which changes of one number are one.
 _MOST_UNDONE, _AT_ONCE = 50, 2.0
 _TASKS = "underlay.app.tasks:Analyst"
+_KIND = FileKind("a sample", 5_000_000, "install underlay again")
 # What is of one curve only: keys of its scene, and the contact point among what is fitted.
 _HANDLES = (("curve", "min_depth"), ("curve", "max_depth"), ("instrument", "contact_depth"))
 _CONTACT, _BOUNDS = "instrument.contact_depth", "bounds of the contact point"
@@ -309,3 +312,25 @@ class Home:
         """End every process."""
         for analysis in self._open.values():
             analysis.close()
+
+
+#: Samples by their scenes: what they are called, what is special, and folder and ending of their curves.
+SAMPLES: Mapping[str, tuple[str, str, tuple[str, str]]] = {
+    "gel_on_glass.toml": ("Gel on glass", "AFM, thickness known", ("", "gel_on_glass.csv")),
+    "cartilage_on_bone.toml": ("Cartilage on bone", "thickness fitted too", ("", "cartilage_on_bone.csv")),
+    "chiaro_cell.toml": ("Cell", "measured, half-space", ("", "chiaro_cell_indentation.csv")),
+    "joint/scene.toml": ("Joint, six sites", "a map, two animals", ("joint/curves", ".csv")),
+}
+
+
+def with_sample(folder: AnalysisFolder, scene: str) -> None:
+    """Put the curves and the test of a sample into an analysis."""
+    paths = samples(*SAMPLES[scene][2])
+    brought = [folder.add_curve(path.name, read_bytes(path, _KIND)).name for path in paths]
+    draft = Draft.of(read_text(sample(scene), _KIND))
+    draft.table("curve")["file"] = f"curves/{brought[0]}"
+    folder.write_scene(draft.text())
+    # The sample of a map says whose each curve is.
+    manifest = sample(scene).with_name("manifest.csv")
+    if manifest.exists():
+        take_manifest(folder, read_bytes(manifest, _KIND))

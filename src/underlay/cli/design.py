@@ -31,7 +31,6 @@ from underlay.cli.options import (
     wanted_solver,
 )
 from underlay.errors import InputError
-from underlay.report.labels import labelled
 from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
@@ -76,6 +75,7 @@ def plan(
     import numpy as np
 
     from underlay.inference.from_files import free_of
+    from underlay.report.labels import labelled
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(scene)
@@ -139,6 +139,7 @@ def identify(
     Example: `underlay identify scene.toml --curve curve.csv`
     """
     from underlay.inference.from_files import problem_from
+    from underlay.report.labels import labelled
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(scene)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,12 +19,11 @@ from underlay.inference.batch.decisions import (
     REFUSE,
     is_map,
     read_map,
-    shared_error_of,
     without_refused,
 )
 from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
 from underlay.inference.uncertainty.answer import Advice
-from underlay.report.labels import label, start
+from underlay.report.labels import label
 from underlay.report.screen import interval_text, line, name_of, verdict_lines
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.scene.parameters import kind_of
@@ -44,10 +43,10 @@ __all__ = [
     "has_positions",
     "is_map",
     "map_provenance_table",
+    "means_in_words",
     "of_map",
     "parameter_table",
     "population_lines",
-    "population_sentences",
     "population_tables",
     "population_verdict",
     "read_map",
@@ -59,9 +58,8 @@ __all__ = [
 # More rows than this are looked up in the table itself.
 _LISTED = 50
 _MIDDLE = (0.5, 0.16, 0.84)
-# Factor to either side from which an interval is too wide for use, the units that are asked for at most, and
-# standard errors in the half of a 95 % interval.
-_WIDE, _MOST_UNITS, _EXPANDED = 2.0, 30, 1.96
+# Factor to either side from which an interval is too wide for use, as of the verdict on a fit.
+_WIDE = 2.0
 # What follows from a fit with adhesion at every site; the table has no error of them.
 _FOLLOW = ("adhesion.pull_off_force", "adhesion.pull_off_depth")
 # Columns of a map that say whose a curve is, and of which group.
@@ -94,17 +92,6 @@ def errors_in_words(table: pd.DataFrame) -> str:
     if not any(str(column).endswith(".stat.low") for column in table.columns):
         return "± of a curve is the standard error of white noise alone; without --quick it is what a fit prints."
     return "± of a curve is at 95 %, statistical and systematic parts together, as of a single fit."
-
-
-def shared_error_words(table: pd.DataFrame) -> str:
-    """What inputs and model may add to every modulus of a map alike; empty where no answers were asked."""
-    share = shared_error_of(table)
-    if share is None:
-        return ""
-    return (
-        f"Inputs and model shift every {label('layer.E')} alike, by up to {196.0 * share:.2g} % (95 %): no scatter "
-        "shows it, and no mean takes it away."
-    )
 
 
 def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -265,33 +252,20 @@ def comparison_table(result: Population) -> pd.DataFrame:
     )
 
 
-def population_sentences(result: Population) -> list[str]:
-    """Means and ratios in words, first what people copy, then what they must know beside it."""
-    said = []
-    kind = kind_of(result.parameter)
+def means_in_words(result: Population) -> Iterator[tuple[str, str, str]]:
+    """Yield name, mean with its interval, and of how many it is, group by group."""
     for name, group in result.groups.items():
-        who = f"{one_line(name)}: " if name else ""
-        of = (
-            f"{group.units} {result.by[0]}s, {group.curves} curves" if result.by else f"{group.curves} curves"
-        )
-        mean = interval_text(group.mean, group.low, group.high, kind)
-        said.append(f"{who}{start(label(result.parameter))} {mean}, geometric mean of {of}.")
-    said += [_compared(pair) for pair in result.comparisons]
-    if result.shared_error:
-        said.append(f"{start(_shared_words(result))}.")
-    return said + result.sentences()
+        units = f"{group.units} {result.by[0]}s, " if result.by else ""
+        mean = interval_text(group.mean, group.low, group.high, kind_of(result.parameter))
+        yield one_line(name), mean, f"{units}{group.curves} curves"
 
 
 def population_lines(result: Population) -> list[str]:
     """The short text of a population: means first, one verdict, one next step, the spreads."""
-    kind, name = kind_of(result.parameter), name_of(result.parameter)[0]
-    lines = []
-    for place, (called, group) in enumerate(result.groups.items()):
-        mean = interval_text(group.mean, group.low, group.high, kind)
-        of = f"{group.units} {result.by[0]}s, " if result.by else ""
-        what = f"{one_line(called)} " if called else "mean "
-        scale = "; 95 %, geometric mean" if place == 0 else ""
-        lines.append(line("" if place else name, f"{what}{mean} ({of}{group.curves} curves{scale})"))
+    name, lines = name_of(result.parameter)[0], list[str]()
+    for called, mean, of in means_in_words(result):
+        scale = "" if lines else "; 95 %, geometric mean"
+        lines.append(line("" if lines else name, f"{called or 'mean'} {mean} ({of}{scale})"))
     first = next(iter(result.groups))
     for pair in result.comparisons:
         if pair.reference == first:
@@ -304,14 +278,15 @@ def population_lines(result: Population) -> list[str]:
     told = [f"between {spread.level}s {_spread_in_words(spread)}" for spread in spreads]
     lines.append(line("Spread", "; ".join(told)))
     if result.shared_error:
-        lines.append(line("Systematic", _shared_words(result)))
+        lines.append(line("Systematic", shared_error_words(result)))
     if result.left_out:
         lines.append(line("Left out", f"{len(result.left_out)} curves (--details says why)"))
     return "\n".join(lines).splitlines()
 
 
-def _shared_words(result: Population) -> str:
-    share = 100.0 * _EXPANDED * result.shared_error
+def shared_error_words(result: Population) -> str:
+    """What inputs and model may add to every curve alike."""
+    share = 100.0 * 1.96 * result.shared_error
     return f"± {share:.2g} % on all curves alike, by inputs and model (95 %)"
 
 
@@ -337,14 +312,14 @@ def population_verdict(result: Population) -> Advice:
     return Advice("good", f"the interval holds for {level}s like these")
 
 
-def _more_units(result: Population, group: Group, level: str) -> str:
+def _more_units(result: Population, group: Group, level: str, most: int = 30) -> str:
     """How many units of the same spread would give a useful interval, and which."""
     from underlay.inference.population.result import Variance  # noqa: PLC0415  as above
 
     variance = group.plain_mean.variance
-    for count in range(group.units + 1, _MOST_UNITS + 1) if variance is not None else ():
+    for count in range(group.units + 1, most + 1) if variance is not None else ():
         fewer = Variance(variance.value * group.units / count, count - 1.0)
-        half = math.hypot(fewer.half, _EXPANDED * result.shared_error)
+        half = math.hypot(fewer.half, 1.96 * result.shared_error)
         if half <= math.log(_WIDE):
             ends = interval_text(
                 group.mean,
@@ -353,7 +328,7 @@ def _more_units(result: Population, group: Group, level: str) -> str:
                 kind_of(result.parameter),
             )
             return f"{count} {level}s of the same spread would give {ends}"
-    return f"measure more {level}s: of this spread more than {_MOST_UNITS} are needed"
+    return f"measure more {level}s: of this spread more than {most} are needed"
 
 
 def _spread_in_words(spread: Spread) -> str:
@@ -362,13 +337,6 @@ def _spread_in_words(spread: Spread) -> str:
         f"{float(f'{100.0 * end:.2g}'):g}" for end in (spread.low, spread.median, spread.high)
     )
     return f"{middle} % ({low} to {high})" if spread.low > 0.0 else f"under {high} %"
-
-
-def _compared(pair: Comparison) -> str:
-    return (
-        f"{one_line(pair.name)} over {one_line(pair.reference)}: {_ratio(pair.ratio, pair.low, pair.high)}; "
-        f"the probability that it is above one is {_probability(pair.probability_above)}."
-    )
 
 
 def _ratio(ratio: float, low: float, high: float) -> str:

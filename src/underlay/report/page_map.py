@@ -87,8 +87,7 @@ class MapPage:
         about = f"{len(self.whole)} curves, {self.fitted} fitted"
         head = masthead(self.day, f"A map of indentation tests: {name}", about)
         label = "group" if "group" in self.sites.columns else "animal"
-        shared = maps.shared_error_words(self.sites)
-        together = together_block(maps.of_map(self.sites), self.sites, label, shared)
+        together = together_block(maps.of_map(self.sites), self.sites, label)
         return document(
             f"{name}: a map of indentation tests", head, self.sheet(together=together, opened=opened)
         )
@@ -174,32 +173,40 @@ class MapPage:
             yield pixels(plots.verdicts(self.sites), "Map of the verdicts.", "Verdicts")
 
 
-def together_block(found: Population | str, curves: pd.DataFrame, label: str, shared: str = "") -> str:
-    """Return what the sites say together as HTML: the population, its picture and its tables.
+def together_block(found: Population | str, curves: pd.DataFrame, label: str) -> str:
+    """Return what the sites say together as HTML: means and verdict, the population's picture and its tables.
 
     Parameters
     ----------
     found : Population or str
         The population, or in words why there is none.
     curves : DataFrame
-        The map; where it has the column `label`, a box plot by it stands below the population.
+        The map; where it has the column `label`, a box plot by it stands beside the population.
     label : str
         Column by which the curves are grouped.
-    shared : str
-        A sentence on errors that all curves share.
     """
-    sentences = [found] if isinstance(found, str) else maps.population_sentences(found)
-    told = [tag("p", words(text)) for text in (*sentences, shared) if text]
     if isinstance(found, str):
-        return "<h2>All sites together</h2>" + "".join(told)
+        return f"<h2>All sites together</h2>{tag('p', words(found))}"
+    title, letter = name_of(found.parameter)
+    numbers = []
+    for called, mean, of in maps.means_in_words(found):
+        number, _, unit = mean.rpartition(" ")
+        title_of = f"{title} {letter}, {called or 'mean'}"
+        numbers.append(number_block(title_of, number, unit, f"geometric mean of {of}; 95 %", "second"))
     verdict = maps.population_verdict(found)
-    told.append(verdict_block(verdict.word, verdict.reason, verdict.cause, verdict.next))
-    drawn = ""
+    more = f"{maps.shared_error_words(found)}." if found.shared_error else ""
+    told = verdict_block(verdict.word, verdict.reason, verdict.cause, verdict.next, more)
+    drawn = []
     if found.by:
         alt = "Curves, animals and the population with its interval, group by group."
-        drawn = figure(plots.population(found), "population", alt, "Population.")
+        drawn.append(figure(plots.population(found), "population", alt, "Population."))
     if label in curves.columns:
         ax = plots.boxes(curves, label, found.parameter)
-        drawn += figure(ax, "boxes", f"Box plot of every {label}, with its curves.", f"Curves by {label}.")
+        drawn.append(
+            figure(ax, "boxes", f"Box plot of every {label}, with its curves.", f"Curves by {label}.")
+        )
     frames = [table(frame) for frame in maps.population_tables(found)]
-    return tag("section", tag("div", drawn), tag("div", *told), kind="pair") + "".join(frames)
+    said = [tag("p", words(text)) for text in found.sentences()]
+    return "".join(
+        (tag("section", *numbers, told, kind="head"), tag("section", *drawn, kind="pair"), *frames, *said)
+    )

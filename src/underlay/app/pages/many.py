@@ -387,14 +387,15 @@ class ManyStep(Step):
             self._count = ui.label().classes("quiet")
         self._old = ui.label(_MANY_OLD).classes("note")
         self._overview = ui.column().classes("wide")
+        place = ui.column().classes("wide")
         with ui.row().classes("columns"):
             with ui.column().classes("main") as self._map:
                 self._regions = RegionPart(self.window, self._named)
             with ui.column().classes("side wider"):
-                place = ui.column()
                 self._population = PopulationPart(self.window, place)
                 HeightPart(self.window, self.show)
-        place.classes("wide").move(target_index=-1)
+        # Below both: pictures and tables need the width.
+        place.move(target_index=-1)
         self._gallery = GalleryPart(self.window, self._decided)
 
     async def show(self) -> None:

@@ -14,8 +14,7 @@ from underlay.app.pages.many import ManyStep
 from underlay.app.pages.scene import SceneStep
 from underlay.app.pages.step import Step, Window, complain, helped
 from underlay.app.pages.takeaway import TakeAwayStep
-from underlay.app.samples import SAMPLES, with_sample
-from underlay.app.state import Home, OpenAnalysis
+from underlay.app.state import SAMPLES, Home, OpenAnalysis, with_sample
 from underlay.errors import UnderlayError
 from underlay.report.page import style_of
 
