@@ -317,7 +317,9 @@ def _more_units(result: Population, group: Group, level: str, most: int = 30) ->
     from underlay.inference.population.result import Variance  # noqa: PLC0415  as above
 
     variance = group.plain_mean.variance
-    for count in range(group.units + 1, most + 1) if variance is not None else ():
+    if variance is None:
+        return f"measure more {level}s"
+    for count in range(group.units + 1, most + 1):
         fewer = Variance(variance.value * group.units / count, count - 1.0)
         half = math.hypot(fewer.half, 1.96 * result.shared_error)
         if half <= math.log(_WIDE):
