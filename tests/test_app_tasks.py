@@ -68,6 +68,7 @@ def test_what_nobody_entered_is_assumed_in_the_result_in_the_report_and_in_the_e
         assert "Assumed: indenter radius, layer thickness: usual values, not measured; enter yours." in text
         assert "indenter radius and layer thickness (6 \N{MICRO SIGN}m) were assumed, not measured" in text
         assert "Poisson's ratio of the layer (0.5) was given" in text
+    assert "Assumed: indenter radius, layer thickness" in text_in(analyst.sample(2_000, silent).sheet)
     archive = zipfile.ZipFile(io.BytesIO(analyst.archive(silent)))
     exported = scene_file_from_text(archive.read("scene.toml").decode())
     assert exported.assumed == ("indenter.radius", "layer.E", "layer.thickness")

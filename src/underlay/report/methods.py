@@ -127,7 +127,7 @@ def _parameters(fit: Fit) -> str:
     if fit.scene.substrate is not None and "layer.thickness" not in fit.names:
         thick = format_quantity(fit.scene.layer.thickness, "length")
         fixed["layer.thickness"] = f"layer thickness ({thick})"
-    assumed = assumed_inputs(fit)
+    assumed = assumed_inputs(fit.curves)
     given = [words for path, words in fixed.items() if path not in assumed]
     guessed = [fixed.get(path, label(path)) for path in assumed]
     told = [(free, len(fit.names), "fitted")]

@@ -55,6 +55,7 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
+    from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.uncertainty.answer import Advice, Answer
@@ -119,8 +120,13 @@ def masthead(day: str, name: str, about: str) -> str:
     )
 
 
-def headline(answers: list[Answer], verdict: Advice, more: str = "") -> str:
-    """Return the numbers, each with both parts of its uncertainty, beside verdict, cause and next step."""
+def headline(answers: list[Answer], verdict: Advice, curves: Iterable[Curve] = (), more: str = "") -> str:
+    """Return the numbers, each with both parts of its uncertainty, beside verdict, cause, next step and `more`.
+
+    What nobody measured of the tests of these `curves` is named.
+    """
+    assumed = assumed_words(assumed_inputs(curves))
+    more = f"{more} Assumed: {assumed}.".strip() if assumed else more
     numbers = [_number(known, place, str(verdict.word)) for place, known in enumerate(answers[:_NUMBERS])]
     told = verdict_block(
         verdict.word, labelled(verdict.reason), labelled(verdict.cause), next_step(verdict), more
@@ -218,13 +224,13 @@ class FitPage:
 
     def head(self) -> str:
         """The numbers and the verdict, which are there before the pictures."""
-        assumed = assumed_words(assumed_inputs(self.fit))
-        told = f"Assumed: {assumed}." if assumed else ""
-        return headline(self.answers, self.fit.verdict, f"{self._narrower()} {told}".strip())
+        return headline(self.answers, self.fit.verdict, self.fit.curves, self._narrower())
 
     def sheet(self, *, opened: bool = False) -> str:
         """What stands under the masthead."""
-        side = drawing(self.tests[0], self.fit.solver, "at the deepest point", assumed_inputs(self.fit))
+        side = drawing(
+            self.tests[0], self.fit.solver, "at the deepest point", assumed_inputs(self.fit.curves)
+        )
         blocks = [
             self.head(),
             tag("section", self._curve(0), side, kind="figs"),
@@ -363,7 +369,7 @@ class FitPage:
 
     def _more_curves(self) -> Iterator[Detail]:
         blocks = [self._curve(number) for number in range(1, len(self.fit.curves))]
-        assumed = assumed_inputs(self.fit)
+        assumed = assumed_inputs(self.fit.curves)
         blocks += [drawing(test, self.fit.solver, "at the deepest point", assumed) for test in self.tests[1:]]
         yield "The other curves", f"{len(self.fit.curves) - 1} more", blocks
 

@@ -60,7 +60,7 @@ class PosteriorPage:
         answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
         facts = [f"{path.name} · SHA-256 {sha256_of(path)}" for path in self.files]
         blocks = [
-            headline(answers, post.verdict),
+            headline(answers, post.verdict, () if post.problem is None else post.problem.curves),
             tag("section", self._predicted(0), self._drawing(), kind="figs"),
             self._corner(),
             footer(*facts, *self._origin(), command=self.command),

@@ -26,6 +26,7 @@ from underlay.scene.parameters import declared, kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
+    from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.sampling.diagnostics import SamplingDiagnostics
@@ -263,9 +264,9 @@ def budget_table(known: Answer) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def assumed_inputs(fit: Fit) -> list[str]:
-    """Numbers of the test that nobody measured, by their paths: a usual value stands in their place."""
-    return list(dict.fromkeys(path for curve in fit.curves for path in curve.metadata.get("assumed", ())))
+def assumed_inputs(curves: Iterable[Curve]) -> list[str]:
+    """Numbers of the tests that nobody measured, by their paths: a usual value stands in their place."""
+    return list(dict.fromkeys(path for curve in curves for path in curve.metadata.get("assumed", ())))
 
 
 def assumed_words(paths: Iterable[str]) -> str:
@@ -275,7 +276,7 @@ def assumed_words(paths: Iterable[str]) -> str:
 
 
 def _assumed_lines(fit: Fit) -> Iterator[str]:
-    if words := assumed_words(assumed_inputs(fit)):
+    if words := assumed_words(assumed_inputs(fit.curves)):
         yield line("Assumed", words)
 
 
