@@ -246,7 +246,7 @@ def curves_through(
     varpi: FloatArray,
     logarithms: FloatArray,
     top: float | FloatArray,
-    softness: float = 0.0,
+    stretch: Stretch,
 ) -> CurveBatch:
     """Return the polynomials through given points, as `MasterCurve.through` does for one curve.
 
@@ -260,8 +260,8 @@ def curves_through(
         Of the factors, and columns of derivatives after them: see `CurveBatch.slopes`.
     top : float or ndarray (sets,)
         Largest varpi that is asked for.
-    softness : float
-        Of the stretched variable.
+    stretch : Stretch
+        Of the rate of the stretched variable.
 
     Returns
     -------
@@ -269,16 +269,16 @@ def curves_through(
         Its error estimates are what the polynomials leave out, up to `top`.
     """
     count = varpi.shape[1]
-    # Of unit length: t itself.
-    unit = Stretch(1.0, softness)
-    lengths = unit.t(varpi[:, -1:]) * reach(count)
-    stretch = Stretch(lengths, np.full_like(lengths, softness))
+    last = varpi[:, -1:]
+    share = stretch.over(np.asarray(top)).length
+    stretch = Stretch(stretch.over(last).length * reach(count), np.full_like(last, stretch.rate))
     angles = np.arccos(stretch.z(varpi))
     basis = np.cos(angles[..., None] * np.arange(count))
     coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
-    share = unit.t(np.asarray(top)) / lengths[:, 0]
     factors = len(Factor)
-    errors = growth_beyond(share, count) * truncation_error(coefficients[..., :factors])
+    errors = growth_beyond(share / stretch.length[:, 0], count) * truncation_error(
+        coefficients[..., :factors]
+    )
     tables = in_powers(coefficients)
     return CurveBatch(
         measure,
@@ -411,7 +411,7 @@ class ExactBatch:
         # A set whose radii pass the end of the shape is solved on the thickest layer that fits, and marked.
         thickest = self.indenter.max_radius / float(self.eps.max())
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, np.minimum(lengths, thickest))
-        batch = curves_through(self.measure, varpi, logarithms, self.top)
+        batch = curves_through(self.measure, varpi, logarithms, self.top, Stretch.to(self.top, 0.0))
         errors = SHARE_OF_NODES * self.rtol + batch.error_estimate
         return replace(batch, error_estimate=np.where(lengths[:, 0] > thickest, np.inf, errors))
 

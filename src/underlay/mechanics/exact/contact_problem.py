@@ -26,6 +26,7 @@ from underlay.mechanics.exact.master_curve import (
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
+    shortened,
 )
 from underlay.mechanics.exact.nodes import (
     TABLES,
@@ -318,11 +319,8 @@ def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
     if series is None or problem.indenter is not problem.measure:
         return solve_curve(problem, top, rtol)
     terms = series.coefficients[0]
-    tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
-    # What a curve's own estimate is read from is four terms.
-    kept = max(4, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
-    left_out = float(tails[kept]) if kept < len(terms) else 0.0
-    curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]])
+    kept, left_out = shortened(terms, _SHARE_OF_TAIL * rtol)
+    curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]], 0.0)
     eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
     return SolvedCurve(curve, series.resolution, series.radii, eps, STORED_ERROR + left_out)
 
@@ -402,7 +400,7 @@ def _direct(
     gain: float,
 ) -> SolvedCurve | None:
     """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
-    softness = problem.scales.softness
+    wanted = Stretch.to(top, problem.scales.softness)
     fine = max(rtol / gain, _FINEST)
     widen = last / float(place(np.array([top]))[0])
     terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol / problem.unevenness)
@@ -411,16 +409,17 @@ def _direct(
     eps = problem.widest(last)
     resolution = problem.resolution(eps, fine)
     while terms <= MOST_TERMS:
-        targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
+        targets = wanted.v(np.cos(chebyshev_angles(terms)))
         varpi, logarithms = problem.solve(place(targets) * widen, resolution, fine)
         if varpi[-1] < _SHORT * targets[-1] and last < problem.end:
             wider = _widened(problem, top, 1.05 * last * float(targets[-1] / varpi[-1]), rtol)
             widen, last, eps = widen * wider / last, wider, problem.widest(wider)
             resolution = problem.resolution(eps, fine)
             continue
-        curve = MasterCurve.through(varpi, logarithms, top, softness)
+        left = (1.0 - SHARE_OF_NODES) * rtol / problem.unevenness
+        curve = MasterCurve.through(varpi, logarithms, wanted, left)
         truncated = curve.error_estimate * problem.unevenness
-        if truncated <= SHARE_OF_CURVE * rtol:
+        if truncated <= (1.0 - SHARE_OF_NODES) * rtol:
             error = gain * SHARE_OF_NODES * fine + truncated
             return SolvedCurve(curve, resolution, terms, eps, error)
         terms += 4

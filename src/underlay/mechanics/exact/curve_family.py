@@ -161,10 +161,10 @@ def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float
     guess = max(
         (RadiusGuess.of(one, exponent) for one in scales), key=lambda one: float(one.radius(points)[0])
     )
-    softness = max(one.softness for one in scales)
+    stretch = Stretch.to(top, max(one.softness for one in scales))
     terms = max(curve_terms(one, top, exponent, rtol) for one in scales)
     while terms <= MOST_TERMS:
-        eps = guess.radius(Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms))))
+        eps = guess.radius(stretch.v(np.cos(chebyshev_angles(terms))))
         last = float(guess.radius(points)[0])
         if last >= LARGEST_EPS:
             return None
@@ -174,7 +174,7 @@ def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float
         )
         punch = PunchSolution.solve_all(bodies, eps, resolution)
         varpi, logarithms = contact_factors(punch, tip, tip, 1.0)
-        batch = curves_through(tip, varpi, logarithms, top, softness)
+        batch = curves_through(tip, varpi, logarithms, top, stretch)
         truncated = float(batch.error_estimate.max())
         if truncated <= SHARE_OF_CURVE * rtol:
             error = SHARE_OF_NODES * rtol + truncated

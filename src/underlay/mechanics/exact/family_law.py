@@ -209,7 +209,7 @@ class _SideBySide:
         In powers of the ratio's place in its span; see `CurveFamily`.
     middles, halves : ndarray (cells,)
         Of the span in ln k.
-    lengths, softness, tops, errors : ndarray (cells,)
+    lengths, rates, tops, errors : ndarray (cells,)
         Of the curves; see `CurveBatch`.
     """
 
@@ -218,7 +218,7 @@ class _SideBySide:
     middles: FloatArray = field(default_factory=lambda: np.zeros(0))
     halves: FloatArray = field(default_factory=lambda: np.zeros(0))
     lengths: FloatArray = field(default_factory=lambda: np.zeros(0))
-    softness: FloatArray = field(default_factory=lambda: np.zeros(0))
+    rates: FloatArray = field(default_factory=lambda: np.zeros(0))
     tops: FloatArray = field(default_factory=lambda: np.zeros(0))
     errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
@@ -240,7 +240,7 @@ class _SideBySide:
             np.append(self.middles, 0.5 * (low + high)),
             np.append(self.halves, 0.5 * (high - low)),
             np.append(self.lengths, 1.0 if stretch is None else stretch.length),
-            np.append(self.softness, 0.0 if stretch is None else stretch.softness),
+            np.append(self.rates, 0.0 if stretch is None else stretch.rate),
             np.append(self.tops, np.inf if family is None else cell.top),
             np.append(self.errors, np.inf if family is None else family.error_estimate),
         )
@@ -297,7 +297,7 @@ def family_batch(
     return CurveBatch(
         indenter,
         tables.tops[places],
-        Stretch(tables.lengths[places][:, None], tables.softness[places][:, None]),
+        Stretch(tables.lengths[places][:, None], tables.rates[places][:, None]),
         said[:, 0],
         tables.errors[places],
         said[:, 1:, Factor.FORCE] if slopes else None,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, solve_curve
-from underlay.mechanics.exact.master_curve import Factor, MasterCurve
+from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Pieces
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import PowerLawShape
@@ -66,46 +67,57 @@ class ExactLaw(ContactLaw):
 
     _beyond: ClassVar[str] = "the law was solved up to there; ask for less depth, or build it for more"
 
+    @cached_property
+    def _by_root(self) -> Pieces:
+        """Polynomials in the root w^(1/lambda) of the depth, whose constants are those of this contact.
+
+        Of ln P/(w root) and ln (dP/dw)/root, of the slopes d ln P/ds, and of ln a/root.
+        """
+        unit = float(self.measure.halfspace_radius(np.array(1.0)))
+        own = self.curve.coefficients
+        tables = own[:, [Factor.FORCE, Factor.STIFFNESS, *range(len(Factor), own.shape[1]), Factor.RADIUS]]
+        tables[:, 1] += own[:, Factor.RADIUS]
+        share = self.measure.exponent / (self.measure.exponent + 1.0)
+        tables[:, 0, 0, 0] += math.log(4.0 * self.theta * unit * share)
+        tables[:, 1, 0, 0] += math.log(4.0 * self.theta * unit)
+        tables[:, -1, 0, 0] += math.log(unit)
+        return self.curve.pieces(unit / self.thickness, tables)
+
+    def _root(self, depth: FloatArray) -> FloatArray:
+        return np.asarray(depth ** (1.0 / self.measure.exponent))
+
     def _force(self, depth: FloatArray) -> FloatArray:
-        radius = self.measure.halfspace_radius(depth)
-        force = self.curve.factor(Factor.FORCE, radius / self.thickness)
-        force *= radius
+        root = self._root(depth)
+        force = self._by_root.at(root, 0)
+        np.exp(force, out=force)
+        force *= root
         force *= depth
-        force *= 4.0 * self.theta * self.measure.exponent / (self.measure.exponent + 1.0)
         return force
 
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
-        return self._rows(depth, self.curve.coefficients[:, :0])
+        return self._rows(depth, 2)
 
     def _with_slopes(self, depth: FloatArray) -> FloatArray:
-        return self._rows(depth, self._slope_tables)
+        return self._rows(depth, 2 + self.known_slopes)
 
-    @property
-    def _slope_tables(self) -> FloatArray:
-        """Of d ln P/ds, (pieces, known_slopes, rows, 4)."""
-        return self.curve.coefficients[:, len(Factor) :]
-
-    def _rows(self, depth: FloatArray, slopes: FloatArray) -> FloatArray:
-        """Force (N), dP/dw (N/m), and dP/ds (N) by tables of d ln P/ds: rows (2 + numbers, n)."""
-        radius = self.measure.halfspace_radius(depth)
-        rows = self.curve.with_slopes(radius / self.thickness, slopes)
+    def _rows(self, depth: FloatArray, count: int) -> FloatArray:
+        """The first `count` of force (N), dP/dw (N/m), and dP/ds (N) of the numbers known: rows (count, n)."""
+        root = self._root(depth)
+        rows = self._by_root.at(root, slice(count))
         both = rows[:2]
-        both *= radius
-        both *= 4.0 * self.theta
+        np.exp(both, out=both)
+        both *= root
         both[0] *= depth
-        both[0] *= self.measure.exponent / (self.measure.exponent + 1.0)
-        rows[2:] *= rows[0]
+        rows[2:] *= both[0]
         return rows
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
-        radius = self.measure.halfspace_radius(depth)
-        return radius * self.curve.factor(Factor.RADIUS, radius / self.thickness)
+        root = self._root(depth)
+        return root * np.exp(self._by_root.at(root, -1))
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        radius = self.measure.halfspace_radius(depth)
-        varpi = radius / self.thickness
-        kappa = self.curve.factor(Factor.STIFFNESS, varpi) * self.curve.factor(Factor.RADIUS, varpi)
-        return (4.0 * self.theta) * radius * kappa
+        root = self._root(depth)
+        return root * np.exp(self._by_root.at(root, 1))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,7 +37,7 @@ STORED_ERROR = 3e-4
 #: The tip's exponent, and the largest varpi.
 EXPONENT, TOP = 2.0, 10.48
 # Of the stretched varpi; of the share; ln r; terms in ln r, share and varpi.
-_SOFTNESS, _CROWDING = 10.0, 100.0
+_SOFTNESS, _CROWDING = 4.0, 100.0
 _LOG_RATIOS = (log(0.004), log(470.0))
 _TERMS = (18, 12, 28)
 _MADE_FOR = (EXPONENT, TOP, _SOFTNESS, _CROWDING, *_LOG_RATIOS, *_TERMS)

@@ -336,7 +336,7 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
         coarse = np.zeros(rows.size, dtype=bool)
         for number in sorted(set(numbers[eps[:, -1] <= LARGEST_EPS].tolist())):
             here = np.flatnonzero(numbers == number)
-            found = _contracted(part.part(here), eps[here], placing.stretch.softness, number)
+            found = _contracted(part.part(here), eps[here], placing.stretch, number)
             if found is not None:
                 coarse[here] = ~(found.batch.error_estimate <= asked.rtol)
                 yield rows[here], found
@@ -393,8 +393,8 @@ def _radii(
     measure, stretch = asked.tip.power_law, placing.stretch
     points = np.cos(chebyshev_angles(count))
     # The last point lies at the end itself, wherever the shape leaves the others.
-    ends = [reach(count) * Stretch.to(top, stretch.softness).length for top in tops.tolist()]
-    varpi = np.stack([Stretch(end, stretch.softness).v(points) for end in ends])
+    ends = reach(count) * stretch.over(tops[:, None]).length
+    varpi = Stretch(ends, stretch.rate).v(points)
     # Beyond the end of what places them a contact so wide grows as the power law's: its factor stays.
     factor = polynomial(placing.table(asked), np.minimum(stretch.z(varpi), 1.0))
     chi = _WIDER * varpi * np.exp(factor)
@@ -432,7 +432,7 @@ def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
     return _Placing(curve.stretch, curve.coefficients[:1, Factor.RADIUS])
 
 
-def _contracted(asked: TipContacts, eps: FloatArray, softness: float, number: int) -> TipCurves | None:
+def _contracted(asked: TipContacts, eps: FloatArray, stretch: Stretch, number: int) -> TipCurves | None:
     """Read the flat punch at radii eps (sets, radii) and contract it with the shape; None without a table."""
     table = punch_family(PunchCell(asked.family, asked.span, number, asked.rtol))
     if table is None:
@@ -448,7 +448,7 @@ def _contracted(asked: TipContacts, eps: FloatArray, softness: float, number: in
     slopes = _slopes(measure.exponent, factors, (logarithms[:, 1:] - logarithms[:, :1]) / _STEP)
     # The last radius may fall short of its range: the curve ends where its points do.
     tops = np.minimum(asked.top, varpi[:, -1])
-    batch = curves_through(measure, varpi, np.concatenate((factors, slopes), axis=2), tops, softness)
+    batch = curves_through(measure, varpi, np.concatenate((factors, slopes), axis=2), tops, stretch)
     errors = SHARE_OF_NODES * asked.rtol + UNEVEN * batch.error_estimate
     return TipCurves(replace(batch, error_estimate=errors), table.resolution, eps.shape[1], eps[:, -1])
 

@@ -227,7 +227,7 @@ def _law(
         return too_wide(depth, max_depth)
     if slopes is None or not error <= rtol or max_depth < depth:
         return None
-    stretch = Stretch(float(batch.stretch.length[0, 0]), float(batch.stretch.softness[0, 0]))
+    stretch = Stretch(float(batch.stretch.length[0, 0]), float(batch.stretch.rate[0, 0]))
     tables = np.concatenate((batch.coefficients, slopes), axis=1)
     return TipLaw(
         method="exact",
