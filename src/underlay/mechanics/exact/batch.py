@@ -33,8 +33,8 @@ from underlay.mechanics.exact.master_curve import (
     reach,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import EvenRule, curve_terms, even_rule
-from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.nodes import curve_terms
+from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel, LayerKernel
 
@@ -306,14 +306,8 @@ class ExactBatch:
         Largest varpi.
     rtol : float
         Relative error asked for.
-    eps : ndarray (radii,)
-        Contact radii over thickness.
-    rule : EvenRule
-        Nodes in r/a.
-    u, weights : ndarray (wavenumbers,)
-        Nodes and weights in u.
-    waves : ndarray (radii, wavenumbers, nodes + 1)
-        sqrt(eps) cos(eps x_i u), with the edge x = 1 as the last i.
+    grid : PunchGrid
+        Contact radii over thickness, and nodes.
     products : ndarray (wavenumbers, radii (nodes + 1) nodes) or None
         eps cos(eps x_i u) cos(eps x_j u); None where they would be too many to keep.
     """
@@ -322,11 +316,7 @@ class ExactBatch:
     measure: PowerLawShape
     top: float
     rtol: float
-    eps: FloatArray
-    rule: EvenRule
-    u: FloatArray
-    weights: FloatArray
-    waves: FloatArray
+    grid: PunchGrid
     products: FloatArray | None
 
     @classmethod
@@ -373,22 +363,19 @@ class ExactBatch:
         targets = Stretch.to(margin * top, 0.0).v(np.cos(chebyshev_angles(terms)))
         eps = targets * solved.curve.factor(Factor.RADIUS, targets)
         resolution = proved_resolution(kernel, solved.eps, rtol)
-        u, weights = resolution.wavenumber_rule()
-        rule = even_rule(resolution.radial)
-        count = rule.nodes.size
-        count_of_products = u.size * eps.size * count * (count + 1)
+        count, wavenumbers = resolution.radial, resolution.wavenumbers
+        count_of_products = wavenumbers * eps.size * count * (count + 1)
         if count_of_products > _MOST_PRODUCTS:
             raise RangeError(
-                f"a batch would ask for {u.size} x {eps.size} x {count} x {count + 1} products of waves, and the "
-                f"most is {_MOST_PRODUCTS:.0e}: solve one set of materials at a time"
+                f"a batch would ask for {wavenumbers} x {eps.size} x {count} x {count + 1} products of waves, "
+                f"and the most is {_MOST_PRODUCTS:.0e}: solve one set of materials at a time"
             )
-        waves = np.cos(np.multiply.outer(eps, np.multiply.outer(u, rule.with_edge)))
-        waves *= np.sqrt(eps)[:, None, None]
-        products = None
+        grid, products = PunchGrid.of(eps, resolution), None
         if count_of_products <= _KEPT_PRODUCTS:
-            by_wave = np.ascontiguousarray(waves.transpose(1, 0, 2))
-            products = (by_wave[..., :, None] * by_wave[..., None, :-1]).reshape(u.size, -1)
-        return cls(indenter, problem.measure, top, rtol, eps, rule, u, weights, waves, products)
+            by_wave = grid.waves.transpose(2, 0, 1)
+            products = eps[:, None, None] * by_wave[..., :, None] * by_wave[..., None, :-1]
+            products = products.reshape(wavenumbers, -1)
+        return cls(indenter, problem.measure, top, rtol, grid, products)
 
     def curves(
         self, inner: PlaneConstants, outer: PlaneConstants | None, thickness: FloatArray | float = 1.0
@@ -409,21 +396,24 @@ class ExactBatch:
         punch = self._punch(kernels)
         lengths = np.reshape(np.asarray(thickness, dtype=np.float64), (-1, 1))
         # A set whose radii pass the end of the shape is solved on the thickest layer that fits, and marked.
-        thickest = self.indenter.max_radius / float(self.eps.max())
+        thickest = self.indenter.max_radius / float(self.grid.eps.max())
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, np.minimum(lengths, thickest))
         batch = curves_through(self.measure, varpi, logarithms, self.top, Stretch.to(self.top, 0.0))
         errors = SHARE_OF_NODES * self.rtol + batch.error_estimate
         return replace(batch, error_estimate=np.where(lengths[:, 0] > thickest, np.inf, errors))
 
+    @property
+    def u(self) -> FloatArray:
+        """Nodes in the wavenumber times the thickness, (wavenumbers,)."""
+        return self.grid.u
+
     def _punch(self, kernels: FloatArray) -> PunchSolution:
-        strength = (2.0 / np.pi) * self.weights * np.atleast_2d(kernels)
-        count, radii = self.rule.nodes.size, self.eps.size
-        if self.products is not None:
-            kernel = (strength @ self.products).reshape(-1, radii, count + 1, count)
-        else:
-            sums = [self.waves.transpose(0, 2, 1) @ (self.waves[..., :-1] * one[:, None]) for one in strength]
-            kernel = np.array(sums)
-        return PunchSolution.of_kernel(self.eps, self.rule, kernel)[0]
+        grid, sets = self.grid, np.atleast_2d(kernels)
+        if self.products is None:
+            return grid.solve(sets)
+        radii, nodes, _ = grid.waves.shape
+        kernel = ((grid.strength * sets) @ self.products).reshape(-1, radii, nodes, nodes - 1)
+        return PunchSolution.of_kernel(grid.eps, grid.rule, kernel)[0]
 
 
 def thickness_derivative(

@@ -34,11 +34,10 @@ from underlay.mechanics.exact.nodes import (
     Resolution,
     curve_terms,
     even_legendre,
-    even_rule,
     legendre_rule,
     series_terms,
 )
-from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import Indenter, PowerLawShape, abel_factor
@@ -179,7 +178,7 @@ class ContactProblem:
         """
         eps = self.eps(chi)
         if rtol is None or eps.size * resolution.size < _MUCH:
-            return self._solved(eps, resolution)
+            return self.on(PunchGrid.of(eps, resolution))
         known = {} if octaves is None else octaves
         top = float(eps.max())
         octave = np.minimum(np.floor(np.log2(top / eps)), _MOST_OCTAVES).astype(int)
@@ -189,20 +188,17 @@ class ContactProblem:
             if number not in known:
                 widest = 0.5**number * top
                 known[number] = proved_resolution(self.kernel, widest, rtol) if number else resolution
-            varpi[rows], columns[rows] = self._solved(eps[rows], known[number])
+            varpi[rows], columns[rows] = self.on(PunchGrid.of(eps[rows], known[number]))
         return varpi, columns
 
-    def _solved(self, eps: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
-        """Varpi (radii,) and the other columns of `solve` (radii, 3 + bodies) at contact radii `eps`."""
+    def on(self, grid: PunchGrid) -> tuple[FloatArray, FloatArray]:
+        """Varpi (radii,) and the other columns of `solve` (radii, 3 + bodies) at the contact radii of a grid."""
+        here = self.kernel.values(grid.u)
         if not self.beside:
-            punch = PunchSolution.solve(self.kernel, eps, resolution)
-            return contact_factors(punch, self.indenter, self.measure, self.thickness)
-        weights = weights_over_depth(
-            self.indenter, self.measure, even_rule(resolution.radial), eps * self.thickness
-        )
-        u = resolution.wavenumber_rule()[0]
-        here, there = self.kernel.values(u), [body.kernel.values(u * body.thickness) for body in self.beside]
-        punch = PunchSolution.solve(self.kernel, eps, resolution, weights, values=here)
+            return contact_factors(grid.solve(here), self.indenter, self.measure, self.thickness)
+        weights = weights_over_depth(self.indenter, self.measure, grid.rule, grid.eps * self.thickness)
+        there = [body.kernel.values(grid.u * body.thickness) for body in self.beside]
+        punch = grid.solve(here, weights)
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, self.thickness)
         steps = np.array([body.step for body in self.beside])
         moved = punch.in_kernel @ ((np.array(there) - here).T / steps)

@@ -52,7 +52,7 @@ from underlay.mechanics.exact.master_curve import (
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import TABLES, Resolution, curve_terms
-from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.punch_solution import PunchGrid
 from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Family, Kernel, LayerKernel
@@ -172,7 +172,8 @@ def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float
             (Resolution.choose(one, last, rtol) for one in scales),
             key=lambda one: (one.radial, one.wavenumbers),
         )
-        punch = PunchSolution.solve_all(bodies, eps, resolution)
+        grid = PunchGrid.of(eps, resolution)
+        punch = grid.solve(np.stack([body.values(grid.u) for body in bodies]))
         varpi, logarithms = contact_factors(punch, tip, tip, 1.0)
         batch = curves_through(tip, varpi, logarithms, top, stretch)
         truncated = float(batch.error_estimate.max())

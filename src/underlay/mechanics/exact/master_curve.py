@@ -167,13 +167,11 @@ def truncation_error(coefficients: FloatArray) -> FloatArray:
 
 
 def shortened(coefficients: FloatArray, allowed: float) -> tuple[int, float]:
-    """How many terms of series (..., terms, columns) do, in whole rows of a table, and the error without the rest."""
-    terms = coefficients.shape[-2]
-    tails = np.cumsum(np.abs(coefficients).reshape(-1, terms, coefficients.shape[-1]).max(axis=(0, 2))[::-1])[
-        ::-1
-    ]
+    """How many terms of series (..., terms, columns) do, in whole rows of a table, and what is left out."""
+    sizes = np.abs(coefficients).max(axis=(*range(coefficients.ndim - 2), -1))
+    tails = np.add.accumulate(sizes[::-1])[::-1]
     kept = max(1, int(np.count_nonzero(tails[::_BLOCK] > allowed))) * _BLOCK
-    return kept, float(tails[kept]) if kept < terms else 0.0
+    return kept, float(tails[kept]) if kept < tails.size else 0.0
 
 
 def reach(count: int) -> float:

@@ -61,7 +61,7 @@ from underlay.mechanics.exact.nodes import (
     even_rule,
     series_terms,
 )
-from underlay.mechanics.exact.punch_solution import PunchSolution, cosines, proved_resolution
+from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLaw
 from underlay.mechanics.kernel import Family, Kernel, Scales
 
@@ -219,11 +219,9 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
 
 
 class _Group(NamedTuple):
-    """Contact radii (radii,) that share nodes, their `cosines`, and from values at those nodes to all nodes."""
+    """Contact radii that share nodes, and from values at those nodes to all nodes."""
 
-    eps: FloatArray
-    resolution: Resolution
-    waves: FloatArray
+    grid: PunchGrid
     spread: FloatArray
 
 
@@ -242,7 +240,7 @@ def _groups(bodies: list[Kernel], eps: FloatArray, widest: Resolution, rtol: flo
         start = int(np.searchsorted(eps, narrower)) if narrower > _NARROW else 0
         own, rule = eps[start:end], even_rule(resolution.radial)
         spread = (even_legendre(nodes, resolution.radial) @ rule.projection).T
-        groups.append(_Group(own, resolution, cosines(own, resolution), spread))
+        groups.append(_Group(PunchGrid.of(own, resolution), spread))
         end, resolution = start, _demanding(bodies, narrower, _FINER * rtol)[1]
     return groups[::-1]
 
@@ -253,7 +251,7 @@ def _told(body: Kernel, groups: list[_Group]) -> FloatArray:
 
 
 def _told_of(body: Kernel, group: _Group) -> FloatArray:
-    punch = PunchSolution.solve(body, group.eps, group.resolution, waves=group.waves)
+    punch = group.grid.solve(body.values(group.grid.u))
     edge = 1.0 + punch.rho @ punch.rule.weights
     kappa = punch.kappa[:, None]
     return np.concatenate(
