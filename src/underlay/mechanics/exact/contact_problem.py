@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import ceil, log
-from typing import Self
+from math import ceil, log, log2, sqrt
+from typing import Any, Self
 
 import numpy as np
 
@@ -78,6 +78,11 @@ SHARE_OF_CURVE = 0.6
 _SHARE_OF_TAIL = 0.1
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
+# Radii and nodes are kept for a/h up to an eighth of an octave more than was asked, and for guesses whose gains are
+# rounded to fifths, which moves the points by 5 % at most; so many cosines at most, 0.4 MB.
+_GRIDS_PER_OCTAVE, _GAINS, _MOST_KEPT = 8.0, 5.0, 50_000
+# Up to this share of its end a shape that is no power law has its contacts where a power law has them.
+_BLUNT = 0.6
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
 SOFT = 0.3
 # There a coarse solution comes first.
@@ -243,7 +248,8 @@ def weights_over_depth(
 ) -> FloatArray:
     """Weights of int_0^1 H(a x)/H(a) p(x) dx at contact radii `lengths` (m): of a power law (nodes,), for all."""
     if indenter is measure:
-        return rule.power_weights(measure.exponent)
+        key = ("power", rule.nodes.size, measure.exponent)
+        return TABLES.get(key, lambda: rule.power_weights(measure.exponent))
     return _shape_weights(indenter, rule, lengths) / indenter.abel(lengths)[..., None]
 
 
@@ -303,10 +309,48 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
     guess = RadiusGuess.of(problem.scales, problem.measure.exponent)
-    last = _widened(problem, top, float(guess.radius(np.array([top]))[0]), rtol)
+    if problem.scales.softest > SOFT and (found := _on_grid(problem, guess, top, rtol)) is not None:
+        return found
+    last = _widened(problem, top, guess.radius(top), rtol)
     place, last, gain = _placement(problem, guess, top, last)
     found = None if place is None else _direct(problem, place, top, last, rtol, gain)
     return found if found is not None else _by_branches(problem, top, last, rtol, gain)
+
+
+def _on_grid(problem: ContactProblem, guess: RadiusGuess, top: float, rtol: float) -> SolvedCurve | None:
+    """One polynomial through the radii of a kept grid; None where there is none, or that does not reach `rtol`."""
+    last = problem.widest(guess.radius(top))
+    end = 2.0 ** (ceil(_GRIDS_PER_OCTAVE * log2(last)) / _GRIDS_PER_OCTAVE)
+    widest = problem.indenter.max_radius / problem.thickness
+    if end > min(widest if problem.indenter is problem.measure else _BLUNT * widest, LARGEST_EPS):
+        return None
+    resolution = problem.resolution(end, rtol)
+    terms = curve_terms(
+        problem.scales, top * end / last, problem.measure.exponent, rtol / problem.unevenness
+    )
+    wanted = Stretch.to(top, problem.scales.softness)
+    while terms <= MOST_TERMS and terms * resolution.size < _MOST_KEPT:
+        varpi, logarithms = problem.on(guess.grid(end, terms, resolution))
+        if varpi[-1] < _SHORT * top:
+            return None
+        curve, error = _through(problem, varpi, logarithms, wanted, rtol, SHARE_OF_NODES * rtol)
+        if error <= rtol:
+            return SolvedCurve(curve, resolution, terms, end, error)
+        terms += 4
+    return None
+
+
+def _through(
+    problem: ContactProblem,
+    varpi: FloatArray,
+    logarithms: FloatArray,
+    wanted: Stretch,
+    rtol: float,
+    nodes: float,
+) -> tuple[MasterCurve, float]:
+    """The polynomial through points that err by `nodes`, as short as `rtol` allows, and the error of both."""
+    curve = MasterCurve.through(varpi, logarithms, wanted, (rtol - nodes) / problem.unevenness)
+    return curve, nodes + problem.unevenness * curve.error_estimate
 
 
 def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
@@ -353,10 +397,23 @@ class RadiusGuess:
         gain *= (0.66 + 0.34 * scales.firmness) * max(0.0, 1.0 - 1.0 / scales.stiffest)
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
-    def radius(self, varpi: FloatArray) -> FloatArray:
-        """Contact radius chi at `varpi`, a little too large."""
+    def radius(self, varpi: Any) -> Any:
+        """Contact radius chi at `varpi`, a float or an array, a little too large."""
         share = self.rate * varpi
         return varpi * (1.0 + self.gain * share / (1.0 + share))
+
+    def grid(self, end: float, terms: int, resolution: Resolution) -> PunchGrid:
+        """So many contact radii up to a/h = `end`, kept for every body whose guess is nearly this one."""
+        near = RadiusGuess(round(_GAINS * self.gain) / _GAINS, self.rate)
+        key = ("grid", near, end, terms, resolution)
+        return TABLES.get(key, lambda: PunchGrid.of(near.radii(end, terms), resolution))
+
+    def radii(self, end: float, terms: int) -> FloatArray:
+        """Radii up to `end` at Chebyshev points of the stretched varpi."""
+        # Where varpi is `end` the quadratic of `radius` has this root.
+        half, most = 0.5 * (1.0 - self.rate * end), self.rate * (1.0 + self.gain)
+        top = (sqrt(half * half + most * end) - half) / most
+        return np.asarray(self.radius(Stretch.to(top, 0.0).v(np.cos(chebyshev_angles(terms)))))
 
 
 def _placement(
@@ -412,11 +469,8 @@ def _direct(
             widen, last, eps = widen * wider / last, wider, problem.widest(wider)
             resolution = problem.resolution(eps, fine)
             continue
-        left = (1.0 - SHARE_OF_NODES) * rtol / problem.unevenness
-        curve = MasterCurve.through(varpi, logarithms, wanted, left)
-        truncated = curve.error_estimate * problem.unevenness
-        if truncated <= (1.0 - SHARE_OF_NODES) * rtol:
-            error = gain * SHARE_OF_NODES * fine + truncated
+        curve, error = _through(problem, varpi, logarithms, wanted, rtol, gain * SHARE_OF_NODES * fine)
+        if error <= rtol:
             return SolvedCurve(curve, resolution, terms, eps, error)
         terms += 4
     return None

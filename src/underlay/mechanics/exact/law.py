@@ -75,8 +75,9 @@ class ExactLaw(ContactLaw):
         """
         unit = float(self.measure.halfspace_radius(np.array(1.0)))
         own = self.curve.coefficients
-        tables = own[:, [Factor.FORCE, Factor.STIFFNESS, *range(len(Factor), own.shape[1]), Factor.RADIUS]]
-        tables[:, 1] += own[:, Factor.RADIUS]
+        # The factors stand in the order of radius, force, stiffness.
+        tables = np.concatenate((own[:, 1:], own[:, :1]), axis=1)
+        tables[:, 1] += own[:, 0]
         share = self.measure.exponent / (self.measure.exponent + 1.0)
         tables[:, 0, 0, 0] += math.log(4.0 * self.theta * unit * share)
         tables[:, 1, 0, 0] += math.log(4.0 * self.theta * unit)

@@ -47,6 +47,7 @@ __all__ = [
 # Of a base as stiff as the layer or stiffer. Rates of 1, 2 and 4 take 29, 28 and 29 terms for 1e-7 up to varpi = 5,
 # in the mean of paraboloids and cones on four bodies; 0.5 takes 31 and 10 takes 33.
 _STIFF_RATE = 2.0
+_TINY = float(np.finfo(float).tiny)
 # Coefficients per row of the evaluated polynomial: sum_j z^(4j) (c_j0 + c_j1 z + c_j2 z^2 + c_j3 z^3).
 _BLOCK = 4
 # Depths evaluated at a time: the powers of so many fit the processor's cache.
@@ -160,16 +161,14 @@ def truncation_error(coefficients: FloatArray) -> FloatArray:
     """
     sizes = np.abs(coefficients[..., -4:, :]).max(axis=-1)
     last, before = sizes[..., 2] + sizes[..., 3], sizes[..., 0] + sizes[..., 1]
-    # last/(last + before) is rate/(1 + rate): no division by zero but where all four vanish, exactly.
-    share = np.minimum(last / np.maximum(last + before, np.finfo(float).tiny), 0.9 / 1.9)
-    rate = share / (1.0 - share)
+    rate = np.minimum(last / np.maximum(before, _TINY), 0.9)
     return np.asarray(3.0 * last * rate / (1.0 - rate))
 
 
 def shortened(coefficients: FloatArray, allowed: float) -> tuple[int, float]:
     """How many terms of series (..., terms, columns) do, in whole rows of a table, and what is left out."""
-    sizes = np.abs(coefficients).max(axis=(*range(coefficients.ndim - 2), -1))
-    tails = np.add.accumulate(sizes[::-1])[::-1]
+    sizes = np.abs(coefficients).max(axis=-1)
+    tails = np.add.accumulate(sizes.reshape(-1, sizes.shape[-1]).max(axis=0)[::-1])[::-1]
     kept = max(1, int(np.count_nonzero(tails[::_BLOCK] > allowed))) * _BLOCK
     return kept, float(tails[kept]) if kept < tails.size else 0.0
 
@@ -235,8 +234,9 @@ class MasterCurve:
         angles = np.arccos(stretch.z(varpi))
         basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
         coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
-        growth = growth_beyond(wanted.length / stretch.length, varpi.size)
-        return cls.of_pieces(stretch, [-1.0, 1.0], [coefficients], allowed, growth=float(growth))
+        share = wanted.length / stretch.length
+        growth = float(growth_beyond(share, varpi.size)) if share > 1.0 else 1.0
+        return cls.of_pieces(stretch, [-1.0, 1.0], [coefficients], allowed, growth=growth)
 
     @classmethod
     def of_pieces(
