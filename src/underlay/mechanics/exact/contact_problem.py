@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import ceil, log, log2, sqrt
+from math import acos, ceil, exp, log, log2, sqrt
 from typing import Any, Self
 
 import numpy as np
@@ -20,12 +20,14 @@ from underlay.errors import RangeError
 from underlay.mechanics.body import Real
 from underlay.mechanics.contact import Beside
 from underlay.mechanics.exact.master_curve import (
+    MOST_IN_POWERS,
     MOST_TERMS,
     Factor,
     MasterCurve,
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
+    in_powers,
     shortened,
 )
 from underlay.mechanics.exact.nodes import (
@@ -39,7 +41,7 @@ from underlay.mechanics.exact.nodes import (
 )
 from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
-from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
+from underlay.mechanics.exact.stored_curves import stored_curves
 from underlay.mechanics.indenters import Indenter, PowerLawShape, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales
 
@@ -75,7 +77,7 @@ _MUCH, _MOST_OCTAVES = 500_000, 5.0
 SHARE_OF_NODES = 0.3
 SHARE_OF_CURVE = 0.6
 # What a stored curve may leave out: six tenths led one search of 500 past the optimum.
-_SHARE_OF_TAIL = 0.1
+_SHARE_OF_TAIL = 0.3
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
 # Radii and nodes are kept for a/h up to an eighth of an octave more than was asked, and for guesses whose gains are
@@ -111,8 +113,6 @@ class ContactProblem:
         Of the layer (m).
     kernel : Kernel
         Of the body.
-    scales : Scales
-        Its own: what the node counts depend on.
     beside : tuple of Beside
         Bodies towards which derivatives are wanted.
     """
@@ -121,7 +121,6 @@ class ContactProblem:
     measure: PowerLawShape
     thickness: float
     kernel: Kernel
-    scales: Scales
     beside: tuple[Beside, ...] = ()
 
     @classmethod
@@ -129,7 +128,12 @@ class ContactProblem:
         cls, indenter: Indenter, thickness: float, kernel: Kernel, beside: tuple[Beside, ...] = ()
     ) -> Self:
         """Build the problem of a tip over a layer of `thickness` (m) on the body of `kernel`."""
-        return cls(indenter, indenter.power_law, thickness, kernel, kernel.scales, beside)
+        return cls(indenter, indenter.power_law, thickness, kernel, beside)
+
+    @property
+    def scales(self) -> Scales:
+        """Scales of the body: what the node counts depend on."""
+        return self.kernel.scales
 
     @property
     def end(self) -> float:
@@ -325,9 +329,7 @@ def _on_grid(problem: ContactProblem, guess: RadiusGuess, top: float, rtol: floa
     if end > min(widest if problem.indenter is problem.measure else _BLUNT * widest, LARGEST_EPS):
         return None
     resolution = problem.resolution(end, rtol)
-    terms = curve_terms(
-        problem.scales, top * end / last, problem.measure.exponent, rtol / problem.unevenness
-    )
+    terms = curve_terms(problem.scales, top * end / last, problem.measure.exponent, rtol / problem.unevenness)
     wanted = Stretch.to(top, problem.scales.softness)
     while terms <= MOST_TERMS and terms * resolution.size < _MOST_KEPT:
         varpi, logarithms = problem.on(guess.grid(end, terms, resolution))
@@ -355,14 +357,21 @@ def _through(
 
 def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
     """Read the curve where it is stored, with as few terms as do, or solve for it; raises as `solve_curve`."""
-    series = stored_curves([problem.kernel], problem.measure.exponent, top, rtol)
-    if series is None or problem.indenter is not problem.measure:
+    if problem.indenter is not problem.measure or problem.beside:
         return solve_curve(problem, top, rtol)
-    terms = series.coefficients[0]
+    series = stored_curves([problem.kernel], problem.measure.exponent, top, rtol)
+    if series is None:
+        return solve_curve(problem, top, rtol)
+    (terms,) = series.coefficients
     kept, left_out = shortened(terms, _SHARE_OF_TAIL * rtol)
-    curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]], 0.0)
-    eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
-    return SolvedCurve(curve, series.resolution, series.radii, eps, STORED_ERROR + left_out)
+    if kept > MOST_IN_POWERS:
+        return solve_curve(problem, top, rtol)
+    error = series.error_estimate + left_out
+    curve = MasterCurve(series.stretch, (-1.0, 1.0), in_powers(terms[None, :kept]), error)
+    place = 2.0 * series.stretch.over(top).length / series.stretch.length - 1.0
+    waves = np.cos(acos(min(place, 1.0)) * np.arange(len(terms)))
+    eps = top * exp(float(waves @ terms[:, Factor.RADIUS]))
+    return SolvedCurve(curve, series.resolution, series.radii, eps, error)
 
 
 def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:

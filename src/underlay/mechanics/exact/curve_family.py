@@ -53,7 +53,7 @@ from underlay.mechanics.exact.master_curve import (
 )
 from underlay.mechanics.exact.nodes import TABLES, Resolution, curve_terms
 from underlay.mechanics.exact.punch_solution import PunchGrid
-from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
+from underlay.mechanics.exact.stored_curves import stored_curves
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Family, Kernel, LayerKernel
 
@@ -147,7 +147,7 @@ def _stored(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) 
         return None
     widest = series.logarithms(np.array([top]))[:, Factor.RADIUS].max()
     eps = float(np.exp(widest)) * top
-    return SolvedCurves(series.logarithms, series.resolution, series.radii, eps, STORED_ERROR)
+    return SolvedCurves(series.logarithms, series.resolution, series.radii, eps, series.error_estimate)
 
 
 def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:

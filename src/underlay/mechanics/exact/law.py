@@ -18,7 +18,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, solve_curve
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, known_curve
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Pieces
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
@@ -73,7 +73,7 @@ class ExactLaw(ContactLaw):
 
         Of ln P/(w root) and ln (dP/dw)/root, of the slopes d ln P/ds, and of ln a/root.
         """
-        unit = float(self.measure.halfspace_radius(np.array(1.0)))
+        unit = self.measure.unit_radius
         own = self.curve.coefficients
         # The factors stand in the order of radius, force, stiffness.
         tables = np.concatenate((own[:, 1:], own[:, :1]), axis=1)
@@ -211,7 +211,7 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
         length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
     problem = ContactProblem.of(indenter, length, contact.kernel, contact.beside)
     top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
-    solved = solve_curve(problem, top, rtol)
+    solved = known_curve(problem, top, rtol)
     reason = (
         f"exact contact problem, solved for a/h up to {solved.eps:.3g}, {solved.resolution.radial} nodes"
         if contact.thickness < np.inf

@@ -138,6 +138,7 @@ def _monomial_table(count: int) -> FloatArray:
 
 
 _MONOMIALS = _monomial_table(MOST_IN_POWERS)
+_ORDERS = np.arange(MOST_IN_POWERS, dtype=np.float64).reshape(-1, _BLOCK)
 
 
 def monomials(count: int) -> FloatArray:
@@ -168,9 +169,15 @@ def truncation_error(coefficients: FloatArray) -> FloatArray:
 def shortened(coefficients: FloatArray, allowed: float) -> tuple[int, float]:
     """How many terms of series (..., terms, columns) do, in whole rows of a table, and what is left out."""
     sizes = np.abs(coefficients).max(axis=-1)
-    tails = np.add.accumulate(sizes.reshape(-1, sizes.shape[-1]).max(axis=0)[::-1])[::-1]
-    kept = max(1, int(np.count_nonzero(tails[::_BLOCK] > allowed))) * _BLOCK
-    return kept, float(tails[kept]) if kept < tails.size else 0.0
+    sizes = sizes.reshape(-1, sizes.shape[-1]).max(axis=0).tolist() if sizes.ndim > 1 else sizes.tolist()
+    kept, left_out = len(sizes), 0.0
+    while kept > _BLOCK:
+        row = (kept - 1) // _BLOCK * _BLOCK
+        more = left_out + sum(sizes[row:kept])
+        if more > allowed:
+            break
+        kept, left_out = row, more
+    return kept, left_out
 
 
 def reach(count: int) -> float:
@@ -270,8 +277,7 @@ class MasterCurve:
 
     def pieces(self, unit: float, tables: FloatArray) -> Pieces:
         """Polynomials of x = varpi/unit from tables (pieces, columns, rows, 4) like `coefficients`."""
-        half_span = 0.5 * self.stretch.length
-        orders = np.arange(tables.shape[-2] * _BLOCK).reshape(tables.shape[-2:])
+        half_span, orders = 0.5 * self.stretch.length, _ORDERS[: tables.shape[-2]]
         variables, turned = [], []
         for low, high, table in zip(self.edges, self.edges[1:], tables, strict=False):
             # A piece's own variable is (z - middle)/half, and z + 1 = ln(1 + rate varpi)/half_span.

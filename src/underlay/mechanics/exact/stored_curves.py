@@ -1,20 +1,21 @@
 """Master curves of a paraboloid on every isotropic layer on an isotropic base, solved once and kept in a file.
 
-A search for a start asks little accuracy of laws far apart: the first fit of a process would spend more on solving
-for them than on fitting. Without friction such a body is two numbers and no more (as Dundurs found of plane strain;
-its Hankel transform sees no other): the ratio r = theta_base/theta_layer of the elastic constants, and
+A law read off them takes a third of the time that its solution does, and a search for a start, which asks little of
+laws far apart, takes next to none. Without friction such a body is two numbers and no more (as Dundurs found of
+plane strain; its Hankel transform sees no other): the ratio r = theta_base/theta_layer of elastic constants, and
 
     share = (2 (r gamma_layer - gamma_base) + 1)/(r + 1),   gamma = (1 - 2 nu)/(2 (1 - nu)),
 
 which goes from 0 to 1 while Poisson's ratios nu go from 1/2 to 0. The logarithms of the three factors are Chebyshev
 series in ln r, in ln(1 + 100 share), which spreads what thin incompressible layers crowd at zero, and in the
-stretched varpi. `tests/studies/stored_curves.py` writes the file; a test solves again.
+stretched varpi. They are brought to ranges of varpi, with as many terms as an accuracy takes, when these are first
+asked for. `tests/studies/stored_curves.py` writes the file; a test solves again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, log, log1p
+from math import acos, floor, inf, log, log1p, log2, log10
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -25,23 +26,25 @@ from underlay.errors import LawError
 from underlay.mechanics.body import PlaneConstants, isotropic_constants
 from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
 from underlay.mechanics.exact.nodes import TABLES, Resolution
-from underlay.mechanics.kernel import Kernel, LayerKernel
+from underlay.mechanics.kernel import Kernel, LayerKernel, SubstrateKernel
 from underlay.mechanics.kernel.substrate import is_isotropic
 
 __all__ = ["EXPONENT", "FILE", "STORED_ERROR", "TOP", "StoredCurves", "StoredSeries", "grid", "stored_curves"]
 
 FILE = Path(__file__).with_name("stored_curves.npy")
-#: Relative error of the three factors: what the series leave out, at most 1.8e-4 of 150 random bodies, and as much
-#: again; the largest is that of the softest bases.
-STORED_ERROR = 3e-4
+#: Relative error of the three factors, largest of 150 random bodies, and a fifth of it more: half of it is the
+#: single precision of the file. On bases softer than the ratio that follows it is the other one.
+STORED_ERROR, _SOFT, _SOFT_ERROR = 2e-7, 0.02, 8e-7
 #: The tip's exponent, and the largest varpi.
 EXPONENT, TOP = 2.0, 10.48
 # Of the stretched varpi; of the share; ln r; terms in ln r, share and varpi.
-_SOFTNESS, _CROWDING = 4.0, 100.0
+_SOFTNESS, _CROWDING = 2.0, 100.0
 _LOG_RATIOS = (log(0.004), log(470.0))
-_TERMS = (18, 12, 28)
+_TERMS = (33, 23, 50)
 _MADE_FOR = (EXPONENT, TOP, _SOFTNESS, _CROWDING, *_LOG_RATIOS, *_TERMS)
 _STRETCH = Stretch.to(TOP, _SOFTNESS)
+# Ranges of varpi per octave, and in all; of rtol, what each of the stored series may leave out, and of a range's.
+_PER_OCTAVE, _RANGES, _SHARE_OF_TAIL = 4, 32, 0.05
 # Rounding of constants, and of the ends.
 _ROUNDING = 1e-9
 
@@ -51,27 +54,67 @@ class StoredSeries(NamedTuple):
 
     Parameters
     ----------
+    stretch : Stretch
+        Of varpi.
     coefficients : ndarray (bodies, terms, 3)
         Chebyshev coefficients in the stretched varpi.
+    error_estimate : float
+        Relative error of the three factors.
     resolution : Resolution
         Nodes of the finest solution behind the file.
     radii : int
         Contact radii behind it.
     """
 
+    stretch: Stretch
     coefficients: FloatArray
+    error_estimate: float
     resolution: Resolution
     radii: int
 
-    @property
-    def stretch(self) -> Stretch:
-        """The stretched variable in which varpi is expanded."""
-        return _STRETCH
-
     def logarithms(self, varpi: FloatArray) -> FloatArray:
         """Logarithms of the three factors at `varpi` (n,), shape (bodies, 3, n)."""
-        z = self.stretch.z(varpi)
-        return np.asarray(np.swapaxes(self.coefficients, 1, 2) @ _polynomials(z, _TERMS[2]).T)
+        terms = _polynomials(self.stretch.z(varpi), self.coefficients.shape[1])
+        return np.asarray(np.swapaxes(self.coefficients, 1, 2) @ terms.T)
+
+
+class _Shortened(NamedTuple):
+    """Stored series (ratios + 1, shares, terms, 3), no longer than an accuracy takes, and what they leave out.
+
+    The last entry of the first axis is a rigid base's.
+    """
+
+    stretch: Stretch
+    series: FloatArray
+    left_out: float
+
+    @classmethod
+    def of(cls, stretch: Stretch, series: FloatArray, allowed: float, left_out: float = 0.0) -> Self:
+        """Leave out of each of the three series what adds up to so little."""
+        # Not by a maximum along the last axis, which is so short that it takes ten times as long.
+        sizes = np.abs(series)
+        sizes = np.maximum(np.maximum(sizes[..., 0], sizes[..., 1]), sizes[..., 2])
+        for axis in (2, 1, 0):
+            others = tuple({0, 1, 2} - {axis})
+            sums = sizes[:-1].sum(axis=others)
+            if axis:
+                sums = np.maximum(sums, sizes[-1].sum(axis=2 - axis))
+            tails = np.cumsum(sums[::-1])[::-1]
+            kept = max(1, int(np.count_nonzero(tails > allowed)))
+            left_out += float(tails[kept]) if kept < len(tails) else 0.0
+            place = (*[slice(None)] * axis, slice(kept)) if axis else ([*range(kept), -1],)
+            series, sizes = series[place], sizes[place]
+        return cls(stretch, read_only(np.ascontiguousarray(series)), left_out)
+
+    def up_to(self, top: float, allowed: float) -> _Shortened:
+        """The same for varpi of up to `top` alone."""
+        stretch, terms = self.stretch.over(top), self.series.shape[2]
+        there = _polynomials(self.stretch.z(stretch.v(np.cos(chebyshev_angles(terms)))), terms)
+        # One product of matrices: as products of stacks it takes ten times as long.
+        flat = np.moveaxis(self.series, 2, 0).reshape(terms, -1)
+        ratios, shares, _, factors = self.series.shape
+        turned = (_expansion(terms) @ there @ flat).reshape(terms, ratios, shares, factors)
+        return _Shortened.of(stretch, np.moveaxis(turned, 0, 2), allowed, self.left_out)
 
 
 class StoredCurves(NamedTuple):
@@ -118,7 +161,7 @@ class StoredCurves(NamedTuple):
         return cls(*(read_only(kept[name].astype(np.float64)) for name in cls._fields))
 
     def write(self) -> None:
-        """Write the file; single precision is a thousand times finer than the series."""
+        """Write the file; single precision is finer than the series."""
         kept = self._replace(series=self.series.astype(np.float32))
         named = list(zip(self._fields, kept, strict=True))
         record = np.zeros((), dtype=[(name, part.dtype, part.shape) for name, part in named])
@@ -126,20 +169,11 @@ class StoredCurves(NamedTuple):
             record[name] = part
         np.save(FILE, record, allow_pickle=False)
 
-    def of(self, places: Sequence[tuple[float, float]]) -> StoredSeries:
-        """Curves of bodies at their places, each in [-1, 1]; the first is infinite on a rigid base."""
-        first, second = np.array(places).T
-        rigid = np.isinf(first)
-        rows = np.zeros((len(places), len(self.series)))
-        rows[rigid, -1] = 1.0
-        rows[~rigid, :-1] = _polynomials(first[~rigid], _TERMS[0])
-        series = np.tensordot(rows, self.series, 1)
+    @property
+    def resolution(self) -> Resolution:
+        """Nodes of the finest solution behind the file."""
         radial, wavenumbers, scale, reach = self.nodes.tolist()
-        return StoredSeries(
-            np.einsum("bs,bstf->btf", _polynomials(second, _TERMS[1]), series),
-            Resolution(int(radial), int(wavenumbers), scale, reach),
-            self.series[:, :, :, 0].size,
-        )
+        return Resolution(int(radial), int(wavenumbers), scale, reach)
 
 
 def stored_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> StoredSeries | None:
@@ -161,13 +195,42 @@ def stored_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: f
     StoredSeries or None
         None where the file does not hold all of them so well.
     """
-    if exponent != EXPONENT or top > TOP * (1.0 + _ROUNDING) or rtol < STORED_ERROR:
+    if exponent != EXPONENT or top > TOP * (1.0 + _ROUNDING) or rtol < 2.0 * STORED_ERROR:
         return None
-    places = [_place(body) for body in bodies]
-    if any(place is None or abs(place[1]) > 1.0 for place in places):
+    found = [_place(body) for body in bodies]
+    places = [place for place in found if place is not None and abs(place[1]) <= 1.0]
+    error = _SOFT_ERROR if any(place[0] < _first(_SOFT) for place in places) else STORED_ERROR
+    if len(places) < len(found) or rtol < 2.0 * error:
         return None
     stored = TABLES.get(("stored curves",), StoredCurves.read)
-    return stored.of([place for place in places if place is not None])
+    digits = floor(log10(rtol))
+    allowed = _SHARE_OF_TAIL * 10.0**digits
+    number = min(floor(_PER_OCTAVE * max(log2(TOP / top), 0.0)), _RANGES)
+
+    def shortened() -> _Shortened:
+        key = ("stored curves", digits)
+        every = TABLES.get(key, lambda: _Shortened.of(_STRETCH, stored.series, allowed))
+        return every.up_to(TOP * 0.5 ** (number / _PER_OCTAVE), allowed)
+
+    stretch, series, left_out = TABLES.get(("stored curves", digits, number), shortened)
+    return StoredSeries(
+        stretch,
+        np.array([_at(series, *place) for place in places]),
+        error + left_out,
+        stored.resolution,
+        stored.series[..., 0].size,
+    )
+
+
+def _at(series: FloatArray, first: float, second: float) -> FloatArray:
+    """Series (terms, 3) of the body at a place."""
+    ratios, shares, *shape = series.shape
+    if first == inf:
+        by_share = series[-1]
+    else:
+        by_share = np.cos(acos(min(first, 1.0)) * np.arange(ratios - 1)) @ series[:-1].reshape(ratios - 1, -1)
+    own = np.cos(acos(second) * np.arange(shares)) @ by_share.reshape(shares, -1)
+    return np.asarray(own.reshape(shape))
 
 
 def grid() -> tuple[list[list[LayerKernel]], FloatArray]:
@@ -193,18 +256,25 @@ def _body(ratio: float, share: float) -> LayerKernel:
 
 def _place(body: Kernel) -> tuple[float, float] | None:
     """Where a body stands in both series: infinite on a rigid base, None where it has no place."""
-    if not (isinstance(body, LayerKernel) and is_isotropic(body.layer)):
+    if not isinstance(body, LayerKernel | SubstrateKernel):
         return None
-    layer, base = body.layer, body.base
+    layer, base = body.constants
+    if not is_isotropic(layer):
+        return None
     if base is None:
         return inf, _spread(2.0 * layer.coupling)
     if not is_isotropic(base):
         return None
     ratio = float(base.theta / layer.theta)
-    low, high = _LOG_RATIOS
-    first = 2.0 * (log(ratio) - low) / (high - low) - 1.0
+    first = _first(ratio)
     share = (2.0 * (ratio * layer.coupling - base.coupling) + 1.0) / (ratio + 1.0)
     return None if abs(first) > 1.0 else (first, _spread(share))
+
+
+def _first(ratio: float) -> float:
+    """Place of a ratio in its series."""
+    low, high = _LOG_RATIOS
+    return 2.0 * (log(ratio) - low) / (high - low) - 1.0
 
 
 def _spread(share: float) -> float:
