@@ -304,8 +304,13 @@ class SolvedCurve:
     error_estimate: float
 
 
-def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
+def solve_curve(
+    problem: ContactProblem, top: float, rtol: float, left_out: float = SHARE_OF_CURVE
+) -> SolvedCurve:
     """Solve for varpi in [0, `top`] at relative error `rtol`.
+
+    Terms that this may take are left out while they and those that were never solved for make up the share
+    `left_out` of `rtol`: zero for curves that are interpolated, of which each would leave out others.
 
     Raises
     ------
@@ -313,15 +318,17 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
     guess = RadiusGuess.of(problem.scales, problem.measure.exponent)
-    if problem.scales.softest > SOFT and (found := _on_grid(problem, guess, top, rtol)) is not None:
+    if problem.scales.charted and problem.scales.softest > SOFT and (found := _on_grid(problem, guess, top, rtol, left_out)) is not None:
         return found
     last = _widened(problem, top, guess.radius(top), rtol)
     place, last, gain = _placement(problem, guess, top, last)
-    found = None if place is None else _direct(problem, place, top, last, rtol, gain)
+    found = None if place is None else _direct(problem, place, top, last, rtol, gain, left_out)
     return found if found is not None else _by_branches(problem, top, last, rtol, gain)
 
 
-def _on_grid(problem: ContactProblem, guess: RadiusGuess, top: float, rtol: float) -> SolvedCurve | None:
+def _on_grid(
+    problem: ContactProblem, guess: RadiusGuess, top: float, rtol: float, left_out: float
+) -> SolvedCurve | None:
     """One polynomial through the radii of a kept grid; None where there is none, or that does not reach `rtol`."""
     last = problem.widest(guess.radius(top))
     end = 2.0 ** (ceil(_GRIDS_PER_OCTAVE * log2(last)) / _GRIDS_PER_OCTAVE)
@@ -335,24 +342,12 @@ def _on_grid(problem: ContactProblem, guess: RadiusGuess, top: float, rtol: floa
         varpi, logarithms = problem.on(guess.grid(end, terms, resolution))
         if varpi[-1] < _SHORT * top:
             return None
-        curve, error = _through(problem, varpi, logarithms, wanted, rtol, SHARE_OF_NODES * rtol)
-        if error <= rtol:
-            return SolvedCurve(curve, resolution, terms, end, error)
+        curve = MasterCurve.through(varpi, logarithms, wanted, left_out * rtol / problem.unevenness)
+        error = problem.unevenness * curve.error_estimate
+        if error <= SHARE_OF_CURVE * rtol:
+            return SolvedCurve(curve, resolution, terms, end, SHARE_OF_NODES * rtol + error)
         terms += 4
     return None
-
-
-def _through(
-    problem: ContactProblem,
-    varpi: FloatArray,
-    logarithms: FloatArray,
-    wanted: Stretch,
-    rtol: float,
-    nodes: float,
-) -> tuple[MasterCurve, float]:
-    """The polynomial through points that err by `nodes`, as short as `rtol` allows, and the error of both."""
-    curve = MasterCurve.through(varpi, logarithms, wanted, (rtol - nodes) / problem.unevenness)
-    return curve, nodes + problem.unevenness * curve.error_estimate
 
 
 def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
@@ -460,6 +455,7 @@ def _direct(
     last: float,
     rtol: float,
     gain: float,
+    left_out: float,
 ) -> SolvedCurve | None:
     """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
     wanted = Stretch.to(top, problem.scales.softness)
@@ -478,9 +474,10 @@ def _direct(
             widen, last, eps = widen * wider / last, wider, problem.widest(wider)
             resolution = problem.resolution(eps, fine)
             continue
-        curve, error = _through(problem, varpi, logarithms, wanted, rtol, gain * SHARE_OF_NODES * fine)
-        if error <= rtol:
-            return SolvedCurve(curve, resolution, terms, eps, error)
+        curve = MasterCurve.through(varpi, logarithms, wanted, left_out * rtol / problem.unevenness)
+        error = problem.unevenness * curve.error_estimate
+        if error <= SHARE_OF_CURVE * rtol:
+            return SolvedCurve(curve, resolution, terms, eps, gain * SHARE_OF_NODES * fine + error)
         terms += 4
     return None
 

@@ -186,7 +186,7 @@ def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float
 
 def _one_by_one(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
     tip = PowerLaw(exponent, 1.0)
-    solved = [solve_curve(ContactProblem.of(tip, 1.0, body), top, rtol) for body in bodies]
+    solved = [solve_curve(ContactProblem.of(tip, 1.0, body), top, rtol, 0.0) for body in bodies]
     if any(one.curve.jumps for one in solved):
         return None
     curves = [one.curve for one in solved]
