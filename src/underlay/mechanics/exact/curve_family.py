@@ -29,15 +29,8 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import isotropic_constants
-from underlay.mechanics.exact.batch import curves_through
 from underlay.mechanics.exact.contact_problem import (
-    LARGEST_EPS,
-    SHARE_OF_CURVE,
-    SHARE_OF_NODES,
-    SOFT,
     ContactProblem,
-    RadiusGuess,
-    contact_factors,
     solve_curve,
 )
 from underlay.mechanics.exact.master_curve import (
@@ -51,8 +44,7 @@ from underlay.mechanics.exact.master_curve import (
     monomials,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import TABLES, Resolution, curve_terms
-from underlay.mechanics.exact.punch_solution import PunchGrid
+from underlay.mechanics.exact.nodes import TABLES, Resolution
 from underlay.mechanics.exact.stored_curves import stored_curves
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Family, Kernel, LayerKernel
@@ -133,11 +125,7 @@ def solve_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: fl
     RangeError
         If a contact radius would pass 20 thicknesses.
     """
-    for way in (_stored, _together):
-        found = way(bodies, exponent, top, rtol)
-        if found is not None:
-            return found
-    return _one_by_one(bodies, exponent, top, rtol)
+    return _stored(bodies, exponent, top, rtol) or _solved(bodies, exponent, top, rtol)
 
 
 def _stored(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
@@ -150,41 +138,7 @@ def _stored(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) 
     return SolvedCurves(series.logarithms, series.resolution, series.radii, eps, series.error_estimate)
 
 
-def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
-    """Solve at radii that `RadiusGuess` places; None where that will not do, or takes too many."""
-    scales = [body.scales for body in bodies]
-    if not all(one.charted and one.softest > SOFT for one in scales):
-        return None
-    tip = PowerLaw(exponent, 1.0)
-    points = np.array([top])
-    # The widest contact of them: beside it the others' points reach further than they are asked for.
-    guess = max(
-        (RadiusGuess.of(one, exponent) for one in scales), key=lambda one: float(one.radius(points)[0])
-    )
-    stretch = Stretch.to(top, max(one.softness for one in scales))
-    terms = max(curve_terms(one, top, exponent, rtol) for one in scales)
-    while terms <= MOST_TERMS:
-        eps = guess.radius(stretch.v(np.cos(chebyshev_angles(terms))))
-        last = float(guess.radius(points)[0])
-        if last >= LARGEST_EPS:
-            return None
-        resolution = max(
-            (Resolution.choose(one, last, rtol) for one in scales),
-            key=lambda one: (one.radial, one.wavenumbers),
-        )
-        grid = PunchGrid.of(eps, resolution)
-        punch = grid.solve(np.stack([body.values(grid.u) for body in bodies]))
-        varpi, logarithms = contact_factors(punch, tip, tip, 1.0)
-        batch = curves_through(tip, varpi, logarithms, top, stretch)
-        truncated = float(batch.error_estimate.max())
-        if truncated <= SHARE_OF_CURVE * rtol:
-            error = SHARE_OF_NODES * rtol + truncated
-            return SolvedCurves(batch.logarithms, resolution, terms * len(bodies), last, error)
-        terms += 2
-    return None
-
-
-def _one_by_one(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
+def _solved(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
     tip = PowerLaw(exponent, 1.0)
     solved = [solve_curve(ContactProblem.of(tip, 1.0, body), top, rtol, 0.0) for body in bodies]
     if any(one.curve.jumps for one in solved):
