@@ -43,7 +43,7 @@ from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, pr
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.exact.stored_curves import stored_curves
 from underlay.mechanics.indenters import Indenter, PowerLawShape, abel_factor
-from underlay.mechanics.kernel import Kernel, Scales
+from underlay.mechanics.kernel import Kernel, Scales, values_of
 
 __all__ = [
     "LARGEST_EPS",
@@ -202,11 +202,14 @@ class ContactProblem:
 
     def on(self, grid: PunchGrid) -> tuple[FloatArray, FloatArray]:
         """Varpi (radii,) and the other columns of `solve` (radii, 3 + bodies) at the contact radii of a grid."""
-        here = self.kernel.values(grid.u)
         if not self.beside:
-            return contact_factors(grid.solve(here), self.indenter, self.measure, self.thickness)
+            punch = grid.solve(self.kernel.values(grid.u))
+            return contact_factors(punch, self.indenter, self.measure, self.thickness)
         weights = weights_over_depth(self.indenter, self.measure, grid.rule, grid.eps * self.thickness)
-        there = [body.kernel.values(grid.u * body.thickness) for body in self.beside]
+        bodies, stretches = zip(
+            (self.kernel, 1.0), *((body.kernel, body.thickness) for body in self.beside), strict=True
+        )
+        here, *there = values_of(bodies, grid.u, stretches)
         punch = grid.solve(here, weights)
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, self.thickness)
         steps = np.array([body.step for body in self.beside])
@@ -318,7 +321,8 @@ def solve_curve(
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
     guess = RadiusGuess.of(problem.scales, problem.measure.exponent)
-    if problem.scales.charted and problem.scales.softest > SOFT and (found := _on_grid(problem, guess, top, rtol, left_out)) is not None:
+    found = _on_grid(problem, guess, top, rtol, left_out)
+    if found is not None:
         return found
     last = _widened(problem, top, guess.radius(top), rtol)
     place, last, gain = _placement(problem, guess, top, last)
@@ -329,7 +333,12 @@ def solve_curve(
 def _on_grid(
     problem: ContactProblem, guess: RadiusGuess, top: float, rtol: float, left_out: float
 ) -> SolvedCurve | None:
-    """One polynomial through the radii of a kept grid; None where there is none, or that does not reach `rtol`."""
+    """One polynomial through the radii of a kept grid; None where there is none, or that does not reach `rtol`.
+
+    Not for stacks: their contacts may lie so far from the guess that estimates of 1e-6 were 1e-4 off.
+    """
+    if not (problem.scales.charted and problem.scales.softest > SOFT):
+        return None
     last = problem.widest(guess.radius(top))
     end = 2.0 ** (ceil(_GRIDS_PER_OCTAVE * log2(last)) / _GRIDS_PER_OCTAVE)
     widest = problem.indenter.max_radius / problem.thickness
