@@ -38,7 +38,7 @@ from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, pr
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel, LayerKernel
 
-__all__ = ["CurveBatch", "ExactBatch", "curves_through", "thickness_derivative"]
+__all__ = ["CurveBatch", "ExactBatch", "curves_through"]
 
 # Depths times sets evaluated at a time: fewer cost more in calls, more leave the processor's second cache.
 _CHUNK = 16384
@@ -321,16 +321,9 @@ class ExactBatch:
 
     @classmethod
     def compile(
-        cls,
-        indenter: Indenter,
-        inner: PlaneConstants,
-        outer: PlaneConstants | None,
-        *,
-        thickness: float,
-        max_depth: float,
-        rtol: float = 1e-6,
+        cls, indenter: Indenter, kernel: Kernel, *, thickness: float, max_depth: float, rtol: float = 1e-6
     ) -> Self:
-        """Place the nodes, for materials near `inner` on `outer` (None: rigid).
+        """Place the nodes, for bodies near that of `kernel`.
 
         Parameters
         ----------
@@ -345,14 +338,6 @@ class ExactBatch:
             If the contact radius would pass 20 thicknesses, or the end of the indenter's shape, or the batch
             would not fit into memory.
         """
-        kernel = LayerKernel(inner, outer)
-        return cls.compile_for(indenter, kernel, thickness=thickness, max_depth=max_depth, rtol=rtol)
-
-    @classmethod
-    def compile_for(
-        cls, indenter: Indenter, kernel: Kernel, *, thickness: float, max_depth: float, rtol: float = 1e-6
-    ) -> Self:
-        """Place the nodes for bodies near that of `kernel`; otherwise as `compile`."""
         problem = ContactProblem.of(indenter, thickness, kernel)
         top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / thickness
         solved = solve_curve(problem, top, rtol)
@@ -414,14 +399,3 @@ class ExactBatch:
         radii, nodes, _ = grid.waves.shape
         kernel = ((grid.strength * sets) @ self.products).reshape(-1, radii, nodes, nodes - 1)
         return PunchSolution.of_kernel(grid.eps, grid.rule, kernel)[0]
-
-
-def thickness_derivative(
-    force: FloatArray, stiffness: FloatArray, depth: FloatArray, thickness: FloatArray, exponent: float
-) -> FloatArray:
-    """dP/dh (N/m) at fixed depth and materials, for a power-law shape.
-
-    P/(theta A h^(lambda+1)) depends on varpi alone, and varpi on w and h through w^(1/lambda)/h; hence
-    h dP/dh = (lambda+1) P - lambda w dP/dw. All arrays of one shape, or broadcasting.
-    """
-    return ((exponent + 1.0) * force - exponent * depth * stiffness) / thickness

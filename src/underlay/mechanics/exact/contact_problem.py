@@ -81,8 +81,8 @@ _SHARE_OF_TAIL = 0.3
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
 # Radii and nodes are kept for a/h up to an eighth of an octave more than was asked, and for guesses whose gains are
-# rounded to fifths, which moves the points by 5 % at most; so many cosines at most, 0.4 MB.
-_GRIDS_PER_OCTAVE, _GAINS, _MOST_KEPT = 8.0, 5.0, 50_000
+# rounded to tenths, which moves the points by 3 % at most; so many cosines at most, 0.4 MB.
+_GRIDS_PER_OCTAVE, _MOST_KEPT = 8.0, 50_000
 # Up to this share of its end a shape that is no power law has its contacts where a power law has them.
 _BLUNT = 0.6
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
@@ -417,7 +417,7 @@ class RadiusGuess:
 
     def grid(self, end: float, terms: int, resolution: Resolution) -> PunchGrid:
         """So many contact radii up to a/h = `end`, kept for every body whose guess is nearly this one."""
-        near = RadiusGuess(round(_GAINS * self.gain) / _GAINS, self.rate)
+        near = RadiusGuess(round(self.gain, 1), self.rate)
         key = ("grid", near, end, terms, resolution)
         return TABLES.get(key, lambda: PunchGrid.of(near.radii(end, terms), resolution))
 

@@ -47,7 +47,6 @@ __all__ = [
 # Of a base as stiff as the layer or stiffer. Rates of 1, 2 and 4 take 29, 28 and 29 terms for 1e-7 up to varpi = 5,
 # in the mean of paraboloids and cones on four bodies; 0.5 takes 31 and 10 takes 33.
 _STIFF_RATE = 2.0
-_TINY = float(np.finfo(float).tiny)
 # Coefficients per row of the evaluated polynomial: sum_j z^(4j) (c_j0 + c_j1 z + c_j2 z^2 + c_j3 z^3).
 _BLOCK = 4
 # Depths evaluated at a time: the powers of so many fit the processor's cache.
@@ -138,7 +137,6 @@ def _monomial_table(count: int) -> FloatArray:
 
 
 _MONOMIALS = _monomial_table(MOST_IN_POWERS)
-_ORDERS = np.arange(MOST_IN_POWERS, dtype=np.float64).reshape(-1, _BLOCK)
 
 
 def monomials(count: int) -> FloatArray:
@@ -162,7 +160,7 @@ def truncation_error(coefficients: FloatArray) -> FloatArray:
     """
     sizes = np.abs(coefficients[..., -4:, :]).max(axis=-1)
     last, before = sizes[..., 2] + sizes[..., 3], sizes[..., 0] + sizes[..., 1]
-    rate = np.minimum(last / np.maximum(before, _TINY), 0.9)
+    rate = np.minimum(last / np.maximum(before, np.finfo(float).tiny), 0.9)
     return np.asarray(3.0 * last * rate / (1.0 - rate))
 
 
@@ -277,7 +275,8 @@ class MasterCurve:
 
     def pieces(self, unit: float, tables: FloatArray) -> Pieces:
         """Polynomials of x = varpi/unit from tables (pieces, columns, rows, 4) like `coefficients`."""
-        half_span, orders = 0.5 * self.stretch.length, _ORDERS[: tables.shape[-2]]
+        half_span = 0.5 * self.stretch.length
+        orders = np.arange(float(tables[0, 0].size)).reshape(-1, _BLOCK)
         variables, turned = [], []
         for low, high, table in zip(self.edges, self.edges[1:], tables, strict=False):
             # A piece's own variable is (z - middle)/half, and z + 1 = ln(1 + rate varpi)/half_span.

@@ -298,7 +298,7 @@ def series_terms(scales: Scales, eps: float, rtol: float) -> int:
     Fitted to 1500 expansions over layers on bases of every stiffness. What decays slowly bends it more: 60 random
     layers whose roots turn took so much more.
     """
-    length = Stretch.to(eps, scales.softness).length * (1.0 - log(min(scales.decay, 1.0)))
+    length = float(Stretch.to(eps, scales.softness).length) * (1.0 - log(min(scales.decay, 1.0)))
     return ceil((0.5 - log10(rtol)) * (0.8 + (1.0 if scales.softness == 0.0 else 0.75) * length) + 1.0)
 
 
@@ -310,7 +310,7 @@ def curve_terms(scales: Scales, varpi: float, exponent: float, rtol: float) -> i
     """
     digits = 1.0 - log10(rtol)
     start, bend = (0.4, 1.12 + 0.26 * scales.firmness) if scales.softness == 0.0 else (0.5, 0.6)
-    length = Stretch.to(varpi, scales.softness).length * (1.0 + 0.25 / exponent)
+    length = float(Stretch.to(varpi, scales.softness).length) * (1.0 + 0.25 / exponent)
     # What an error is estimated from is four terms.
     return max(4, ceil(digits * (start + bend * length) + 1.4))
 

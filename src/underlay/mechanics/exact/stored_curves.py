@@ -43,8 +43,8 @@ _LOG_RATIOS = (log(0.004), log(470.0))
 _TERMS = (33, 23, 50)
 _MADE_FOR = (EXPONENT, TOP, _SOFTNESS, _CROWDING, *_LOG_RATIOS, *_TERMS)
 _STRETCH = Stretch.to(TOP, _SOFTNESS)
-# Ranges of varpi per octave, and in all; of rtol, what each of the stored series may leave out, and of a range's.
-_PER_OCTAVE, _RANGES, _SHARE_OF_TAIL = 4, 32, 0.05
+# Ranges of varpi per octave; of rtol, what each of the stored series may leave out, and each of a range's.
+_PER_OCTAVE, _SHARE_OF_TAIL = 4, 0.05
 # Rounding of constants, and of the ends.
 _ROUNDING = 1e-9
 
@@ -205,7 +205,7 @@ def stored_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: f
     stored = TABLES.get(("stored curves",), StoredCurves.read)
     digits = floor(log10(rtol))
     allowed = _SHARE_OF_TAIL * 10.0**digits
-    number = min(floor(_PER_OCTAVE * max(log2(TOP / top), 0.0)), _RANGES)
+    number = floor(_PER_OCTAVE * max(log2(TOP / top), 0.0))
 
     def shortened() -> _Shortened:
         key = ("stored curves", digits)
