@@ -7,17 +7,13 @@ import pytest
 
 import underlay as ul
 from support.laws import exact_law
-from underlay.mechanics.exact.contact_problem import ContactProblem, solve_curve
 from underlay.mechanics.exact.curve_family import (
     Cell,
     IsotropicPair,
     curve_family,
-    family_holding,
     range_number,
-    solve_curves,
 )
 from underlay.mechanics.exact.family_law import side_by_side, tabulated_law
-from underlay.mechanics.exact.master_curve import Factor
 
 TIPS = {
     "paraboloid": ul.Paraboloid(2e-4),
@@ -50,22 +46,6 @@ def test_a_table_keeps_the_error_it_claims(tip, ratio, rtol):
         error = np.abs(getattr(law, asked)(depth) / getattr(solved, asked)(depth) - 1.0).max()
         # 1e-10 is what the reference may be off by.
         assert error <= law.error_estimate + 1e-10
-
-
-@pytest.mark.parametrize("top", [0.05, 1.1, 4.0])
-@pytest.mark.parametrize("exponent", [1.0, 2.0, 4.0])
-@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
-def test_bodies_solved_together_keep_the_error_that_they_claim(top, exponent, rtol):
-    bodies = [IsotropicPair(0.5, 0.3).kernel(ratio) for ratio in (1.4, 2.7, 5.4)]
-    together = solve_curves(bodies, exponent, top, rtol)
-    assert together.error_estimate <= rtol
-    varpi = top * np.linspace(0.01, 1.0, 50)
-    for body, found in zip(bodies, together.logarithms(varpi), strict=True):
-        alone = solve_curve(ContactProblem.of(ul.PowerLaw(exponent, 1.0), 1.0, body), top, 1e-10)
-        for factor in Factor:
-            error = np.abs(found[factor] - alone.curve.logarithm(factor, varpi)).max()
-            # 1e-10 is what the reference may be off by.
-            assert error <= together.error_estimate + 1e-10
 
 
 @pytest.mark.parametrize("ratio", [0.2, 1.0, 5.0, 300.0])
@@ -108,18 +88,6 @@ def test_every_ratio_and_range_has_a_cell_that_holds_it():
         assert low <= np.log(ratio) <= high
         assert varpi <= cell.top
         assert cell.top <= 2.0 * varpi or cell.range == range_number(0.0)
-
-
-def test_where_little_accuracy_is_asked_for_one_table_holds_several_ranges():
-    """A loose search passes through them all: it waits for one table, which errs by no more than was asked."""
-    loose, fine = (Cell.holding(2.0, IsotropicPair(0.45, 0.3), 3.0, 1.0, rtol) for rtol in (1e-3, 1e-6))
-    tables = [family_holding(loose._replace(range=number)) for number in (-2, -1, 0, 1)]
-    assert all(table is tables[-1] for table in tables)
-    assert family_holding(fine) is curve_family(fine)
-    varpi = np.linspace(0.0, fine.top, 30)
-    here, there = tables[-1].curve(np.log(3.0)), curve_family(fine).curve(np.log(3.0))
-    for which in range(3):
-        assert np.abs(here.logarithm(which, varpi) - there.logarithm(which, varpi)).max() < 1e-3 + 1e-6
 
 
 def test_another_cell_s_ratio_is_refused():

@@ -23,7 +23,7 @@ from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.exact.curve_family import (
     Cell,
     IsotropicPair,
-    family_holding,
+    curve_family,
     range_number,
     ratio_number,
 )
@@ -64,7 +64,7 @@ class Tables:
         ratio = ratio_number(np.exp(log_ratio))
         key = ratio, range_number(varpi), rtol
         if key not in self.kept:
-            family = family_holding(Cell(2.0, PAIR, *key))
+            family = curve_family(Cell(2.0, PAIR, *key))
             own = family.coefficients[:, 0]
             both = np.stack((own[:, Factor.FORCE], own[:, Factor.RADIUS] + own[:, Factor.STIFFNESS]), axis=1)
             low, high = family.cell.log_ratios

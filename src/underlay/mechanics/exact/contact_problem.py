@@ -359,18 +359,19 @@ def _on_grid(
     return None
 
 
-def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
-    """Read the curve where it is stored, with as few terms as do, or solve for it; raises as `solve_curve`."""
-    if problem.indenter is not problem.measure or problem.beside:
-        return solve_curve(problem, top, rtol)
-    series = stored_curves([problem.kernel], problem.measure.exponent, top, rtol)
+def known_curve(
+    problem: ContactProblem, top: float, rtol: float, left_out: float = _SHARE_OF_TAIL
+) -> SolvedCurve:
+    """Read the curve where it is stored, with as few terms as do, or solve for it; otherwise as `solve_curve`."""
+    plain = problem.indenter is problem.measure and not problem.beside
+    series = stored_curves(problem.kernel, problem.measure.exponent, top, rtol) if plain else None
     if series is None:
-        return solve_curve(problem, top, rtol)
-    (terms,) = series.coefficients
-    kept, left_out = shortened(terms, _SHARE_OF_TAIL * rtol)
+        return solve_curve(problem, top, rtol, left_out)
+    terms = series.coefficients
+    kept, missing = shortened(terms, left_out * rtol)
     if kept > MOST_IN_POWERS:
-        return solve_curve(problem, top, rtol)
-    error = series.error_estimate + left_out
+        return solve_curve(problem, top, rtol, left_out)
+    error = series.error_estimate + missing
     curve = MasterCurve(series.stretch, (-1.0, 1.0), in_powers(terms[None, :kept]), error)
     place = 2.0 * series.stretch.over(top).length / series.stretch.length - 1.0
     waves = np.cos(acos(min(place, 1.0)) * np.arange(len(terms)))

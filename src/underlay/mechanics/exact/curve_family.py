@@ -8,10 +8,6 @@ Im ln k = pi. So Chebyshev polynomials over a span of ln 4 gain a factor of 9 wi
 solutions serve every ratio in the span, with the derivative in ln k beside them; how many it takes is measured, for
 ratios of lengths too.
 
-The solutions of a table are made together (`solve_curves`): where a solution has few nodes, calls and cosines cost
-most of it. Bodies of one span take the same contact radii and nodes, those of the most demanding of them, and one
-batch serves them all. Where little accuracy is asked for, the curves of `stored_curves` do.
-
 The spans ("cells") of ratio and of varpi are fixed numbers, not taken from what was asked before: a law is a
 function of its parameters alone. Everything here is dimensionless, so one table serves any tip size, thickness
 and modulus, and tables are kept for the whole process.
@@ -19,20 +15,17 @@ and modulus, and tables are kept for the whole process.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, exp, floor, inf, log, log10
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import isotropic_constants
-from underlay.mechanics.exact.contact_problem import (
-    ContactProblem,
-    solve_curve,
-)
+from underlay.mechanics.exact.contact_problem import ContactProblem, known_curve
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -45,22 +38,18 @@ from underlay.mechanics.exact.master_curve import (
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import TABLES, Resolution
-from underlay.mechanics.exact.stored_curves import stored_curves
 from underlay.mechanics.indenters import PowerLaw
-from underlay.mechanics.kernel import Family, Kernel, LayerKernel
+from underlay.mechanics.kernel import Family, LayerKernel
 
 __all__ = [
     "STIFF_END",
     "Cell",
     "CurveFamily",
     "IsotropicPair",
-    "Logarithms",
     "RatioSpan",
     "RigidBase",
-    "SolvedCurves",
     "curve_family",
     "end_numbers",
-    "family_holding",
     "first_ratios",
     "range_end",
     "range_number",
@@ -68,11 +57,8 @@ __all__ = [
     "ratio_number",
     "ratio_numbers",
     "ratio_span",
-    "solve_curves",
 ]
 
-#: Logarithms of the factors of all curves at varpi (n,), shape (curves, 3, n).
-Logarithms: TypeAlias = Callable[[FloatArray], FloatArray]
 # Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
 _RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
 _RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
@@ -85,73 +71,10 @@ _SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
 _SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
 _SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
 _NARROWEST = 0.3  # of a piece in z: eight pieces at most
+# Curves that are interpolated keep all terms of more than this share of theirs: each would leave out others.
+_ALL_TERMS = 0.01
 _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
 _MOST_RATIOS = 24
-# From this rtol on a table of so many ranges takes little longer than that of one.
-_LOOSE, _WIDE = 1e-3, 4
-
-
-class SolvedCurves(NamedTuple):
-    """Curves of several bodies at the nodes of one solution; its figures are those of the worst body."""
-
-    logarithms: Logarithms
-    resolution: Resolution
-    radii: int
-    eps: float
-    error_estimate: float
-
-
-def solve_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
-    """Curves of a tip w = A F_2 a^lambda of any size on bodies under a layer of unit thickness, up to `top`.
-
-    Parameters
-    ----------
-    bodies : sequence of Kernel
-        With the layer.
-    exponent : float
-        Of the tip's power law.
-    top : float
-        Largest varpi.
-    rtol : float
-        Relative error of each.
-
-    Returns
-    -------
-    SolvedCurves or None
-        None where one of them folds.
-
-    Raises
-    ------
-    RangeError
-        If a contact radius would pass 20 thicknesses.
-    """
-    return _stored(bodies, exponent, top, rtol) or _solved(bodies, exponent, top, rtol)
-
-
-def _stored(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
-    """Read the curves off those of the file; None where it does not hold all of them."""
-    series = stored_curves(bodies, exponent, top, rtol)
-    if series is None:
-        return None
-    widest = series.logarithms(np.array([top]))[:, Factor.RADIUS].max()
-    eps = float(np.exp(widest)) * top
-    return SolvedCurves(series.logarithms, series.resolution, series.radii, eps, series.error_estimate)
-
-
-def _solved(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
-    tip = PowerLaw(exponent, 1.0)
-    solved = [solve_curve(ContactProblem.of(tip, 1.0, body), top, rtol, 0.0) for body in bodies]
-    if any(one.curve.jumps for one in solved):
-        return None
-    curves = [one.curve for one in solved]
-    worst = max(solved, key=lambda one: one.error_estimate)
-    return SolvedCurves(
-        lambda varpi: np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves]),
-        worst.resolution,
-        sum(one.radii for one in solved),
-        max(one.eps for one in solved),
-        worst.error_estimate,
-    )
 
 
 class IsotropicPair(NamedTuple):
@@ -355,17 +278,6 @@ def curve_family(cell: Cell) -> CurveFamily | None:
     return TABLES.get(("family", cell), lambda: _tabulated(cell))
 
 
-def family_holding(cell: Cell) -> CurveFamily | None:
-    """Table of one cell, or of one of several ranges where little accuracy is asked for; None as `curve_family`.
-
-    A search at a loose tolerance passes through many ranges, and the first of a process waits for every table.
-    """
-    if cell.rtol < _LOOSE:
-        return curve_family(cell)
-    wide = curve_family(cell._replace(range=_WIDE * ceil((cell.range - 1) / _WIDE) + 1))
-    return curve_family(cell) if wide is None or wide.error_estimate > cell.rtol else wide
-
-
 def _tabulated(cell: Cell) -> CurveFamily | None:
     try:
         return _expanded(cell, first_ratios(_SHARE_OF_RATIO * cell.rtol))
@@ -382,16 +294,14 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     """Solve at Chebyshev points in ln k, bring the curves to one stretch, and expand; more points if need be."""
     span = cell.log_ratios
     angles = chebyshev_angles(ratios)
-    solved = solve_curves(
-        [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()],
-        cell.exponent,
-        cell.top,
-        _SHARE_OF_SOLUTIONS * cell.rtol,
-    )
-    if solved is None:
+    tip, share = PowerLaw(cell.exponent, 1.0), _SHARE_OF_SOLUTIONS * cell.rtol
+    bodies = [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()]
+    solved = [known_curve(ContactProblem.of(tip, 1.0, body), cell.top, share, _ALL_TERMS) for body in bodies]
+    if any(one.curve.jumps for one in solved):
         return None
+    worst = max(solved, key=lambda one: one.error_estimate)
     stretch = Stretch.to(cell.top, cell.family.kernel(span.middle).scales.softness)
-    pieces = _pieces(solved.logarithms, stretch, (-1.0, 1.0), cell.rtol)
+    pieces = _pieces([one.curve for one in solved], stretch, (-1.0, 1.0), cell.rtol)
     if pieces is None:
         return None
     expanded = [chebyshev_coefficients(piece.values.reshape(ratios, -1), angles) for piece in pieces]
@@ -413,10 +323,10 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
         stretch=stretch,
         edges=(*(piece.ends[0] for piece in pieces), 1.0),
         coefficients=read_only(table),
-        error_estimate=solved.error_estimate + max(piece.left_out for piece in pieces) + truncation,
-        resolution=solved.resolution,
-        radii=solved.radii,
-        eps=solved.eps,
+        error_estimate=worst.error_estimate + max(piece.left_out for piece in pieces) + truncation,
+        resolution=worst.resolution,
+        radii=sum(one.radii for one in solved),
+        eps=max(one.eps for one in solved),
     )
 
 
@@ -437,7 +347,7 @@ class _Piece(NamedTuple):
 
 
 def _pieces(
-    curves: Logarithms, stretch: Stretch, ends: tuple[float, float], rtol: float
+    curves: Sequence[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float
 ) -> list[_Piece] | None:
     """Bring curves to one stretch, in as few pieces as the accuracy allows; None if it takes too many."""
     piece = _resampled(curves, stretch, ends, rtol)
@@ -452,7 +362,9 @@ def _pieces(
     return None if below is None or above is None else below + above
 
 
-def _resampled(curves: Logarithms, stretch: Stretch, ends: tuple[float, float], rtol: float) -> _Piece:
+def _resampled(
+    curves: Sequence[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float
+) -> _Piece:
     """One piece of curves on one stretch.
 
     As many terms as there may be are taken and the last dropped while their sum stays below its share: every
@@ -461,7 +373,8 @@ def _resampled(curves: Logarithms, stretch: Stretch, ends: tuple[float, float], 
     low, high = ends
     angles = chebyshev_angles(MOST_TERMS)
     varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles))
-    values = np.moveaxis(curves(varpi), -1, 0)
+    told = np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves])
+    values = np.moveaxis(told, -1, 0)
     flat = chebyshev_coefficients(values.reshape(MOST_TERMS, -1), angles)
     tails = np.cumsum(np.abs(flat).max(axis=1)[::-1])[::-1]
     kept = max(1, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))

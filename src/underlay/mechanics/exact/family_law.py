@@ -23,7 +23,7 @@ from underlay.mechanics.exact.curve_family import (
     Cell,
     CurveFamily,
     RigidBase,
-    family_holding,
+    curve_family,
     range_end,
     range_number,
     range_numbers,
@@ -109,7 +109,7 @@ def tabulated_law(
             resolution=solved.resolution,
             radii=solved.radii,
         )
-    table = family_holding(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
+    table = curve_family(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
     if table is None or table.error_estimate > rtol:
         return None
     return FamilyLaw(
@@ -281,7 +281,7 @@ def family_batch(
     missing = set(numbers) - tables.places.keys()
     for span, reach in missing:
         cell = Cell(indenter.exponent, family, int(span), int(reach), rtol)
-        tables = tables.with_table(cell, family_holding(cell))
+        tables = tables.with_table(cell, curve_family(cell))
     if missing:
         # Never changed but replaced, so that another thread finds it whole.
         TABLES.put(key, tables)

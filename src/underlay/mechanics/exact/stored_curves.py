@@ -14,7 +14,6 @@ asked for. `tests/studies/stored_curves.py` writes the file; a test solves again
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import acos, floor, inf, log, log1p, log2, log10
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -50,13 +49,13 @@ _ROUNDING = 1e-9
 
 
 class StoredSeries(NamedTuple):
-    """Curves of some bodies.
+    """The curve of one body.
 
     Parameters
     ----------
     stretch : Stretch
         Of varpi.
-    coefficients : ndarray (bodies, terms, 3)
+    coefficients : ndarray (terms, 3)
         Chebyshev coefficients in the stretched varpi.
     error_estimate : float
         Relative error of the three factors.
@@ -73,9 +72,9 @@ class StoredSeries(NamedTuple):
     radii: int
 
     def logarithms(self, varpi: FloatArray) -> FloatArray:
-        """Logarithms of the three factors at `varpi` (n,), shape (bodies, 3, n)."""
-        terms = _polynomials(self.stretch.z(varpi), self.coefficients.shape[1])
-        return np.asarray(np.swapaxes(self.coefficients, 1, 2) @ terms.T)
+        """Logarithms of the three factors at `varpi` (n,), shape (3, n)."""
+        terms = _polynomials(self.stretch.z(varpi), len(self.coefficients))
+        return np.asarray((terms @ self.coefficients).T)
 
 
 class _Shortened(NamedTuple):
@@ -176,12 +175,12 @@ class StoredCurves(NamedTuple):
         return Resolution(int(radial), int(wavenumbers), scale, reach)
 
 
-def stored_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> StoredSeries | None:
-    """Curves of a power-law tip on bodies under a layer of unit thickness.
+def stored_curves(body: Kernel, exponent: float, top: float, rtol: float) -> StoredSeries | None:
+    """Curve of a power-law tip on a body under a layer of unit thickness.
 
     Parameters
     ----------
-    bodies : sequence of Kernel
+    body : Kernel
         With the layer.
     exponent : float
         Of the tip's power law.
@@ -193,14 +192,15 @@ def stored_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: f
     Returns
     -------
     StoredSeries or None
-        None where the file does not hold all of them so well.
+        None where the file does not hold it so well.
     """
     if exponent != EXPONENT or top > TOP * (1.0 + _ROUNDING) or rtol < 2.0 * STORED_ERROR:
         return None
-    found = [_place(body) for body in bodies]
-    places = [place for place in found if place is not None and abs(place[1]) <= 1.0]
-    error = _SOFT_ERROR if any(place[0] < _first(_SOFT) for place in places) else STORED_ERROR
-    if len(places) < len(found) or rtol < 2.0 * error:
+    place = _place(body)
+    if place is None or abs(place[1]) > 1.0:
+        return None
+    error = _SOFT_ERROR if place[0] < _first(_SOFT) else STORED_ERROR
+    if rtol < 2.0 * error:
         return None
     stored = TABLES.get(("stored curves",), StoredCurves.read)
     digits = floor(log10(rtol))
@@ -215,7 +215,7 @@ def stored_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: f
     stretch, series, left_out = TABLES.get(("stored curves", digits, number), shortened)
     return StoredSeries(
         stretch,
-        np.array([_at(series, *place) for place in places]),
+        _at(series, *place),
         error + left_out,
         stored.resolution,
         stored.series[..., 0].size,
