@@ -292,8 +292,6 @@ class SolvedCurve:
         The relation.
     resolution : Resolution
         Nodes of the solution behind it.
-    radii : int
-        Contact radii solved for.
     eps : float
         The largest of them, over the thickness.
     error_estimate : float
@@ -302,7 +300,6 @@ class SolvedCurve:
 
     curve: MasterCurve
     resolution: Resolution
-    radii: int
     eps: float
     error_estimate: float
 
@@ -354,7 +351,7 @@ def _on_grid(
         curve = MasterCurve.through(varpi, logarithms, wanted, left_out * rtol / problem.unevenness)
         error = problem.unevenness * curve.error_estimate
         if error <= SHARE_OF_CURVE * rtol:
-            return SolvedCurve(curve, resolution, terms, end, SHARE_OF_NODES * rtol + error)
+            return SolvedCurve(curve, resolution, end, SHARE_OF_NODES * rtol + error)
         terms += 4
     return None
 
@@ -376,7 +373,7 @@ def known_curve(
     place = 2.0 * series.stretch.over(top).length / series.stretch.length - 1.0
     waves = np.cos(acos(min(place, 1.0)) * np.arange(len(terms)))
     eps = top * exp(float(waves @ terms[:, Factor.RADIUS]))
-    return SolvedCurve(curve, series.resolution, series.radii, eps, error)
+    return SolvedCurve(curve, series.resolution, eps, error)
 
 
 def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:
@@ -389,7 +386,7 @@ def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, 
     uneven = problem.unevenness
     curve = series.inverted(top, 0.25 * rtol / uneven)
     error = gain * (SHARE_OF_NODES * fine + uneven * series.error_estimate) + uneven * curve.error_estimate
-    return SolvedCurve(curve, resolution, series.coefficients.shape[0], problem.widest(last), error)
+    return SolvedCurve(curve, resolution, problem.widest(last), error)
 
 
 @dataclass(frozen=True)
@@ -487,7 +484,7 @@ def _direct(
         curve = MasterCurve.through(varpi, logarithms, wanted, left_out * rtol / problem.unevenness)
         error = problem.unevenness * curve.error_estimate
         if error <= SHARE_OF_CURVE * rtol:
-            return SolvedCurve(curve, resolution, terms, eps, gain * SHARE_OF_NODES * fine + error)
+            return SolvedCurve(curve, resolution, eps, gain * SHARE_OF_NODES * fine + error)
         terms += 4
     return None
 

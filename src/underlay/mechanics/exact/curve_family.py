@@ -228,8 +228,6 @@ class CurveFamily:
         Relative error of the three factors, everything included.
     resolution : Resolution
         Nodes of the finest solution behind it.
-    radii : int
-        Contact radii solved for, all ratios together.
     eps : float
         Largest a/h.
     """
@@ -240,7 +238,6 @@ class CurveFamily:
     coefficients: FloatArray
     error_estimate: float
     resolution: Resolution
-    radii: int
     eps: float
 
     def tables(self, log_ratios: FloatArray) -> FloatArray:
@@ -325,7 +322,6 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
         coefficients=read_only(table),
         error_estimate=worst.error_estimate + max(piece.left_out for piece in pieces) + truncation,
         resolution=worst.resolution,
-        radii=sum(one.radii for one in solved),
         eps=max(one.eps for one in solved),
     )
 

@@ -36,20 +36,7 @@ from underlay.mechanics.exact.nodes import TABLES
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import Family
 
-__all__ = ["FamilyLaw", "family_batch", "side_by_side", "table_number", "tabulated_law"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FamilyLaw(ExactLaw):
-    """An exact law read off a table; the one derivative that it knows beside dP/dw is dP/d ln k.
-
-    Parameters
-    ----------
-    family : CurveFamily
-        The table, over the ratio k of its family of bodies.
-    """
-
-    family: CurveFamily
+__all__ = ["family_batch", "side_by_side", "table_number", "tabulated_law"]
 
 
 def table_number(contact: Contact, depth: float) -> int:
@@ -79,51 +66,34 @@ def tabulated_law(
 
     Returns
     -------
-    FamilyLaw, or on a rigid base and alone ExactLaw
-        None where there is no table.
+    ExactLaw
+        Off a table it knows dP/d ln k too. None where there is no table.
     """
     indenter, body, thickness, theta = contact.indenter, contact.isotropic, contact.thickness, contact.theta
     if not isinstance(indenter, PowerLawShape):
         return None
     reach = table_number(contact, depth)
-    max_depth = float(indenter.abel(np.asarray(range_end(reach) * thickness)))
+    found: SolvedCurve | CurveFamily | None
     if family is None or alone:
         if family is None and body is None:
             return None
         one = family or RigidBase(body.layer.nu if body is not None else 0.0)
-        solved = _alone(indenter.exponent, one, 1.0 if family is None else ratio, reach, rtol)
-        if solved is None:
-            return None
-        return ExactLaw(
-            method="exact",
-            reason=(
-                f"exact contact problem, solved for a/h up to {solved.eps:.3g}, "
-                f"{solved.resolution.radial} nodes"
-            ),
-            max_depth=max_depth,
-            error_estimate=solved.error_estimate,
-            measure=indenter,
-            theta=theta,
-            thickness=thickness,
-            curve=solved.curve,
-            resolution=solved.resolution,
-            radii=solved.radii,
-        )
-    table = curve_family(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
-    if table is None or table.error_estimate > rtol:
+        found = _alone(indenter.exponent, one, 1.0 if family is None else ratio, reach, rtol)
+    else:
+        found = curve_family(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
+    if found is None or found.error_estimate > rtol:
         return None
-    return FamilyLaw(
+    how = "tabulated over what varies" if isinstance(found, CurveFamily) else "solved"
+    return ExactLaw(
         method="exact",
-        reason=f"exact contact problem, tabulated over what varies for a/h up to {table.eps:.3g}",
-        max_depth=max_depth,
-        error_estimate=table.error_estimate,
+        reason=f"exact contact problem, {how} for a/h up to {found.eps:.3g}, {found.resolution.radial} nodes",
+        max_depth=float(indenter.abel(np.asarray(range_end(reach) * thickness))),
+        error_estimate=found.error_estimate,
         measure=indenter,
         theta=theta,
         thickness=thickness,
-        curve=table.curve(log(ratio)),
-        resolution=table.resolution,
-        radii=table.radii,
-        family=table,
+        curve=found.curve(log(ratio)) if isinstance(found, CurveFamily) else found.curve,
+        resolution=found.resolution,
     )
 
 

@@ -44,8 +44,6 @@ class ExactLaw(ContactLaw):
         law: replace those to use it again.
     resolution : Resolution
         Nodes of the solution behind the curve.
-    radii : int
-        Contact radii solved for.
     """
 
     measure: PowerLawShape
@@ -53,7 +51,6 @@ class ExactLaw(ContactLaw):
     thickness: float
     curve: MasterCurve
     resolution: Resolution
-    radii: int
 
     @property
     def nodes(self) -> int:
@@ -232,7 +229,6 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
         thickness=length,
         curve=solved.curve,
         resolution=solved.resolution,
-        radii=solved.radii,
     )
 
 

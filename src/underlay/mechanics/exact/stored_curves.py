@@ -61,15 +61,12 @@ class StoredSeries(NamedTuple):
         Relative error of the three factors.
     resolution : Resolution
         Nodes of the finest solution behind the file.
-    radii : int
-        Contact radii behind it.
     """
 
     stretch: Stretch
     coefficients: FloatArray
     error_estimate: float
     resolution: Resolution
-    radii: int
 
     def logarithms(self, varpi: FloatArray) -> FloatArray:
         """Logarithms of the three factors at `varpi` (n,), shape (3, n)."""
@@ -218,7 +215,6 @@ def stored_curves(body: Kernel, exponent: float, top: float, rtol: float) -> Sto
         _at(series, *place),
         error + left_out,
         stored.resolution,
-        stored.series[..., 0].size,
     )
 
 

@@ -301,14 +301,13 @@ class TipContacts(NamedTuple):
 
 
 class TipCurves(NamedTuple):
-    """Curves of some contacts, nodes and number of radii behind them, and the largest a/h of each (sets,).
+    """Curves of some contacts, the nodes behind them, and the largest a/h of each (sets,).
 
     Their slopes are those of ln P at fixed depth in ln k, k the ratio of the bodies, and in ln(thickness).
     """
 
     batch: CurveBatch
     resolution: Resolution
-    radii: int
     eps: FloatArray
 
 
@@ -448,7 +447,7 @@ def _contracted(asked: TipContacts, eps: FloatArray, stretch: Stretch, number: i
     tops = np.minimum(asked.top, varpi[:, -1])
     batch = curves_through(measure, varpi, np.concatenate((factors, slopes), axis=2), tops, stretch)
     errors = SHARE_OF_NODES * asked.rtol + UNEVEN * batch.error_estimate
-    return TipCurves(replace(batch, error_estimate=errors), table.resolution, eps.shape[1], eps[:, -1])
+    return TipCurves(replace(batch, error_estimate=errors), table.resolution, eps[:, -1])
 
 
 def _slopes(exponent: float, factors: FloatArray, moved: FloatArray) -> FloatArray:

@@ -166,7 +166,6 @@ def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
         thickness=length,
         curve=curve,
         resolution=solved.resolution,
-        radii=solved.varpi.size,
     )
 
 
