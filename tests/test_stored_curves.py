@@ -7,7 +7,7 @@ import underlay as ul
 from studies.stored_curves import RTOL
 from underlay.mechanics.body import isotropic_constants, transversely_isotropic_constants
 from underlay.mechanics.exact import stored_curves as module
-from underlay.mechanics.exact.contact_problem import ContactProblem, known_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase, range_end
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.stored_curves import (
@@ -16,6 +16,7 @@ from underlay.mechanics.exact.stored_curves import (
     STORED_ERROR,
     TOP,
     StoredCurves,
+    known_curve,
     stored_curves,
 )
 from underlay.mechanics.kernel import LayerKernel

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import acos, ceil, exp, log, log2, sqrt
+from math import ceil, log, log2, sqrt
 from typing import Any, Self
 
 import numpy as np
@@ -20,17 +20,15 @@ from underlay.errors import RangeError
 from underlay.mechanics.body import Real
 from underlay.mechanics.contact import Beside
 from underlay.mechanics.exact.master_curve import (
-    MOST_IN_POWERS,
     MOST_TERMS,
     Factor,
     MasterCurve,
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
-    in_powers,
-    shortened,
 )
 from underlay.mechanics.exact.nodes import (
+    PER_OCTAVE,
     TABLES,
     EvenRule,
     Resolution,
@@ -41,7 +39,6 @@ from underlay.mechanics.exact.nodes import (
 )
 from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
-from underlay.mechanics.exact.stored_curves import stored_curves
 from underlay.mechanics.indenters import Indenter, PowerLawShape, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales, values_of
 
@@ -55,7 +52,6 @@ __all__ = [
     "RadiusGuess",
     "SolvedCurve",
     "contact_factors",
-    "known_curve",
     "solve_curve",
     "too_wide",
     "weights_over_depth",
@@ -76,13 +72,8 @@ _MUCH, _MOST_OCTAVES = 500_000, 5.0
 # tightest, three tenths claimed.
 SHARE_OF_NODES = 0.3
 SHARE_OF_CURVE = 0.6
-# What a stored curve may leave out: six tenths led one search of 500 past the optimum.
-_SHARE_OF_TAIL = 0.3
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
-# Radii and nodes are kept for a/h up to an eighth of an octave more than was asked, and for guesses whose gains are
-# rounded to tenths, which moves the points by 3 % at most; so many cosines at most, 0.4 MB.
-_GRIDS_PER_OCTAVE, _MOST_KEPT = 8.0, 50_000
 # Up to this share of its end a shape that is no power law has its contacts where a power law has them.
 _BLUNT = 0.6
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
@@ -90,9 +81,9 @@ SOFT = 0.3
 # There a coarse solution comes first.
 _COARSE = 1e-2
 _MOST_SERIES_TERMS = 400
-# So many more terms of a series, as a share of those it has, at least: where node counts were not fitted to the
-# body, its terms fall late, and a solution too few costs more than a few terms too many.
-_FEW_MORE, _MANY_MORE = 0.1, 0.4
+# So many more terms of a series, as a share of those it has, at least: a solution too few costs more than a few
+# terms too many.
+_MORE = 0.25
 # Beyond this growth of errors, at a fold, the radius is not asked for more digits; below this the solution is
 # rounding.
 _LARGEST_GAIN = 30.0
@@ -337,14 +328,14 @@ def _on_grid(
     if not (problem.scales.charted and problem.scales.softest > SOFT):
         return None
     last = problem.widest(guess.radius(top))
-    end = 2.0 ** (ceil(_GRIDS_PER_OCTAVE * log2(last)) / _GRIDS_PER_OCTAVE)
+    end = 2.0 ** (ceil(PER_OCTAVE * log2(last)) / PER_OCTAVE)
     widest = problem.indenter.max_radius / problem.thickness
     if end > min(widest if problem.indenter is problem.measure else _BLUNT * widest, LARGEST_EPS):
         return None
     resolution = problem.resolution(end, rtol)
     terms = curve_terms(problem.scales, top * end / last, problem.measure.exponent, rtol / problem.unevenness)
     wanted = Stretch.to(top, problem.scales.softness)
-    while terms <= MOST_TERMS and terms * resolution.size < _MOST_KEPT:
+    while terms <= MOST_TERMS and terms * resolution.size < 0.1 * _MUCH:
         varpi, logarithms = problem.on(guess.grid(end, terms, resolution))
         if varpi[-1] < _SHORT * top:
             return None
@@ -354,26 +345,6 @@ def _on_grid(
             return SolvedCurve(curve, resolution, end, SHARE_OF_NODES * rtol + error)
         terms += 4
     return None
-
-
-def known_curve(
-    problem: ContactProblem, top: float, rtol: float, left_out: float = _SHARE_OF_TAIL
-) -> SolvedCurve:
-    """Read the curve where it is stored, with as few terms as do, or solve for it; otherwise as `solve_curve`."""
-    plain = problem.indenter is problem.measure and not problem.beside
-    series = stored_curves(problem.kernel, problem.measure.exponent, top, rtol) if plain else None
-    if series is None:
-        return solve_curve(problem, top, rtol, left_out)
-    terms = series.coefficients
-    kept, missing = shortened(terms, left_out * rtol)
-    if kept > MOST_IN_POWERS:
-        return solve_curve(problem, top, rtol, left_out)
-    error = series.error_estimate + missing
-    curve = MasterCurve(series.stretch, (-1.0, 1.0), in_powers(terms[None, :kept]), error)
-    place = 2.0 * series.stretch.over(top).length / series.stretch.length - 1.0
-    waves = np.cos(acos(min(place, 1.0)) * np.arange(len(terms)))
-    eps = top * exp(float(waves @ terms[:, Factor.RADIUS]))
-    return SolvedCurve(curve, series.resolution, eps, error)
 
 
 def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:
@@ -414,7 +385,10 @@ class RadiusGuess:
         return varpi * (1.0 + self.gain * share / (1.0 + share))
 
     def grid(self, end: float, terms: int, resolution: Resolution) -> PunchGrid:
-        """So many contact radii up to a/h = `end`, kept for every body whose guess is nearly this one."""
+        """So many contact radii up to a/h = `end`, kept for every body whose guess is nearly this one.
+
+        Gains rounded to tenths move the points by 3 % at most.
+        """
         near = RadiusGuess(round(self.gain, 1), self.rate)
         key = ("grid", near, end, terms, resolution)
         return TABLES.get(key, lambda: PunchGrid.of(near.radii(end, terms), resolution))
@@ -496,7 +470,6 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
     nodes = problem.resolution if rtol < _COARSE else partial(Resolution.choose, problem.scales)
     resolution = nodes(problem.widest(last), rtol)
     terms = series_terms(problem.scales, last, rtol / problem.unevenness)
-    few = _FEW_MORE if problem.scales.charted else _MANY_MORE
     octaves: dict[int, Resolution] = {}
     while True:
         angles = chebyshev_angles(terms)
@@ -512,7 +485,7 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
             return series, resolution
         # The terms fall at a steady rate: as many more as the digits that are missing.
         share = log(missed) / -log(min(series.error_estimate, 0.1))
-        terms += ceil(terms * min(max(share, few), 0.5))
+        terms += ceil(terms * min(max(share, _MORE), 0.5))
 
 
 def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> float:

@@ -25,7 +25,7 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import isotropic_constants
-from underlay.mechanics.exact.contact_problem import ContactProblem, known_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -38,6 +38,7 @@ from underlay.mechanics.exact.master_curve import (
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import TABLES, Resolution
+from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Family, LayerKernel
 
@@ -71,8 +72,6 @@ _SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
 _SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
 _SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
 _NARROWEST = 0.3  # of a piece in z: eight pieces at most
-# Curves that are interpolated keep all terms of more than this share of theirs: each would leave out others.
-_ALL_TERMS = 0.01
 _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
 _MOST_RATIOS = 24
 
@@ -293,7 +292,8 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     angles = chebyshev_angles(ratios)
     tip, share = PowerLaw(cell.exponent, 1.0), _SHARE_OF_SOLUTIONS * cell.rtol
     bodies = [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()]
-    solved = [known_curve(ContactProblem.of(tip, 1.0, body), cell.top, share, _ALL_TERMS) for body in bodies]
+    # With all their terms: each would leave out others, which the interpolation in ln k would find.
+    solved = [known_curve(ContactProblem.of(tip, 1.0, body), cell.top, share, 0.0) for body in bodies]
     if any(one.curve.jumps for one in solved):
         return None
     worst = max(solved, key=lambda one: one.error_estimate)

@@ -18,7 +18,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.batch import CurveBatch
-from underlay.mechanics.exact.contact_problem import ContactProblem, SolvedCurve, known_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem, SolvedCurve
 from underlay.mechanics.exact.curve_family import (
     Cell,
     CurveFamily,
@@ -33,6 +33,7 @@ from underlay.mechanics.exact.curve_family import (
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, Stretch
 from underlay.mechanics.exact.nodes import TABLES
+from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import Family
 

@@ -18,10 +18,11 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, known_curve
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Pieces
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLawShape
 
 __all__ = ["ExactLaw", "ExactPunchLaw", "exact_law", "exact_punch_law"]

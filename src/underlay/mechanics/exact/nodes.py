@@ -25,6 +25,7 @@ from underlay.mechanics.kernel import Scales
 
 __all__ = [
     "MOST_NODES",
+    "PER_OCTAVE",
     "TABLES",
     "EvenRule",
     "Resolution",
@@ -91,6 +92,8 @@ class TableStore:
 
 #: A table has up to some 100 kB, most have 10.
 TABLES = TableStore(4096)
+#: Ranges of sizes per octave, of which one table serves any: radii and nodes go at most 9 % further than asked.
+PER_OCTAVE = 8.0
 
 
 def even_legendre(nodes: FloatArray, count: int) -> FloatArray:

@@ -31,7 +31,6 @@ from underlay.mechanics.exact.contact_problem import (
     UNEVEN,
     ContactProblem,
     contact_factors,
-    known_curve,
 )
 from underlay.mechanics.exact.curve_family import (
     Cell,
@@ -62,6 +61,7 @@ from underlay.mechanics.exact.nodes import (
     series_terms,
 )
 from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
+from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import Indenter, PowerLaw
 from underlay.mechanics.kernel import Family, Kernel, Scales
 
