@@ -74,8 +74,6 @@ SHARE_OF_NODES = 0.3
 SHARE_OF_CURVE = 0.6
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
-# Up to this share of its end a shape that is no power law has its contacts where a power law has them.
-_BLUNT = 0.6
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
 SOFT = 0.3
 # There a coarse solution comes first.
@@ -329,8 +327,9 @@ def _on_grid(
         return None
     last = problem.widest(guess.radius(top))
     end = 2.0 ** (ceil(PER_OCTAVE * log2(last)) / PER_OCTAVE)
-    widest = problem.indenter.max_radius / problem.thickness
-    if end > min(widest if problem.indenter is problem.measure else _BLUNT * widest, LARGEST_EPS):
+    # Up to this share of its end a shape that is no power law has its contacts where a power law has them.
+    blunt = 1.0 if problem.indenter is problem.measure else 0.6
+    if end > min(blunt * problem.indenter.max_radius / problem.thickness, LARGEST_EPS):
         return None
     resolution = problem.resolution(end, rtol)
     terms = curve_terms(problem.scales, top * end / last, problem.measure.exponent, rtol / problem.unevenness)

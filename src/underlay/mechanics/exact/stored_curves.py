@@ -23,7 +23,7 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import LawError
 from underlay.mechanics.body import PlaneConstants, isotropic_constants
-from underlay.mechanics.exact.contact_problem import ContactProblem, SolvedCurve, solve_curve
+from underlay.mechanics.exact.contact_problem import SHARE_OF_NODES, ContactProblem, SolvedCurve, solve_curve
 from underlay.mechanics.exact.master_curve import (
     MOST_IN_POWERS,
     Factor,
@@ -44,10 +44,9 @@ __all__ = [
     "STORED_ERROR",
     "TOP",
     "StoredCurves",
-    "StoredSeries",
     "grid",
     "known_curve",
-    "stored_curves",
+    "stored_curve",
 ]
 
 FILE = Path(__file__).with_name("stored_curves.npy")
@@ -62,36 +61,8 @@ _LOG_RATIOS = (log(0.004), log(470.0))
 _TERMS = (33, 23, 50)
 _MADE_FOR = (EXPONENT, TOP, _SOFTNESS, _CROWDING, *_LOG_RATIOS, *_TERMS)
 _STRETCH = Stretch.to(TOP, _SOFTNESS)
-# What a stored curve may leave out: six tenths led one search of 500 past the optimum.
-_SHARE_OF_TAIL = 0.3
 # Rounding of constants, and of the ends.
 _ROUNDING = 1e-9
-
-
-class StoredSeries(NamedTuple):
-    """The curve of one body.
-
-    Parameters
-    ----------
-    stretch : Stretch
-        Of varpi.
-    coefficients : ndarray (terms, 3)
-        Chebyshev coefficients in the stretched varpi.
-    error_estimate : float
-        Relative error of the three factors.
-    resolution : Resolution
-        Nodes of the finest solution behind the file.
-    """
-
-    stretch: Stretch
-    coefficients: FloatArray
-    error_estimate: float
-    resolution: Resolution
-
-    def logarithms(self, varpi: FloatArray) -> FloatArray:
-        """Logarithms of the three factors at `varpi` (n,), shape (3, n)."""
-        terms = _polynomials(self.stretch.z(varpi), len(self.coefficients))
-        return np.asarray((terms @ self.coefficients).T)
 
 
 class _Shortened(NamedTuple):
@@ -193,26 +164,17 @@ class StoredCurves(NamedTuple):
 
 
 def known_curve(
-    problem: ContactProblem, top: float, rtol: float, left_out: float = _SHARE_OF_TAIL
+    problem: ContactProblem, top: float, rtol: float, left_out: float = SHARE_OF_NODES
 ) -> SolvedCurve:
     """Read the curve where it is stored, with as few terms as do, or solve for it; otherwise as `solve_curve`."""
     plain = problem.indenter is problem.measure and not problem.beside
-    series = stored_curves(problem.kernel, problem.measure.exponent, top, rtol) if plain else None
-    if series is None:
-        return solve_curve(problem, top, rtol, left_out)
-    terms = series.coefficients
-    kept, missing = shortened(terms, left_out * rtol)
-    if kept > MOST_IN_POWERS:
-        return solve_curve(problem, top, rtol, left_out)
-    error = series.error_estimate + missing
-    curve = MasterCurve(series.stretch, (-1.0, 1.0), in_powers(terms[None, :kept]), error)
-    place = 2.0 * series.stretch.over(top).length / series.stretch.length - 1.0
-    waves = np.cos(acos(min(place, 1.0)) * np.arange(len(terms)))
-    eps = top * exp(float(waves @ terms[:, Factor.RADIUS]))
-    return SolvedCurve(curve, series.resolution, eps, error)
+    stored = stored_curve(problem.kernel, problem.measure.exponent, top, rtol, left_out) if plain else None
+    return stored or solve_curve(problem, top, rtol, left_out)
 
 
-def stored_curves(body: Kernel, exponent: float, top: float, rtol: float) -> StoredSeries | None:
+def stored_curve(
+    body: Kernel, exponent: float, top: float, rtol: float, left_out: float = 0.0
+) -> SolvedCurve | None:
     """Curve of a power-law tip on a body under a layer of unit thickness.
 
     Parameters
@@ -225,11 +187,13 @@ def stored_curves(body: Kernel, exponent: float, top: float, rtol: float) -> Sto
         Largest varpi that will be asked for.
     rtol : float
         Relative error allowed.
+    left_out : float, default 0
+        Share of it that terms may make up and be left out: six tenths led one search of 500 past the optimum.
 
     Returns
     -------
-    StoredSeries or None
-        None where the file does not hold it so well.
+    SolvedCurve or None
+        None where the file does not hold it so well, or in more terms than a curve may have.
     """
     if exponent != EXPONENT or top > TOP * (1.0 + _ROUNDING) or rtol < 2.0 * STORED_ERROR:
         return None
@@ -245,18 +209,22 @@ def stored_curves(body: Kernel, exponent: float, top: float, rtol: float) -> Sto
     allowed = 0.05 * 10.0**digits
     number = floor(PER_OCTAVE * max(log2(TOP / top), 0.0))
 
-    def shortened() -> _Shortened:
+    def shortened_series() -> _Shortened:
         key = ("stored curves", digits)
         every = TABLES.get(key, lambda: _Shortened.of(_STRETCH, stored.series, allowed))
         return every.up_to(TOP * 0.5 ** (number / PER_OCTAVE), allowed)
 
-    stretch, series, left_out = TABLES.get(("stored curves", digits, number), shortened)
-    return StoredSeries(
-        stretch,
-        _at(series, *place),
-        error + left_out,
-        stored.resolution,
-    )
+    stretch, series, missing = TABLES.get(("stored curves", digits, number), shortened_series)
+    terms = _at(series, *place)
+    kept, more = shortened(terms, left_out * rtol)
+    if kept > MOST_IN_POWERS:
+        return None
+    error += missing + more
+    end = 2.0 * stretch.over(top).length / stretch.length - 1.0
+    waves = np.cos(acos(min(end, 1.0)) * np.arange(len(terms)))
+    eps = top * exp(float(waves @ terms[:, Factor.RADIUS]))
+    curve = MasterCurve(stretch, (-1.0, 1.0), in_powers(terms[None, :kept]), error)
+    return SolvedCurve(curve, stored.resolution, eps, error)
 
 
 def _at(series: FloatArray, first: float, second: float) -> FloatArray:
