@@ -35,6 +35,7 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_coefficients,
     in_powers,
     monomials,
+    shortened,
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import TABLES, Resolution
@@ -67,10 +68,9 @@ _RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
 #: five terms do where ln k takes seven in each of a dozen spans (twelve under an incompressible layer at a/h = 20).
 STIFF_END, _STIFF = 10_000, 5
 _SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
-# Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,
-# and the terms in varpi that are dropped.
-_SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
-_SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
+# Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio, and
+# the terms in varpi that are dropped or were never there.
+_SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_PIECE = 0.5, 0.25, 0.25
 _NARROWEST = 0.3  # of a piece in z: eight pieces at most
 _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
 _MOST_RATIOS = 24
@@ -292,8 +292,8 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     angles = chebyshev_angles(ratios)
     tip, share = PowerLaw(cell.exponent, 1.0), _SHARE_OF_SOLUTIONS * cell.rtol
     bodies = [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()]
-    # With all their terms: each would leave out others, which the interpolation in ln k would find.
-    solved = [known_curve(ContactProblem.of(tip, 1.0, body), cell.top, share, 0.0) for body in bodies]
+    # With all their terms but the least: each would leave out others, which the interpolation in ln k would find.
+    solved = [known_curve(ContactProblem.of(tip, 1.0, body), cell.top, share, 0.01) for body in bodies]
     if any(one.curve.jumps for one in solved):
         return None
     worst = max(solved, key=lambda one: one.error_estimate)
@@ -361,19 +361,14 @@ def _pieces(
 def _resampled(
     curves: Sequence[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float
 ) -> _Piece:
-    """One piece of curves on one stretch.
-
-    As many terms as there may be are taken and the last dropped while their sum stays below its share: every
-    term costs time in each evaluation.
-    """
+    """One piece of curves on one stretch, of as many terms as there may be but for those that add up to little."""
     low, high = ends
     angles = chebyshev_angles(MOST_TERMS)
     varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles))
     told = np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves])
     values = np.moveaxis(told, -1, 0)
     flat = chebyshev_coefficients(values.reshape(MOST_TERMS, -1), angles)
-    tails = np.cumsum(np.abs(flat).max(axis=1)[::-1])[::-1]
-    kept = max(1, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
-    left_out = float(truncation_error(flat)) + (float(tails[kept]) if kept < MOST_TERMS else 0.0)
+    error = float(truncation_error(flat))
+    kept, missing = shortened(flat, _SHARE_OF_PIECE * rtol - error)
     terms = np.moveaxis(flat[:kept].reshape(kept, *values.shape[1:]), 1, 0)
-    return _Piece(ends, terms, left_out)
+    return _Piece(ends, terms, error + missing)

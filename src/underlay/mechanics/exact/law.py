@@ -71,15 +71,13 @@ class ExactLaw(ContactLaw):
 
         Of ln P/(w root) and ln (dP/dw)/root, of the slopes d ln P/ds, and of ln a/root.
         """
-        unit = self.measure.unit_radius
-        own = self.curve.coefficients
+        unit, own = self.measure.unit_radius, self.curve.coefficients
         # The factors stand in the order of radius, force, stiffness.
         tables = np.concatenate((own[:, 1:], own[:, :1]), axis=1)
         tables[:, 1] += own[:, 0]
-        share = self.measure.exponent / (self.measure.exponent + 1.0)
-        tables[:, 0, 0, 0] += math.log(4.0 * self.theta * unit * share)
-        tables[:, 1, 0, 0] += math.log(4.0 * self.theta * unit)
-        tables[:, -1, 0, 0] += math.log(unit)
+        stiffness = math.log(4.0 * self.theta * unit)
+        force = stiffness + math.log(self.measure.exponent / (self.measure.exponent + 1.0))
+        tables[..., 0, 0] += [force, stiffness, *[0.0] * self.known_slopes, math.log(unit)]
         return self.curve.pieces(unit / self.thickness, tables)
 
     def _root(self, depth: FloatArray) -> FloatArray:
