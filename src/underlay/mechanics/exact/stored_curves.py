@@ -66,7 +66,7 @@ _ROUNDING = 1e-9
 
 
 class _Shortened(NamedTuple):
-    """Stored series (ratios + 1, shares, terms, 3), no longer than an accuracy takes, and what they leave out.
+    """Stored series (ratios + 1, shares, 3, terms), no longer than an accuracy takes, and what they leave out.
 
     The last entry of the first axis is a rigid base's.
     """
@@ -78,30 +78,27 @@ class _Shortened(NamedTuple):
     @classmethod
     def of(cls, stretch: Stretch, series: FloatArray, allowed: float, left_out: float = 0.0) -> Self:
         """Leave out of each of the three series what adds up to so little."""
-        # Not by a maximum along the last axis, which is so short that it takes ten times as long.
         sizes = np.abs(series)
-        sizes = np.maximum(np.maximum(sizes[..., 0], sizes[..., 1]), sizes[..., 2])
+        sizes = np.maximum(np.maximum(sizes[:, :, 0], sizes[:, :, 1]), sizes[:, :, 2])
+        kept = []
         for axis in (2, 1, 0):
-            others = tuple({0, 1, 2} - {axis})
-            sums = sizes[:-1].sum(axis=others)
+            sums = sizes[:-1].sum(axis=tuple({0, 1, 2} - {axis}))
             if axis:
                 sums = np.maximum(sums, sizes[-1].sum(axis=2 - axis))
             tails = np.cumsum(sums[::-1])[::-1]
-            kept = max(1, int(np.count_nonzero(tails > allowed)))
-            left_out += float(tails[kept]) if kept < len(tails) else 0.0
-            place = (*[slice(None)] * axis, slice(kept)) if axis else ([*range(kept), -1],)
-            series, sizes = series[place], sizes[place]
-        return cls(stretch, read_only(np.ascontiguousarray(series)), left_out)
+            kept.append(max(1, int(np.count_nonzero(tails > allowed))))
+            left_out += float(tails[kept[-1]]) if kept[-1] < len(tails) else 0.0
+        terms, shares, ratios = kept
+        shorter = np.concatenate((series[:ratios, :shares, :, :terms], series[-1:, :shares, :, :terms]))
+        return cls(stretch, read_only(shorter), left_out)
 
     def up_to(self, top: float, allowed: float) -> _Shortened:
         """The same for varpi of up to `top` alone."""
-        stretch, terms = self.stretch.over(top), self.series.shape[2]
+        stretch, terms = self.stretch.over(top), self.series.shape[3]
         there = _polynomials(self.stretch.z(stretch.v(np.cos(chebyshev_angles(terms)))), terms)
         # One product of matrices: as products of stacks it takes ten times as long.
-        flat = np.moveaxis(self.series, 2, 0).reshape(terms, -1)
-        ratios, shares, _, factors = self.series.shape
-        turned = (_expansion(terms) @ there @ flat).reshape(terms, ratios, shares, factors)
-        return _Shortened.of(stretch, np.moveaxis(turned, 0, 2), allowed, self.left_out)
+        turned = self.series.reshape(-1, terms) @ (_expansion(terms) @ there).T
+        return _Shortened.of(stretch, turned.reshape(self.series.shape), allowed, self.left_out)
 
 
 class StoredCurves(NamedTuple):
@@ -211,7 +208,7 @@ def stored_curve(
 
     def shortened_series() -> _Shortened:
         key = ("stored curves", digits)
-        every = TABLES.get(key, lambda: _Shortened.of(_STRETCH, stored.series, allowed))
+        every = TABLES.get(key, lambda: _Shortened.of(_STRETCH, np.moveaxis(stored.series, 3, 2), allowed))
         return every.up_to(TOP * 0.5 ** (number / PER_OCTAVE), allowed)
 
     stretch, series, missing = TABLES.get(("stored curves", digits, number), shortened_series)
@@ -228,14 +225,14 @@ def stored_curve(
 
 
 def _at(series: FloatArray, first: float, second: float) -> FloatArray:
-    """Series (terms, 3) of the body at a place."""
+    """Series (terms, 3) of the body at a place, of those of all (ratios + 1, shares, 3, terms)."""
     ratios, shares, *shape = series.shape
     if first == inf:
         by_share = series[-1]
     else:
         by_share = np.cos(acos(min(first, 1.0)) * np.arange(ratios - 1)) @ series[:-1].reshape(ratios - 1, -1)
     own = np.cos(acos(second) * np.arange(shares)) @ by_share.reshape(shares, -1)
-    return np.asarray(own.reshape(shape))
+    return np.asarray(own.reshape(shape).T)
 
 
 def grid() -> tuple[list[list[LayerKernel]], FloatArray]:
