@@ -310,10 +310,14 @@ class Pieces(NamedTuple):
             return self._piece(0, x, columns)
         value = np.empty((*self.tables[0][columns].shape[:-2], x.size))
         for start in range(0, x.size, _CHUNK):
-            piece = np.searchsorted(self.ends, x[start : start + _CHUNK])
+            some, into = x[start : start + _CHUNK], value[..., start : start + _CHUNK]
+            if len(self.tables) == 1:
+                into[...] = self._piece(0, some, columns)
+                continue
+            piece = np.searchsorted(self.ends, some)
             for number in range(len(self.tables)):
-                here = start + np.flatnonzero(piece == number)
-                value[..., here] = self._piece(number, x[here], columns)
+                here = piece == number
+                into[..., here] = self._piece(number, some[here], columns)
         return value
 
     def _piece(self, number: int, x: FloatArray, columns: slice | int) -> FloatArray:

@@ -72,7 +72,7 @@ class _Counts:
     def choose(cls, eps: float, rtol: float, softness: float, end: float = np.inf) -> Self:
         """Counts up to `eps` for a shape that is smooth up to a circle of radius `end`, both over the thickness."""
         digits = 0.5 - log10(rtol)
-        wide = 0.9 + 0.65 * eps + 0.02 * eps * eps + 0.1 * np.log1p(softness * eps)
+        wide = 0.9 + 0.58 * eps + 0.02 * eps * eps + 0.1 * np.log1p(softness * eps)
         radii = 7 + max(0, ceil(digits * wide) - 5)
         if end < np.inf:
             # A polynomial's error falls as rho^-n, rho by the ellipse through what is not smooth; its logarithm
