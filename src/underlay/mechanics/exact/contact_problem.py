@@ -331,7 +331,9 @@ def _on_grid(
     blunt = 1.0 if problem.indenter is problem.measure else 0.6
     if end > min(blunt * problem.indenter.max_radius / problem.thickness, LARGEST_EPS):
         return None
-    resolution = problem.resolution(end, rtol)
+    # Rounded, so that bodies much alike share a grid: a tail longer or shorter by 5 % is within the nodes' margin.
+    nodes = problem.resolution(end, rtol)
+    resolution = replace(nodes, first=float(f"{nodes.first:.2g}"), reach=float(f"{nodes.reach:.2g}"))
     terms = curve_terms(problem.scales, top * end / last, problem.measure.exponent, rtol / problem.unevenness)
     wanted = Stretch.to(top, problem.scales.softness)
     while terms <= MOST_TERMS and terms * resolution.size < 0.1 * _MUCH:
@@ -455,7 +457,8 @@ def _direct(
             resolution = problem.resolution(eps, fine)
             continue
         curve = MasterCurve.through(varpi, logarithms, wanted, left_out * rtol / problem.unevenness)
-        error = problem.unevenness * curve.error_estimate
+        # Towards a fold the terms fall unevenly: of 2000 curves two there were 1.3 of what their last terms say.
+        error = gain * problem.unevenness * curve.error_estimate
         if error <= SHARE_OF_CURVE * rtol:
             return SolvedCurve(curve, resolution, eps, gain * SHARE_OF_NODES * fine + error)
         terms += 4

@@ -90,7 +90,7 @@ class TableStore:
         return table
 
 
-#: A table has up to some 100 kB, most have 10.
+#: A table has up to some 800 kB, most have 10.
 TABLES = TableStore(4096)
 #: Ranges of sizes per octave, of which one table serves any: radii and nodes go at most 9 % further than asked.
 PER_OCTAVE = 8.0
