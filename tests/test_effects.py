@@ -11,7 +11,7 @@ import underlay as ul
 from support.call_counter import count_calls
 from underlay.cli.app import app
 from underlay.mechanics import materials
-from underlay.mechanics.kernel import substrate as one_layer
+from underlay.mechanics.exact import law as exact
 from underlay.mechanics.response import Remembered
 from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.report import plots
@@ -50,7 +50,7 @@ def code_of_each_effect(monkeypatch):
     """Counters at the one place each effect's code must pass through."""
     sphere = ("surface", "abel", "abel_slope", "abel_moments", "halfspace_radius", "halfspace_force")
     return {
-        "finite thickness": count_calls(monkeypatch, one_layer, "isotropic_formula"),
+        "finite thickness": count_calls(monkeypatch, exact, "known_curve"),
         "anisotropy": count_calls(monkeypatch, materials, "transversely_isotropic_constants"),
         "true sphere": count_calls(monkeypatch, ul.Sphere, *sphere),
         "instrument compliance": count_calls(monkeypatch, Frame, "tip_depth", "share"),

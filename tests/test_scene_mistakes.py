@@ -11,6 +11,7 @@ import pytest
 import underlay as ul
 from underlay.cli.new_scene import new_scene
 from underlay.mechanics.exact.batch import ExactBatch
+from underlay.mechanics.kernel import LayerKernel
 from underlay.mechanics.kernel.kernel import u_rule
 from underlay.scene.scene_file import read_scene_file
 from underlay.scene.scene_keys import TOP, scene_keys
@@ -297,7 +298,9 @@ def test_a_batch_that_does_not_fit_into_memory_is_refused():
     ).plane_constants
     # It would be 4e8 numbers; set by set each contact radius holds 5e4 of them.
     with pytest.raises(ul.RangeError, match="one set of materials at a time"):
-        ExactBatch.compile(ul.Paraboloid(1e-3), constants, None, thickness=1e-3, max_depth=4e-3, rtol=1e-6)
+        ExactBatch.compile(
+            ul.Paraboloid(1e-3), LayerKernel(constants, None), thickness=1e-3, max_depth=4e-3, rtol=1e-6
+        )
 
 
 def test_a_kernel_of_millions_of_nodes_is_refused_before_it_is_computed():

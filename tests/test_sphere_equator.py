@@ -9,6 +9,7 @@ from support.maps import FREE
 from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.contact_law import DeeperThanLayer
 from underlay.mechanics.exact.batch import ExactBatch
+from underlay.mechanics.kernel import LayerKernel
 
 R = 1e-6
 BALL = ul.Sphere(R)
@@ -71,7 +72,11 @@ def test_a_batch_says_which_sets_end_before_its_range(rtol):
     deepest, thickness = 2.2 * R, R
     nus, moduli = np.array([[0.0], [0.1], [0.3], [0.49]]), np.full((4, 1), 1e4)
     compiled = ExactBatch.compile(
-        BALL, isotropic_constants(1e4, 0.0), None, thickness=thickness, max_depth=deepest, rtol=rtol
+        BALL,
+        LayerKernel(isotropic_constants(1e4, 0.0), None),
+        thickness=thickness,
+        max_depth=deepest,
+        rtol=rtol,
     )
     inner = isotropic_constants(moduli, nus)
     curves = compiled.curves(inner, None, np.full(4, thickness))

@@ -15,7 +15,7 @@ import pytest
 import underlay as ul
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.kernel.recursion import Recursion
-from underlay.mechanics.kernel.stack import sheets_of
+from underlay.mechanics.kernel.stack import sheets_of, values_of
 from underlay.scene.effects import effect_sizes
 
 U = np.array([0.0, 1e-6, 0.01, 0.1, 0.3, 0.49, 0.51, 1.0, 2.0, 5.0, 12.0])
@@ -92,6 +92,19 @@ def test_equal_layers_are_one_layer(layer, base, cuts):
     stack = ul.StackKernel(tuple(ul.Layer(layer, t) for t in cuts), base)
     whole = ul.SubstrateKernel(layer, base).one_minus_L(U)
     np.testing.assert_allclose(stack.one_minus_L(U * cuts[0]), whole, rtol=1e-12, atol=2e-13)
+
+
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(3.0, 0.2)], ids=["rigid", "elastic"])
+@pytest.mark.parametrize("bonds", ["bonded", "slip", "each its own"])
+def test_bodies_at_once_are_what_they_are_one_by_one(bonds, base):
+    def body(number):
+        bond = ("bonded", "slip")[number % 2] if bonds == "each its own" else bonds
+        top = ul.Layer(ul.Isotropic(1.0 + number, 0.1 * number), 1.0, bond=bond)
+        return ul.StackKernel((top, ul.Layer(ul.Isotropic(2.0, 0.45), 0.5 + number)), base)
+
+    bodies, stretches = [body(number) for number in range(4)], (1.0, 0.9, 1.0, 1.3)
+    alone = [one.one_minus_L(U * stretch) for one, stretch in zip(bodies, stretches, strict=True)]
+    np.testing.assert_allclose(values_of(bodies, U, stretches), alone, rtol=0.0, atol=1e-14)
 
 
 def test_a_layer_like_its_base_or_without_thickness_disappears():

@@ -7,7 +7,7 @@ import underlay as ul
 from studies.stored_curves import RTOL
 from underlay.mechanics.body import isotropic_constants, transversely_isotropic_constants
 from underlay.mechanics.exact import stored_curves as module
-from underlay.mechanics.exact.contact_problem import ContactProblem, known_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase, range_end
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.stored_curves import (
@@ -16,7 +16,8 @@ from underlay.mechanics.exact.stored_curves import (
     STORED_ERROR,
     TOP,
     StoredCurves,
-    stored_curves,
+    known_curve,
+    stored_curve,
 )
 from underlay.mechanics.kernel import LayerKernel
 
@@ -36,21 +37,27 @@ def solved(body, rtol=RTOL):
     return known_curve(ContactProblem.of(ul.PowerLaw(EXPONENT, 1.0), 1.0, body), TOP, rtol)
 
 
-def test_what_is_stored_is_what_is_solved():
-    bodies, varpi = list(random_bodies(40)), np.geomspace(1e-3, TOP, 100)
-    stored = stored_curves(bodies, EXPONENT, TOP, STORED_ERROR).logarithms(varpi)
-    curves = [solved(body).curve for body in bodies]
-    again = np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves])
-    assert np.abs(stored - again).max() < STORED_ERROR + RTOL
+@pytest.mark.parametrize(("top", "rtol"), [(TOP, 1e-5), (4.0, 4e-7), (1.3, 4e-7), (0.1, 1e-5), (0.01, 1e-3)])
+def test_what_is_stored_is_what_is_solved(top, rtol):
+    bodies, varpi = list(random_bodies(40)), np.geomspace(1e-3, 1.0, 100) * top
+    for body in bodies:
+        stored = stored_curve(body, EXPONENT, top, rtol, 0.3)
+        if rtol < 1e-6 and body.base is not None and body.base.theta < 0.02 * body.layer.theta:
+            assert stored is None  # the softest bases are stored less well
+            continue
+        assert stored.error_estimate <= rtol
+        again = np.array([solved(body).curve.logarithm(which, varpi) for which in Factor])
+        told = np.array([stored.curve.logarithm(which, varpi) for which in Factor])
+        assert np.abs(told - again).max() < stored.error_estimate + RTOL
 
 
-@pytest.mark.parametrize("rtol", [1e-3, 1e-2])
+@pytest.mark.parametrize("rtol", [1e-5, 1e-3, 1e-2])
 def test_a_curve_with_fewer_terms_keeps_the_error_that_it_claims(rtol):
     varpi = np.geomspace(1e-3, TOP, 100)
     # Of a half-space next to nothing is left: few terms, not none.
     for body in (*random_bodies(10), IsotropicPair(0.3, 0.3).kernel(1.0)):
         short, full = solved(body, rtol), solved(body).curve
-        assert short.resolution == StoredCurves.read().of([(0.0, 0.0)]).resolution
+        assert short.resolution == StoredCurves.read().resolution
         assert short.error_estimate <= rtol
         for which in Factor:
             error = np.abs(np.expm1(short.curve.logarithm(which, varpi) - full.logarithm(which, varpi)))
@@ -77,10 +84,11 @@ def test_a_body_is_two_numbers():
 
 def test_what_is_not_stored_is_said_to_be_missing():
     body = IsotropicPair(0.45, 0.3).kernel(10.0)
-    assert stored_curves([body], EXPONENT, TOP, STORED_ERROR) is not None
-    assert stored_curves([body], 1.0, TOP, STORED_ERROR) is None
-    assert stored_curves([body], EXPONENT, range_end(4), STORED_ERROR) is None
-    assert stored_curves([body], EXPONENT, TOP, 0.9 * STORED_ERROR) is None
+    rtol = 2.0 * STORED_ERROR
+    assert stored_curve(body, EXPONENT, 1.0, rtol) is not None
+    assert stored_curve(body, 1.0, 1.0, rtol) is None
+    assert stored_curve(body, EXPONENT, range_end(4), rtol) is None
+    assert stored_curve(body, EXPONENT, 1.0, 0.9 * rtol) is None
     fibres = transversely_isotropic_constants(1.0, 2.0, 0.3, 0.3, 0.5)
     auxetic = isotropic_constants(1.0, -0.2)
     others = [
@@ -90,7 +98,7 @@ def test_what_is_not_stored_is_said_to_be_missing():
         LayerKernel(auxetic, None),
         LayerKernel(body.layer, None),
     ]
-    held = [stored_curves([body, other], EXPONENT, TOP, STORED_ERROR) is not None for other in others]
+    held = [stored_curve(other, EXPONENT, 1.0, rtol) is not None for other in others]
     assert held == [False, False, False, False, True]
 
 
@@ -98,7 +106,7 @@ def test_a_stale_file_is_refused(monkeypatch, tmp_path):
     path = tmp_path / FILE.name
     monkeypatch.setattr(module, "FILE", path)
     kept = StoredCurves(*np.load(FILE, allow_pickle=False).tolist())
-    monkeypatch.setattr(module, "_MADE_FOR", (*module._MADE_FOR[:-1], 29))
+    monkeypatch.setattr(module, "_MADE_FOR", (*module._MADE_FOR[:-1], module._MADE_FOR[-1] + 1))
     np.save(path, np.load(FILE, allow_pickle=False))
     with pytest.raises(ul.LawError, match="install underlay again"):
         StoredCurves.read()

@@ -10,7 +10,7 @@ from support.inverse import layer_on, measured, problem
 from underlay._threads import one_thread
 from underlay.inference.model.forward import Forward
 from underlay.inference.uncertainty.likelihood import Likelihood
-from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.punch_solution import PunchGrid
 
 FREE = ["layer.E", "instrument.contact_depth"]
 
@@ -42,7 +42,7 @@ def seen(monkeypatch):
         monkeypatch.setattr(owner, name, looked)
 
     watched(Forward, "law")
-    watched(PunchSolution, "solve")
+    watched(PunchGrid, "solve")
     watched(Likelihood, "of")
     return found
 

@@ -270,13 +270,13 @@ def test_a_fit_of_a_sphere_solves_no_contact_of_its_own(base, monkeypatch):
     free = ("layer.E", "layer.thickness", "instrument.contact_depth")
     start = scene.with_values({"layer.E": 9e6, "layer.thickness": 0.5e-3, "instrument.contact_depth": 0.0})
     solved = []
-    real = direct.solve_curve
+    real = direct.known_curve
 
     def counted(problem, top, rtol):
         solved.append(rtol)
         return real(problem, top, rtol)
 
-    monkeypatch.setattr(direct, "solve_curve", counted)
+    monkeypatch.setattr(direct, "known_curve", counted)
     found = ul.fit(ul.Problem(start, curve, free, noise=noise, solver=ul.Exact(1e-6)))
     assert solved == []
     for name in ("layer.E", "layer.thickness"):

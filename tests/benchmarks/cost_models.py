@@ -20,6 +20,7 @@ import underlay as ul
 from underlay.inference.answer_cost import plain_hertz_fit
 from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.exact.batch import ExactBatch
+from underlay.mechanics.kernel import LayerKernel
 from underlay.mechanics.response import Remembered
 from underlay.scene.accuracy_cost import explicit_formula
 
@@ -133,8 +134,7 @@ def batched(depth):
     layer, base = isotropic_constants(modulus, nu), isotropic_constants(10.0 * modulus, nu - 0.1)
     batch = ExactBatch.compile(
         TIP,
-        isotropic_constants(MODULUS, 0.45),
-        isotropic_constants(10.0 * MODULUS, 0.35),
+        LayerKernel(isotropic_constants(MODULUS, 0.45), isotropic_constants(10.0 * MODULUS, 0.35)),
         thickness=float(thickness.min()),
         max_depth=float(depth[-1]),
         rtol=1e-6,

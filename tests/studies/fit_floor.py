@@ -23,7 +23,7 @@ from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.exact.curve_family import (
     Cell,
     IsotropicPair,
-    family_holding,
+    curve_family,
     range_number,
     ratio_number,
 )
@@ -52,7 +52,7 @@ class Tables:
         self.kept = {}
 
     def of(self, log_ratio, varpi, rtol):
-        """Coefficients (sets, 3, rows, 4), and lengths and softness (sets, 1) of the stretched variable."""
+        """Coefficients (sets, 3, rows, 4), and lengths and rates (sets, 1) of the stretched variable."""
         found = [self._one(k, v, rtol) for k, v in zip(log_ratio.tolist(), varpi.tolist(), strict=True)]
         rows = max(one[0].shape[1] for one in found)
         tables = np.zeros((len(found), 3, rows, 4))
@@ -64,7 +64,7 @@ class Tables:
         ratio = ratio_number(np.exp(log_ratio))
         key = ratio, range_number(varpi), rtol
         if key not in self.kept:
-            family = family_holding(Cell(2.0, PAIR, *key))
+            family = curve_family(Cell(2.0, PAIR, *key))
             own = family.coefficients[:, 0]
             both = np.stack((own[:, Factor.FORCE], own[:, Factor.RADIUS] + own[:, Factor.STIFFNESS]), axis=1)
             low, high = family.cell.log_ratios
@@ -75,7 +75,7 @@ class Tables:
         weights[0] = powers
         weights[1, 1:] = np.arange(1, len(both)) * powers[:-1] * scale
         value, slope = (weights @ both.reshape(len(both), -1)).reshape(2, *both.shape[1:])
-        return np.stack((value[0], value[1], slope[0])), stretch.length, stretch.softness
+        return np.stack((value[0], value[1], slope[0])), stretch.length, stretch.rate
 
 
 TABLES = Tables()
@@ -87,8 +87,8 @@ def model(depth, vectors, rtol):
     w = np.maximum(depth - vectors[:, 2:], 0.0)
     radius = np.sqrt(w * RADIUS)
     varpi = radius / thickness[:, None]
-    table, lengths, softness = TABLES.of(np.log(BASE.E) - vectors[:, 0], varpi[:, -1], rtol)
-    z = (np.arcsinh(varpi) + np.log1p(softness * varpi)) * (2.0 / lengths) - 1.0
+    table, lengths, rates = TABLES.of(np.log(BASE.E) - vectors[:, 0], varpi[:, -1], rtol)
+    z = np.log1p(rates * varpi) * (2.0 / lengths) - 1.0
     values = polynomial(table, z[:, None])
     np.exp(values[:, :2], out=values[:, :2])
     scale = (4.0 * THETA * modulus)[:, None] * radius

@@ -13,7 +13,7 @@ from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.stored_curves import EXPONENT, TOP, StoredCurves, grid
 
 # A thirtieth of what the series leave out.
-RTOL = 1e-5
+RTOL = 3e-9
 
 
 def solved():

@@ -280,7 +280,7 @@ class ContactLaw(Response, ABC):
         w = np.asarray(depth, dtype=np.float64)
         flat = w.reshape(-1)
         # NaN fails the comparison too, and so does inf where the law has no end: as_finite names them.
-        if not flat.max(initial=-math.inf) <= min(self.max_depth * _ROUNDED, _LARGEST):
+        if flat.size and not flat[flat.argmax()] <= min(self.max_depth * _ROUNDED, _LARGEST):
             as_finite(w, "depth")
             raise RangeError(
                 f"depth {flat.max():.6g} m is beyond the largest that works here, "
@@ -293,9 +293,9 @@ class ContactLaw(Response, ABC):
             return self._answer(primitive, flat, rows).reshape((*rows, *w.shape))[()]
         # Depths mostly come in order, those in contact last: a slice of them spares a gather and a scatter.
         first = flat.size - count
-        ordered = not touching[:first].any()
+        ordered = touching.argmax() == first
         before = flat[:first] if ordered else flat[~touching]
-        if not math.isfinite(before.min()):
+        if not math.isfinite(before[before.argmin()]):
             as_finite(w, "depth")
         values = np.zeros((*rows, flat.size))
         if count:
@@ -320,8 +320,8 @@ class ContactLaw(Response, ABC):
         if np.shape(values) != (*rows, depth.size):
             shapes = f"shape {np.shape(values)} to depths of shape {depth.shape}"
             raise self._broken(primitive, f"answered with {shapes}", depth)
-        # The smallest of numbers among which there is NaN is NaN, and takes the least time to find.
-        if values.size and math.isnan(values.min()):
+        # What is largest where there is NaN is NaN, and its place takes a quarter of the time that its value does.
+        if values.size and math.isnan(values.flat[values.argmax()]):
             first = depth[np.isnan(values).reshape(-1, depth.size).any(axis=0)][:1]
             raise self._broken(primitive, "answered with NaN", first)
         return values

@@ -233,6 +233,11 @@ class PowerLawShape(Indenter):
             (self.coefficient ** (1.0 / self.exponent)) * abel_factor(self.exponent) ** (1.0 / self.exponent)
         )
 
+    @cached_property
+    def unit_radius(self) -> float:
+        """Half-space radius over w^(1/lambda) (m^(1-1/lambda)): `halfspace_radius` at a depth of one."""
+        return 1.0 / self._steepness
+
     def surface(self, radius: FloatArray) -> FloatArray:
         """Phi(r) = A r^lambda (5.1)."""
         return np.asarray((self.coefficient ** (1.0 / self.exponent) * radius) ** self.exponent)

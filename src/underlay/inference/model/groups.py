@@ -21,7 +21,7 @@ from underlay.mechanics.body import PlaneConstants, isotropic_constants, transve
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import PowerLawShape
-from underlay.mechanics.kernel import StackKernel
+from underlay.mechanics.kernel import LayerKernel, StackKernel
 from underlay.mechanics.kernel.recursion import Recursion
 from underlay.mechanics.kernel.stack import sheets_of
 from underlay.scene.instrument import Chain
@@ -307,8 +307,7 @@ def _compiled(sets: ParameterSets, soft: float, octave: float, thin: float | Non
     try:
         compiled = ExactBatch.compile(
             scene.indenter,
-            body.layer.plane_constants,
-            outer,
+            LayerKernel(body.layer.plane_constants, outer),
             thickness=thickness,
             max_depth=depth,
             rtol=_SPARE * sets.rtol,
@@ -375,7 +374,7 @@ def _stack_groups_compiled(
         depth = float(scene.indenter.power_law.abel(np.array(_STACK_GROUPS_RANGE_STEP**octave * thickness)))
         try:
             kernel = scene.with_values(middle).contact.kernel
-            laws.store.batches[key] = ExactBatch.compile_for(
+            laws.store.batches[key] = ExactBatch.compile(
                 scene.indenter,
                 kernel,
                 thickness=thickness,

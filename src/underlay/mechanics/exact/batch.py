@@ -33,12 +33,12 @@ from underlay.mechanics.exact.master_curve import (
     reach,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import EvenRule, curve_terms, even_rule
-from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.nodes import curve_terms
+from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel, LayerKernel
 
-__all__ = ["CurveBatch", "ExactBatch", "curves_through", "thickness_derivative"]
+__all__ = ["CurveBatch", "ExactBatch", "curves_through"]
 
 # Depths times sets evaluated at a time: fewer cost more in calls, more leave the processor's second cache.
 _CHUNK = 16384
@@ -246,7 +246,7 @@ def curves_through(
     varpi: FloatArray,
     logarithms: FloatArray,
     top: float | FloatArray,
-    softness: float = 0.0,
+    stretch: Stretch,
 ) -> CurveBatch:
     """Return the polynomials through given points, as `MasterCurve.through` does for one curve.
 
@@ -260,8 +260,8 @@ def curves_through(
         Of the factors, and columns of derivatives after them: see `CurveBatch.slopes`.
     top : float or ndarray (sets,)
         Largest varpi that is asked for.
-    softness : float
-        Of the stretched variable.
+    stretch : Stretch
+        Of the rate of the stretched variable.
 
     Returns
     -------
@@ -269,16 +269,16 @@ def curves_through(
         Its error estimates are what the polynomials leave out, up to `top`.
     """
     count = varpi.shape[1]
-    # Of unit length: t itself.
-    unit = Stretch(1.0, softness)
-    lengths = unit.t(varpi[:, -1:]) * reach(count)
-    stretch = Stretch(lengths, np.full_like(lengths, softness))
+    last = varpi[:, -1:]
+    share = stretch.over(np.asarray(top)).length
+    stretch = Stretch(stretch.over(last).length * reach(count), np.full_like(last, stretch.rate))
     angles = np.arccos(stretch.z(varpi))
     basis = np.cos(angles[..., None] * np.arange(count))
     coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
-    share = unit.t(np.asarray(top)) / lengths[:, 0]
     factors = len(Factor)
-    errors = growth_beyond(share, count) * truncation_error(coefficients[..., :factors])
+    errors = growth_beyond(share / stretch.length[:, 0], count) * truncation_error(
+        coefficients[..., :factors]
+    )
     tables = in_powers(coefficients)
     return CurveBatch(
         measure,
@@ -306,14 +306,8 @@ class ExactBatch:
         Largest varpi.
     rtol : float
         Relative error asked for.
-    eps : ndarray (radii,)
-        Contact radii over thickness.
-    rule : EvenRule
-        Nodes in r/a.
-    u, weights : ndarray (wavenumbers,)
-        Nodes and weights in u.
-    waves : ndarray (radii, wavenumbers, nodes + 1)
-        sqrt(eps) cos(eps x_i u), with the edge x = 1 as the last i.
+    grid : PunchGrid
+        Contact radii over thickness, and nodes.
     products : ndarray (wavenumbers, radii (nodes + 1) nodes) or None
         eps cos(eps x_i u) cos(eps x_j u); None where they would be too many to keep.
     """
@@ -322,25 +316,14 @@ class ExactBatch:
     measure: PowerLawShape
     top: float
     rtol: float
-    eps: FloatArray
-    rule: EvenRule
-    u: FloatArray
-    weights: FloatArray
-    waves: FloatArray
+    grid: PunchGrid
     products: FloatArray | None
 
     @classmethod
     def compile(
-        cls,
-        indenter: Indenter,
-        inner: PlaneConstants,
-        outer: PlaneConstants | None,
-        *,
-        thickness: float,
-        max_depth: float,
-        rtol: float = 1e-6,
+        cls, indenter: Indenter, kernel: Kernel, *, thickness: float, max_depth: float, rtol: float = 1e-6
     ) -> Self:
-        """Place the nodes, for materials near `inner` on `outer` (None: rigid).
+        """Place the nodes, for bodies near that of `kernel`.
 
         Parameters
         ----------
@@ -355,14 +338,6 @@ class ExactBatch:
             If the contact radius would pass 20 thicknesses, or the end of the indenter's shape, or the batch
             would not fit into memory.
         """
-        kernel = LayerKernel(inner, outer)
-        return cls.compile_for(indenter, kernel, thickness=thickness, max_depth=max_depth, rtol=rtol)
-
-    @classmethod
-    def compile_for(
-        cls, indenter: Indenter, kernel: Kernel, *, thickness: float, max_depth: float, rtol: float = 1e-6
-    ) -> Self:
-        """Place the nodes for bodies near that of `kernel`; otherwise as `compile`."""
         problem = ContactProblem.of(indenter, thickness, kernel)
         top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / thickness
         solved = solve_curve(problem, top, rtol)
@@ -373,22 +348,19 @@ class ExactBatch:
         targets = Stretch.to(margin * top, 0.0).v(np.cos(chebyshev_angles(terms)))
         eps = targets * solved.curve.factor(Factor.RADIUS, targets)
         resolution = proved_resolution(kernel, solved.eps, rtol)
-        u, weights = resolution.wavenumber_rule()
-        rule = even_rule(resolution.radial)
-        count = rule.nodes.size
-        count_of_products = u.size * eps.size * count * (count + 1)
+        count, wavenumbers = resolution.radial, resolution.wavenumbers
+        count_of_products = wavenumbers * eps.size * count * (count + 1)
         if count_of_products > _MOST_PRODUCTS:
             raise RangeError(
-                f"a batch would ask for {u.size} x {eps.size} x {count} x {count + 1} products of waves, and the "
-                f"most is {_MOST_PRODUCTS:.0e}: solve one set of materials at a time"
+                f"a batch would ask for {wavenumbers} x {eps.size} x {count} x {count + 1} products of waves, "
+                f"and the most is {_MOST_PRODUCTS:.0e}: solve one set of materials at a time"
             )
-        waves = np.cos(np.multiply.outer(eps, np.multiply.outer(u, rule.with_edge)))
-        waves *= np.sqrt(eps)[:, None, None]
-        products = None
+        grid, products = PunchGrid.of(eps, resolution), None
         if count_of_products <= _KEPT_PRODUCTS:
-            by_wave = np.ascontiguousarray(waves.transpose(1, 0, 2))
-            products = (by_wave[..., :, None] * by_wave[..., None, :-1]).reshape(u.size, -1)
-        return cls(indenter, problem.measure, top, rtol, eps, rule, u, weights, waves, products)
+            by_wave = grid.waves.transpose(2, 0, 1)
+            products = eps[:, None, None] * by_wave[..., :, None] * by_wave[..., None, :-1]
+            products = products.reshape(wavenumbers, -1)
+        return cls(indenter, problem.measure, top, rtol, grid, products)
 
     def curves(
         self, inner: PlaneConstants, outer: PlaneConstants | None, thickness: FloatArray | float = 1.0
@@ -409,29 +381,21 @@ class ExactBatch:
         punch = self._punch(kernels)
         lengths = np.reshape(np.asarray(thickness, dtype=np.float64), (-1, 1))
         # A set whose radii pass the end of the shape is solved on the thickest layer that fits, and marked.
-        thickest = self.indenter.max_radius / float(self.eps.max())
+        thickest = self.indenter.max_radius / float(self.grid.eps.max())
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, np.minimum(lengths, thickest))
-        batch = curves_through(self.measure, varpi, logarithms, self.top)
+        batch = curves_through(self.measure, varpi, logarithms, self.top, Stretch.to(self.top, 0.0))
         errors = SHARE_OF_NODES * self.rtol + batch.error_estimate
         return replace(batch, error_estimate=np.where(lengths[:, 0] > thickest, np.inf, errors))
 
+    @property
+    def u(self) -> FloatArray:
+        """Nodes in the wavenumber times the thickness, (wavenumbers,)."""
+        return self.grid.u
+
     def _punch(self, kernels: FloatArray) -> PunchSolution:
-        strength = (2.0 / np.pi) * self.weights * np.atleast_2d(kernels)
-        count, radii = self.rule.nodes.size, self.eps.size
-        if self.products is not None:
-            kernel = (strength @ self.products).reshape(-1, radii, count + 1, count)
-        else:
-            sums = [self.waves.transpose(0, 2, 1) @ (self.waves[..., :-1] * one[:, None]) for one in strength]
-            kernel = np.array(sums)
-        return PunchSolution.of_kernel(self.eps, self.rule, kernel)[0]
-
-
-def thickness_derivative(
-    force: FloatArray, stiffness: FloatArray, depth: FloatArray, thickness: FloatArray, exponent: float
-) -> FloatArray:
-    """dP/dh (N/m) at fixed depth and materials, for a power-law shape.
-
-    P/(theta A h^(lambda+1)) depends on varpi alone, and varpi on w and h through w^(1/lambda)/h; hence
-    h dP/dh = (lambda+1) P - lambda w dP/dw. All arrays of one shape, or broadcasting.
-    """
-    return ((exponent + 1.0) * force - exponent * depth * stiffness) / thickness
+        grid, sets = self.grid, np.atleast_2d(kernels)
+        if self.products is None:
+            return grid.solve(sets)
+        radii, nodes, _ = grid.waves.shape
+        kernel = ((grid.strength * sets) @ self.products).reshape(-1, radii, nodes, nodes - 1)
+        return PunchSolution.of_kernel(grid.eps, grid.rule, kernel)[0]

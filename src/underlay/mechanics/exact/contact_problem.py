@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import ceil, log
-from typing import Self
+from math import ceil, log, log2, sqrt
+from typing import Any, Self
 
 import numpy as np
 
@@ -28,20 +28,19 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_coefficients,
 )
 from underlay.mechanics.exact.nodes import (
+    PER_OCTAVE,
     TABLES,
     EvenRule,
     Resolution,
     curve_terms,
     even_legendre,
-    even_rule,
     legendre_rule,
     series_terms,
 )
-from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
-from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import Indenter, PowerLawShape, abel_factor
-from underlay.mechanics.kernel import Kernel, Scales
+from underlay.mechanics.kernel import Kernel, Scales, values_of
 
 __all__ = [
     "LARGEST_EPS",
@@ -53,7 +52,6 @@ __all__ = [
     "RadiusGuess",
     "SolvedCurve",
     "contact_factors",
-    "known_curve",
     "solve_curve",
     "too_wide",
     "weights_over_depth",
@@ -74,8 +72,6 @@ _MUCH, _MOST_OCTAVES = 500_000, 5.0
 # tightest, three tenths claimed.
 SHARE_OF_NODES = 0.3
 SHARE_OF_CURVE = 0.6
-# What a stored curve may leave out: six tenths led one search of 500 past the optimum.
-_SHARE_OF_TAIL = 0.1
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
@@ -83,9 +79,9 @@ SOFT = 0.3
 # There a coarse solution comes first.
 _COARSE = 1e-2
 _MOST_SERIES_TERMS = 400
-# So many more terms of a series, as a share of those it has, at least: where node counts were not fitted to the
-# body, its terms fall late, and a solution too few costs more than a few terms too many.
-_FEW_MORE, _MANY_MORE = 0.1, 0.4
+# So many more terms of a series, as a share of those it has, at least: a solution too few costs more than a few
+# terms too many.
+_MORE = 0.25
 # Beyond this growth of errors, at a fold, the radius is not asked for more digits; below this the solution is
 # rounding.
 _LARGEST_GAIN = 30.0
@@ -106,8 +102,6 @@ class ContactProblem:
         Of the layer (m).
     kernel : Kernel
         Of the body.
-    scales : Scales
-        Its own: what the node counts depend on.
     beside : tuple of Beside
         Bodies towards which derivatives are wanted.
     """
@@ -116,7 +110,6 @@ class ContactProblem:
     measure: PowerLawShape
     thickness: float
     kernel: Kernel
-    scales: Scales
     beside: tuple[Beside, ...] = ()
 
     @classmethod
@@ -124,7 +117,12 @@ class ContactProblem:
         cls, indenter: Indenter, thickness: float, kernel: Kernel, beside: tuple[Beside, ...] = ()
     ) -> Self:
         """Build the problem of a tip over a layer of `thickness` (m) on the body of `kernel`."""
-        return cls(indenter, indenter.power_law, thickness, kernel, kernel.scales, beside)
+        return cls(indenter, indenter.power_law, thickness, kernel, beside)
+
+    @property
+    def scales(self) -> Scales:
+        """Scales of the body: what the node counts depend on."""
+        return self.kernel.scales
 
     @property
     def end(self) -> float:
@@ -178,7 +176,7 @@ class ContactProblem:
         """
         eps = self.eps(chi)
         if rtol is None or eps.size * resolution.size < _MUCH:
-            return self._solved(eps, resolution)
+            return self.on(PunchGrid.of(eps, resolution))
         known = {} if octaves is None else octaves
         top = float(eps.max())
         octave = np.minimum(np.floor(np.log2(top / eps)), _MOST_OCTAVES).astype(int)
@@ -188,20 +186,20 @@ class ContactProblem:
             if number not in known:
                 widest = 0.5**number * top
                 known[number] = proved_resolution(self.kernel, widest, rtol) if number else resolution
-            varpi[rows], columns[rows] = self._solved(eps[rows], known[number])
+            varpi[rows], columns[rows] = self.on(PunchGrid.of(eps[rows], known[number]))
         return varpi, columns
 
-    def _solved(self, eps: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
-        """Varpi (radii,) and the other columns of `solve` (radii, 3 + bodies) at contact radii `eps`."""
+    def on(self, grid: PunchGrid) -> tuple[FloatArray, FloatArray]:
+        """Varpi (radii,) and the other columns of `solve` (radii, 3 + bodies) at the contact radii of a grid."""
         if not self.beside:
-            punch = PunchSolution.solve(self.kernel, eps, resolution)
+            punch = grid.solve(self.kernel.values(grid.u))
             return contact_factors(punch, self.indenter, self.measure, self.thickness)
-        weights = weights_over_depth(
-            self.indenter, self.measure, even_rule(resolution.radial), eps * self.thickness
+        weights = weights_over_depth(self.indenter, self.measure, grid.rule, grid.eps * self.thickness)
+        bodies, stretches = zip(
+            (self.kernel, 1.0), *((body.kernel, body.thickness) for body in self.beside), strict=True
         )
-        u = resolution.wavenumber_rule()[0]
-        here, there = self.kernel.values(u), [body.kernel.values(u * body.thickness) for body in self.beside]
-        punch = PunchSolution.solve(self.kernel, eps, resolution, weights, values=here)
+        here, *there = values_of(bodies, grid.u, stretches)
+        punch = grid.solve(here, weights)
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, self.thickness)
         steps = np.array([body.step for body in self.beside])
         moved = punch.in_kernel @ ((np.array(there) - here).T / steps)
@@ -246,7 +244,8 @@ def weights_over_depth(
 ) -> FloatArray:
     """Weights of int_0^1 H(a x)/H(a) p(x) dx at contact radii `lengths` (m): of a power law (nodes,), for all."""
     if indenter is measure:
-        return rule.power_weights(measure.exponent)
+        key = ("power", rule.nodes.size, measure.exponent)
+        return TABLES.get(key, lambda: rule.power_weights(measure.exponent))
     return _shape_weights(indenter, rule, lengths) / indenter.abel(lengths)[..., None]
 
 
@@ -282,8 +281,6 @@ class SolvedCurve:
         The relation.
     resolution : Resolution
         Nodes of the solution behind it.
-    radii : int
-        Contact radii solved for.
     eps : float
         The largest of them, over the thickness.
     error_estimate : float
@@ -292,13 +289,17 @@ class SolvedCurve:
 
     curve: MasterCurve
     resolution: Resolution
-    radii: int
     eps: float
     error_estimate: float
 
 
-def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
+def solve_curve(
+    problem: ContactProblem, top: float, rtol: float, left_out: float = SHARE_OF_CURVE
+) -> SolvedCurve:
     """Solve for varpi in [0, `top`] at relative error `rtol`.
+
+    Terms that this may take are left out while they and those that were never solved for make up the share
+    `left_out` of `rtol`: zero for curves that are interpolated, of which each would leave out others.
 
     Raises
     ------
@@ -306,25 +307,45 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
     guess = RadiusGuess.of(problem.scales, problem.measure.exponent)
-    last = _widened(problem, top, float(guess.radius(np.array([top]))[0]), rtol)
+    found = _on_grid(problem, guess, top, rtol, left_out)
+    if found is not None:
+        return found
+    last = _widened(problem, top, guess.radius(top), rtol)
     place, last, gain = _placement(problem, guess, top, last)
-    found = None if place is None else _direct(problem, place, top, last, rtol, gain)
+    found = None if place is None else _direct(problem, place, top, last, rtol, gain, left_out)
     return found if found is not None else _by_branches(problem, top, last, rtol, gain)
 
 
-def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
-    """Read the curve where it is stored, with as few terms as do, or solve for it; raises as `solve_curve`."""
-    series = stored_curves([problem.kernel], problem.measure.exponent, top, rtol)
-    if series is None or problem.indenter is not problem.measure:
-        return solve_curve(problem, top, rtol)
-    terms = series.coefficients[0]
-    tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
-    # What a curve's own estimate is read from is four terms.
-    kept = max(4, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
-    left_out = float(tails[kept]) if kept < len(terms) else 0.0
-    curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]])
-    eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
-    return SolvedCurve(curve, series.resolution, series.radii, eps, STORED_ERROR + left_out)
+def _on_grid(
+    problem: ContactProblem, guess: RadiusGuess, top: float, rtol: float, left_out: float
+) -> SolvedCurve | None:
+    """One polynomial through the radii of a kept grid; None where there is none, or that does not reach `rtol`.
+
+    Not for stacks: their contacts may lie so far from the guess that estimates of 1e-6 were 1e-4 off.
+    """
+    if not (problem.scales.charted and problem.scales.softest > SOFT):
+        return None
+    last = problem.widest(guess.radius(top))
+    end = 2.0 ** (ceil(PER_OCTAVE * log2(last)) / PER_OCTAVE)
+    # Up to this share of its end a shape that is no power law has its contacts where a power law has them.
+    blunt = 1.0 if problem.indenter is problem.measure else 0.6
+    if end > min(blunt * problem.indenter.max_radius / problem.thickness, LARGEST_EPS):
+        return None
+    # Rounded, so that bodies much alike share a grid: a tail longer or shorter by 5 % is within the nodes' margin.
+    nodes = problem.resolution(end, rtol)
+    resolution = replace(nodes, first=float(f"{nodes.first:.2g}"), reach=float(f"{nodes.reach:.2g}"))
+    terms = curve_terms(problem.scales, top * end / last, problem.measure.exponent, rtol / problem.unevenness)
+    wanted = Stretch.to(top, problem.scales.softness)
+    while terms <= MOST_TERMS and terms * resolution.size < 0.1 * _MUCH:
+        varpi, logarithms = problem.on(guess.grid(end, terms, resolution))
+        if varpi[-1] < _SHORT * top:
+            return None
+        curve = MasterCurve.through(varpi, logarithms, wanted, left_out * rtol / problem.unevenness)
+        error = problem.unevenness * curve.error_estimate
+        if error <= SHARE_OF_CURVE * rtol:
+            return SolvedCurve(curve, resolution, end, SHARE_OF_NODES * rtol + error)
+        terms += 4
+    return None
 
 
 def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:
@@ -337,7 +358,7 @@ def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, 
     uneven = problem.unevenness
     curve = series.inverted(top, 0.25 * rtol / uneven)
     error = gain * (SHARE_OF_NODES * fine + uneven * series.error_estimate) + uneven * curve.error_estimate
-    return SolvedCurve(curve, resolution, series.coefficients.shape[0], problem.widest(last), error)
+    return SolvedCurve(curve, resolution, problem.widest(last), error)
 
 
 @dataclass(frozen=True)
@@ -359,10 +380,26 @@ class RadiusGuess:
         gain *= (0.66 + 0.34 * scales.firmness) * max(0.0, 1.0 - 1.0 / scales.stiffest)
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
-    def radius(self, varpi: FloatArray) -> FloatArray:
-        """Contact radius chi at `varpi`, a little too large."""
+    def radius(self, varpi: Any) -> Any:
+        """Contact radius chi at `varpi`, a float or an array, a little too large."""
         share = self.rate * varpi
         return varpi * (1.0 + self.gain * share / (1.0 + share))
+
+    def grid(self, end: float, terms: int, resolution: Resolution) -> PunchGrid:
+        """So many contact radii up to a/h = `end`, kept for every body whose guess is nearly this one.
+
+        Gains rounded to tenths move the points by 3 % at most.
+        """
+        near = RadiusGuess(round(self.gain, 1), self.rate)
+        key = ("grid", near, end, terms, resolution)
+        return TABLES.get(key, lambda: PunchGrid.of(near.radii(end, terms), resolution))
+
+    def radii(self, end: float, terms: int) -> FloatArray:
+        """Radii up to `end` at Chebyshev points of the stretched varpi."""
+        # Where varpi is `end` the quadratic of `radius` has this root.
+        half, most = 0.5 * (1.0 - self.rate * end), self.rate * (1.0 + self.gain)
+        top = (sqrt(half * half + most * end) - half) / most
+        return np.asarray(self.radius(Stretch.to(top, 0.0).v(np.cos(chebyshev_angles(terms)))))
 
 
 def _placement(
@@ -400,9 +437,10 @@ def _direct(
     last: float,
     rtol: float,
     gain: float,
+    left_out: float,
 ) -> SolvedCurve | None:
     """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
-    softness = problem.scales.softness
+    wanted = Stretch.to(top, problem.scales.softness)
     fine = max(rtol / gain, _FINEST)
     widen = last / float(place(np.array([top]))[0])
     terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol / problem.unevenness)
@@ -411,18 +449,18 @@ def _direct(
     eps = problem.widest(last)
     resolution = problem.resolution(eps, fine)
     while terms <= MOST_TERMS:
-        targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
+        targets = wanted.v(np.cos(chebyshev_angles(terms)))
         varpi, logarithms = problem.solve(place(targets) * widen, resolution, fine)
         if varpi[-1] < _SHORT * targets[-1] and last < problem.end:
             wider = _widened(problem, top, 1.05 * last * float(targets[-1] / varpi[-1]), rtol)
             widen, last, eps = widen * wider / last, wider, problem.widest(wider)
             resolution = problem.resolution(eps, fine)
             continue
-        curve = MasterCurve.through(varpi, logarithms, top, softness)
-        truncated = curve.error_estimate * problem.unevenness
-        if truncated <= SHARE_OF_CURVE * rtol:
-            error = gain * SHARE_OF_NODES * fine + truncated
-            return SolvedCurve(curve, resolution, terms, eps, error)
+        curve = MasterCurve.through(varpi, logarithms, wanted, left_out * rtol / problem.unevenness)
+        # Towards a fold the terms fall unevenly: of 2000 curves two there were 1.3 of what their last terms say.
+        error = gain * problem.unevenness * curve.error_estimate
+        if error <= SHARE_OF_CURVE * rtol:
+            return SolvedCurve(curve, resolution, eps, gain * SHARE_OF_NODES * fine + error)
         terms += 4
     return None
 
@@ -434,7 +472,6 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
     nodes = problem.resolution if rtol < _COARSE else partial(Resolution.choose, problem.scales)
     resolution = nodes(problem.widest(last), rtol)
     terms = series_terms(problem.scales, last, rtol / problem.unevenness)
-    few = _FEW_MORE if problem.scales.charted else _MANY_MORE
     octaves: dict[int, Resolution] = {}
     while True:
         angles = chebyshev_angles(terms)
@@ -450,7 +487,7 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
             return series, resolution
         # The terms fall at a steady rate: as many more as the digits that are missing.
         share = log(missed) / -log(min(series.error_estimate, 0.1))
-        terms += ceil(terms * min(max(share, few), 0.5))
+        terms += ceil(terms * min(max(share, _MORE), 0.5))
 
 
 def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> float:

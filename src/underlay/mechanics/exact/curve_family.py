@@ -8,10 +8,6 @@ Im ln k = pi. So Chebyshev polynomials over a span of ln 4 gain a factor of 9 wi
 solutions serve every ratio in the span, with the derivative in ln k beside them; how many it takes is measured, for
 ratios of lengths too.
 
-The solutions of a table are made together (`solve_curves`): where a solution has few nodes, calls and cosines cost
-most of it. Bodies of one span take the same contact radii and nodes, those of the most demanding of them, and one
-batch serves them all. Where little accuracy is asked for, the curves of `stored_curves` do.
-
 The spans ("cells") of ratio and of varpi are fixed numbers, not taken from what was asked before: a law is a
 function of its parameters alone. Everything here is dimensionless, so one table serves any tip size, thickness
 and modulus, and tables are kept for the whole process.
@@ -19,27 +15,17 @@ and modulus, and tables are kept for the whole process.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, exp, floor, inf, log, log10
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import isotropic_constants
-from underlay.mechanics.exact.batch import curves_through
-from underlay.mechanics.exact.contact_problem import (
-    LARGEST_EPS,
-    SHARE_OF_CURVE,
-    SHARE_OF_NODES,
-    SOFT,
-    ContactProblem,
-    RadiusGuess,
-    contact_factors,
-    solve_curve,
-)
+from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -49,26 +35,23 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_coefficients,
     in_powers,
     monomials,
+    shortened,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import TABLES, Resolution, curve_terms
-from underlay.mechanics.exact.punch_solution import PunchSolution
-from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
+from underlay.mechanics.exact.nodes import TABLES, Resolution
+from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLaw
-from underlay.mechanics.kernel import Family, Kernel, LayerKernel
+from underlay.mechanics.kernel import Family, LayerKernel
 
 __all__ = [
     "STIFF_END",
     "Cell",
     "CurveFamily",
     "IsotropicPair",
-    "Logarithms",
     "RatioSpan",
     "RigidBase",
-    "SolvedCurves",
     "curve_family",
     "end_numbers",
-    "family_holding",
     "first_ratios",
     "range_end",
     "range_number",
@@ -76,11 +59,8 @@ __all__ = [
     "ratio_number",
     "ratio_numbers",
     "ratio_span",
-    "solve_curves",
 ]
 
-#: Logarithms of the factors of all curves at varpi (n,), shape (curves, 3, n).
-Logarithms: TypeAlias = Callable[[FloatArray], FloatArray]
 # Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
 _RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
 _RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
@@ -88,115 +68,12 @@ _RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
 #: five terms do where ln k takes seven in each of a dozen spans (twelve under an incompressible layer at a/h = 20).
 STIFF_END, _STIFF = 10_000, 5
 _SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
-# Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,
-# and the terms in varpi that are dropped.
-_SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
-_SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
+# Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio, and
+# the terms in varpi that are dropped or were never there.
+_SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_PIECE = 0.5, 0.25, 0.25
 _NARROWEST = 0.3  # of a piece in z: eight pieces at most
 _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
 _MOST_RATIOS = 24
-# From this rtol on a table of so many ranges takes little longer than that of one.
-_LOOSE, _WIDE = 1e-3, 4
-
-
-class SolvedCurves(NamedTuple):
-    """Curves of several bodies at the nodes of one solution; its figures are those of the worst body."""
-
-    logarithms: Logarithms
-    resolution: Resolution
-    radii: int
-    eps: float
-    error_estimate: float
-
-
-def solve_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
-    """Curves of a tip w = A F_2 a^lambda of any size on bodies under a layer of unit thickness, up to `top`.
-
-    Parameters
-    ----------
-    bodies : sequence of Kernel
-        With the layer.
-    exponent : float
-        Of the tip's power law.
-    top : float
-        Largest varpi.
-    rtol : float
-        Relative error of each.
-
-    Returns
-    -------
-    SolvedCurves or None
-        None where one of them folds.
-
-    Raises
-    ------
-    RangeError
-        If a contact radius would pass 20 thicknesses.
-    """
-    for way in (_stored, _together):
-        found = way(bodies, exponent, top, rtol)
-        if found is not None:
-            return found
-    return _one_by_one(bodies, exponent, top, rtol)
-
-
-def _stored(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
-    """Read the curves off those of the file; None where it does not hold all of them."""
-    series = stored_curves(bodies, exponent, top, rtol)
-    if series is None:
-        return None
-    widest = series.logarithms(np.array([top]))[:, Factor.RADIUS].max()
-    eps = float(np.exp(widest)) * top
-    return SolvedCurves(series.logarithms, series.resolution, series.radii, eps, STORED_ERROR)
-
-
-def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
-    """Solve at radii that `RadiusGuess` places; None where that will not do, or takes too many."""
-    scales = [body.scales for body in bodies]
-    if not all(one.charted and one.softest > SOFT for one in scales):
-        return None
-    tip = PowerLaw(exponent, 1.0)
-    points = np.array([top])
-    # The widest contact of them: beside it the others' points reach further than they are asked for.
-    guess = max(
-        (RadiusGuess.of(one, exponent) for one in scales), key=lambda one: float(one.radius(points)[0])
-    )
-    softness = max(one.softness for one in scales)
-    terms = max(curve_terms(one, top, exponent, rtol) for one in scales)
-    while terms <= MOST_TERMS:
-        eps = guess.radius(Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms))))
-        last = float(guess.radius(points)[0])
-        if last >= LARGEST_EPS:
-            return None
-        resolution = max(
-            (Resolution.choose(one, last, rtol) for one in scales),
-            key=lambda one: (one.radial, one.wavenumbers),
-        )
-        punch = PunchSolution.solve_all(bodies, eps, resolution)
-        varpi, logarithms = contact_factors(punch, tip, tip, 1.0)
-        batch = curves_through(tip, varpi, logarithms, top, softness)
-        truncated = float(batch.error_estimate.max())
-        if truncated <= SHARE_OF_CURVE * rtol:
-            error = SHARE_OF_NODES * rtol + truncated
-            return SolvedCurves(batch.logarithms, resolution, terms * len(bodies), last, error)
-        terms += 2
-    return None
-
-
-def _one_by_one(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
-    tip = PowerLaw(exponent, 1.0)
-    solved = [solve_curve(ContactProblem.of(tip, 1.0, body), top, rtol) for body in bodies]
-    if any(one.curve.jumps for one in solved):
-        return None
-    curves = [one.curve for one in solved]
-    worst = max(solved, key=lambda one: one.error_estimate)
-    return SolvedCurves(
-        lambda varpi: np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves]),
-        worst.resolution,
-        sum(one.radii for one in solved),
-        max(one.eps for one in solved),
-        worst.error_estimate,
-    )
 
 
 class IsotropicPair(NamedTuple):
@@ -350,8 +227,6 @@ class CurveFamily:
         Relative error of the three factors, everything included.
     resolution : Resolution
         Nodes of the finest solution behind it.
-    radii : int
-        Contact radii solved for, all ratios together.
     eps : float
         Largest a/h.
     """
@@ -362,7 +237,6 @@ class CurveFamily:
     coefficients: FloatArray
     error_estimate: float
     resolution: Resolution
-    radii: int
     eps: float
 
     def tables(self, log_ratios: FloatArray) -> FloatArray:
@@ -400,17 +274,6 @@ def curve_family(cell: Cell) -> CurveFamily | None:
     return TABLES.get(("family", cell), lambda: _tabulated(cell))
 
 
-def family_holding(cell: Cell) -> CurveFamily | None:
-    """Table of one cell, or of one of several ranges where little accuracy is asked for; None as `curve_family`.
-
-    A search at a loose tolerance passes through many ranges, and the first of a process waits for every table.
-    """
-    if cell.rtol < _LOOSE:
-        return curve_family(cell)
-    wide = curve_family(cell._replace(range=_WIDE * ceil((cell.range - 1) / _WIDE) + 1))
-    return curve_family(cell) if wide is None or wide.error_estimate > cell.rtol else wide
-
-
 def _tabulated(cell: Cell) -> CurveFamily | None:
     try:
         return _expanded(cell, first_ratios(_SHARE_OF_RATIO * cell.rtol))
@@ -427,16 +290,15 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     """Solve at Chebyshev points in ln k, bring the curves to one stretch, and expand; more points if need be."""
     span = cell.log_ratios
     angles = chebyshev_angles(ratios)
-    solved = solve_curves(
-        [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()],
-        cell.exponent,
-        cell.top,
-        _SHARE_OF_SOLUTIONS * cell.rtol,
-    )
-    if solved is None:
+    tip, share = PowerLaw(cell.exponent, 1.0), _SHARE_OF_SOLUTIONS * cell.rtol
+    bodies = [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()]
+    # With all their terms but the least: each would leave out others, which the interpolation in ln k would find.
+    solved = [known_curve(ContactProblem.of(tip, 1.0, body), cell.top, share, 0.01) for body in bodies]
+    if any(one.curve.jumps for one in solved):
         return None
+    worst = max(solved, key=lambda one: one.error_estimate)
     stretch = Stretch.to(cell.top, cell.family.kernel(span.middle).scales.softness)
-    pieces = _pieces(solved.logarithms, stretch, (-1.0, 1.0), cell.rtol)
+    pieces = _pieces([one.curve for one in solved], stretch, (-1.0, 1.0), cell.rtol)
     if pieces is None:
         return None
     expanded = [chebyshev_coefficients(piece.values.reshape(ratios, -1), angles) for piece in pieces]
@@ -458,10 +320,9 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
         stretch=stretch,
         edges=(*(piece.ends[0] for piece in pieces), 1.0),
         coefficients=read_only(table),
-        error_estimate=solved.error_estimate + max(piece.left_out for piece in pieces) + truncation,
-        resolution=solved.resolution,
-        radii=solved.radii,
-        eps=solved.eps,
+        error_estimate=worst.error_estimate + max(piece.left_out for piece in pieces) + truncation,
+        resolution=worst.resolution,
+        eps=max(one.eps for one in solved),
     )
 
 
@@ -482,7 +343,7 @@ class _Piece(NamedTuple):
 
 
 def _pieces(
-    curves: Logarithms, stretch: Stretch, ends: tuple[float, float], rtol: float
+    curves: Sequence[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float
 ) -> list[_Piece] | None:
     """Bring curves to one stretch, in as few pieces as the accuracy allows; None if it takes too many."""
     piece = _resampled(curves, stretch, ends, rtol)
@@ -497,19 +358,17 @@ def _pieces(
     return None if below is None or above is None else below + above
 
 
-def _resampled(curves: Logarithms, stretch: Stretch, ends: tuple[float, float], rtol: float) -> _Piece:
-    """One piece of curves on one stretch.
-
-    As many terms as there may be are taken and the last dropped while their sum stays below its share: every
-    term costs time in each evaluation.
-    """
+def _resampled(
+    curves: Sequence[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float
+) -> _Piece:
+    """One piece of curves on one stretch, of as many terms as there may be but for those that add up to little."""
     low, high = ends
     angles = chebyshev_angles(MOST_TERMS)
     varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles))
-    values = np.moveaxis(curves(varpi), -1, 0)
+    told = np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves])
+    values = np.moveaxis(told, -1, 0)
     flat = chebyshev_coefficients(values.reshape(MOST_TERMS, -1), angles)
-    tails = np.cumsum(np.abs(flat).max(axis=1)[::-1])[::-1]
-    kept = max(1, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
-    left_out = float(truncation_error(flat)) + (float(tails[kept]) if kept < MOST_TERMS else 0.0)
+    error = float(truncation_error(flat))
+    kept, missing = shortened(flat, _SHARE_OF_PIECE * rtol - error)
     terms = np.moveaxis(flat[:kept].reshape(kept, *values.shape[1:]), 1, 0)
-    return _Piece(ends, terms, left_out)
+    return _Piece(ends, terms, error + missing)

@@ -18,12 +18,12 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.batch import CurveBatch
-from underlay.mechanics.exact.contact_problem import ContactProblem, SolvedCurve, known_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem, SolvedCurve
 from underlay.mechanics.exact.curve_family import (
     Cell,
     CurveFamily,
     RigidBase,
-    family_holding,
+    curve_family,
     range_end,
     range_number,
     range_numbers,
@@ -33,23 +33,11 @@ from underlay.mechanics.exact.curve_family import (
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, Stretch
 from underlay.mechanics.exact.nodes import TABLES
+from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import Family
 
-__all__ = ["FamilyLaw", "family_batch", "side_by_side", "table_number", "tabulated_law"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FamilyLaw(ExactLaw):
-    """An exact law read off a table; the one derivative that it knows beside dP/dw is dP/d ln k.
-
-    Parameters
-    ----------
-    family : CurveFamily
-        The table, over the ratio k of its family of bodies.
-    """
-
-    family: CurveFamily
+__all__ = ["family_batch", "side_by_side", "table_number", "tabulated_law"]
 
 
 def table_number(contact: Contact, depth: float) -> int:
@@ -79,51 +67,34 @@ def tabulated_law(
 
     Returns
     -------
-    FamilyLaw, or on a rigid base and alone ExactLaw
-        None where there is no table.
+    ExactLaw
+        Off a table it knows dP/d ln k too. None where there is no table.
     """
     indenter, body, thickness, theta = contact.indenter, contact.isotropic, contact.thickness, contact.theta
     if not isinstance(indenter, PowerLawShape):
         return None
     reach = table_number(contact, depth)
-    max_depth = float(indenter.abel(np.asarray(range_end(reach) * thickness)))
+    found: SolvedCurve | CurveFamily | None
     if family is None or alone:
         if family is None and body is None:
             return None
         one = family or RigidBase(body.layer.nu if body is not None else 0.0)
-        solved = _alone(indenter.exponent, one, 1.0 if family is None else ratio, reach, rtol)
-        if solved is None:
-            return None
-        return ExactLaw(
-            method="exact",
-            reason=(
-                f"exact contact problem, solved for a/h up to {solved.eps:.3g}, "
-                f"{solved.resolution.radial} nodes"
-            ),
-            max_depth=max_depth,
-            error_estimate=solved.error_estimate,
-            measure=indenter,
-            theta=theta,
-            thickness=thickness,
-            curve=solved.curve,
-            resolution=solved.resolution,
-            radii=solved.radii,
-        )
-    table = family_holding(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
-    if table is None or table.error_estimate > rtol:
+        found = _alone(indenter.exponent, one, 1.0 if family is None else ratio, reach, rtol)
+    else:
+        found = curve_family(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
+    if found is None or found.error_estimate > rtol:
         return None
-    return FamilyLaw(
+    how = "tabulated over what varies" if isinstance(found, CurveFamily) else "solved"
+    return ExactLaw(
         method="exact",
-        reason=f"exact contact problem, tabulated over what varies for a/h up to {table.eps:.3g}",
-        max_depth=max_depth,
-        error_estimate=table.error_estimate,
+        reason=f"exact contact problem, {how} for a/h up to {found.eps:.3g}, {found.resolution.radial} nodes",
+        max_depth=float(indenter.abel(np.asarray(range_end(reach) * thickness))),
+        error_estimate=found.error_estimate,
         measure=indenter,
         theta=theta,
         thickness=thickness,
-        curve=table.curve(log(ratio)),
-        resolution=table.resolution,
-        radii=table.radii,
-        family=table,
+        curve=found.curve(log(ratio)) if isinstance(found, CurveFamily) else found.curve,
+        resolution=found.resolution,
     )
 
 
@@ -209,7 +180,7 @@ class _SideBySide:
         In powers of the ratio's place in its span; see `CurveFamily`.
     middles, halves : ndarray (cells,)
         Of the span in ln k.
-    lengths, softness, tops, errors : ndarray (cells,)
+    lengths, rates, tops, errors : ndarray (cells,)
         Of the curves; see `CurveBatch`.
     """
 
@@ -218,7 +189,7 @@ class _SideBySide:
     middles: FloatArray = field(default_factory=lambda: np.zeros(0))
     halves: FloatArray = field(default_factory=lambda: np.zeros(0))
     lengths: FloatArray = field(default_factory=lambda: np.zeros(0))
-    softness: FloatArray = field(default_factory=lambda: np.zeros(0))
+    rates: FloatArray = field(default_factory=lambda: np.zeros(0))
     tops: FloatArray = field(default_factory=lambda: np.zeros(0))
     errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
@@ -240,7 +211,7 @@ class _SideBySide:
             np.append(self.middles, 0.5 * (low + high)),
             np.append(self.halves, 0.5 * (high - low)),
             np.append(self.lengths, 1.0 if stretch is None else stretch.length),
-            np.append(self.softness, 0.0 if stretch is None else stretch.softness),
+            np.append(self.rates, 0.0 if stretch is None else stretch.rate),
             np.append(self.tops, np.inf if family is None else cell.top),
             np.append(self.errors, np.inf if family is None else family.error_estimate),
         )
@@ -281,7 +252,7 @@ def family_batch(
     missing = set(numbers) - tables.places.keys()
     for span, reach in missing:
         cell = Cell(indenter.exponent, family, int(span), int(reach), rtol)
-        tables = tables.with_table(cell, family_holding(cell))
+        tables = tables.with_table(cell, curve_family(cell))
     if missing:
         # Never changed but replaced, so that another thread finds it whole.
         TABLES.put(key, tables)
@@ -297,7 +268,7 @@ def family_batch(
     return CurveBatch(
         indenter,
         tables.tops[places],
-        Stretch(tables.lengths[places][:, None], tables.softness[places][:, None]),
+        Stretch(tables.lengths[places][:, None], tables.rates[places][:, None]),
         said[:, 0],
         tables.errors[places],
         said[:, 1:, Factor.FORCE] if slopes else None,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -17,10 +18,11 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, solve_curve
-from underlay.mechanics.exact.master_curve import Factor, MasterCurve
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
+from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Pieces
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLawShape
 
 __all__ = ["ExactLaw", "ExactPunchLaw", "exact_law", "exact_punch_law"]
@@ -43,8 +45,6 @@ class ExactLaw(ContactLaw):
         law: replace those to use it again.
     resolution : Resolution
         Nodes of the solution behind the curve.
-    radii : int
-        Contact radii solved for.
     """
 
     measure: PowerLawShape
@@ -52,7 +52,6 @@ class ExactLaw(ContactLaw):
     thickness: float
     curve: MasterCurve
     resolution: Resolution
-    radii: int
 
     @property
     def nodes(self) -> int:
@@ -66,46 +65,56 @@ class ExactLaw(ContactLaw):
 
     _beyond: ClassVar[str] = "the law was solved up to there; ask for less depth, or build it for more"
 
+    @cached_property
+    def _by_root(self) -> Pieces:
+        """Polynomials in the root w^(1/lambda) of the depth, whose constants are those of this contact.
+
+        Of ln P/(w root) and ln (dP/dw)/root, of the slopes d ln P/ds, and of ln a/root.
+        """
+        unit, own = self.measure.unit_radius, self.curve.coefficients
+        # The factors stand in the order of radius, force, stiffness.
+        tables = np.concatenate((own[:, 1:], own[:, :1]), axis=1)
+        tables[:, 1] += own[:, 0]
+        stiffness = math.log(4.0 * self.theta * unit)
+        force = stiffness + math.log(self.measure.exponent / (self.measure.exponent + 1.0))
+        tables[..., 0, 0] += [force, stiffness, *[0.0] * self.known_slopes, math.log(unit)]
+        return self.curve.pieces(unit / self.thickness, tables)
+
+    def _root(self, depth: FloatArray) -> FloatArray:
+        return np.asarray(depth ** (1.0 / self.measure.exponent))
+
     def _force(self, depth: FloatArray) -> FloatArray:
-        radius = self.measure.halfspace_radius(depth)
-        force = self.curve.factor(Factor.FORCE, radius / self.thickness)
-        force *= radius
+        root = self._root(depth)
+        force = self._by_root.at(root, 0)
+        np.exp(force, out=force)
+        force *= root
         force *= depth
-        force *= 4.0 * self.theta * self.measure.exponent / (self.measure.exponent + 1.0)
         return force
 
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
-        return self._rows(depth, self.curve.coefficients[:, :0])
+        return self._rows(depth, 2)
 
     def _with_slopes(self, depth: FloatArray) -> FloatArray:
-        return self._rows(depth, self._slope_tables)
+        return self._rows(depth, 2 + self.known_slopes)
 
-    @property
-    def _slope_tables(self) -> FloatArray:
-        """Of d ln P/ds, (pieces, known_slopes, rows, 4)."""
-        return self.curve.coefficients[:, len(Factor) :]
-
-    def _rows(self, depth: FloatArray, slopes: FloatArray) -> FloatArray:
-        """Force (N), dP/dw (N/m), and dP/ds (N) by tables of d ln P/ds: rows (2 + numbers, n)."""
-        radius = self.measure.halfspace_radius(depth)
-        rows = self.curve.with_slopes(radius / self.thickness, slopes)
+    def _rows(self, depth: FloatArray, count: int) -> FloatArray:
+        """The first `count` of force (N), dP/dw (N/m), and dP/ds (N) of the numbers known: rows (count, n)."""
+        root = self._root(depth)
+        rows = self._by_root.at(root, slice(count))
         both = rows[:2]
-        both *= radius
-        both *= 4.0 * self.theta
+        np.exp(both, out=both)
+        both *= root
         both[0] *= depth
-        both[0] *= self.measure.exponent / (self.measure.exponent + 1.0)
-        rows[2:] *= rows[0]
+        rows[2:] *= both[0]
         return rows
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
-        radius = self.measure.halfspace_radius(depth)
-        return radius * self.curve.factor(Factor.RADIUS, radius / self.thickness)
+        root = self._root(depth)
+        return root * np.exp(self._by_root.at(root, -1))
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        radius = self.measure.halfspace_radius(depth)
-        varpi = radius / self.thickness
-        kappa = self.curve.factor(Factor.STIFFNESS, varpi) * self.curve.factor(Factor.RADIUS, varpi)
-        return (4.0 * self.theta) * radius * kappa
+        root = self._root(depth)
+        return root * np.exp(self._by_root.at(root, 1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +207,7 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
         length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
     problem = ContactProblem.of(indenter, length, contact.kernel, contact.beside)
     top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
-    solved = solve_curve(problem, top, rtol)
+    solved = known_curve(problem, top, rtol)
     reason = (
         f"exact contact problem, solved for a/h up to {solved.eps:.3g}, {solved.resolution.radial} nodes"
         if contact.thickness < np.inf
@@ -219,7 +228,6 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
         thickness=length,
         curve=solved.curve,
         resolution=solved.resolution,
-        radii=solved.radii,
     )
 
 

@@ -8,7 +8,7 @@ thickness and any number of depths.
 
 The logarithms of the factors are smooth, and are held as polynomials in
 
-    t(v) = arcsinh(v) + ln(1 + softness v),
+    t(v) = ln(1 + rate v),   rate = 2 + softness,
 
 which straightens both the growth at large v and, for a substrate softer than the layer, the rapid change at
 v = 1/softness.
@@ -19,9 +19,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from itertools import pairwise
-from math import asinh, cos, log1p, pi
-from typing import Any, Self
+from math import cos, exp, expm1, log1p, pi
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -32,18 +31,22 @@ __all__ = [
     "MOST_TERMS",
     "Factor",
     "MasterCurve",
+    "Pieces",
     "Stretch",
     "chebyshev_angles",
     "chebyshev_coefficients",
     "growth_beyond",
     "in_powers",
     "monomials",
-    "piecewise",
     "polynomial",
     "reach",
+    "shortened",
     "truncation_error",
 ]
 
+# Of a base as stiff as the layer or stiffer. Rates of 1, 2 and 4 take 29, 28 and 29 terms for 1e-7 up to varpi = 5,
+# in the mean of paraboloids and cones on four bodies; 0.5 takes 31 and 10 takes 33.
+_STIFF_RATE = 2.0
 # Coefficients per row of the evaluated polynomial: sum_j z^(4j) (c_j0 + c_j1 z + c_j2 z^2 + c_j3 z^3).
 _BLOCK = 4
 # Depths evaluated at a time: the powers of so many fit the processor's cache.
@@ -66,57 +69,48 @@ class Factor(IntEnum):
 
 @dataclass(frozen=True)
 class Stretch:
-    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, length], mapped to z in [-1, 1].
+    """The variable t(v) = ln(1 + rate v) on [0, length], mapped to z in [-1, 1].
 
-    Of many curves at once, their lengths and softness are (sets, 1).
+    Of many curves at once, their lengths and rates are (sets, 1).
     """
 
     length: Any
-    softness: Any
+    rate: Any
 
     @classmethod
-    def to(cls, top: float, softness: float) -> Self:
-        """Cover v in [0, top]."""
-        return cls(asinh(top) + log1p(softness * top), softness)
+    def to(cls, top: Any, softness: float) -> Stretch:
+        """Cover v in [0, top] of a body of a `Scales.softness`."""
+        return cls(0.0, _STIFF_RATE + softness).over(top)
 
     @classmethod
     def of_all(cls, stretches: Sequence[Stretch]) -> Self:
-        """Stretches of many curves as one, lengths and softness (sets, 1)."""
-        return cls(
-            *(np.array([[getattr(one, name)] for one in stretches]) for name in ("length", "softness"))
-        )
+        """Stretches of many curves as one, lengths and rates (sets, 1)."""
+        return cls(*(np.array([[getattr(one, name)] for one in stretches]) for name in ("length", "rate")))
+
+    def over(self, top: Any) -> Stretch:
+        """Cover v in [0, top] at the same rate."""
+        log = np.log1p if isinstance(top, np.ndarray) else log1p
+        return Stretch(log(self.rate * top), self.rate)
 
     def part(self, rows: slice | list[int]) -> Stretch:
         """Stretch of some rows of many curves."""
-        return Stretch(self.length[rows], self.softness[rows])
-
-    def t(self, v: FloatArray) -> FloatArray:
-        """Map v to t."""
-        t: FloatArray = np.arcsinh(v)
-        if self.softness if isinstance(self.softness, float) else self.softness.any():
-            t += np.log1p(self.softness * v)
-        return t
+        return Stretch(self.length[rows], self.rate[rows])
 
     def z(self, v: FloatArray) -> FloatArray:
         """Map v to z."""
-        t = self.t(v)
+        t: FloatArray = self.rate * v
+        np.log1p(t, out=t)
         t *= 2.0 / self.length
         t -= 1.0
         return t
 
     def dz(self, v: FloatArray) -> FloatArray:
         """dz/dv."""
-        bend = 1.0 / np.sqrt(1.0 + v * v) + self.softness / (1.0 + self.softness * v)
-        return np.asarray((2.0 / self.length) * bend)
+        return np.asarray((2.0 / self.length) * self.rate / (1.0 + self.rate * v))
 
     def v(self, z: FloatArray) -> FloatArray:
         """Inverse of `z`."""
-        # With q = v + sqrt(1 + v^2), exp(t) = q (1 + softness v) is quadratic in q: solved for q - 1, which is
-        # small where v is.
-        grown = np.expm1((0.5 * self.length) * (z + 1.0))
-        linear = 1.0 + self.softness
-        above = 2.0 * grown / (linear + np.sqrt(linear * linear + 2.0 * self.softness * grown))
-        return np.asarray(above * (above + 2.0) / (2.0 * (above + 1.0)), dtype=np.float64)
+        return np.asarray(np.expm1((0.5 * self.length) * (z + 1.0)) / self.rate)
 
 
 def chebyshev_angles(count: int) -> FloatArray:
@@ -166,10 +160,22 @@ def truncation_error(coefficients: FloatArray) -> FloatArray:
     """
     sizes = np.abs(coefficients[..., -4:, :]).max(axis=-1)
     last, before = sizes[..., 2] + sizes[..., 3], sizes[..., 0] + sizes[..., 1]
-    # last/(last + before) is rate/(1 + rate): no division by zero but where all four vanish, exactly.
-    share = np.minimum(last / np.maximum(last + before, np.finfo(float).tiny), 0.9 / 1.9)
-    rate = share / (1.0 - share)
+    rate = np.minimum(last / np.maximum(before, np.finfo(float).tiny), 0.9)
     return np.asarray(3.0 * last * rate / (1.0 - rate))
+
+
+def shortened(coefficients: FloatArray, allowed: float) -> tuple[int, float]:
+    """How many terms of series (..., terms, columns) do, in whole rows of a table, and what is left out."""
+    sizes = np.abs(coefficients).max(axis=-1)
+    sizes = sizes.reshape(-1, sizes.shape[-1]).max(axis=0).tolist() if sizes.ndim > 1 else sizes.tolist()
+    kept, left_out = len(sizes), 0.0
+    while kept > _BLOCK:
+        row = (kept - 1) // _BLOCK * _BLOCK
+        more = left_out + sum(sizes[row:kept])
+        if more > allowed:
+            break
+        kept, left_out = row, more
+    return kept, left_out
 
 
 def reach(count: int) -> float:
@@ -177,7 +183,7 @@ def reach(count: int) -> float:
     return 2.0 / (1.0 + cos(0.5 * pi / count))
 
 
-def growth_beyond(share: FloatArray, count: int) -> FloatArray:
+def growth_beyond(share: FloatArray | float, count: int) -> FloatArray:
     """How much the error of an interpolant of `count` terms grows at `share` times the length of its interval.
 
     The first term left out grows as the Chebyshev polynomial that it is; inside the interval it is one.
@@ -212,15 +218,10 @@ class MasterCurve:
     jumps: tuple[float, ...] = ()
 
     @classmethod
-    def constant(cls, top: float, logarithms: FloatArray) -> MasterCurve:
-        """Return the curve of factors that do not depend on varpi."""
-        table = np.zeros((1, len(Factor), 1, _BLOCK))
-        table[0, :, 0, 0] = logarithms
-        return cls(Stretch.to(top, 0.0), (-1.0, 1.0), table, 0.0)
-
-    @classmethod
-    def through(cls, varpi: FloatArray, logarithms: FloatArray, top: float, softness: float) -> MasterCurve:
-        """Return the polynomial through given points, for varpi in [0, `top`].
+    def through(
+        cls, varpi: FloatArray, logarithms: FloatArray, wanted: Stretch, allowed: float
+    ) -> MasterCurve:
+        """Return the polynomial through given points, for varpi in the interval of `wanted`.
 
         Parameters
         ----------
@@ -229,13 +230,18 @@ class MasterCurve:
             error estimate then shows.
         logarithms : ndarray (n, 3)
             Of the factors, and columns of derivatives after them.
+        wanted : Stretch
+            Covers [0, largest varpi asked for].
+        allowed : float
+            Error below which terms may be left out: see `of_pieces`.
         """
-        stretch = Stretch(Stretch.to(float(varpi[-1]), softness).length * reach(varpi.size), softness)
+        stretch = Stretch(wanted.over(varpi[-1]).length * reach(varpi.size), wanted.rate)
         angles = np.arccos(stretch.z(varpi))
         basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
         coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
-        growth = growth_beyond(np.array(Stretch.to(top, softness).length / stretch.length), varpi.size)
-        return cls.of_pieces(stretch, [-1.0, 1.0], [coefficients], growth=float(growth))
+        share = wanted.length / stretch.length
+        growth = float(growth_beyond(share, varpi.size)) if share > 1.0 else 1.0
+        return cls.of_pieces(stretch, [-1.0, 1.0], [coefficients], allowed, growth=growth)
 
     @classmethod
     def of_pieces(
@@ -243,75 +249,101 @@ class MasterCurve:
         stretch: Stretch,
         edges: list[float],
         pieces: list[FloatArray],
+        allowed: float,
         jumps: tuple[float, ...] = (),
         growth: float = 1.0,
     ) -> MasterCurve:
         """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece.
 
-        `growth` is by how much the last piece errs more where it is asked for beyond its points.
+        `growth` is by how much the last piece errs more where it is asked for beyond its points. As long as the
+        error stays within `allowed` the last terms are left out, a row of the table at a time.
         """
         stacked = np.array(pieces)
-        table = in_powers(stacked)
-        table.flags.writeable = False
         error = growth * float(truncation_error(stacked[..., : len(Factor)]).max())
-        return cls(stretch, tuple(edges), table, error, jumps)
+        kept, left_out = shortened(growth * stacked, allowed - error)
+        table = in_powers(stacked[:, :kept])
+        table.flags.writeable = False
+        return cls(stretch, tuple(edges), table, error + left_out, jumps)
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         """One of the factors at `varpi` (n,)."""
-        if varpi.size <= _CHUNK:
-            return self._factor(which, varpi)
-        result = np.empty_like(varpi)
-        for start in range(0, varpi.size, _CHUNK):
-            result[start : start + _CHUNK] = self._factor(which, varpi[start : start + _CHUNK])
-        return result
-
-    def with_slopes(self, varpi: FloatArray, slopes: FloatArray) -> FloatArray:
-        """P/P_half, (dP/dw)/(4 theta a_half), and what tables (pieces, numbers, rows, 4) of `slopes` say there.
-
-        At `varpi` (n,), as rows (2 + numbers, n): one polynomial for all.
-        """
-        own, count = self.coefficients, slopes.shape[1]
-        tables = np.empty((len(own), 2 + count, *own.shape[2:]))
-        tables[:, 0] = own[:, Factor.FORCE]
-        np.add(own[:, Factor.RADIUS], own[:, Factor.STIFFNESS], out=tables[:, 1])
-        tables[:, 2:] = slopes
-        rows = np.empty((2 + count, varpi.size))
-        for start in range(0, varpi.size, _CHUNK):
-            part = slice(start, start + _CHUNK)
-            rows[:, part] = piecewise(self.edges, tables, self.stretch.z(varpi[part]))
-        np.exp(rows[:2], out=rows[:2])
-        return rows
-
-    def _factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
-        logarithm = self.logarithm(which, varpi)
-        return np.exp(logarithm, out=logarithm)
+        return np.exp(self.logarithm(which, varpi))
 
     def logarithm(self, which: Factor, varpi: FloatArray) -> FloatArray:
-        """Logarithm of one of the factors at `varpi` (n,), all of them at a time."""
-        return piecewise(self.edges, self.coefficients[:, which], self.stretch.z(varpi))
+        """Logarithm of one of the factors at `varpi` (n,)."""
+        return self.pieces(1.0, self.coefficients[:, which, None]).at(varpi, 0)
+
+    def pieces(self, unit: float, tables: FloatArray) -> Pieces:
+        """Polynomials of x = varpi/unit from tables (pieces, columns, rows, 4) like `coefficients`."""
+        half_span = 0.5 * self.stretch.length
+        orders = np.arange(float(tables[0, 0].size)).reshape(-1, _BLOCK)
+        variables, turned = [], []
+        for low, high, table in zip(self.edges, self.edges[1:], tables, strict=False):
+            # A piece's own variable is (z - middle)/half, and z + 1 = ln(1 + rate varpi)/half_span.
+            shift = -half_span * (1.0 + 0.5 * (low + high))
+            variables.append((expm1(shift), self.stretch.rate * unit * exp(shift)))
+            turned.append(table * (1.0 / (half_span * 0.5 * (high - low))) ** orders)
+        ends = self.stretch.v(np.array(self.edges[1:-1])) / unit if len(turned) > 1 else np.empty(0)
+        return Pieces(ends, variables, turned)
 
 
-def piecewise(edges: Sequence[float], tables: FloatArray, z: FloatArray) -> FloatArray:
-    """Evaluate polynomials `tables` (pieces, ..., rows, 4) of the pieces between `edges` at z (n,), (..., n)."""
-    if len(edges) == 2:
-        return polynomial(tables[0], z)
-    value = np.empty((*tables.shape[1:-2], z.size))
-    piece = np.searchsorted(edges[1:-1], z)
-    for index, (low, high) in enumerate(pairwise(edges)):
-        here = piece == index
-        value[..., here] = polynomial(tables[index], (z[here] - 0.5 * (low + high)) * (2.0 / (high - low)))
-    return value
+class Pieces(NamedTuple):
+    """Polynomials in y = ln(1 + shift + slope x), other ones between some `ends`.
+
+    Parameters
+    ----------
+    ends : ndarray (pieces - 1,)
+        Where one begins and another ends.
+    variables : list of (float, float)
+        Shifts and slopes: y is even about zero.
+    tables : list of ndarray (columns, rows, 4)
+        In powers of y, as `MasterCurve.coefficients`.
+    """
+
+    ends: FloatArray
+    variables: list[tuple[float, float]]
+    tables: list[FloatArray]
+
+    def at(self, x: FloatArray, columns: slice | int = slice(None)) -> FloatArray:
+        """Some of the columns at x (n,), (columns, n), or one (n,)."""
+        if x.size <= _CHUNK and len(self.tables) == 1:
+            return self._piece(0, x, columns)
+        value = np.empty((*self.tables[0][columns].shape[:-2], x.size))
+        for start in range(0, x.size, _CHUNK):
+            some, into = x[start : start + _CHUNK], value[..., start : start + _CHUNK]
+            if len(self.tables) == 1:
+                into[...] = self._piece(0, some, columns)
+                continue
+            piece = np.searchsorted(self.ends, some)
+            for number in range(len(self.tables)):
+                here = piece == number
+                into[..., here] = self._piece(number, some[here], columns)
+        return value
+
+    def _piece(self, number: int, x: FloatArray, columns: slice | int) -> FloatArray:
+        shift, slope = self.variables[number]
+        powers = np.empty((_BLOCK, x.size))
+        y = np.multiply(slope, x, out=powers[1])
+        y += shift
+        np.log1p(y, out=y)
+        return _polynomial(self.tables[number][columns], powers)
 
 
 def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
     """Evaluate sum_j z^(4j) sum_i table[..., j, i] z^i at z (..., n): one product, then Horner in z^4."""
     powers = np.empty((*z.shape[:-1], _BLOCK, z.shape[-1]))
-    powers[..., 0, :] = 1.0
     powers[..., 1, :] = z
+    return _polynomial(table, powers)
+
+
+def _polynomial(table: FloatArray, powers: FloatArray) -> FloatArray:
+    """Do so at z = `powers` (..., 1, n) of an array (..., 4, n) for the first powers."""
+    powers[..., 0, :] = 1.0
+    z = powers[..., 1, :]
     square = np.multiply(z, z, out=powers[..., 2, :])
     np.multiply(square, z, out=powers[..., 3, :])
     if table.ndim == 2:
-        rows = table @ powers
+        rows = np.dot(table, powers)
     else:
         # Row by row, so that what Horner adds up lies together in memory.
         lead = table.shape[:-2] if z.ndim == 1 else np.broadcast_shapes(table.shape[:-2], z.shape[:-1])
@@ -319,7 +351,7 @@ def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
         np.matmul(table, powers, out=rows.transpose(*range(1, len(lead) + 1), 0, len(lead) + 1))
     total: FloatArray = rows[-1]
     if len(rows) > 1:
-        fourth = square * square
+        fourth = np.multiply(square, square, out=square)
         for row in rows[-2::-1]:
             total *= fourth
             total += row

@@ -27,7 +27,6 @@ geometrically; it factorises over the wavenumbers u, so that a matrix product bu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -38,7 +37,7 @@ from underlay.errors import RangeError
 from underlay.mechanics.exact.nodes import EvenRule, Resolution, even_rule
 from underlay.mechanics.kernel import Kernel
 
-__all__ = ["PunchSolution", "cosines", "proved_resolution"]
+__all__ = ["PunchGrid", "PunchSolution", "proved_resolution"]
 
 # What a doubling may still change, of the relative error asked for; radii, over the largest, at which it is
 # watched; and no more doublings than this: 64 times the nodes.
@@ -50,6 +49,78 @@ _MOST_DOUBLINGS = 5
 _WIDEST_FITTED, _LEANER_RADII, _LEANER_WAVES = 20.0, 0.6, 0.8
 # Below this a doubling changes the solution by the rounding of its equations.
 _ROUNDING = 2e-13
+
+
+@dataclass(frozen=True)
+class PunchGrid:
+    """Contact radii and nodes, with the cosines: all of a solution that is the same on any body.
+
+    Parameters
+    ----------
+    eps : ndarray (radii,)
+        Contact radii over the layer's thickness.
+    rule : EvenRule
+        Nodes r/a and weights.
+    u, strength : ndarray (wavenumbers,)
+        Nodes in the wavenumber times the thickness, and their weights times 2/pi.
+    waves : ndarray (radii, nodes and edge, wavenumbers)
+        cos(eps x u): two thirds of a solution's time.
+    turned : ndarray (radii, wavenumbers, nodes)
+        The same once more, as products of matrices take it: a third of their time.
+    """
+
+    eps: FloatArray
+    rule: EvenRule
+    u: FloatArray
+    strength: FloatArray
+    waves: FloatArray
+    turned: FloatArray
+
+    @classmethod
+    def of(cls, eps: FloatArray, resolution: Resolution) -> Self:
+        """Place the nodes of a resolution at contact radii `eps`."""
+        rule, (u, weights) = even_rule(resolution.radial), resolution.wavenumber_rule()
+        waves = np.cos(np.multiply.outer(np.multiply.outer(eps, rule.with_edge), u))
+        turned = np.ascontiguousarray(waves[:, : resolution.radial].transpose(0, 2, 1))
+        return cls(eps, rule, u, (2.0 / np.pi) * weights, waves, turned)
+
+    def solve(self, values: FloatArray, shape_weights: FloatArray | None = None) -> PunchSolution:
+        """Solve for all radii in one batch on a body, or on each of several.
+
+        Parameters
+        ----------
+        values : ndarray (wavenumbers,) or (bodies, wavenumbers)
+            1 - L of the bodies at `u`.
+        shape_weights : ndarray, optional
+            Of a shape, as `PunchSolution.depth_and_force` takes it, where the answer is wanted with `in_kernel` and
+            `bend`; for one body.
+        """
+        eps, rule, count = self.eps, self.rule, self.rule.nodes.size
+        if values.ndim > 1:
+            # Body by body: the waves of all, weighted, may not fit into memory.
+            return PunchSolution.of_kernel(eps, rule, np.stack([self._kernel(one)[0] for one in values]))[0]
+        kernel, spread = self._kernel(values)
+        if shape_weights is None:
+            return PunchSolution.of_kernel(eps, rule, kernel)[0]
+        inside = self.waves[:, :count]
+        shape_wave = _transform(np.broadcast_to(shape_weights, (eps.size, count)), inside)
+        side = (inside @ (spread * shape_wave)[:, :, None])[:, :, 0]
+        found, own = PunchSolution.of_kernel(eps, rule, kernel, side)
+        # f = w g - f_H, and f_H is H and what was solved for.
+        g_wave = _transform(found.g * rule.weights, inside)
+        shape_wave += _transform(own * rule.weights, inside)
+        f_wave = found.depth_and_force(shape_weights)[0][:, None] * g_wave - shape_wave
+        slope = spread * eps[:, None] * self.u * np.sin(np.multiply.outer(eps, self.u))
+        return replace(
+            found,
+            in_kernel=np.multiply.outer(eps, self.strength) * g_wave * f_wave,
+            bend=(slope * f_wave).sum(axis=1),
+        )
+
+    def _kernel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(2 eps/pi) K, (radii, nodes and edge, nodes), on one body, and what it sums the waves with."""
+        spread = np.multiply.outer(self.eps, self.strength * values)
+        return (self.waves * spread[:, None, :]) @ self.turned, spread
 
 
 @dataclass(frozen=True)
@@ -82,52 +153,11 @@ class PunchSolution:
 
     @classmethod
     def solve(
-        cls,
-        body: Kernel,
-        eps: FloatArray,
-        resolution: Resolution,
-        shape_weights: FloatArray | None = None,
-        waves: FloatArray | None = None,
-        values: FloatArray | None = None,
-    ) -> Self:
-        """Solve for all `eps` in one batch; for a shape, as `depth_and_force` takes it, with `in_kernel`.
-
-        `waves` are the `cosines` of these radii and nodes, where several bodies are solved for; `values` are the
-        kernel's at the nodes in u, where they are known.
-        """
-        rule = even_rule(resolution.radial)
-        u, weights = resolution.wavenumber_rule()
-        count = resolution.radial
-        if waves is None:
-            waves = cosines(eps, resolution)
-        strength = (2.0 / np.pi) * weights * (body.values(u) if values is None else values)
-        inside, spread = waves[:, :count], np.multiply.outer(eps, strength)
-        kernel = (waves * spread[:, None, :]) @ inside.transpose(0, 2, 1)
-        if shape_weights is None:
-            return cls.of_kernel(eps, rule, kernel)[0]
-        shape_wave = _transform(np.broadcast_to(shape_weights, (eps.size, count)), inside)
-        found, own = cls.of_kernel(eps, rule, kernel, (inside @ (spread * shape_wave)[:, :, None])[:, :, 0])
-        # f = w g - f_H, and f_H is H and what was solved for.
-        g_wave = _transform(found.g * rule.weights, inside)
-        shape_wave += _transform(own * rule.weights, inside)
-        f_wave = found.depth_and_force(shape_weights)[0][:, None] * g_wave - shape_wave
-        slope = np.multiply.outer(eps * eps, strength * u) * np.sin(np.multiply.outer(eps, u))
-        return replace(
-            found,
-            in_kernel=(2.0 / np.pi) * np.multiply.outer(eps, weights) * g_wave * f_wave,
-            bend=(slope * f_wave).sum(axis=1),
-        )
-
-    @classmethod
-    def solve_all(cls, bodies: Sequence[Kernel], eps: FloatArray, resolution: Resolution) -> Self:
-        """Solve for several bodies at the same `eps` and nodes: one set of cosines, one batch of equations."""
-        u, weights = resolution.wavenumber_rule()
-        waves = cosines(eps, resolution)
-        strength = (2.0 / np.pi) * weights * np.stack([body.values(u) for body in bodies])
-        turned = waves[:, : resolution.radial].transpose(0, 2, 1)
-        # Body by body: the waves of all, weighted, may not fit into memory.
-        kernel = np.stack([(waves * np.multiply.outer(eps, one)[:, None, :]) @ turned for one in strength])
-        return cls.of_kernel(eps, even_rule(resolution.radial), kernel)[0]
+        cls, body: Kernel, eps: FloatArray, resolution: Resolution, shape_weights: FloatArray | None = None
+    ) -> PunchSolution:
+        """Solve on one body with nodes of its own, as `PunchGrid.solve` does."""
+        grid = PunchGrid.of(eps, resolution)
+        return grid.solve(body.values(grid.u), shape_weights)
 
     @classmethod
     def of_kernel(
@@ -164,12 +194,6 @@ class PunchSolution:
             g_shape = (self.g * shape_weights).sum(axis=-1)
         depth = (1.0 + rho_shape) / edge
         return depth, depth * self.kappa - g_shape
-
-
-def cosines(eps: FloatArray, resolution: Resolution) -> FloatArray:
-    """cos(eps x u), (radii, nodes and edge, wavenumbers): two thirds of a solution's time, the same on any body."""
-    nodes = np.multiply.outer(eps, even_rule(resolution.radial).with_edge)
-    return np.asarray(np.cos(np.multiply.outer(nodes, resolution.wavenumber_rule()[0])))
 
 
 def _transform(weighted: FloatArray, waves: FloatArray) -> FloatArray:

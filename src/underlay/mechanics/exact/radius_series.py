@@ -114,7 +114,7 @@ class RadiusSeries:
         equations. The contact then jumps from disc to disc where both carry the same force, since of all
         contact areas the true one carries the largest load (Barber 1974, doi:10.1243/03093247V094230).
         """
-        stretch = Stretch.to(top, self.stretch.softness)
+        stretch = self.stretch.over(top)
         ends, branches = [0.0], self.branches()
         for lower, upper in pairwise(branches):
             ends.append(self._crossing(lower, upper))
@@ -124,9 +124,8 @@ class RadiusSeries:
         for start, stop, branch in spans:
             low, high = stretch.z(np.array([start, stop]))
             pieces += self._pieces(stretch, float(low), float(high), branch, rtol)
-        return MasterCurve.of_pieces(
-            stretch, [*(low for low, _ in pieces), 1.0], [piece for _, piece in pieces], tuple(jumps)
-        )
+        edges = [*(low for low, _ in pieces), 1.0]
+        return MasterCurve.of_pieces(stretch, edges, [piece for _, piece in pieces], rtol, tuple(jumps))
 
     def _crossing(self, lower: Branch, upper: Branch) -> float:
         """Varpi at which two overlapping branches carry the same force: there the radius jumps."""

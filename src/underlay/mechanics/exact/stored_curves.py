@@ -1,20 +1,20 @@
 """Master curves of a paraboloid on every isotropic layer on an isotropic base, solved once and kept in a file.
 
-A search for a start asks little accuracy of laws far apart: the first fit of a process would spend more on solving
-for them than on fitting. Without friction such a body is two numbers and no more (as Dundurs found of plane strain;
-its Hankel transform sees no other): the ratio r = theta_base/theta_layer of the elastic constants, and
+A law read off them takes a third of the time that its solution does, and a search for a start, which asks little of
+laws far apart, takes next to none. Without friction such a body is two numbers and no more (as Dundurs found of
+plane strain; its Hankel transform sees no other): the ratio r = theta_base/theta_layer of elastic constants, and
 
     share = (2 (r gamma_layer - gamma_base) + 1)/(r + 1),   gamma = (1 - 2 nu)/(2 (1 - nu)),
 
 which goes from 0 to 1 while Poisson's ratios nu go from 1/2 to 0. The logarithms of the three factors are Chebyshev
 series in ln r, in ln(1 + 100 share), which spreads what thin incompressible layers crowd at zero, and in the
-stretched varpi. `tests/studies/stored_curves.py` writes the file; a test solves again.
+stretched varpi. They are brought to ranges of varpi, with as many terms as an accuracy takes, when these are first
+asked for. `tests/studies/stored_curves.py` writes the file; a test solves again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import inf, log, log1p
+from math import acos, exp, floor, inf, log, log1p, log2, log10
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -23,55 +23,82 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import LawError
 from underlay.mechanics.body import PlaneConstants, isotropic_constants
-from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
-from underlay.mechanics.exact.nodes import TABLES, Resolution
-from underlay.mechanics.kernel import Kernel, LayerKernel
+from underlay.mechanics.exact.contact_problem import SHARE_OF_NODES, ContactProblem, SolvedCurve, solve_curve
+from underlay.mechanics.exact.master_curve import (
+    MOST_IN_POWERS,
+    Factor,
+    MasterCurve,
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+    in_powers,
+    shortened,
+)
+from underlay.mechanics.exact.nodes import PER_OCTAVE, TABLES, Resolution
+from underlay.mechanics.kernel import Kernel, LayerKernel, SubstrateKernel
 from underlay.mechanics.kernel.substrate import is_isotropic
 
-__all__ = ["EXPONENT", "FILE", "STORED_ERROR", "TOP", "StoredCurves", "StoredSeries", "grid", "stored_curves"]
+__all__ = [
+    "EXPONENT",
+    "FILE",
+    "STORED_ERROR",
+    "TOP",
+    "StoredCurves",
+    "grid",
+    "known_curve",
+    "stored_curve",
+]
 
 FILE = Path(__file__).with_name("stored_curves.npy")
-#: Relative error of the three factors: what the series leave out, at most 1.8e-4 of 150 random bodies, and as much
-#: again; the largest is that of the softest bases.
-STORED_ERROR = 3e-4
+#: Relative error of the three factors, largest of 150 random bodies, and a fifth of it more: half of it is the
+#: single precision of the file. On bases softer than the ratio that follows it is the other one.
+STORED_ERROR, _SOFT, _SOFT_ERROR = 2e-7, 0.02, 8e-7
 #: The tip's exponent, and the largest varpi.
 EXPONENT, TOP = 2.0, 10.48
 # Of the stretched varpi; of the share; ln r; terms in ln r, share and varpi.
-_SOFTNESS, _CROWDING = 10.0, 100.0
+_SOFTNESS, _CROWDING = 2.0, 100.0
 _LOG_RATIOS = (log(0.004), log(470.0))
-_TERMS = (18, 12, 28)
+_TERMS = (33, 23, 50)
 _MADE_FOR = (EXPONENT, TOP, _SOFTNESS, _CROWDING, *_LOG_RATIOS, *_TERMS)
 _STRETCH = Stretch.to(TOP, _SOFTNESS)
 # Rounding of constants, and of the ends.
 _ROUNDING = 1e-9
 
 
-class StoredSeries(NamedTuple):
-    """Curves of some bodies.
+class _Shortened(NamedTuple):
+    """Stored series (ratios + 1, shares, 3, terms), no longer than an accuracy takes, and what they leave out.
 
-    Parameters
-    ----------
-    coefficients : ndarray (bodies, terms, 3)
-        Chebyshev coefficients in the stretched varpi.
-    resolution : Resolution
-        Nodes of the finest solution behind the file.
-    radii : int
-        Contact radii behind it.
+    The last entry of the first axis is a rigid base's.
     """
 
-    coefficients: FloatArray
-    resolution: Resolution
-    radii: int
+    stretch: Stretch
+    series: FloatArray
+    left_out: float
 
-    @property
-    def stretch(self) -> Stretch:
-        """The stretched variable in which varpi is expanded."""
-        return _STRETCH
+    @classmethod
+    def of(cls, stretch: Stretch, series: FloatArray, allowed: float, left_out: float = 0.0) -> Self:
+        """Leave out of each of the three series what adds up to so little."""
+        sizes = np.abs(series)
+        sizes = np.maximum(np.maximum(sizes[:, :, 0], sizes[:, :, 1]), sizes[:, :, 2])
+        kept = []
+        for axis in (2, 1, 0):
+            sums = sizes[:-1].sum(axis=tuple({0, 1, 2} - {axis}))
+            if axis:
+                sums = np.maximum(sums, sizes[-1].sum(axis=2 - axis))
+            tails = np.cumsum(sums[::-1])[::-1]
+            kept.append(max(1, int(np.count_nonzero(tails > allowed))))
+            left_out += float(tails[kept[-1]]) if kept[-1] < len(tails) else 0.0
+        terms, shares, ratios = kept
+        shorter = np.concatenate((series[:ratios, :shares, :, :terms], series[-1:, :shares, :, :terms]))
+        return cls(stretch, read_only(shorter), left_out)
 
-    def logarithms(self, varpi: FloatArray) -> FloatArray:
-        """Logarithms of the three factors at `varpi` (n,), shape (bodies, 3, n)."""
-        z = self.stretch.z(varpi)
-        return np.asarray(np.swapaxes(self.coefficients, 1, 2) @ _polynomials(z, _TERMS[2]).T)
+    def up_to(self, top: float, allowed: float) -> _Shortened:
+        """The same for varpi of up to `top` alone."""
+        stretch, terms = self.stretch.over(top), self.series.shape[3]
+        there = _polynomials(self.stretch.z(stretch.v(np.cos(chebyshev_angles(terms)))), terms)
+        # One product of matrices: as products of stacks it takes ten times as long.
+        turned = self.series.reshape(-1, terms) @ (_expansion(terms) @ there).T
+        return _Shortened.of(stretch, turned.reshape(self.series.shape), allowed, self.left_out)
 
 
 class StoredCurves(NamedTuple):
@@ -118,7 +145,7 @@ class StoredCurves(NamedTuple):
         return cls(*(read_only(kept[name].astype(np.float64)) for name in cls._fields))
 
     def write(self) -> None:
-        """Write the file; single precision is a thousand times finer than the series."""
+        """Write the file; single precision is finer than the series."""
         kept = self._replace(series=self.series.astype(np.float32))
         named = list(zip(self._fields, kept, strict=True))
         record = np.zeros((), dtype=[(name, part.dtype, part.shape) for name, part in named])
@@ -126,28 +153,30 @@ class StoredCurves(NamedTuple):
             record[name] = part
         np.save(FILE, record, allow_pickle=False)
 
-    def of(self, places: Sequence[tuple[float, float]]) -> StoredSeries:
-        """Curves of bodies at their places, each in [-1, 1]; the first is infinite on a rigid base."""
-        first, second = np.array(places).T
-        rigid = np.isinf(first)
-        rows = np.zeros((len(places), len(self.series)))
-        rows[rigid, -1] = 1.0
-        rows[~rigid, :-1] = _polynomials(first[~rigid], _TERMS[0])
-        series = np.tensordot(rows, self.series, 1)
+    @property
+    def resolution(self) -> Resolution:
+        """Nodes of the finest solution behind the file."""
         radial, wavenumbers, scale, reach = self.nodes.tolist()
-        return StoredSeries(
-            np.einsum("bs,bstf->btf", _polynomials(second, _TERMS[1]), series),
-            Resolution(int(radial), int(wavenumbers), scale, reach),
-            self.series[:, :, :, 0].size,
-        )
+        return Resolution(int(radial), int(wavenumbers), scale, reach)
 
 
-def stored_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> StoredSeries | None:
-    """Curves of a power-law tip on bodies under a layer of unit thickness.
+def known_curve(
+    problem: ContactProblem, top: float, rtol: float, left_out: float = SHARE_OF_NODES
+) -> SolvedCurve:
+    """Read the curve where it is stored, with as few terms as do, or solve for it; otherwise as `solve_curve`."""
+    plain = problem.indenter is problem.measure and not problem.beside
+    stored = stored_curve(problem.kernel, problem.measure.exponent, top, rtol, left_out) if plain else None
+    return stored or solve_curve(problem, top, rtol, left_out)
+
+
+def stored_curve(
+    body: Kernel, exponent: float, top: float, rtol: float, left_out: float = 0.0
+) -> SolvedCurve | None:
+    """Curve of a power-law tip on a body under a layer of unit thickness.
 
     Parameters
     ----------
-    bodies : sequence of Kernel
+    body : Kernel
         With the layer.
     exponent : float
         Of the tip's power law.
@@ -155,19 +184,55 @@ def stored_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: f
         Largest varpi that will be asked for.
     rtol : float
         Relative error allowed.
+    left_out : float, default 0
+        Share of it that terms may make up and be left out: six tenths led one search of 500 past the optimum.
 
     Returns
     -------
-    StoredSeries or None
-        None where the file does not hold all of them so well.
+    SolvedCurve or None
+        None where the file does not hold it so well, or in more terms than a curve may have.
     """
-    if exponent != EXPONENT or top > TOP * (1.0 + _ROUNDING) or rtol < STORED_ERROR:
+    if exponent != EXPONENT or top > TOP * (1.0 + _ROUNDING) or rtol < 2.0 * STORED_ERROR:
         return None
-    places = [_place(body) for body in bodies]
-    if any(place is None or abs(place[1]) > 1.0 for place in places):
+    place = _place(body)
+    if place is None or abs(place[1]) > 1.0:
+        return None
+    error = _SOFT_ERROR if place[0] < _first(_SOFT) else STORED_ERROR
+    if rtol < 2.0 * error:
         return None
     stored = TABLES.get(("stored curves",), StoredCurves.read)
-    return stored.of([place for place in places if place is not None])
+    digits = floor(log10(rtol))
+    # Three stored series and three of a range leave out as much each: three tenths of rtol in all.
+    allowed = 0.05 * 10.0**digits
+    number = floor(PER_OCTAVE * max(log2(TOP / top), 0.0))
+
+    def shortened_series() -> _Shortened:
+        key = ("stored curves", digits)
+        every = TABLES.get(key, lambda: _Shortened.of(_STRETCH, np.moveaxis(stored.series, 3, 2), allowed))
+        return every.up_to(TOP * 0.5 ** (number / PER_OCTAVE), allowed)
+
+    stretch, series, missing = TABLES.get(("stored curves", digits, number), shortened_series)
+    terms = _at(series, *place)
+    kept, more = shortened(terms, left_out * rtol)
+    if kept > MOST_IN_POWERS:
+        return None
+    error += missing + more
+    end = 2.0 * stretch.over(top).length / stretch.length - 1.0
+    waves = np.cos(acos(min(end, 1.0)) * np.arange(len(terms)))
+    eps = top * exp(float(waves @ terms[:, Factor.RADIUS]))
+    curve = MasterCurve(stretch, (-1.0, 1.0), in_powers(terms[None, :kept]), error)
+    return SolvedCurve(curve, stored.resolution, eps, error)
+
+
+def _at(series: FloatArray, first: float, second: float) -> FloatArray:
+    """Series (terms, 3) of the body at a place, of those of all (ratios + 1, shares, 3, terms)."""
+    ratios, shares, *shape = series.shape
+    if first == inf:
+        by_share = series[-1]
+    else:
+        by_share = np.cos(acos(min(first, 1.0)) * np.arange(ratios - 1)) @ series[:-1].reshape(ratios - 1, -1)
+    own = np.cos(acos(second) * np.arange(shares)) @ by_share.reshape(shares, -1)
+    return np.asarray(own.reshape(shape).T)
 
 
 def grid() -> tuple[list[list[LayerKernel]], FloatArray]:
@@ -193,18 +258,25 @@ def _body(ratio: float, share: float) -> LayerKernel:
 
 def _place(body: Kernel) -> tuple[float, float] | None:
     """Where a body stands in both series: infinite on a rigid base, None where it has no place."""
-    if not (isinstance(body, LayerKernel) and is_isotropic(body.layer)):
+    if not isinstance(body, LayerKernel | SubstrateKernel):
         return None
-    layer, base = body.layer, body.base
+    layer, base = body.constants
+    if not is_isotropic(layer):
+        return None
     if base is None:
         return inf, _spread(2.0 * layer.coupling)
     if not is_isotropic(base):
         return None
     ratio = float(base.theta / layer.theta)
-    low, high = _LOG_RATIOS
-    first = 2.0 * (log(ratio) - low) / (high - low) - 1.0
+    first = _first(ratio)
     share = (2.0 * (ratio * layer.coupling - base.coupling) + 1.0) / (ratio + 1.0)
     return None if abs(first) > 1.0 else (first, _spread(share))
+
+
+def _first(ratio: float) -> float:
+    """Place of a ratio in its series."""
+    low, high = _LOG_RATIOS
+    return 2.0 * (log(ratio) - low) / (high - low) - 1.0
 
 
 def _spread(share: float) -> float:

@@ -31,7 +31,6 @@ from underlay.mechanics.exact.contact_problem import (
     UNEVEN,
     ContactProblem,
     contact_factors,
-    known_curve,
 )
 from underlay.mechanics.exact.curve_family import (
     Cell,
@@ -61,7 +60,8 @@ from underlay.mechanics.exact.nodes import (
     even_rule,
     series_terms,
 )
-from underlay.mechanics.exact.punch_solution import PunchSolution, cosines, proved_resolution
+from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
+from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import Indenter, PowerLaw
 from underlay.mechanics.kernel import Family, Kernel, Scales
 
@@ -219,11 +219,9 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
 
 
 class _Group(NamedTuple):
-    """Contact radii (radii,) that share nodes, their `cosines`, and from values at those nodes to all nodes."""
+    """Contact radii that share nodes, and from values at those nodes to all nodes."""
 
-    eps: FloatArray
-    resolution: Resolution
-    waves: FloatArray
+    grid: PunchGrid
     spread: FloatArray
 
 
@@ -242,7 +240,7 @@ def _groups(bodies: list[Kernel], eps: FloatArray, widest: Resolution, rtol: flo
         start = int(np.searchsorted(eps, narrower)) if narrower > _NARROW else 0
         own, rule = eps[start:end], even_rule(resolution.radial)
         spread = (even_legendre(nodes, resolution.radial) @ rule.projection).T
-        groups.append(_Group(own, resolution, cosines(own, resolution), spread))
+        groups.append(_Group(PunchGrid.of(own, resolution), spread))
         end, resolution = start, _demanding(bodies, narrower, _FINER * rtol)[1]
     return groups[::-1]
 
@@ -253,7 +251,7 @@ def _told(body: Kernel, groups: list[_Group]) -> FloatArray:
 
 
 def _told_of(body: Kernel, group: _Group) -> FloatArray:
-    punch = PunchSolution.solve(body, group.eps, group.resolution, waves=group.waves)
+    punch = group.grid.solve(body.values(group.grid.u))
     edge = 1.0 + punch.rho @ punch.rule.weights
     kappa = punch.kappa[:, None]
     return np.concatenate(
@@ -303,14 +301,13 @@ class TipContacts(NamedTuple):
 
 
 class TipCurves(NamedTuple):
-    """Curves of some contacts, nodes and number of radii behind them, and the largest a/h of each (sets,).
+    """Curves of some contacts, the nodes behind them, and the largest a/h of each (sets,).
 
     Their slopes are those of ln P at fixed depth in ln k, k the ratio of the bodies, and in ln(thickness).
     """
 
     batch: CurveBatch
     resolution: Resolution
-    radii: int
     eps: FloatArray
 
 
@@ -336,7 +333,7 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
         coarse = np.zeros(rows.size, dtype=bool)
         for number in sorted(set(numbers[eps[:, -1] <= LARGEST_EPS].tolist())):
             here = np.flatnonzero(numbers == number)
-            found = _contracted(part.part(here), eps[here], placing.stretch.softness, number)
+            found = _contracted(part.part(here), eps[here], placing.stretch, number)
             if found is not None:
                 coarse[here] = ~(found.batch.error_estimate <= asked.rtol)
                 yield rows[here], found
@@ -393,8 +390,8 @@ def _radii(
     measure, stretch = asked.tip.power_law, placing.stretch
     points = np.cos(chebyshev_angles(count))
     # The last point lies at the end itself, wherever the shape leaves the others.
-    ends = [reach(count) * Stretch.to(top, stretch.softness).length for top in tops.tolist()]
-    varpi = np.stack([Stretch(end, stretch.softness).v(points) for end in ends])
+    ends = reach(count) * stretch.over(tops[:, None]).length
+    varpi = Stretch(ends, stretch.rate).v(points)
     # Beyond the end of what places them a contact so wide grows as the power law's: its factor stays.
     factor = polynomial(placing.table(asked), np.minimum(stretch.z(varpi), 1.0))
     chi = _WIDER * varpi * np.exp(factor)
@@ -432,7 +429,7 @@ def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
     return _Placing(curve.stretch, curve.coefficients[:1, Factor.RADIUS])
 
 
-def _contracted(asked: TipContacts, eps: FloatArray, softness: float, number: int) -> TipCurves | None:
+def _contracted(asked: TipContacts, eps: FloatArray, stretch: Stretch, number: int) -> TipCurves | None:
     """Read the flat punch at radii eps (sets, radii) and contract it with the shape; None without a table."""
     table = punch_family(PunchCell(asked.family, asked.span, number, asked.rtol))
     if table is None:
@@ -448,9 +445,9 @@ def _contracted(asked: TipContacts, eps: FloatArray, softness: float, number: in
     slopes = _slopes(measure.exponent, factors, (logarithms[:, 1:] - logarithms[:, :1]) / _STEP)
     # The last radius may fall short of its range: the curve ends where its points do.
     tops = np.minimum(asked.top, varpi[:, -1])
-    batch = curves_through(measure, varpi, np.concatenate((factors, slopes), axis=2), tops, softness)
+    batch = curves_through(measure, varpi, np.concatenate((factors, slopes), axis=2), tops, stretch)
     errors = SHARE_OF_NODES * asked.rtol + UNEVEN * batch.error_estimate
-    return TipCurves(replace(batch, error_estimate=errors), table.resolution, eps.shape[1], eps[:, -1])
+    return TipCurves(replace(batch, error_estimate=errors), table.resolution, eps[:, -1])
 
 
 def _slopes(exponent: float, factors: FloatArray, moved: FloatArray) -> FloatArray:

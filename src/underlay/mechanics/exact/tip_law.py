@@ -21,7 +21,7 @@ from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curv
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Family
 
-__all__ = ["TipLaw", "TipSets", "TipSlopes", "in_size", "tip_laws", "tip_range"]
+__all__ = ["TipSets", "TipSlopes", "in_size", "tip_laws", "tip_range"]
 
 # On a base this much softer than its layer a table takes up to 0.6 s, mostly to tell that it errs by too much: a
 # law that is solved for takes 0.05.
@@ -31,11 +31,6 @@ _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
 _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
-
-
-@dataclass(frozen=True, kw_only=True)
-class TipLaw(ExactLaw):
-    """An exact law off the tables of the flat punch; beside dP/dw it knows dP/d ln k and dP/d ln(thickness)."""
 
 
 def in_size(
@@ -177,7 +172,7 @@ def tip_laws(
     ratios: Sequence[float] | None,
     depths: Sequence[float],
     rtol: float,
-) -> list[TipLaw | RangeError | None]:
+) -> list[ExactLaw | RangeError | None]:
     """Exact laws of contacts of one tip, of any size and on layers of any thickness, all at once.
 
     Parameters
@@ -195,10 +190,10 @@ def tip_laws(
 
     Returns
     -------
-    list of TipLaw, RangeError or None
+    list of ExactLaw, RangeError or None
         Why there is no law so deep; None where the tables do not reach, or not to `rtol`.
     """
-    laws: list[TipLaw | RangeError | None] = [None] * len(contacts)
+    laws: list[ExactLaw | RangeError | None] = [None] * len(contacts)
     unit = np.array([contact.indenter.in_its_unit()[1] for contact in contacts])
     asked = TipSets(
         contacts[0].indenter.in_its_unit()[0],
@@ -216,7 +211,7 @@ def tip_laws(
 
 def _law(
     contact: Contact, found: TipCurves, place: int, depth: float, rtol: float
-) -> TipLaw | RangeError | None:
+) -> ExactLaw | RangeError | None:
     """One of the curves as a law, or why there is none so deep; None where it errs by more, or ends before."""
     batch, measure = found.batch, contact.indenter.power_law
     if len(batch.error_estimate) > 1:
@@ -227,9 +222,9 @@ def _law(
         return too_wide(depth, max_depth)
     if slopes is None or not error <= rtol or max_depth < depth:
         return None
-    stretch = Stretch(float(batch.stretch.length[0, 0]), float(batch.stretch.softness[0, 0]))
+    stretch = Stretch(float(batch.stretch.length[0, 0]), float(batch.stretch.rate[0, 0]))
     tables = np.concatenate((batch.coefficients, slopes), axis=1)
-    return TipLaw(
+    return ExactLaw(
         method="exact",
         reason=f"exact contact problem, off tables of the flat punch for a/h up to {found.eps[place]:.3g}",
         max_depth=max_depth,
@@ -239,5 +234,4 @@ def _law(
         thickness=contact.thickness,
         curve=MasterCurve(stretch, (-1.0, 1.0), tables, error),
         resolution=found.resolution,
-        radii=found.radii,
     )

@@ -5,7 +5,7 @@ several; `recursion` is the formula of both, `waves` the passage through a layer
 """
 
 from underlay.mechanics.kernel.kernel import Compliance, Family, Kernel, Scales, u_rule
-from underlay.mechanics.kernel.stack import StackKernel
+from underlay.mechanics.kernel.stack import StackKernel, values_of
 from underlay.mechanics.kernel.substrate import LayerKernel, SubstrateKernel
 
 __all__ = [
@@ -17,4 +17,5 @@ __all__ = [
     "StackKernel",
     "SubstrateKernel",
     "u_rule",
+    "values_of",
 ]

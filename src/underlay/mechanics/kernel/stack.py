@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, pi
 
+import numpy as np
+
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.body import Base, Bond, Layer, PlaneConstants, Real, Spring
@@ -23,7 +25,7 @@ from underlay.mechanics.kernel.kernel import SOFTEST, Compliance, Kernel, Layers
 from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 from underlay.mechanics.kernel.substrate import material_contrast
 
-__all__ = ["StackKernel", "joined", "relative_effect", "sheets_of"]
+__all__ = ["StackKernel", "joined", "relative_effect", "sheets_of", "values_of"]
 
 # Radius and stiffness move by up to twice as much as the force; the rest is margin, as for `Auto`.
 _MARGIN = 4.0
@@ -225,6 +227,36 @@ class StackKernel(Kernel):
         """Every layer and the base in words, for messages."""
         layers = (f"{layer.material!r} ({layer.thickness:.4g} m, {layer.bond})" for layer in self.layers)
         return " on ".join((*layers, repr(self.base)))
+
+
+def values_of(kernels: Sequence[Kernel], u: FloatArray, stretches: Sequence[float]) -> FloatArray:
+    """1 - L of several bodies, (bodies, nodes), at u (nodes,) times a stretch of each.
+
+    Stacks that differ in their numbers alone go through one recursion: calls are most of what a body costs.
+    """
+    stacks = [kernel for kernel in kernels if isinstance(kernel, StackKernel)]
+    kinds = {
+        (tuple(layer.bond for layer in body.layers), body.base.plane_constants is None) for body in stacks
+    }
+    sprung = any(isinstance(bond, Spring) for bonds, _ in kinds for bond in bonds)
+    if len(stacks) < len(kernels) or len(kinds) > 1 or sprung:
+        return np.array([kernel.values(u * own) for kernel, own in zip(kernels, stretches, strict=True)])
+    ((bonds, rigid),) = kinds
+    constants = [
+        _constants([body.layers[number].material for body in stacks]) for number in range(len(bonds))
+    ]
+    base = None if rigid else _constants([body.base for body in stacks])
+    thicknesses = np.array([[layer.thickness for layer in body.layers] for body in stacks])
+    sheets, under = sheets_of(constants, base, list(thicknesses.T[..., None]), bonds)
+    taller = np.array(stretches)[:, None]
+    sheets = tuple(replace(sheet, thickness=sheet.thickness * taller) for sheet in sheets)
+    return Recursion(sheets, under).one_minus_L(u)
+
+
+def _constants(materials: Sequence[Base]) -> PlaneConstants:
+    """Plane constants of materials none of which is rigid, entries (materials, 1)."""
+    found = np.array([material.plane_constants for material in materials], dtype=np.float64)
+    return PlaneConstants(*found.T[..., None])
 
 
 def sheets_of(

@@ -72,7 +72,7 @@ class _Counts:
     def choose(cls, eps: float, rtol: float, softness: float, end: float = np.inf) -> Self:
         """Counts up to `eps` for a shape that is smooth up to a circle of radius `end`, both over the thickness."""
         digits = 0.5 - log10(rtol)
-        wide = 0.8 + 0.5 * eps + 0.02 * eps * eps + 0.1 * np.log1p(softness * eps)
+        wide = 0.9 + 0.58 * eps + 0.02 * eps * eps + 0.1 * np.log1p(softness * eps)
         radii = 7 + max(0, ceil(digits * wide) - 5)
         if end < np.inf:
             # A polynomial's error falls as rho^-n, rho by the ellipse through what is not smooth; its logarithm
@@ -166,7 +166,6 @@ def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
         thickness=length,
         curve=curve,
         resolution=solved.resolution,
-        radii=solved.varpi.size,
     )
 
 
@@ -332,14 +331,14 @@ def _too_deep(problem: ContactProblem, top: float, reached: float) -> RangeError
 
 def _curve(problem: ContactProblem, solved: _Solved, top: float, rtol: float) -> tuple[MasterCurve, float]:
     """Turn the relation round: the curve for varpi up to `top`, and the error that this adds."""
-    softness = problem.scales.softness
+    stretch = Stretch.to(top, problem.scales.softness)
     terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol)
     while terms <= MOST_TERMS:
-        wanted = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
+        wanted = stretch.v(np.cos(chebyshev_angles(terms)))
         at, logarithms = _factors(
             problem, np.interp(wanted, solved.varpi_at_looks, solved.looks), solved.growth
         )
-        curve = MasterCurve.through(at, logarithms, top, softness)
+        curve = MasterCurve.through(at, logarithms, stretch, _SHARE * rtol)
         if curve.error_estimate <= _SHARE * rtol:
             return curve, curve.error_estimate
         terms += 4
