@@ -41,9 +41,9 @@ from underlay.data.readers._format import (
     with_note,
 )
 from underlay.data.readers._hdf5 import Hdf5MapCurve, KeptOpen, curves_of_hdf5
-from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
 from underlay.data.readers._lever import Calibration
 from underlay.data.readers._source import Source, load, unpack
+from underlay.data.readers.jpk import JpkMapCurve, curves_of_jpk_map
 from underlay.errors import CurveError, FileFormatError, InputError
 from underlay.plugins import faults
 

@@ -73,6 +73,21 @@ class Source:
         """Name of the file, and of the member inside it, for messages."""
         return printable(f"{self.path.name}!{self.member}" if self.member else self.path.name)
 
+    def wrong(self, message: str) -> FileFormatError:
+        """The error that says what is wrong with the file; the message goes on after its name."""
+        return FileFormatError(f"{self.name}{'' if message[0] in ',:' else ' '}{message}")
+
+    def require(self, condition: object, message: str) -> None:
+        """Refuse a file whose content is not what its format promises.
+
+        Raises
+        ------
+        FileFormatError
+            With the name of the file and `message`, unless `condition` holds.
+        """
+        if not condition:
+            raise self.wrong(message)
+
     @property
     def is_zip(self) -> bool:
         """Whether it starts as a ZIP archive does."""
