@@ -53,8 +53,11 @@ _GENERAL, _SHARED = "header.properties", "shared-data/header.properties"
 _SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/segment-header\.properties")
 _HEIGHTS = ("measuredHeight", "strainGaugeHeight", "capacitiveSensorHeight", "height")
 _INTEGERS = {
-    "signedshort": ">i2", "unsignedshort": ">u2", "signedlong": ">i8",
-    "signedinteger": ">i4", "unsignedinteger": ">u4",
+    "signedshort": ">i2",
+    "unsignedshort": ">u2",
+    "signedlong": ">i8",
+    "signedinteger": ">i4",
+    "unsignedinteger": ">u4",
 }
 _FLOATS = "float-data"
 _STYLES = {"extend": LOADING, "pause": HOLD, "modulation": HOLD, "retract": UNLOADING}
