@@ -73,8 +73,11 @@ _SIZES, _POINTS, _DIMENSIONS, _OWN, _HEADERS = ("13i", 4), ("i", 76), ("4i", 132
 _IBW_HEIGHTS = ("ZSnsr", "ZSensor", "LVDT", "Raw", "ZPiezo", "Height")
 _IBW_DEFL, _SPRING = ("Defl", "Deflection"), _NOTE.decode()
 _IBW_ABOUT = {
-    "instrument": "MicroscopeModel", "software version": "Version", "date": "Date",
-    "time": "Time", "imaging mode": "ImagingMode",
+    "instrument": "MicroscopeModel",
+    "software version": "Version",
+    "date": "Date",
+    "time": "Time",
+    "imaging mode": "ImagingMode",
 }
 
 
