@@ -162,7 +162,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
             cells_above,
             comments,
             layout,
-            options,
+            options.columns,
             lambda text, at: _split_names(text, at or separator),
         )
         body = _Body(source, lines, gaps, layout.first, separator, names)

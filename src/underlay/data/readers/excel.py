@@ -245,10 +245,10 @@ def _table(source: Source, sheet: Sheet, options: Options) -> Table | None:
         return None
     above = [list(row) for row in sheet.rows[: layout.first]]
     try:
-        names, units = find_names(source, above, (), layout, options, lambda text, _: text.split())
+        names, units = find_names(source, above, (), layout, options.columns, lambda text, _: text.split())
     except FileFormatError:
         return None
-    if not serves(names, options):
+    if not serves(names, options.columns):
         return None
     first = layout.first
     if first and is_unit_row(sheet.rows[first - 1]):
