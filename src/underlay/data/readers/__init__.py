@@ -20,10 +20,8 @@ from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
     delimited,
-    excel,
     exported,
     indenters,
-    mach1,
     microscopes,
     nanoscope,
     recorded,
@@ -63,7 +61,7 @@ __all__ = [
 #: Every format of this package, in the order in which they are tried on a file. Plain tables come last: many
 #: instrument files look like one.
 FORMATS: tuple[Format, ...] = (
-    mach1.FORMAT,
+    indenters.MACH1,
     indenters.OPTICS11,
     indenters.BIOINDENTER,
     indenters.HYSITRON,
@@ -79,7 +77,7 @@ FORMATS: tuple[Format, ...] = (
     afm.FORMAT,
     recorded.MATLAB_FORMAT,
     recorded.TDMS_FORMAT,
-    excel.FORMAT,
+    workbooks.EXCEL,
     delimited.FORMAT,
 )
 

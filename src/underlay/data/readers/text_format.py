@@ -19,6 +19,7 @@ from underlay.data.readers._format import Format, Options, make_curve, read_part
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import (
     Lines,
+    as_number,
     column_factor,
     is_number,
     kind_named,
@@ -28,7 +29,7 @@ from underlay.data.readers._text import (
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import parse_quantity, unit_factor
 
-__all__ = ["Channel", "Columns", "Part", "TextFormat", "header_of", "table_below"]
+__all__ = ["Channel", "Columns", "Part", "TextFormat", "found_columns", "header_of", "table_below"]
 
 #: Columns (n,) in SI by what they are.
 Columns: TypeAlias = Mapping[str, FloatArray]
@@ -120,9 +121,16 @@ def header_of(lines: Sequence[str]) -> dict[str, str]:
     return header
 
 
-def _as_written(part: Part, columns: Columns) -> Mapping[str, Any]:
-    del part, columns
-    return {}
+def found_columns(channels: Mapping[str, Channel], labels: Sequence[tuple[str, str]]) -> dict[str, int]:
+    """Index of the column of each role that is there, by names and units; one of the right kind goes first."""
+    found = {}
+    for role, channel in channels.items():
+        named = [at for name in channel.names for at, label in enumerate(labels) if label[0].lower() == name]
+        # "Depth (V)" beside "Depth (nm)" is the raw signal.
+        fitting = [at for at in named if kind_named(labels[at][1]) == channel.kind]
+        if named:
+            found[role] = (fitting or named)[0]
+    return found
 
 
 @dataclass(frozen=True)
@@ -156,9 +164,9 @@ class TextFormat:
     sniff: Callable[[Source], bool]
     parts: Callable[[Source], Iterable[Part]]
     columns: Mapping[str, Channel]
-    signs: Mapping[str, str]
+    signs: Mapping[str, str] = field(default_factory=dict)
     known: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
-    made: Callable[[Part, Columns], Mapping[str, Any]] = _as_written
+    made: Callable[[Part, Columns], Mapping[str, Any]] = lambda _, __: {}
     comma: bool | None = None
     extra: str = ""
 
@@ -176,45 +184,25 @@ class TextFormat:
 
     def _curves(self, source: Source, part: Part) -> list[Curve]:
         where = f"{source.name}, {part.name}" if part.name else source.name
-        found = self._found(where, part)
+        found = {**found_columns(self.columns, part.labels), **part.found}
+        for role, channel in self.columns.items():
+            if role not in found and channel.needed:
+                there = names_there(name for name, _ in part.labels)
+                raise FileFormatError(f"{where} has no column {channel.names[0]!r}; it has {there}")
         columns = self.read(where, part, found)
         header = header_of(part.head)
-        made = {
+        own = {role: columns.get(role) for role in ("depth", "force", "time")}
+        made: dict[str, Any] = {
             **({"header": header} if part.head else {}),
             "units": {part.labels[at][0]: part.labels[at][1] for at in found.values()},
             "sign_rules": dict(self.signs),
             **self._known(header),
-            **columns,
+            **own,
             **part.about,
             **self.made(part, columns),
         }
-        for role in self.columns.keys() - {"depth", "force", "time"}:
-            if made.get(role) is columns.get(role):
-                made.pop(role, None)
-        depth, force, time = (made.pop(role, None) for role in ("depth", "force", "time"))
-        segment = made.pop("segment", None)
-        return [make_curve(source, depth, force, time, segment, **made)]
-
-    def _found(self, where: str, part: Part) -> dict[str, int]:
-        """Index of the column of each role that is there."""
-        found = dict(part.found)
-        for role, channel in self.columns.items():
-            if role in found:
-                continue
-            named = [
-                at
-                for name in channel.names
-                for at, label in enumerate(part.labels)
-                if label[0].lower() == name
-            ]
-            # "Depth (V)" beside "Depth (nm)" is the raw signal.
-            fitting = [at for at in named if kind_named(part.labels[at][1]) == channel.kind]
-            if named:
-                found[role] = (fitting or named)[0]
-            elif channel.needed:
-                there = names_there(name for name, _ in part.labels)
-                raise FileFormatError(f"{where} has no column {channel.names[0]!r}; it has {there}")
-        return found
+        main = (made.pop(role, None) for role in (*own, "segment"))
+        return [make_curve(source, *main, **made)]
 
     def read(self, where: str, part: Part, found: Mapping[str, int]) -> dict[str, FloatArray]:
         """Columns (n,) in SI by role."""
@@ -234,7 +222,7 @@ class TextFormat:
         for key, (name, kind, unit) in self.known.items():
             value = header.get(key, "")
             if unit and is_number(value):
-                known[name] = float(value.replace(",", ".")) * unit_factor(unit, kind)
+                known[name] = as_number(value) * unit_factor(unit, kind)
             elif not unit:
                 try:
                     known[name] = parse_quantity(value, kind)
