@@ -76,12 +76,13 @@ class Calibration:
         for name, text in (given or {}).items():
             if name not in _KINDS:
                 raise InputError(f"no calibration {name!r}; there are {', '.join(_KINDS)}")
-            number, spread = _apart(text)
+            # A number, which may be '', and what stands behind its ±.
+            parts = map(str.strip, _PLUS_MINUS.split(text, maxsplit=1)) if isinstance(text, str) else (text,)
+            number, *spread = parts
             if number != "":
-                kind, value = _value(name, number)
-                values[kind] = value
-            if spread is not None:
-                uncertainties[name] = _share(name, number, spread)
+                values |= [_value(name, number)]
+            if spread:
+                uncertainties[name] = _share(name, number, str(spread[0]))
         return cls(values, uncertainties)
 
     @property
@@ -90,19 +91,21 @@ class Calibration:
         return {f"{name}_uncertainty": share for name, share in self.uncertainties.items()}
 
 
-def _apart(text: str | float) -> tuple[str | float, str | None]:
-    """A number, which may be '', and what stands behind its ±; None where there is none."""
-    number, *spread = _PLUS_MINUS.split(text, maxsplit=1) if isinstance(text, str) else ("",)
-    return (number.strip(), spread[0].strip()) if spread else (text, None)
-
-
 def _value(name: str, number: str | float) -> tuple[str, float]:
-    kinds = _KINDS[name]
-    kind = next((kind for kind in kinds if _is_of_kind(number, kind)), kinds[0])
+    first, *others = _KINDS[name]
+    kind = next((kind for kind in others if _is_unit_of(number, kind)), first)
     value = parse_quantity(number, kind)
     if value <= 0.0:
         raise InputError(f"calibration {name!r} must be positive; got {number!r}")
     return kind, value
+
+
+def _is_unit_of(number: str | float, kind: str) -> bool:
+    try:
+        parse_quantity(number, kind)
+    except UnitError:
+        return False
+    return True
 
 
 def _share(name: str, number: str | float, spread: str) -> float:
@@ -121,14 +124,6 @@ def _share(name: str, number: str | float, spread: str) -> float:
             f"calibration {name!r} must be known to better than a factor of two; got an uncertainty of {share:.3g}"
         )
     return share
-
-
-def _is_of_kind(value: str | float, kind: str) -> bool:
-    try:
-        parse_quantity(value, kind)
-    except UnitError:
-        return False
-    return True
 
 
 @dataclass(frozen=True)
@@ -161,10 +156,9 @@ class Lever:
         InputError
             If there is no spring constant, or one is given that is none of these.
         """
-        unused = sorted(set(given) - set(_NAMES))
-        if unused:
+        for unused in sorted(set(given) - set(_NAMES)):
             raise InputError(
-                f"{source.name} takes no {unused[0]}; give the sensitivity in metres per volt, such as '60 nm/V'"
+                f"{source.name} takes no {unused}; give the sensitivity in metres per volt, such as '60 nm/V'"
             )
         known = {kind: value for kind, value in stated.items() if value}
         for kind, value in known.items():

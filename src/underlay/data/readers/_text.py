@@ -315,11 +315,7 @@ def as_number(cell: str) -> float:
 
 
 def numbers(
-    rows: Sequence[Sequence[str]],
-    indices: Sequence[int],
-    where: str,
-    *,
-    comma: bool | None = None,
+    rows: Sequence[Sequence[str]], indices: Sequence[int], where: str, *, comma: bool | None = None
 ) -> FloatArray:
     """Read some columns of a table of cells.
 
