@@ -26,53 +26,18 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
-from underlay.data.readers._text import kind_named, listed, plain, split_label, unit_named
+from underlay.data.readers._text import kind_named, plain, split_label, unit_named
+from underlay.data.readers._words import SAID, listed, words
 from underlay.errors import InputError, UnitError
 from underlay.units import unit_factor
-
-__all__ = ["KNOWN", "ROLES", "Asked", "Column", "bare_name", "check_mapping"]
-__all__ += ["find_columns", "name_of", "parse_column", "unread"]
 
 #: What a column can be, and the kind of quantity it holds.
 ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
 
 #: Names taken for granted, in small letters without accents, best first. English, German, French, Spanish, Italian.
-KNOWN: dict[str, tuple[str, ...]] = {
-    "depth": listed(
-        """depth, indentation, indentation depth, penetration, penetration depth, displacement,
-        displacement into surface, h, w, delta, δ, pd, ind,
-        zugweg, prufweg, traversenweg, stauchung, eindringtiefe, tiefe, eindringung, verschiebung, weg, standardweg,
-        enfoncement, profondeur, deplacement, allongement, profundidad, penetracion, desplazamiento,
-        profondita, penetrazione, spostamento"""
-    ),
-    # Grows towards the sample in most instruments and away from it in others: the motion is asked.
-    "travel": listed(
-        """extension, stroke, travel, position,
-        z, ramp, piezo, z sensor, zsensor, height sensor, zsnsr, lvdt, raw"""
-    ),
-    # Grows away from the sample.
-    "height": listed(
-        """separation, sep, tip sample separation, height measured, measuredheight, straingaugeheight, height,
-        hohe"""
-    ),
-    "force": listed(
-        """force, load, load on sample, normal force, fn, f, p,
-        kraft, normalkraft, prufkraft, standardkraft, last, force normale, force standard, charge, effort,
-        fuerza, fuerza normal, carga, forza, forza normale, carico"""
-    ),
-    # Of a lever: a length, a voltage, or a force already.
-    "deflection": listed(
-        """deflection, defl, vertical deflection, vdeflection, cantilever, cantilever deflection"""
-    ),
-    "time": listed(
-        """time, t, test time, time on sample, elapsed time, zeit, prufzeit, temps, temps d'essai, tiempo, tempo"""
-    ),
-    "segment": ("segment", "segments"),
-}
+KNOWN = {role: listed(text) for role, text in SAID["columns"].items()}
 # What stands beside a name and changes nothing of what it means here.
-_BESIDE = frozenset(
-    listed("axial, compressive, compression, applied, measured, corrected, crosshead, actuator, calc, avg")
-)
+_BESIDE = words("beside")
 # In brackets behind a name, and no unit.
 _REMARKS = frozenset(("measured", "sensor"))
 _CALLED = re.compile(r"(?:column|col\.?|spalte|#)?\s*#?\s*(\d{1,3})\b[\s,:_/]*(.*)", re.IGNORECASE)

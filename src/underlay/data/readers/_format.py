@@ -24,17 +24,6 @@ from underlay.data.readers._source import Source
 from underlay.errors import CurveError, InputError, MissingExtraError, UnderlayError, UnderlayWarning
 from underlay.plugins import READERS, Plugin, plugins
 
-__all__ = [
-    "Format",
-    "Options",
-    "added_formats",
-    "make_curve",
-    "plugged_readers",
-    "read_parts",
-    "way_out",
-    "with_note",
-]
-
 # Rows left out that are named.
 _LISTED = 5
 # Where a mark stands, the mark, what the file is, and what to do. No reader of these is maintained, or none is known to

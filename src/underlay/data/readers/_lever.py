@@ -27,8 +27,6 @@ from underlay.data.readers._source import Source, curve_name
 from underlay.errors import InputError, UnitError
 from underlay.units import parse_quantity
 
-__all__ = ["Calibration", "Lever", "lever_curve", "sensor_note", "told", "uncalibrated"]
-
 # What may be given, and the kinds of quantity it may be: detectors give a voltage or a current.
 _KINDS = {"spring_constant": ("stiffness",), "sensitivity": ("sensitivity", "current sensitivity")}
 _PLUS_MINUS = re.compile(r"±|\+/-|\+-")

@@ -17,11 +17,9 @@ from underlay._text import names_there
 from underlay.data.readers._columns import find_columns, parse_column
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import is_number, is_unit, kind_named, plain, split_label, without_brackets
+from underlay.data.readers._words import words
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.units import unit_factor
-
-__all__ = ["Layout", "Row", "find_names", "is_unit_row", "layout_of", "serves", "sides_of", "stated_lever"]
-__all__ += ["tests_beside", "with_units"]
 
 #: What a caller asks for of each role.
 Asked: TypeAlias = Mapping[str, str | int] | None
@@ -31,11 +29,7 @@ _MAX_HEAD, _CERTAIN, _MAX_PREAMBLE = 4000, 24, 80
 # Letters of a unit that is not among the usual ones, such as "1/s" or "mm/min".
 _LONGEST_UNIT = 8
 # What may stand in front of the names, in place of one, and in front of their units.
-_LABELS = frozenset(
-    """columns column cols col fields field names name header headers channels channel variables variable labels
-    legend data spalten felder kanale colonnes champs columnas campos colonne""".split()  # noqa: SIM905
-)
-_UNITS = frozenset("units unit einheiten einheit unites unite unidades unita".split())  # noqa: SIM905
+_LABELS, _UNITS = words("labels"), words("units")
 # "\\Spring Constant: 0.06", "springConstant: 0.06": N/m in every file seen; "DeflSens: V 41.0 nm/V".
 _SPRING = re.compile(
     r"\\?spring\s?constant[^:=\d]{0,12}[:=]\s*([\d.]+(?:e[+-]?\d+)?)\s*(?:N/m)?\W*", re.IGNORECASE

@@ -16,31 +16,12 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray, median
 from underlay._text import names_there
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import bare_cell, is_number, kind_named, listed, split_label
+from underlay.data.readers._text import bare_cell, is_number, kind_named, split_label
+from underlay.data.readers._words import words
 
-__all__ = ["beginnings", "is_count", "require_readings", "stacked_note", "without_statistics"]
-
-# In small letters, without what ends an abbreviation or goes before the number. Single letters are not here: they
-# may be anybody's remark on the last reading.
-_WORDS = frozenset(
-    listed(
-        """mean, average, avg, median, max, maximum, min, minimum, sum, total, count, sd, s.d, std, stdev, st.dev,
-        std.dev, std dev, standard deviation, variance, sem, s.e.m, se, standard error, std error, std.error, cv,
-        cov, range, mittelwert, mittel, standardabweichung, stabw, summe, anzahl, moyenne, somme, écart type,
-        écart-type, ecart type, ecart-type, media, promedio, mediana, suma, desviación estándar,
-        desviacion estandar, deviazione standard, somma"""
-    )
-)
+_STATISTICS, _OF_A_TEST, _NUMBERED = words("statistics"), words("of_a_test"), words("numbered")
 # No word for a statistic is longer: who looks for brackets in a cell without end looks for long.
 _LONGEST = 60
-# What a whole test has once, in small letters: work, creep, recovery, values at the peak and after it.
-_OF_A_TEST = frozenset(
-    listed(
-        """wtot, welast, wplast, we, wp, nit, ηit, cit, rit, t rec, average of, hmax, fmax, pmax, hf, hp, hr,
-        max. force, max. depth, max force, max depth, maximum force, maximum depth, max load, maximum load,
-        peak load"""
-    )
-)
 # A reading may be named by its time, in words (8:00:16 AM, 26 Nov 2026), and have its unit beside each number.
 _CLOCK = re.compile(
     r"(?:[\d\s:.,/+-]|[ap]\.?m\.?|[tz]|jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec|mon|tue|wed|thu|fri|sat|sun)*",
@@ -54,13 +35,6 @@ _FEWEST, _LOOKED_AT = 3, 200
 _LEAPS, _SHORTEST = 6.0, 8
 # Forces that differ by less are those of one load of many tests.
 _SAME = 0.02
-# What a column that counts tests is called.
-_NUMBERED = frozenset(
-    listed(
-        """test, test no, test number, test id, indent, indent no, indent number, indentation no, measurement,
-        measurement no, specimen, specimen no, versuch, probe, messung, eindruck, essai, mesure, ensayo, prova"""
-    )
-)
 # A test has so many readings, and goes in by this share of the depths of all; a depth that goes on does not leap by
 # as much between two readings. The published tables in which this was met (public AFM and Instron exports) have 60
 # readings a test and more.
@@ -97,7 +71,7 @@ def _is_statistic(cell: str) -> bool:
     if len(cell) > _LONGEST or is_number(cell):
         return False
     bare = re.sub(r"[(\[].*?[)\]]", "", cell.lower())
-    return all(part.rstrip(" .:=%()").strip() in _WORDS for part in re.split(r"±|\+/?-|[/&]", bare))
+    return all(part.rstrip(" .:=%()").strip() in _STATISTICS for part in re.split(r"±|\+/?-|[/&]", bare))
 
 
 def require_readings(

@@ -13,18 +13,6 @@ from underlay._door import open_zip as bounded_zip
 from underlay._text import names_there
 from underlay.errors import FileFormatError
 
-__all__ = [
-    "CURVES",
-    "MAX_BYTES",
-    "MAX_TEXT_BYTES",
-    "Source",
-    "curve_name",
-    "load",
-    "open_zip",
-    "read_member",
-    "unpack",
-]
-
 _MB = 1_000_000
 #: Largest file, and largest total of what an archive holds, in bytes.
 MAX_BYTES = 256 * _MB

@@ -56,8 +56,6 @@ from underlay.data.signs import reversed_columns, sign_note
 from underlay.errors import FileFormatError, InputError
 from underlay.units import unit_factor
 
-__all__ = ["Table", "is_marker", "marked", "table_curves"]
-
 # 1,000 or 12.500: what separates thousands where nothing else is divided; and a number just below them.
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+")
 _PLAIN_HUNDREDS = re.compile(r"[+-]?[1-9]\d\d")

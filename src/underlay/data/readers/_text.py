@@ -14,21 +14,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source
+from underlay.data.readers._words import SAID, listed
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import kind_of, unit_factor
-
-__all__ = ["SENTINEL", "Arrays", "Lines", "as_number", "bare_cell", "column_factor", "decode", "is_number"]
-__all__ += [
-    "is_unit",
-    "kind_named",
-    "lines_and_gaps",
-    "lines_of",
-    "listed",
-    "numbers",
-    "plain",
-    "split_label",
-]
-__all__ += ["unit_named", "without_brackets"]
 
 #: Instruments write the largest double, or averages of it, for "no value".
 SENTINEL = 1e300
@@ -46,52 +34,21 @@ _AFTER_SLASH = re.compile(r"(.*?\S)\s*/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
 _AFTER_WORD = re.compile(r"(.*?[^\s_:=-])(?:\s+in\s+|[\s_:=-]+)([^\W\d_]+)\.?\s*", re.IGNORECASE)
 # Letters of a unit without a sign in it; longer ones that are usual stand below.
 _LONGEST_WORD = 4
-_PLAIN_UNITS = frozenset(
-    "pm nm um µm μm mm cm m pN nN uN µN μN mN N kN gf kgf lbf s ms us µs μs V mV".split()  # noqa: SIM905
-)
+_UNITS = SAID["units"]
+_PLAIN_UNITS = frozenset(listed(_UNITS["plain"]))
+_PREFIXES = {"": "", **{word: prefix for prefix, text in _UNITS["prefixes"].items() for word in listed(text)}}
+_WORD_UNITS = {word: unit for unit, text in _UNITS["words"].items() for word in listed(text)} | {
+    f"{word}{stem}": f"{prefix}{unit}"
+    for word, prefix in _PREFIXES.items()
+    for unit, text in _UNITS["stems"].items()
+    for stem in listed(text)
+}
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
 # Rows that show which decimal sign a table has.
 _SHOWN = 200
 _MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 # Files of one kind ask for the same.
 _factor = lru_cache(maxsize=256)(unit_factor)
-
-
-def listed(text: str) -> tuple[str, ...]:
-    """Words of a list that a text holds, commas between."""
-    return tuple(" ".join(name.split()) for name in text.split(","))
-
-
-_PREFIX_WORDS = {
-    "pico": "p",
-    "nano": "n",
-    "micro": "u",
-    "mikro": "u",
-    "milli": "m",
-    "centi": "c",
-    "kilo": "k",
-}
-_STEMS = {
-    "m": "meter, meters, metre, metres",
-    "N": "newton, newtons",
-    "s": "second, seconds, sekunden, secondes",
-    "V": "volt, volts",
-}
-_WORDS = {
-    "um": "micron, microns",
-    "s": "sec, secs, sek",
-    "ms": "msec, msecs",
-    "gf": "g, gr, gram, grams, gf, gramm",
-    "kgf": "kg, kgs, kilogram, kilograms, kgf",
-    "lbf": "lb, lbs, lbf, pound, pounds",
-    "min": "minute, minutes",
-}
-_WORD_UNITS = {word: unit for unit, words in _WORDS.items() for word in listed(words)} | {
-    f"{word}{stem}": f"{prefix}{unit}"
-    for word, prefix in {**_PREFIX_WORDS, "": ""}.items()
-    for unit, stems in _STEMS.items()
-    for stem in listed(stems)
-}
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from underlay._arrays import FloatArray
 from underlay._text import names_there
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import as_number, is_number, lines_of, split_label
-from underlay.data.readers.text_format import Channel, Columns, Part, TextFormat, header_of, table_below
+from underlay.data.readers.text_format import Columns, Part, TextFormat, header_of, table_below
 from underlay.data.segments import (
     HOLD,
     LOADING,
@@ -37,13 +37,6 @@ from underlay.errors import FileFormatError
 from underlay.units import parse_quantity
 
 __all__ = ["BIOINDENTER", "FISCHER", "HYSITRON", "MACH1", "OPTICS11"]
-
-_SIGNS = {
-    "depth": "as written, growing into the sample",
-    "force": "as written, positive in compression",
-    "segment": "from the motion",
-}
-
 
 # --- Optics11 Piuma and Chiaro, all three generations
 
@@ -102,30 +95,7 @@ def _closure(load: FloatArray, cantilever: FloatArray, stiffness: str) -> list[s
     return [f"load differs from stiffness times deflection by up to {gap:.3g} N: check the file's units"]
 
 
-OPTICS11 = TextFormat(
-    name="optics11",
-    description="Optics11 Piuma and Chiaro text files",
-    sniff=_is_optics11,
-    parts=_optics11_parts,
-    columns={
-        "time": Channel("time", ("time",)),
-        "force": Channel("force", ("load",)),
-        "cantilever": Channel("length", ("cantilever",)),
-        "piezo": Channel("length", ("piezo",)),
-        "indentation": Channel("length", ("indentation",), needed=False),
-    },
-    signs={
-        "depth": "Piezo - Cantilever, growing into the sample",
-        "force": "Load as written, positive in compression",
-        "segment": "from the motion of the piezo",
-    },
-    known={
-        "Tip radius (um)": ("indenter_radius", "length", "um"),
-        "k (N/m)": ("spring_constant", "stiffness", "N/m"),
-        "E[eff] (Pa)": ("instrument_reduced_modulus", "pressure", "Pa"),
-    },
-    made=_made_of_optics11,
-).format
+OPTICS11 = TextFormat("optics11", _is_optics11, _optics11_parts, _made_of_optics11).format
 
 
 # --- Anton Paar Bioindenter (UNHT Bio)
@@ -176,26 +146,7 @@ def _made_of_bioindenter(part: Part, columns: Columns) -> dict[str, Any]:
     return {**made, "segment": segment}
 
 
-BIOINDENTER = TextFormat(
-    name="bioindenter",
-    description="Anton Paar Bioindenter (UNHT Bio) text exports",
-    sniff=_is_bioindenter,
-    parts=_bioindenter_parts,
-    columns={
-        "time": Channel("time", ("time",)),
-        # Zero depth is where the head first met the contact force, not contact.
-        "depth": Channel("length", ("pd",)),
-        "force": Channel("force", ("fn",)),
-        "id": Channel("", ("segmentid",)),
-    },
-    signs={
-        "depth": "Pd as written, growing into the sample",
-        "force": "Fn as written, positive in compression",
-        "segment": "from SegmentID and the protocol",
-    },
-    known={"ErHz": ("instrument_reduced_modulus", "pressure", "")},
-    made=_made_of_bioindenter,
-).format
+BIOINDENTER = TextFormat("bioindenter", _is_bioindenter, _bioindenter_parts, _made_of_bioindenter).format
 
 
 # --- Hysitron TriboScan: .hld, and the text export of load-controlled tests
@@ -252,23 +203,7 @@ def _made_of_hysitron(part: Part, columns: Columns) -> dict[str, Any]:
     return {"segment": kinds[np.minimum(np.searchsorted(ends, time, side="left"), count - 1)]}
 
 
-HYSITRON = TextFormat(
-    name="hysitron",
-    description="Hysitron TriboScan .hld files and text exports",
-    sniff=_is_hysitron,
-    parts=_hysitron_parts,
-    columns={
-        "depth": Channel("length", ("disp", "depth")),
-        "force": Channel("force", ("force", "load")),
-        "time": Channel("time", ("time",)),
-    },
-    signs={**_SIGNS, "segment": "from the file's list of segments, else from the motion"},
-    known={
-        "Drift Rate": ("drift_rate", "speed", ""),
-        "Machine Comp": ("machine_compliance", "compliance", ""),
-    },
-    made=_made_of_hysitron,
-).format
+HYSITRON = TextFormat("hysitron", _is_hysitron, _hysitron_parts, _made_of_hysitron).format
 
 
 # --- Fischer (Picodentor, HM2000): blocks of one application; the units stand nowhere and are fixed
@@ -307,20 +242,7 @@ def _fischer_parts(source: Source) -> Iterator[Part]:
         yield Part(head, labels, rows, f"block {block}, value {value}", about=about)
 
 
-FISCHER = TextFormat(
-    name="fischer",
-    description="Fischer (Picodentor, HM2000) text exports",
-    sniff=_is_fischer,
-    parts=_fischer_parts,
-    columns={
-        "force": Channel("force", ("f",)),
-        "depth": Channel("length", ("h",)),
-        "time": Channel("time", ("t",)),
-    },
-    signs=_SIGNS,
-    # Whole numbers lose their comma ("1" beside "0,7"), so each cell is read with either sign.
-    comma=True,
-).format
+FISCHER = TextFormat("fischer", _is_fischer, _fischer_parts).format
 
 
 # --- Biomomentum Mach-1
@@ -466,18 +388,9 @@ def _search_result(where: str, search: _Block | None) -> dict[str, Any]:
     return known
 
 
-_MACH1 = TextFormat(
-    name="mach1",
-    description="Biomomentum Mach-1 Motion text files",
-    sniff=lambda source: source.head(200).lstrip().startswith("<Mach-1 File>"),
-    parts=_mach1_parts,
-    columns={
-        "time": Channel("time"),
-        "stage": Channel("length"),
-        "force": Channel("force"),
-        "x": Channel("length", needed=False),
-        "y": Channel("length", needed=False),
-    },
-    made=_made_of_mach1,
-)
+def _is_mach1(source: Source) -> bool:
+    return source.head(200).lstrip().startswith("<Mach-1 File>")
+
+
+_MACH1 = TextFormat("mach1", _is_mach1, _mach1_parts, _made_of_mach1)
 MACH1 = _MACH1.format

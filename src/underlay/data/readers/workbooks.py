@@ -37,7 +37,7 @@ from underlay.data.readers._names import Row, find_names, is_unit_row, layout_of
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip, read_member
 from underlay.data.readers._table import Table, is_marker, marked, table_curves
 from underlay.data.readers._text import is_number
-from underlay.data.readers.text_format import Channel, Columns, Part, TextFormat, found_columns
+from underlay.data.readers.text_format import Columns, Part, TextFormat, channels_of, found_columns
 from underlay.errors import FileFormatError, MissingExtraError, missing_extra
 from underlay.units import format_quantity, kind_of
 
@@ -271,26 +271,12 @@ def _padded(rows: Sequence[Sequence[str]], columns: Collection[int]) -> list[Seq
 
 
 _MARKER = "Segment Type"
-_OF_A_TEST = {
-    "depth": Channel("length", ("displacement into surface", "displacement", "indentation depth", "depth")),
-    "force": Channel("force", ("load on sample", "load", "force")),
-    "contact_stiffness": Channel(
-        "stiffness", ("harmonic contact stiffness", "contact stiffness"), needed=False
-    ),
-    "time": Channel("time", ("time on sample", "time"), needed=False),
-}
-_NANOSUITE_COLUMNS = _OF_A_TEST | {
-    f"{role}_scatter": Channel(
-        channel.kind, tuple(f"standard deviation ({name})" for name in channel.names), needed=False
-    )
-    for role, channel in _OF_A_TEST.items()
-    if role != "time"
-}
+_NANOSUITE = channels_of("nanosuite")
 
 
 def _nanosuite_parts(source: Source) -> Iterator[Part]:
     sheets = [sheet for sheet in sheets_of(source) if len(sheet.rows) > 2]
-    found = [(sheet, found_columns(_NANOSUITE_COLUMNS, _labels(sheet, 0))) for sheet in sheets]
+    found = [(sheet, found_columns(_NANOSUITE, _labels(sheet, 0))) for sheet in sheets]
     tests = [(sheet, places) for sheet, places in found if {"depth", "force"} <= places.keys()]
     # Where the rows of some are marked, a sheet without marks is one of results.
     marks = any(_is_marked(sheet) for sheet, _ in tests)
@@ -343,35 +329,14 @@ def _made_of_nanosuite(part: Part, columns: Columns) -> dict[str, Any]:
     }
 
 
-NANOSUITE = TextFormat(
-    name="nanosuite",
-    description="MTS, Agilent and KLA NanoSuite workbooks (.xls)",
-    sniff=lambda source: _is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample"),
-    parts=_nanosuite_parts,
-    columns=_NANOSUITE_COLUMNS,
-    made=_made_of_nanosuite,
-    comma=False,
-    extra="afm",
-).format
+def _is_nanosuite(source: Source) -> bool:
+    return _is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample")
 
 
-_TRAVELS = (
-    "allongement",
-    "déformation",
-    "standardweg",
-    "weg",
-    "verformung",
-    "standard travel",
-    "deformation",
-)
-_GAPS = ("ecartement entre outils", "écartement entre outils", "werkzeugabstand", "tool separation")
-_TIMES = ("temps d'essai", "temps", "prüfzeit", "zeit", "test time", "time")
-_SPECIMEN = {
-    "time": Channel("time", _TIMES, needed=False),
-    "force": Channel("force", ("force standard", "force", "standardkraft", "kraft", "standard force")),
-    "depth": Channel("length", _TRAVELS),
-    "gap": Channel("length", _GAPS, needed=False),
-}
+NANOSUITE = TextFormat("nanosuite", _is_nanosuite, _nanosuite_parts, _made_of_nanosuite).format
+
+
+_SPECIMEN = channels_of("testxpert")
 _PARAMETER_SHEETS = ("Paramètres", "Parameter", "Parameters", "Parámetros", "Parametri")
 # Beside the parameters stand results, or specimens alone, with names of columns such as these.
 _RESULT_SHEETS = ("Résultats", "Ergebnisse", "Results", "Resultados", "Risultati")
@@ -443,13 +408,4 @@ def _made_of_testxpert(part: Part, columns: Columns) -> dict[str, Any]:
     return {"depth": sign * travel, "initial_gap": float(gap[0]), "sign_rules": {"depth": rule, **rules}}
 
 
-TESTXPERT = TextFormat(
-    name="testxpert",
-    description="Zwick/Roell testXpert workbooks (.xlsx, .xls)",
-    sniff=_is_testxpert,
-    parts=_testxpert_parts,
-    columns=_SPECIMEN,
-    made=_made_of_testxpert,
-    comma=False,
-    extra="afm",
-).format
+TESTXPERT = TextFormat("testxpert", _is_testxpert, _testxpert_parts, _made_of_testxpert).format
