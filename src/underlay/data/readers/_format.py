@@ -26,8 +26,9 @@ from underlay.plugins import READERS, Plugin, plugins
 
 # Rows left out that are named.
 _LISTED = 5
-# Where a mark stands, the mark, what the file is, and what to do. No reader of these is maintained, or none is known to
-# read forces; a TAR archive has its mark behind the first name, Asylum's container behind a check sum and a size.
+# Where a mark stands, the mark, what the file is, and what to do. No reader of these is maintained, or none is
+# known to read forces; a TAR archive has its mark behind the first name, Asylum's container behind a check sum and
+# a size.
 _AS_TEXT = "export the curves from {} as text with names and units in the first row"
 _ASYLUM = "export its curves from Asylum's Igor program as .ibw, one a file, which are read"
 _UNPACK = "unpack it, or pack the curves as a ZIP archive (.zip), which is read"

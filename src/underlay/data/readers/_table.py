@@ -137,8 +137,8 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
     if options.columns is None and (tests := tests_beside(table.labels)):
         return [
             curve
-            for test, *columns in tests
-            for curve in _curves(source, {"": table.of(*columns)}, options, {**metadata, "name": test})
+            for test, indices, labels in tests
+            for curve in _curves(source, {"": table.of(indices, labels)}, options, {**metadata, "name": test})
         ]
     asked, ways = (options.columns or {}).values(), sides_of(table.labels)
     if ways and (not asked or any(parse_column(str(text), table.labels) is None for text in asked)):
@@ -155,10 +155,12 @@ def _curves(
     first, times = read[0], [one.time for one in read if one.time is not None]
     depth, force = (np.concatenate([getattr(one, name) for one in read]) for name in ("depth", "force"))
     time = np.concatenate(times) if len(times) == len(read) else None
+    labels: NDArray[np.str_] | None
     if len(parts) > 1:
         sides = zip(parts, read, strict=True)
-        labels: Any = np.concatenate([np.full(len(one.depth), label, dtype="<U9") for label, one in sides])
-        starts, told = [0], ()
+        labels = np.concatenate([np.full(len(one.depth), label, dtype="<U9") for label, one in sides])
+        starts: Sequence[int] = [0]
+        told: Sequence[str] = ()
     else:
         labels, told = first.segments()
         starts = first.tests()
@@ -171,8 +173,10 @@ def _curves(
         here = slice(start, end)
         if len(starts) > 1:
             about["name"] = f"{metadata.get('name') or source.path.stem}, test {number}"
-        columns = (values if values is None else values[here] for values in (depth, force, time, labels))
-        curves.append(_with_signs(make_curve(source, *columns, **about), free=first.free))
+        clock = None if time is None else time[here]
+        segment = None if labels is None else labels[here]
+        curve = make_curve(source, depth[here], force[here], clock, segment, **about)
+        curves.append(_with_signs(curve, free=first.free))
     return curves
 
 
@@ -462,8 +466,8 @@ def _require_decimals(
         source.require(
             not commas or not all(map(_GROUPED.fullmatch, commas)),
             f", column {labels[index].strip()!r:.80}: the comma of {''.join(commas[:1])!r:.40} may be of a decimal "
-            "or of thousands; write the numbers with decimal points and without thousands, or separate the columns by "
-            "semicolons, where a comma is a decimal's",
+            "or of thousands; write the numbers with decimal points and without thousands, or separate the columns "
+            "by semicolons, where a comma is a decimal's",
         )
 
 

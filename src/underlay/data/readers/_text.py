@@ -314,8 +314,8 @@ def numbers(
             for j, index in enumerate(indices):
                 if index >= len(row):
                     raise FileFormatError(
-                        f"{at} has {len(row)} cells where at least {max(indices) + 1} are expected; the file may be "
-                        "cut short"
+                        f"{at} has {len(row)} cells where at least {max(indices) + 1} are expected; the file may "
+                        "be cut short"
                     )
                 table[i, j] = _number(row[index], comma=comma, where=at)
     no_value = np.abs(table) > SENTINEL

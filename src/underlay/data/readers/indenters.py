@@ -4,11 +4,11 @@ Depth grows into the sample and force is positive in compression as they are wri
 says otherwise; no file marks contact.
 
 Mach-1 (Biomomentum Mach-1 Motion): ``<Mach-1 File>``, then blocks: ``<INFO>`` lines, the function (``<Find
-Contact>``, ``<Stress Relaxation>``, ...) with its settings, and ``<DATA>`` with one row of names. ``<divider>`` ends
-each ramp of a block. Searches for contact and zeroing become part of what is known about the test that follows them.
-The stage position grows into the sample. A single-axis cell (gf) reads compression positive; a multi-axis cell (N)
-reads compression negative, so its force is turned. Depth is the position less that at the first row of the block,
-which is where the search for contact stopped.
+Contact>``, ``<Stress Relaxation>``, ...) with its settings, and ``<DATA>`` with one row of names. ``<divider>``
+ends each ramp of a block. Searches for contact and zeroing become part of what is known about the test that follows
+them. The stage position grows into the sample. A single-axis cell (gf) reads compression positive; a multi-axis
+cell (N) reads compression negative, so its force is turned. Depth is the position less that at the first row of the
+block, which is where the search for contact stopped.
 """
 
 from __future__ import annotations

@@ -36,10 +36,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay._door import opened
+from underlay._door import opened, read_member
 from underlay.data.curve import Curve
 from underlay.data.readers._lever import Lever, lever_curve, uncalibrated
-from underlay.data.readers._source import MAX_BYTES, Source, curve_name, open_zip, read_member
+from underlay.data.readers._source import MAX_BYTES, Source, curve_name, open_zip
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError
 

@@ -10,19 +10,20 @@ rise is the file's own trigger point.
 **Nanosurf** (C3000 and easyScan controllers): text in sections, ``[DataSet-0:0]`` with ``key=value``, up to ``#!``;
 then every channel in the order of its group, lines of 16- or 32-bit integers, little-endian. A number is a share of
 the channel's range, ``Dim2Min`` and ``Dim2Range``, in ``Dim2Unit``. A line is a curve of ``LineDim<i>Points``
-points; the rest of it is padding. Both ways of the modulation are stored *along the axis*, from far to near: the way
-back is turned round here. Pauses are stored in time. Why not by Nanosurf's NSFopen 2.2.4 (MIT, 2024): it opens a
-path of its own, trusts every size in the header, and knows no pause by line. Its numbers are ours to rounding. Not
-read: .nhf of Nanosurf Studio, of which no public force curve was found.
+points; the rest of it is padding. Both ways of the modulation are stored *along the axis*, from far to near: the
+way back is turned round here. Pauses are stored in time. Why not by Nanosurf's NSFopen 2.2.4 (MIT, 2024): it opens
+a path of its own, trusts every size in the header, and knows no pause by line. Its numbers are ours to rounding.
+Not read: .nhf of Nanosurf Studio, of which no public force curve was found.
 
-**Park** (XEI and SmartScan): a TIFF file whose private tags hold the curves: 50438 the header of the spectroscopy, a
-table of eight channels (name, unit, gain) and numbers at fixed places, and 50439 the values, point by point on the
-sample, channel by channel, the way in and the way back one after the other. The place of each number is as pspylib's
-reader has it. What a public file shows: "Z Scan" *falls* towards the sample, the scanner goes down; each way is
-padded to its length by repeating its last point, time stamp included; a "Z Detector" may be dead. The channel
-"Force" is 8 % above what the header's own spring constant and sensitivity make of the volts: what the maker's
-program shows is taken, a note says so, and a calibration that is given acts on the volts. Why not by Park's pspylib
-0.1.2 (2025): it may be used under a licence of Park's own only and opens a path; tifffile is not needed for six tags.
+**Park** (XEI and SmartScan): a TIFF file whose private tags hold the curves: 50438 the header of the spectroscopy,
+a table of eight channels (name, unit, gain) and numbers at fixed places, and 50439 the values, point by point on
+the sample, channel by channel, the way in and the way back one after the other. The place of each number is as
+pspylib's reader has it. What a public file shows: "Z Scan" *falls* towards the sample, the scanner goes down; each
+way is padded to its length by repeating its last point, time stamp included; a "Z Detector" may be dead. The
+channel "Force" is 8 % above what the header's own spring constant and sensitivity make of the volts: what the
+maker's program shows is taken, a note says so, and a calibration that is given acts on the volts. Why not by Park's
+pspylib 0.1.2 (2025): it may be used under a licence of Park's own only and opens a path; tifffile is not needed for
+six tags.
 
 What public files show is held by `tests/test_public_afm.py`.
 """
@@ -107,6 +108,7 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
     time = step * np.arange(len(bending), dtype=np.float64) if step > 0.0 else None
     known = np.isfinite(travel) & np.isfinite(bending)
     trigger = _finite(note.get("TriggerPoint", "")) if note.get("TriggerChannel") == "Force" else None
+    more: dict[str, Any] = {"setpoint": trigger} if trigger else {}
     curve = lever_curve(
         source,
         travel,
@@ -117,7 +119,7 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
         segment=segments_from_motion(travel, time) if known.all() else None,
         header=told({name: note.get(key, "") for name, key in _IBW_ABOUT.items()}),
         sign_rules={"segment": "from the motion of the height"},
-        **({"setpoint": trigger} if trigger else {}),
+        **more,
     )
     return [curve]
 

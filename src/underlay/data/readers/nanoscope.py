@@ -136,8 +136,8 @@ class _Header:
         deflection = next((image for image in self.images if "[Deflection" in image.text(_SIGNAL)), None)
         if deflection is None:
             raise source.wrong(
-                "is a NanoScope file without a force curve of the deflection: an image, or another signal; save the "
-                "force curves themselves"
+                "is a NanoScope file without a force curve of the deflection: an image, or another signal; save "
+                "the force curves themselves"
             )
         self.deflection = deflection
         self._lay_out()
@@ -218,16 +218,17 @@ class _Header:
         # A scale of 16 bits beside "Bytes/pixel: 4" was not seen, but then no signal is as wide as that makes it.
         whole = scale.per_number * 2.0 ** (32 if image.number("Bytes/pixel") == 4 else 16)
         bits, per_number = stated if whole <= _WIDEST else 16, scale.per_number * per_volt
-        # The least number marks what was not recorded: of the bytes, and of the scale, as where 16 bits were widened.
+        # The least number marks what was not recorded: of the bytes, and of the scale, as where 16 bits were
+        # widened.
         marks = (np.iinfo(raw.dtype).min, -(2 ** (bits - 1)))
         recorded = raw[(raw != marks[0]) & (raw != marks[1])]
         most, least = (int(recorded.max()), int(recorded.min())) if recorded.size else (0, 0)
         reached = max(most, -least)
         source.require(
             max(most, -1 - least) < 2 ** (bits - 1),
-            f": the numbers of {signal!r:.60} reach {reached}, and their scale, {scale.per_number:g} V each, is for "
-            f"{bits} bits, up to {2 ** (bits - 1)}: read so, they would be {reached * scale.per_number:.3g} V, a "
-            f"power of two too large; {_NEXT}",
+            f": the numbers of {signal!r:.60} reach {reached}, and their scale, {scale.per_number:g} V each, is "
+            f"for {bits} bits, up to {2 ** (bits - 1)}: read so, they would be {reached * scale.per_number:.3g} V, "
+            f"a power of two too large; {_NEXT}",
         )
         return lambda number: np.where(np.isin(raw[number], marks), np.nan, raw[number] * per_number)
 
@@ -236,8 +237,8 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     curves, count = _opened(source, options)
     source.require(
         count <= _MOST_CURVES,
-        f"holds {count} curves; up to {_MOST_CURVES} are read at once: pick one, test = 1 to test = {count}, or save "
-        "a part of the volume",
+        f"holds {count} curves; up to {_MOST_CURVES} are read at once: pick one, test = 1 to test = {count}, or "
+        "save a part of the volume",
     )
     return [curve for number in range(count) if (curve := curves(number)) is not None]
 
@@ -403,9 +404,9 @@ def _check_trigger(header: _Header, way_in: FloatArray) -> None:
     rise = float(recorded.max() - np.median(recorded[: max(len(recorded) // 5, 1)]))
     header.source.require(
         rise <= _OVERSHOOT * trigger.volts,
-        f": the deflection rises by {rise:.3g} V on the way in, {rise / trigger.volts:.3g} times the relative trigger "
-        f"of {trigger.volts:g} V that should have ended it: its numbers cannot be on the scale that the header "
-        f"gives; {_NEXT}",
+        f": the deflection rises by {rise:.3g} V on the way in, {rise / trigger.volts:.3g} times the relative "
+        f"trigger of {trigger.volts:g} V that should have ended it: its numbers cannot be on the scale that the "
+        f"header gives; {_NEXT}",
     )
 
 
@@ -458,8 +459,8 @@ def _tap_of(header: _Header) -> _Tap | None:
     turn *= points / (scan.number("Sample Points") or points)
     header.source.require(
         not header.hold and amplitude > 0.0 and 1.0 < turn < points / 2,
-        f"is a capture whose drive of {1e9 * amplitude:g} nm turns at point {turn:g} of {points}: it should turn on "
-        "its way in, and be larger than zero",
+        f"is a capture whose drive of {1e9 * amplitude:g} nm turns at point {turn:g} of {points}: it should turn "
+        "on its way in, and be larger than zero",
     )
     kilohertz = scan.number("PFT Freq")
     return _Tap(points, turn, amplitude, 1e-3 / abs(kilohertz) if kilohertz else None)

@@ -151,9 +151,10 @@ class TextFormat:
     """What one instrument writes, as data over one table reader: what ``formats.toml`` says under its name.
 
     There stand its ``description``; its ``columns``, of which ``depth``, ``force`` and ``time`` become those of the
-    curve and others serve `made`; its ``signs``, the rule of each for people; what is ``known``: of a key of the head
-    the name in the curve's metadata, the kind of quantity, and the unit where the value has none; whether a ``comma``
-    is the decimal sign, asked of the first rows where it is not said; and the ``extra`` it needs, as in `Format`.
+    curve and others serve `made`; its ``signs``, the rule of each for people; what is ``known``: of a key of the
+    head the name in the curve's metadata, the kind of quantity, and the unit where the value has none; whether a
+    ``comma`` is the decimal sign, asked of the first rows where it is not said; and the ``extra`` it needs, as in
+    `Format`.
 
     Parameters
     ----------

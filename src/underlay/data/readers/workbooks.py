@@ -1,8 +1,8 @@
 """Workbooks, .xls and .xlsx: plain tables in sheets, KLA NanoSuite and Zwick/Roell testXpert.
 
-`sheets_of` reads the sheets as rows of text, bounded in size. As a plain table, a sheet is read if it has a row that
-names a depth and a force, with units in it or in the row below, or the columns that a mapping names. Each such sheet
-is one test. Signs are taken as written.
+`sheets_of` reads the sheets as rows of text, bounded in size. As a plain table, a sheet is read if it has a row
+that names a depth and a force, with units in it or in the row below, or the columns that a mapping names. Each such
+sheet is one test. Signs are taken as written.
 
 NanoSuite (MTS, Agilent, KLA; .xls) has a sheet per test: names, units, then numbers, in any order of columns. The
 first column is a marker, filled only at the first row of a segment (``Load Segment Type``, ..., ``END``). Where the
@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -30,11 +30,12 @@ from typing import Any
 
 import numpy as np
 
+from underlay._door import read_member
 from underlay._text import names_there, one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, read_parts
 from underlay.data.readers._names import Row, find_names, is_unit_row, layout_of, serves
-from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip, read_member
+from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip
 from underlay.data.readers._table import Table, is_marker, marked, table_curves
 from underlay.data.readers._text import is_number
 from underlay.data.readers.text_format import Columns, Part, TextFormat, channels_of, found_columns
@@ -144,12 +145,14 @@ def _xls_row(xlrd: Any, sheet: Any, row: int) -> Sequence[Any]:
     values: list[Any] = sheet.row_values(row)
     kinds = bytes(sheet.row_types(row))
     if kinds.translate(None, _PLAIN):
-        shown = {
+        shown: dict[int, Callable[[Any], Any]] = {
             xlrd.XL_CELL_ERROR: lambda value: xlrd.error_text_from_code.get(value, "#ERROR"),
             xlrd.XL_CELL_DATE: lambda value: f"date {value:g}",
             xlrd.XL_CELL_BOOLEAN: bool,
         }
-        values = [shown.get(kind, lambda value: value)(one) for kind, one in zip(kinds, values, strict=False)]
+        values = [
+            shown[kind](one) if kind in shown else one for kind, one in zip(kinds, values, strict=False)
+        ]
     return values
 
 
