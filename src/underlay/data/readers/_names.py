@@ -38,7 +38,10 @@ _SENSITIVITY = re.compile(
     r"(?:defl\w*\.?\s?sens\w*|invols|sensitivity)[^\d\n]{0,12}([\d.]+(?:e[+-]?\d+)?)\s*([num]m/V|m/V)",
     re.IGNORECASE,
 )
-# "1: time 2: depth", "[1] time [2] depth".
+# "Column 1: time (s)", one a line; "1: time 2: depth", "[1] time [2] depth".
+_ONE_A_LINE = re.compile(
+    r"\W*(?:column|col\.?|spalte|colonne|columna)?\s*#?(\d{1,3})\s*[\]:.)=]\s*(\D.*)", re.IGNORECASE
+)
 _COUNTED, _COUNT = re.compile(r"\W*1[\]:.)]\s*[^\W\d]"), re.compile(r"\[?\b\d{1,3}[\]:.)]\s*(?=[^\W\d])")
 # Tests side by side, as Anton Paar writes them: "X_gel_1_Time_[s]", "Y_gel_1_Fn_[mN]"; and waves of Asylum's Igor
 # program, "F0001Raw", "F0001Defl": in SI where no unit is said.
@@ -199,9 +202,8 @@ def find_names(
     """
     # Comments that name the columns anew in another order, as above each segment.
     said = (text.partition(":") for text in comments)
-    orders = {
-        " ".join(rest.split()) for label, colon, rest in said if colon and plain(label).strip() in _LABELS
-    }
+    labelled = [rest.strip() for label, colon, rest in said if colon and plain(label).strip() in _LABELS]
+    orders = {" ".join(text.split()) for text in labelled}
     source.require(
         len(orders) < 2,
         f"names its columns {len(orders)} times in different ways; save each part as a file of its own",
@@ -217,7 +219,7 @@ def find_names(
     fitting = [names for names in reversed(rows) if layout.fits(names)]
     commented = (names for text in reversed(comments) for names in _commented_names(text, layout, split))
     seen: list[list[str]] = []
-    for names in chain(fitting, commented):
+    for names in chain(fitting, _one_a_line(comments, layout), commented):
         if serves(names, asked):
             return names, units
         seen.append(names)
@@ -234,7 +236,7 @@ def find_names(
     if seen:
         return seen[0], units
     others = [names for names in rows if len(names) != layout.cells] or [
-        row for text in reversed(comments) if len(row := split(text, "")) > layout.cells
+        row for text in (*comments, *labelled) if len(row := split(text, "")) > layout.cells
     ]
     what = (
         f"has {len(others[-1])} names ({names_there(others[-1])}) over {layout.cells} columns of numbers: which "
@@ -269,6 +271,14 @@ def _unlabelled(names: list[str], layout: Layout) -> list[str]:
     if not label or len(names) <= layout.numbers:
         return names
     return names[2:] if len(names) > 1 and names[1] in {"=", ":"} else names[1:]
+
+
+def _one_a_line(comments: Sequence[str], layout: Layout) -> list[list[str]]:
+    """The names of comments that number them, one a line, where they are as many as the columns."""
+    found = [matched for text in comments if (matched := _ONE_A_LINE.fullmatch(text))]
+    names = [matched[2].strip() for matched in found]
+    counted = [int(matched[1]) for matched in found] == list(range(1, len(found) + 1))
+    return [names] if counted and layout.fits(names) else []
 
 
 def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list[str]]) -> list[list[str]]:

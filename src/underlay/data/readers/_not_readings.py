@@ -20,6 +20,7 @@ from underlay.data.readers._text import bare_cell, is_number, kind_named, split_
 from underlay.data.readers._words import words
 
 _STATISTICS, _OF_A_TEST, _NUMBERED = words("statistics"), words("of_a_test"), words("numbered")
+_NAMED = words("named")
 # No word for a statistic is longer: who looks for brackets in a cell without end looks for long.
 _LONGEST = 60
 # A reading may be named by its time, in words (8:00:16 AM, 26 Nov 2026), and have its unit beside each number.
@@ -141,9 +142,13 @@ def _words_of_tests(labels: Sequence[str]) -> str:
     return f"it has {names_there(found)}" if len(found) > 1 else ""
 
 
-def is_count(label: str) -> bool:
-    """Whether a column is called as one that counts tests; one that counts readings is "point" or "no."."""
-    return split_label(label)[0].strip(" .#").lower() in _NUMBERED
+def is_count(label: str, *, of_tests: bool = False) -> bool:
+    """Whether a column is called as one that counts tests, or that names one test in many rows.
+
+    One that counts readings is "point" or "no.".
+    """
+    name = " ".join(split_label(label)[0].strip(" .#").lower().replace("_", " ").split())
+    return name in _NUMBERED or (of_tests and name in _NAMED)
 
 
 def _tests_beside_moduli(

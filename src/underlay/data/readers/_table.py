@@ -51,6 +51,7 @@ from underlay.data.readers._text import (
     unit_named,
     without_brackets,
 )
+from underlay.data.readers._words import words
 from underlay.data.segments import HOLD, LOADING, UNLOADING, against_motion
 from underlay.data.signs import reversed_columns, sign_note
 from underlay.errors import FileFormatError, InputError
@@ -61,9 +62,7 @@ _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+")
 _PLAIN_HUNDREDS = re.compile(r"[+-]?[1-9]\d\d")
 _THREE_DIGITS, _ROUNDING = 100.0, 1e-6
 # Names from which a lever's bending is still to be taken off.
-_SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - frozenset(
-    ("extension", "stroke", "travel", "position", "separation", "sep", "tip sample separation")
-)
+_SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - words("of_a_stage")
 _MARKS = {
     "end of loading": HOLD,
     "end of hold": UNLOADING,
@@ -220,7 +219,7 @@ class _Reader:
             wanted["time"] = time
         self._read_columns(wanted)
         self.depth, self.force = (self._value(role, wanted[role]) for role in ("depth", "force"))
-        self.time = self._value("time", wanted["time"]) if "time" in wanted else None
+        self.time = self._clock(self._value("time", wanted["time"])) if "time" in wanted else None
         self._take_off_bending()
         self.notes += unread(self.labels, self.found, self.mapping)
 
@@ -281,7 +280,7 @@ class _Reader:
     def _numbered(self) -> list[int]:
         """Rows at which a column that counts tests has another number; [] without one."""
         for index, label in enumerate(self.labels):
-            if is_count(label):
+            if is_count(label, of_tests=True):
                 cells = np.array([_cell(row, index).strip() for row in self.rows])
                 starts = [0, *(np.flatnonzero(cells[1:] != cells[:-1]) + 1).tolist()]
                 if len(starts) > 1 and len(cells) >= 8 * len(starts):
@@ -374,6 +373,22 @@ class _Reader:
         turned = text.startswith("-")
         self.signs[role] = f"minus the column {label!r}, as asked" if turned else f"as written in {label!r}"
         return np.asarray(values * (-factor if turned else factor))
+
+    def _clock(self, time: FloatArray) -> FloatArray:
+        """Time of a table whose segments each set it back: it goes on from the segment before."""
+        starts = [row for row, _ in self.table.segments if 0 < row < len(time)]
+        back = np.flatnonzero(np.diff(time) < 0.0) + 1
+        inside = sorted({*starts} - {*self.table.starts})
+        if not back.size or not {*back.tolist()} <= {*inside, *self.table.starts}:
+            return time
+        time = time.copy()
+        for row in inside:
+            end = next((start for start in self.table.starts if start > row), len(time))
+            if time[row] < time[row - 1]:
+                step = time[row - 1] - time[row - 2] if row > 1 else 0.0
+                time[row:end] += time[row - 1] + max(step, 0.0) - time[row]
+        self.notes.append("each segment sets the clock back: it goes on from the segment before")
+        return time
 
     def _lever(self) -> Lever:
         lever = Lever.of(self.source, self.table.stated, self.options.calibration)

@@ -84,10 +84,16 @@ def _separator(line: str) -> str:
     """What separates a row of two numbers or more; '' of any other line."""
     if _DIGIT.search(line) is None or line.lstrip().startswith(_COMMENT):
         return ""
+    some = ""
     for separator in ("\t", ";", ",", " "):
-        if (separator in line or separator == " ") and sum(map(is_number, _split(line, separator))) >= 2:
-            return separator
-    return ""
+        if separator in line or separator == " ":
+            cells = _split(line, separator)
+            count = sum(map(is_number, cells))
+            # "1,5 2,25" holds two numbers between commas too, and a cell that is none.
+            if count >= 2 and count == sum(map(bool, map(str.strip, cells))):
+                return separator
+            some = some or (separator if count >= 2 else "")
+    return some
 
 
 def _layout(lines: Sequence[str]) -> tuple[Layout, str] | None:

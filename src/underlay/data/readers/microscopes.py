@@ -319,9 +319,10 @@ def _nid_curve(
         known = unit in {"N", "m", "V"}
         source.require(known, f": a deflection in {unit!r:.20}, not in N, m or V")
         forces.append(lever.force(source, values, unit))
-        travels.append(_axis(source, groups[group]).line(number, backwards=backwards))
-        count = len(values)
-        source.require(len(travels[-1]) == count, f": {group!r} has channels of different lengths")
+        axis, count = _axis(source, groups[group]), len(values)
+        there = number < len(axis.points) and len(axis.line(number, backwards=backwards)) == count
+        source.require(there, f": {group!r} has channels of different lengths")
+        travels.append(axis.line(number, backwards=backwards))
         lasted, planned = (nid.number(_TIMES, f"{setting}{key}") or 0.0 for key in ("Time", "Datapoints"))
         timed &= lasted > 0.0 and planned > 0.0
         # One that was stopped early took its share.
