@@ -212,12 +212,16 @@ def plugged_readers(known: Sequence[Format]) -> tuple[Plugin, ...]:
     """Load the readers that other packages add, beside those that are `known`; see `underlay.plugins`."""
     taken = {entry.name for entry in known}
     judged = []
-    for plugin in plugins(READERS, lambda _, thing: "" if isinstance(thing, Format) else "it is no Format"):
+    for plugin in plugins(READERS, _fault):
         name = "" if plugin.fault else plugin.thing.name
         second = replace(plugin, thing=None, fault=f"another format is called {name!r}")
         judged.append(second if name in taken else plugin)
         taken |= {name} - {""}
     return tuple(judged)
+
+
+def _fault(_: str, thing: object) -> str:
+    return "" if isinstance(thing, Format) else "it is no Format"
 
 
 def added_formats(known: Sequence[Format]) -> tuple[Format, ...]:
