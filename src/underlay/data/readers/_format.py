@@ -21,37 +21,12 @@ from underlay._arrays import FloatArray
 from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._source import Source
+from underlay.data.readers._words import SAID
 from underlay.errors import CurveError, InputError, MissingExtraError, UnderlayError, UnderlayWarning
 from underlay.plugins import READERS, Plugin, plugins
 
 # Rows left out that are named.
 _LISTED = 5
-# Where a mark stands, the mark, what the file is, and what to do. No reader of these is maintained, or none is
-# known to read forces; a TAR archive has its mark behind the first name, Asylum's container behind a check sum and
-# a size.
-_AS_TEXT = "export the curves from {} as text with names and units in the first row"
-_ASYLUM = "export its curves from Asylum's Igor program as .ibw, one a file, which are read"
-_UNPACK = "unpack it, or pack the curves as a ZIP archive (.zip), which is read"
-_KNOWN = (
-    (
-        *(0, b"MATLAB 7.3 MAT-file", "a MATLAB file of version 7.3"),
-        "save it in MATLAB with save(name, variables, '-v7'), which is read",
-    ),
-    (
-        *(0, b"\x01\xb0\x93\xff", "an NT-MDT file (.mdt)"),
-        "open it in NT-MDT's Nova or Image Analysis and export the curves as text (.txt), which is read",
-    ),
-    (0, b"GWYP", "a Gwyddion file (.gwy)", _AS_TEXT.format("Gwyddion")),
-    (0, b"WIT_PR06", "a WITec project (.wip)", _AS_TEXT.format("WITec's Project")),
-    (0, b"BZh", "compressed by bzip2 (.bz2)", _UNPACK),
-    (0, b"\xfd7zXZ\0", "compressed by xz (.xz)", _UNPACK),
-    (0, b"\x28\xb5\x2f\xfd", "compressed by Zstandard (.zst)", _UNPACK),
-    (0, b"7z\xbc\xaf\x27\x1c", "an archive of 7-Zip (.7z)", _UNPACK),
-    (0, b"Rar!\x1a\x07", "an archive of RAR (.rar)", _UNPACK),
-    (257, b"ustar", "an archive of tar (.tar)", _UNPACK),
-    (8, b"ARDF", "an Asylum Research map (.ardf)", _ASYLUM),
-    (0, b"ARDF", "an Asylum Research map (.ardf)", _ASYLUM),
-)
 
 
 @dataclass(frozen=True)
@@ -271,7 +246,7 @@ def way_out(source: Source) -> str:
     >>> way_out(Source(Path("a.mdt"), bytes([0x01, 0xB0, 0x93, 0xFF, 0]), ""))[:24]
     'an NT-MDT file (.mdt), w'
     """
-    for at, mark, what, advice in _KNOWN:
-        if source.data.startswith(mark, at):
-            return f"{what}, which is not read here: {advice}"
+    for known in SAID["not_read"]:
+        if source.data.startswith(known["mark"].encode("latin-1"), known.get("at", 0)):
+            return f"{known['what']}, which is not read here: {known['advice']}"
     return ""
