@@ -63,7 +63,7 @@ def _kind(source: Source) -> str:
     head = source.head(2000)
     if _TAB_MARK in head:
         return "tab"
-    if head.startswith("Force-Distance Curve") and "File Format" in head:
+    if head.startswith("Force-Distance Curve") and ("File Format" in head or "Software Version" in head):
         return "workshop"
     lines = [line for line in head.split("\n") if line][:4]
     return "ntmdt" if len(lines) == 4 and all(map(_NTMDT_ROW.fullmatch, lines[:3])) else ""

@@ -328,7 +328,7 @@ def _blocks(source: Source, lines: Sequence[str]) -> list[_Block]:
 
 
 def _mach1_part(source: Source, number: int, block: _Block, search: _Block | None) -> Part:
-    called = f"block {number} ({block.function})"
+    called = f"block {number} ({block.function:.60})"
     where = f"{source.name}, {called}"
     part = block.part(where, called)
     axis, cell = block.axes["stage"], block.axes["force"]
