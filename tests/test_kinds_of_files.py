@@ -413,6 +413,23 @@ def test_asylum_text(kind, put):
 # --- wide tables, in text and in workbooks
 
 
+@pytest.mark.parametrize(
+    "head", ["Time (s),Load (nN),Extension (um)", "Extension,Load\num,nN", "h (um),F (nN),remark"]
+)
+@pytest.mark.parametrize("separator", [",", "\t", ";"])
+def test_the_same_names_side_by_side_are_several_tests(head, separator, put):
+    """As testing machines write several specimens; a column without a name may stand between them."""
+    columns = {"T": TIME, "L": FORCE, "F": FORCE, "r": TIME}
+    one = [columns.get(name[0], DEPTH) for name in head.split("\n")[0].split(",")]
+    lines = [separator.join([*line.split(","), "", *line.split(",")]) for line in head.split("\n")]
+    body = rows(*one, separator=separator).split("\n")[:-1]
+    short = [*body[:200], *[separator * (len(one) - 1)] * 40]
+    text = "\n".join([*lines, *(f"{a}{separator}{separator}{b}" for a, b in zip(body, short, strict=True))])
+    first, second = read_all(put(text))
+    is_whole(first)
+    is_whole(second, 1e-6 * DEPTH[:200], 1e-9 * FORCE[:200])
+
+
 @pytest.mark.parametrize("kind", ["TXT", "xlsx", "names with blanks"])
 def test_anton_paar_tests_side_by_side(kind, put):
     names = {"TXT": ("a_1", "a_2"), "xlsx": ("gel 4%_1", "b"), "names with blanks": ("my gel_1", "my gel_2")}[

@@ -314,7 +314,7 @@ def test_columns_of_the_same_name_are_not_chosen_between_without_a_word(put):
     chosen = ul.read(path, columns={"force": "-force (uN)"})
     np.testing.assert_allclose(chosen.force, [-5e-6, -7e-6])
     assert not chosen.metadata["notes"]
-    beside = ul.read(put("depth (um),force (nN),depth (um),force (nN)\n1,2,1,9\n3,4,2,8\n"))
+    beside = ul.read(put("depth (um),force (nN),depth (um),force (nN),x\n1,2,1,9,1\n3,4,2,8,2\n"))
     assert len(beside.metadata["notes"]) == 2
 
 

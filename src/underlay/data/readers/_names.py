@@ -68,8 +68,8 @@ _WAYS = {
 }
 
 
-def tests_beside(labels: Sequence[str]) -> Sequence[tuple[str, list[int], list[str]]]:
-    """Tests side by side: name, columns and their labels of each; [] for any other table."""
+def tests_beside(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, list[int], list[str]]]:
+    """Tests side by side in a file: name, columns and their labels of each; [] for any other table."""
     for pattern in _BESIDE:
         found: dict[str, dict[str, tuple[int, str]]] = {}
         for index, label in enumerate(labels):
@@ -85,6 +85,18 @@ def tests_beside(labels: Sequence[str]) -> Sequence[tuple[str, list[int], list[s
         ]
         if tests:
             return tests
+    # The same names over and over, as testing machines write several specimens.
+    filled = [index for index, label in enumerate(labels) if label.strip()]
+    names = [labels[index].strip() for index in filled]
+    for width in range(2, len(names) // 2 + 1):
+        block = names[:width]
+        if (
+            len(names) % width == 0
+            and names == block * (len(names) // width)
+            and _serves_by_name(block, None)
+        ):
+            starts = range(0, len(names), width)
+            return [(f"{file}, test {at // width + 1}", filled[at : at + width], block) for at in starts]
     return []
 
 
@@ -252,14 +264,16 @@ def find_names(
 
 def serves(names: Sequence[str], asked: Asked) -> bool:
     """Whether a row of names holds what is asked for, or a depth and a force."""
-    if any(parse_column(str(text), names) is None for text in (asked or {}).values()):
-        return False
-    sides = {} if asked else sides_of(names)
-    return any(
-        bool(there & {"depth", "travel", "height"}) and bool(there & {"force", "deflection"})
-        for labels in (names, *(labels for _, labels in sides.values()))
-        if (there := find_columns(labels, asked).keys())
-    ) or (not asked and bool(tests_beside(names)))
+    if asked:
+        named = all(parse_column(str(text), names) is not None for text in asked.values())
+        return named and _serves_by_name(names, asked)
+    sides = (labels for _, labels in sides_of(names).values())
+    return any(_serves_by_name(labels, None) for labels in (names, *sides)) or bool(tests_beside(names))
+
+
+def _serves_by_name(names: Sequence[str], asked: Asked) -> bool:
+    there = find_columns(names, asked).keys()
+    return bool(there & {"depth", "travel", "height"}) and bool(there & {"force", "deflection"})
 
 
 def _unlabelled(names: list[str], layout: Layout) -> list[str]:

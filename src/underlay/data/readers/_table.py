@@ -133,7 +133,7 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
         If a column has no unit or one of the wrong kind.
     """
     check_mapping(options.columns)
-    if options.columns is None and (tests := tests_beside(table.labels)):
+    if options.columns is None and (tests := tests_beside(table.labels, source.path.stem)):
         return [
             curve
             for test, indices, labels in tests
