@@ -2,7 +2,7 @@
 
 A file may begin with pages of settings, a table of results or comments. `layout_of` finds the first long run
 of rows of numbers; `find_names` then looks for as many names in the rows above it, else in the comments. Tests may
-stand side by side (`tests_beside`), and so may approach and way back (`sides_of`).
+stand side by side (`side_by_side`), and so may approach and way back (`sides_of`).
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ _WAYS = {
 }
 
 
-def tests_beside(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, list[int], list[str]]]:
+def side_by_side(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, list[int], list[str]]]:
     """Tests side by side in a file: name, columns and their labels of each; [] for any other table."""
     for pattern in _BESIDE:
         found: dict[str, dict[str, tuple[int, str]]] = {}
@@ -268,7 +268,7 @@ def serves(names: Sequence[str], asked: Asked) -> bool:
         named = all(parse_column(str(text), names) is not None for text in asked.values())
         return named and _serves_by_name(names, asked)
     sides = (labels for _, labels in sides_of(names).values())
-    return any(_serves_by_name(labels, None) for labels in (names, *sides)) or bool(tests_beside(names))
+    return any(_serves_by_name(labels, None) for labels in (names, *sides)) or bool(side_by_side(names))
 
 
 def _serves_by_name(names: Sequence[str], asked: Asked) -> bool:

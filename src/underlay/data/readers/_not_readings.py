@@ -110,7 +110,7 @@ def require_readings(
     why = (
         _names_of_tests(labels, some)
         or _words_of_tests(labels)
-        or _tests_beside_moduli(labels, units, some, depth, force)
+        or _side_by_side_moduli(labels, units, some, depth, force)
     )
     source.require(
         not why,
@@ -151,7 +151,7 @@ def is_count(label: str, *, of_tests: bool = False) -> bool:
     return name in _NUMBERED or (of_tests and name in _NAMED)
 
 
-def _tests_beside_moduli(
+def _side_by_side_moduli(
     labels: Sequence[str],
     units: Sequence[str],
     rows: Sequence[Sequence[str]],

@@ -32,7 +32,7 @@ from underlay.data.readers._columns import (
 )
 from underlay.data.readers._format import Options, make_curve
 from underlay.data.readers._lever import Lever
-from underlay.data.readers._names import sides_of, tests_beside
+from underlay.data.readers._names import side_by_side, sides_of
 from underlay.data.readers._not_readings import (
     beginnings,
     is_count,
@@ -133,7 +133,7 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
         If a column has no unit or one of the wrong kind.
     """
     check_mapping(options.columns)
-    if options.columns is None and (tests := tests_beside(table.labels, source.path.stem)):
+    if options.columns is None and (tests := side_by_side(table.labels, source.path.stem)):
         return [
             curve
             for test, indices, labels in tests
