@@ -8,7 +8,7 @@ force. A column whose commas may be of thousands or of decimals is refused rathe
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -112,14 +112,14 @@ class Table:
 
     def of(self, indices: Sequence[int], labels: Sequence[str]) -> Table:
         """The table of some of the columns under other names, without the rows in which all of them are empty."""
-        rows = [[_cell(row, at) for at in indices] for row in self.rows]
+        rows = [[row[at] if at < len(row) else "" for at in indices] for row in self.rows]
         units = [self.units[at] for at in indices] if self.units else ()
         kept = [row for row in rows if any(cell.strip() for cell in row)]
         return replace(self, labels=labels, rows=kept, units=units, breaks=())
 
 
-def _cell(row: Sequence[str], at: int) -> str:
-    return row[at] if at < len(row) else ""
+def _column(rows: Iterable[Sequence[str]], at: int) -> list[str]:
+    return [row[at] if at < len(row) else "" for row in rows]
 
 
 def table_curves(source: Source, table: Table, options: Options, **metadata: Any) -> list[Curve]:
@@ -252,9 +252,10 @@ class _Reader:
             for row, label in self.table.segments:
                 labels[row:] = label
         elif "segment" in self.found:
-            cells = [bare_cell(_cell(row, self.found["segment"])).lower() for row in self.rows]
-            if set(cells) <= {LOADING, HOLD, UNLOADING}:
-                labels = np.array(cells, dtype="<U9")
+            cells = _column(self.rows, self.found["segment"])
+            said = {cell: bare_cell(cell).lower() for cell in set(cells)}
+            if set(said.values()) <= {LOADING, HOLD, UNLOADING}:
+                labels = np.array([said[cell] for cell in cells], dtype="<U9")
             else:
                 told = (
                     "the segment column is not used: it holds other words than loading, hold and unloading",
@@ -263,7 +264,7 @@ class _Reader:
         marks = [at for at, label in enumerate(self.labels) if label.lower() in {"markers", "marker"}]
         if labels is None and marks:
             motion = Curve(depth, force, time).segments() if np.isfinite(depth).all() else None
-            return marked([_cell(row, marks[0]) for row in self.rows], motion), told
+            return marked(_column(self.rows, marks[0]), motion), told
         if labels is not None and np.isfinite([depth, force]).all():
             clock = None if time is None or not np.isfinite(time).all() else time
             labels, against = against_motion(labels, depth, clock, force)
@@ -281,7 +282,7 @@ class _Reader:
         """Rows at which a column that counts tests has another number; [] without one."""
         for index, label in enumerate(self.labels):
             if is_count(label, of_tests=True):
-                cells = np.array([_cell(row, index).strip() for row in self.rows])
+                cells = np.array([cell.strip() for cell in _column(self.rows, index)])
                 starts = [0, *(np.flatnonzero(cells[1:] != cells[:-1]) + 1).tolist()]
                 if len(starts) > 1 and len(cells) >= 8 * len(starts):
                     return starts

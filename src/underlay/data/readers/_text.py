@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -68,6 +68,10 @@ class Lines(Sequence[Sequence[str]]):
 
     def __len__(self) -> int:
         return len(self.lines)
+
+    def __iter__(self) -> Iterator[list[str]]:
+        between = self.between
+        return (line.split(between) for line in self.lines)
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
@@ -299,10 +303,9 @@ def numbers(
         If a row is too short or a cell is not a number.
     """
     if comma is None:
-        shown = (row[at] for row in rows[:_SHOWN] for at in indices if at < len(row))
         some = not isinstance(rows, Lines) or any("," in line for line in rows.lines[:_SHOWN])
-        text = " ".join(shown) if some else ""
-        comma = "," in text and "." not in text
+        shown = [row[at] for row in rows[:_SHOWN] for at in indices if at < len(row)] if some else []
+        comma = any("," in cell for cell in shown) and not any("." in cell for cell in shown)
     if isinstance(rows, Arrays):
         table: FloatArray | None = np.column_stack([rows.columns[at] for at in indices]).astype(np.float64)
     else:
