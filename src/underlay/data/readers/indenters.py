@@ -278,7 +278,9 @@ class _Block:
         names = [label for label, _ in labels]
         found = {role: names.index(axis) for role, axis in self.axes.items() if axis in names}
         if missing := [self.axes[role] for role in ("time", "stage", "force") if role not in found]:
-            raise FileFormatError(f"{where} has no column {missing[0]!r:.80}; it has {names_there(self.rows[0])}")
+            raise FileFormatError(
+                f"{where} has no column {missing[0]!r:.80}; it has {names_there(self.rows[0])}"
+            )
         kind, unit = self.settings.get("Load Cell Type", "").lower(), labels[found["force"]][1]
         # Multi-axis cells, which read newtons, read compression negative.
         turned = (kind.startswith("multi") or unit == "N") and not kind.startswith("single")

@@ -69,8 +69,8 @@ def _finite(text: str) -> float | None:
 # Igor binary waves begin with their version, in either byte order; Asylum's note names the spring constant.
 _ORDERS = {b"\x05\x00": "<", b"\x00\x05": ">"}
 _NOTE = b"SpringConstant"
-# Header of version 5: sizes of the parts from byte 4 on, its own end at 64, points at 76, dimensions at 132.
-_SIZES, _POINTS, _DIMENSIONS, _OWN, _HEADERS = ("13i", 4), ("i", 76), ("4i", 132), 64, 384
+# Of the headers of version 5: sizes of the thirteen parts, points, and four dimensions; the first header, and both.
+_CLAIMS, _OWN, _HEADERS = "4x13i20xi52x4i", 64, 384
 _IBW_HEIGHTS = ("ZSnsr", "ZSensor", "LVDT", "Raw", "ZPiezo", "Height")
 _IBW_DEFL, _SPRING = ("Defl", "Deflection"), _NOTE.decode()
 _IBW_ABOUT = {
@@ -86,11 +86,9 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
     data = source.data
     source.require(data[:2] in _ORDERS, "is no Igor binary wave of version 5")
     source.require(len(data) >= _HEADERS, "ends within its header")
-    sizes, points, dimensions = (
-        struct.unpack_from(_ORDERS[data[:2]] + kind, data, at) for kind, at in (_SIZES, _POINTS, _DIMENSIONS)
-    )
-    product = math.prod(size for size in dimensions if size)
-    claims = (*sizes, *points, *dimensions, product, _OWN + sum(sizes))
+    claimed = struct.unpack_from(_ORDERS[data[:2]] + _CLAIMS, data)
+    product = math.prod(size for size in claimed[-4:] if size)
+    claims = (*claimed, product, _OWN + sum(claimed[:13]))
     sound = min(claims) >= 0 and max(claims) <= len(data)
     source.require(sound, f"claims {max(claims)} points or bytes; it has {len(data)} bytes")
     with understood(source.name, CURVES):
