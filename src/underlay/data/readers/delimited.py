@@ -27,7 +27,7 @@ from typing import Any
 from underlay._door import parse_json
 from underlay._text import one_line
 from underlay.data.curve import Curve
-from underlay.data.export import METADATA_MARK
+from underlay.data.export import METADATA_MARK, restored
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._names import (
     Layout,
@@ -41,7 +41,6 @@ from underlay.data.readers._names import (
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import Lines, is_number, lines_and_gaps
-from underlay.data.readers.exported import restored
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import UnitError
 from underlay.units import kind_of, parse_quantity

@@ -1,13 +1,12 @@
 """Curves that underlay itself wrote, read back from JSON and HDF5 (`underlay.data.export`).
 
 A file that says it is ours may have been changed: of what it says about its curve, only what is of the right
-kind is taken (`restored`).
+kind is taken (`underlay.data.export.restored`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,64 +14,15 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay._door import parse_json, understood
 from underlay.data.curve import Curve
-from underlay.data.export import HDF5_MARK
+from underlay.data.export import HDF5_MARK, restored
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import curve_groups, is_own, open_checked
 from underlay.data.readers._source import CURVES, Source
 from underlay.data.readers._text import decode
 
-__all__ = ["HDF5_FORMAT", "JSON_FORMAT", "restored"]
+__all__ = ["HDF5_FORMAT", "JSON_FORMAT"]
 
-# What says where a file came from; that of the original is kept under "origin" and not mixed with the copy's.
-_PROVENANCE = ("path", "member", "sha256", "format", "reader", "test")
 _SIGNS = {"depth": "as exported", "force": "as exported"}
-# What the reading says anew.
-_ANEW = ("units", "points_left_out", "comments")
-_LARGEST = 2**53
-# What other parts rely on being a number.
-_NUMBERS = {
-    *("indenter_radius", "spring_constant", "software_contact_depth", "instrument_reduced_modulus"),
-    *("search_criterion", "search_reached", "contact_height", "initial_gap"),
-}
-
-
-def restored(curve: Curve, about: Any) -> Curve:
-    """Add to a curve what its file says about the curve it was exported from.
-
-    A file is not trusted: what is not of its kind is left out.
-    """
-    if not isinstance(about, dict):
-        return curve
-    stored = about.get("metadata")
-    metadata = dict(stored) if isinstance(stored, dict) else {}
-    origin = {key: metadata.pop(key) for key in _PROVENANCE if key in metadata}
-    notes, truth, further = metadata.pop("notes", []), about.get("truth"), about.get("columns")
-    kept = {
-        key: value
-        for key, value in metadata.items()
-        if key not in _ANEW
-        and (key not in _NUMBERS or (isinstance(value, int | float) and not isinstance(value, bool)))
-        and (key != "name" or isinstance(value, str))
-    }
-    told = [note for note in notes if isinstance(note, str)] if isinstance(notes, list) else []
-    # Further columns (SI) as far as they are columns of numbers, null for none, as long as the curve.
-    columns = {
-        name: np.array(values, dtype=np.float64)
-        for name, values in (further if isinstance(further, dict) else {}).items()
-        if isinstance(values, list) and len(values) == len(curve) and all(map(_is_number_or_none, values))
-    }
-    first = {"origin": origin} if origin else {}
-    return replace(
-        curve,
-        metadata={**curve.metadata, **kept, **first, "notes": (*told, *curve.metadata["notes"])},
-        truth=truth if isinstance(truth, dict) else None,
-        columns=columns,
-    )
-
-
-def _is_number_or_none(value: Any) -> bool:
-    # Whole numbers of any length are JSON; beyond a float they are no reading.
-    return value is None or isinstance(value, float) or (type(value) is int and abs(value) < _LARGEST)
 
 
 def _read_json(source: Source, options: Options) -> list[Curve]:

@@ -69,8 +69,8 @@ def _finite(text: str) -> float | None:
 # Igor binary waves begin with their version, in either byte order; Asylum's note names the spring constant.
 _ORDERS = {b"\x05\x00": "<", b"\x00\x05": ">"}
 _NOTE = b"SpringConstant"
-# Of the headers of version 5: sizes of the thirteen parts, points, and four dimensions; the first header, and both.
-_CLAIMS, _OWN, _HEADERS = "4x13i20xi52x4i", 64, 384
+# Of the headers of version 5, of 384 bytes: sizes of the thirteen parts, points, and four dimensions.
+_CLAIMS, _HEADERS = "4x13i20xi52x4i", 384
 _IBW_HEIGHTS = ("ZSnsr", "ZSensor", "LVDT", "Raw", "ZPiezo", "Height")
 _IBW_DEFL, _SPRING = ("Defl", "Deflection"), _NOTE.decode()
 _IBW_ABOUT = {
@@ -88,7 +88,7 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
     source.require(len(data) >= _HEADERS, "ends within its header")
     claimed = struct.unpack_from(_ORDERS[data[:2]] + _CLAIMS, data)
     product = math.prod(size for size in claimed[-4:] if size)
-    claims = (*claimed, product, _OWN + sum(claimed[:13]))
+    claims = (*claimed, product, 64 + sum(claimed[:13]))  # the sizes are of what follows the first header
     sound = min(claims) >= 0 and max(claims) <= len(data)
     source.require(sound, f"claims {max(claims)} points or bytes; it has {len(data)} bytes")
     with understood(source.name, CURVES):
@@ -368,7 +368,8 @@ NANOSURF = Format(
 # --- Park
 
 
-_MAGIC = struct.pack("<HHII", 50432, 4, 1, 235082497)
+# Tag 50432, one whole number: the mark of Park Systems.
+_MAGIC = b"\x00\xc5\x04\x00\x01\x00\x00\x00\x01\x13\x03\x0e"
 # Tags: header of the spectroscopy, its values, program, date; and bytes of one item of a type.
 _SPECTRA, _VALUES, _SOFTWARE, _DATE = 50438, 50439, 305, 306
 _ITEM = {1: 1, 2: 1, 3: 2, 4: 4, 7: 1}
