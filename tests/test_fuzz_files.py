@@ -71,6 +71,7 @@ def test_the_stored_result_of_the_long_run_is_clean():
     assert {outcome.split(":")[0] for outcome in result["outcomes"]} == KINDS
     assert result["command"].startswith("python tests/fuzz_files.py")
     assert result["files"] >= 100_000
+    assert result["outcomes"]["curve: fitted"] >= 20_000  # past parsing, quality and contact
     assert result["failures"] == []
     assert result["slowest_seconds"] < 5.0
     assert result["largest_memory_growth_mb"] < 500
