@@ -5,7 +5,8 @@ records, posteriors, chains, tables and journals of maps; `support.file_kinds`),
 numbers, values, lines or archive members changed (`support.mutations`). Curves are read by their content and by
 the reader they were made for. What must hold:
 
-* only errors of underlay are raised, and each is one line;
+* only errors of underlay are raised, and each is one line, also where the first curve that is read is judged, its
+  contact looked for and a modulus fitted ("read", "judged" and "fitted" say how far it came);
 * no reading takes over 5 seconds of one core (a wait of 30 seconds ends the child and is a failure);
 * memory never grows by more than 500 MB;
 * no file is opened or left but the one that was named and what its own reader keeps beside it.
@@ -114,8 +115,8 @@ class Tally:
         faults = []
         began = time.process_time()
         try:
-            original.read(path)
-            outcome = "read"
+            came = original.read(path)
+            outcome = came if isinstance(came, str) else "read"
         except ul.UnderlayError as error:
             outcome = type(error).__name__
             if len(str(error)) > 2000:

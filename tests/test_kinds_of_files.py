@@ -64,6 +64,9 @@ def is_whole(curve, depth=DEPTH * 1e-6, force=FORCE * 1e-9):
         ("# columns:\n# depth force other\n# units: um nN V", " "),
         ("Fields: depth force other", " "),
         ("# depth (um) force (nN) other", " "),
+        ("# Column 1: depth (um)\n# Column 2: force (nN)\n# Column 3: other", " "),
+        ("% 1. depth (um)\n% 2. force (nN)\n% 3. other (V)", "\t"),
+        ("# Spalte #1 = depth [um]\n# Spalte #2 = force [nN]\n# Spalte #3 = other", ";"),
     ],
 )
 def test_a_label_in_front_of_the_names_is_none(head, separator, put):
@@ -97,6 +100,7 @@ def stacked():
     one = rows(DEPTH, FORCE, TIME, separator=",")
     back = rows(np.r_[DEPTH, DEPTH[::-1]], np.r_[FORCE, FORCE[::-1]], np.linspace(0, 24, 480), separator=",")
     short = rows(DEPTH, FORCE, separator=",")
+    there = rows(np.r_[DEPTH, DEPTH[::-1]], np.r_[FORCE, FORCE[::-1]], separator=",")
     return {
         "blank rows": head + one + "\n" + one + "\n" + one,
         "rows of separators": head + one + ",,\n" + one + ",,\n" + one,
@@ -106,6 +110,8 @@ def stacked():
         "depth alone": "z_tip (um),F (nN)\n" + 3 * short,
         "numbers of tests": "z_tip (um),F (nN),Test\n"
         + "".join(rows(DEPTH, FORCE, np.full(240, k), separator=",") for k in (1, 2, 3)),
+        "names of samples": "z_tip (um),F (nN),Sample ID\n"
+        + "".join(there.replace("\n", f",{name}\n") for name in ("gel a", "gel b", "gel c")),
         "way in and out, blank rows": head + "\n\n".join([back] * 3),
         "other zero": "z_tip (um),F (nN)\n"
         + "\n".join(rows(DEPTH + shift, FORCE, separator=",") for shift in (0.0, 0.5, -0.5)),
@@ -324,13 +330,31 @@ def jpk_text(names, fancy, segments):
         ),
     ],
 )
-def test_jpk_text_exports(names, fancy, segments, put):
-    curve = ul.read(put(jpk_text(names.split(), fancy, segments.split())))
+@pytest.mark.parametrize("comma", [False, True])
+def test_jpk_text_exports(names, fancy, segments, comma, put):
+    text = jpk_text(names.split(), fancy, segments.split())
+    curve = ul.read(put(re.sub(r"(\d)\.(\d+E)", r"\1,\2", text) if comma else text))
     words = {"extend": "loading", "retract": "unloading", "pause": "hold"}
     assert list(curve.segment) == list(np.repeat([words[s] for s in segments.split()], 240))
     np.testing.assert_allclose(curve.loading().force, FORCE * 1e-9, rtol=1e-8, atol=1e-17)
     np.testing.assert_allclose(curve.loading().depth, (DEPTH - 9.0) * 1e-6, atol=1e-14)
     assert curve.metadata["spring_constant"] == STIFFNESS
+
+
+@pytest.mark.parametrize("segments", ["extend retract", "extend pause retract", "pause extend pause"])
+def test_a_clock_that_each_segment_sets_back_goes_on(segments, put):
+    text = jpk_text(["measuredHeight", "vDeflection"], "", segments.split()).split("\n")
+    clock, count = iter([]), 0
+    for at, line in enumerate(text):
+        if line.startswith("# segment:"):
+            clock = iter(TIME)
+        elif line.startswith(("# columns:", "# units:")):
+            text[at] = f"{line} {'time' if 'columns' in line else 's'}"
+        elif line and not line.startswith("#"):
+            text[at], count = f"{line} {next(clock):.6f}", count + 1
+    curve = ul.read(put("\n".join(text)))
+    np.testing.assert_allclose(curve.time, np.arange(count) * TIME[1], atol=1e-5)
+    assert any("sets the clock back" in note for note in curve.metadata["notes"])
 
 
 @pytest.mark.parametrize("head", [0, 8, 658])
@@ -389,6 +413,23 @@ def test_asylum_text(kind, put):
 # --- wide tables, in text and in workbooks
 
 
+@pytest.mark.parametrize(
+    "head", ["Time (s),Load (nN),Extension (um)", "Extension,Load\num,nN", "h (um),F (nN),remark"]
+)
+@pytest.mark.parametrize("separator", [",", "\t", ";"])
+def test_the_same_names_side_by_side_are_several_tests(head, separator, put):
+    """As testing machines write several specimens; a column without a name may stand between them."""
+    columns = {"T": TIME, "L": FORCE, "F": FORCE, "r": TIME}
+    one = [columns.get(name[0], DEPTH) for name in head.split("\n")[0].split(",")]
+    lines = [separator.join([*line.split(","), "", *line.split(",")]) for line in head.split("\n")]
+    body = rows(*one, separator=separator).split("\n")[:-1]
+    short = [*body[:200], *[separator * (len(one) - 1)] * 40]
+    text = "\n".join([*lines, *(f"{a}{separator}{separator}{b}" for a, b in zip(body, short, strict=True))])
+    first, second = read_all(put(text))
+    is_whole(first)
+    is_whole(second, 1e-6 * DEPTH[:200], 1e-9 * FORCE[:200])
+
+
 @pytest.mark.parametrize("kind", ["TXT", "xlsx", "names with blanks"])
 def test_anton_paar_tests_side_by_side(kind, put):
     names = {"TXT": ("a_1", "a_2"), "xlsx": ("gel 4%_1", "b"), "names with blanks": ("my gel_1", "my gel_2")}[
@@ -442,6 +483,10 @@ def test_anton_paar_tests_side_by_side(kind, put):
         ("Displacement um,Force nN", 1.0),
         ("h (um),P (nN)", 1.0),
         ("Axial Displacement (um),Axial Force (nN)", 1.0),
+        ("Position(z) (um),Fz (nN)", 1.0),
+        ("Deformation (um),Normal Load (nN)", 1.0),
+        ("profundidade (um),força (nN)", 1.0),
+        ("深度 (um),载荷 (nN)", 1.0),
         ("depth (um),weight_g,force (g)", 9.80665e6),
         ("depth (um),force in lbs", 4.4482216152605e9),
         ("depth (um),Load_kg", 9.80665e9),

@@ -314,7 +314,7 @@ def test_columns_of_the_same_name_are_not_chosen_between_without_a_word(put):
     chosen = ul.read(path, columns={"force": "-force (uN)"})
     np.testing.assert_allclose(chosen.force, [-5e-6, -7e-6])
     assert not chosen.metadata["notes"]
-    beside = ul.read(put("depth (um),force (nN),depth (um),force (nN)\n1,2,1,9\n3,4,2,8\n"))
+    beside = ul.read(put("depth (um),force (nN),depth (um),force (nN),x\n1,2,1,9,1\n3,4,2,8,2\n"))
     assert len(beside.metadata["notes"]) == 2
 
 
@@ -682,6 +682,10 @@ def test_afm_workshop_keeps_its_own_calibration_beside_the_one_given(put):
     assert "file_sensitivity" not in given.metadata  # 1 stands for "not set"
     with pytest.raises(ul.InputError, match="holds forces, not volts"):
         ul.read(put(files.workshop()), calibration={"sensitivity": "60 nm/V"})
+    # Version 4 of the program names itself in place of the format.
+    later = files.workshop(unset, "T-B(V)").replace(b"File Format:\t3", b"Software Version:\t4.0.0.62")
+    with pytest.raises(ul.InputError, match="does not hold its calibration"):
+        ul.read(put(later))
 
 
 def test_ntmdt_takes_a_current_sensitivity(put):

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import afmformats
 import numpy as np
 import pytest
 
@@ -9,8 +10,6 @@ import underlay as ul
 from support import chiaro_sample, real_data
 from support.real_data import real_file
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED
-from underlay.data.readers._source import load
-from underlay.data.readers.jpk import read_jpk
 
 SAMPLE = Path(__file__).resolve().parents[1] / "data_samples" / "chiaro_cell_indentation.csv"
 # The instrument's own Hertz result, in the header of the file: E[eff] = E/(1-nu^2), in Pa.
@@ -146,13 +145,15 @@ def test_mach1_ramps_in_air_are_refused():
 
 @pytest.mark.parametrize("name", [real_data.JPK, real_data.JPK_CREEP])
 def test_our_jpk_reader_and_afmformats_agree_exactly(name):
-    theirs = ul.read(real_file(name))
-    assert theirs.metadata["notes"] == ()
-    ours = read_jpk(load(real_file(name)), {})[0]
-    np.testing.assert_array_equal(-(ours.height + ours.force / ours.stiffness), theirs.depth)
-    np.testing.assert_array_equal(ours.force, theirs.force)
-    np.testing.assert_allclose(ours.time, theirs.time, atol=1e-12)
-    assert list(ours.segment) == list(theirs.segment)
+    ours, theirs = ul.read(real_file(name)), afmformats.load_data(real_file(name))[0]
+    height, force = (np.asarray(theirs[column]) for column in ("height (measured)", "force"))
+    assert ours.metadata["notes"] == ()
+    np.testing.assert_array_equal(ours.force, force)
+    stiffness = theirs.metadata["spring constant"]
+    np.testing.assert_array_equal(ours.depth, -height - force / stiffness)
+    np.testing.assert_allclose(ours.time, theirs["time"], atol=1e-12)
+    changes = np.flatnonzero(np.diff(theirs["segment"]))
+    np.testing.assert_array_equal(np.flatnonzero(ours.segment[1:] != ours.segment[:-1]), changes)
 
 
 def test_jpk_approach_and_retract():

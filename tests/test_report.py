@@ -247,6 +247,11 @@ def test_a_curve_is_no_map(tmp_path):
     assert not maps.is_map(wrong)
     with pytest.raises(ul.FileFormatError, match="no column 'reason'"):
         maps.read_map(wrong)
+    wrong.write_text(
+        "name,path,status,verdict,reason,cause,layer.E,layer.E.stat.low\na,b,fitted,good,,,1.0,0.9\n"
+    )
+    with pytest.raises(ul.FileFormatError, match=r"no column 'layer\.E\.stat\.high'"):
+        maps.read_map(wrong)
     with pytest.raises(ul.FileAccessError):
         maps.is_map(tmp_path / "none.csv")
 

@@ -72,13 +72,23 @@ def _curves(folder):
 
 
 def _read_judged(path, **keywords):
-    """Read the curves of a file, and judge the first of them: that answers in words, whatever a curve holds."""
+    """Read the curves of a file, judge and fit the first of them: each answers in words, whatever a curve holds.
+
+    Returns how far the first curve came: "read", "judged" (it has a contact) or "fitted".
+    """
     curves = ul.read_all(path, **keywords)
+    came = "read"
     for curve in curves[:2]:
         ul.check_quality(curve)
-        with contextlib.suppress(ul.CurveError):
-            ul.find_contact(curve)
-    return curves
+        with contextlib.suppress(ul.UnderlayError):
+            contact = ul.find_contact(curve)
+            came = "judged" if curve is curves[0] else came
+            if curve is curves[0]:
+                instrument = ul.Instrument(contact_depth=contact.depth)
+                scene = ul.Scene(ul.Paraboloid(1e-5), ul.Layer(ul.Isotropic(1e4, 0.5)), instrument=instrument)
+                ul.fit(ul.Problem(scene, curve.loading(), {"layer.E": (1e-2, 1e13)}))
+                came = "fitted"
+    return came
 
 
 def _scenes(_):

@@ -12,6 +12,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from underlay.data.curve import Curve, Metadata
 from underlay.errors import InputError, missing_extra
 from underlay.units import human_unit
 
-__all__ = ["HDF5_MARK", "METADATA_MARK", "curve_csv", "write_curves", "write_json"]
+__all__ = ["HDF5_MARK", "METADATA_MARK", "curve_csv", "restored", "write_curves", "write_json"]
 
 # Seven digits: a ten-thousandth of the finest noise, and the same text wherever the last bit of a force
 # comes out differently.
@@ -219,3 +220,57 @@ _ENCODERS: Mapping[str, Callable[[Sequence[Curve]], bytes]] = {
     ".h5": _hdf5,
     ".hdf5": _hdf5,
 }
+
+
+# --- and read back
+
+
+# What says where a file came from; that of the original is kept under "origin" and not mixed with the copy's.
+_PROVENANCE = ("path", "member", "sha256", "format", "reader", "test")
+# What the reading says anew.
+_ANEW = ("units", "points_left_out", "comments")
+_LARGEST = 2**53
+# What other parts rely on being a number.
+_NUMBERS = {
+    *("indenter_radius", "spring_constant", "software_contact_depth", "instrument_reduced_modulus"),
+    *("search_criterion", "search_reached", "contact_height", "initial_gap"),
+}
+
+
+def restored(curve: Curve, about: Any) -> Curve:
+    """Add to a curve what its file says about the curve it was exported from.
+
+    A file is not trusted: what is not of its kind is left out.
+    """
+    if not isinstance(about, dict):
+        return curve
+    stored = about.get("metadata")
+    metadata = dict(stored) if isinstance(stored, dict) else {}
+    origin = {key: metadata.pop(key) for key in _PROVENANCE if key in metadata}
+    notes, truth, further = metadata.pop("notes", []), about.get("truth"), about.get("columns")
+    kept = {
+        key: value
+        for key, value in metadata.items()
+        if key not in _ANEW
+        and (key not in _NUMBERS or (isinstance(value, int | float) and not isinstance(value, bool)))
+        and (key != "name" or isinstance(value, str))
+    }
+    told = [note for note in notes if isinstance(note, str)] if isinstance(notes, list) else []
+    # Further columns (SI) as far as they are columns of numbers, null for none, as long as the curve.
+    columns = {
+        name: np.array(values, dtype=np.float64)
+        for name, values in (further if isinstance(further, dict) else {}).items()
+        if isinstance(values, list) and len(values) == len(curve) and all(map(_is_number_or_none, values))
+    }
+    first = {"origin": origin} if origin else {}
+    return replace(
+        curve,
+        metadata={**curve.metadata, **kept, **first, "notes": (*told, *curve.metadata["notes"])},
+        truth=truth if isinstance(truth, dict) else None,
+        columns=columns,
+    )
+
+
+def _is_number_or_none(value: Any) -> bool:
+    # Whole numbers of any length are JSON; beyond a float they are no reading.
+    return value is None or isinstance(value, float) or (type(value) is int and abs(value) < _LARGEST)

@@ -12,22 +12,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from underlay._door import printable
 from underlay._version import VERSION
 from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
-    asylum,
     delimited,
-    excel,
     exported,
     indenters,
-    mach1,
+    microscopes,
     nanoscope,
-    nanosurf,
-    park,
     recorded,
     workbooks,
 )
@@ -41,53 +37,42 @@ from underlay.data.readers._format import (
     with_note,
 )
 from underlay.data.readers._hdf5 import Hdf5MapCurve, KeptOpen, curves_of_hdf5
-from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
 from underlay.data.readers._lever import Calibration
 from underlay.data.readers._source import Source, load, unpack
-from underlay.errors import CurveError, FileFormatError, InputError
+from underlay.data.readers.jpk import JpkMapCurve, curves_of_jpk_map
+from underlay.errors import CurveError, InputError
 from underlay.plugins import faults
 
-__all__ = [
-    "FORMATS",
-    "Format",
-    "KeptOpen",
-    "MapCurve",
-    "all_formats",
-    "curves_of_jpk_map",
-    "curves_of_map",
-    "kept_open",
-    "plugged_readers",
-    "read",
-    "read_all",
-    "read_from_map",
-]
+__all__ = ["FORMATS", "Format", "KeptOpen", "MapCurve", "all_formats", "curves_of_jpk_map", "curves_of_map"]
+__all__ += ["kept_open", "plugged_readers", "read", "read_all", "read_from_map"]
 
 #: Every format of this package, in the order in which they are tried on a file. Plain tables come last: many
 #: instrument files look like one.
 FORMATS: tuple[Format, ...] = (
-    mach1.FORMAT,
+    indenters.MACH1,
     indenters.OPTICS11,
     indenters.BIOINDENTER,
     indenters.HYSITRON,
     indenters.FISCHER,
     workbooks.NANOSUITE,
     nanoscope.FORMAT,
-    nanosurf.FORMAT,
-    park.FORMAT,
-    asylum.FORMAT,
+    microscopes.NANOSURF,
+    microscopes.PARK,
+    microscopes.ASYLUM,
     workbooks.TESTXPERT,
     exported.JSON_FORMAT,
     exported.HDF5_FORMAT,
     afm.FORMAT,
     recorded.MATLAB_FORMAT,
     recorded.TDMS_FORMAT,
-    excel.FORMAT,
+    workbooks.EXCEL,
     delimited.FORMAT,
 )
 
 #: One curve of a file of many, which is read alone.
 MapCurve: TypeAlias = JpkMapCurve | Hdf5MapCurve
 
+_Test = TypeVar("_Test")
 _LISTED = 12
 
 
@@ -140,23 +125,24 @@ def read(
     """
     asked = _Asked(format, columns, Calibration.of(calibration))
     if test is not None and len(parts := curves_of_map(path)) > 1:
-        if not 1 <= test <= len(parts):
-            raise InputError(f"there is no test {test}: {Path(path).name} holds {len(parts)} tests")
-        return asked.of_map(parts[test - 1])
+        return asked.of_map(_one_of(parts, test, f"{Path(path).name} holds {len(parts)} tests"))
     source = load(path)
     if test is not None and (one := asked.one(source, test)) is not None:
         return one
     curves = _numbered(asked.all(source))
-    if test is None:
-        if len(curves) == 1:
-            return curves[0]
+    if test is None and len(curves) > 1:
         raise InputError(
             f"{_listing(curves)}. Pick one: test = 1 to test = {len(curves)} in the [curve] section of a scene "
             f"file, or read(path, test=1); read_all takes all of them"
         )
-    if not 1 <= test <= len(curves):
-        raise InputError(f"there is no test {test}: {_listing(curves)}")
-    return curves[test - 1]
+    return curves[0] if test is None else _one_of(curves, test, _listing(curves))
+
+
+def _one_of(tests: Sequence[_Test], test: int, there: str) -> _Test:
+    """A test by its number, from 1."""
+    if not 1 <= test <= len(tests):
+        raise InputError(f"there is no test {test}: {there}")
+    return tests[test - 1]
 
 
 def read_all(
@@ -214,8 +200,7 @@ class _Asked:
     def all(self, source: Source) -> list[Curve]:
         """Every curve of a file, or of the members of an archive."""
         parts, left_out = unpack(source)
-        if not parts and left_out:
-            raise FileFormatError(f"{source.name} holds no curve: {left_out[0]}")
+        source.require(parts or not left_out, f"holds no curve: {''.join(left_out[:1])}")
         alone = len(parts) == 1
         curves = read_parts([(printable(part.member), partial(self._curves, part, alone)) for part in parts])
         if not curves:
@@ -294,17 +279,22 @@ def recognise(source: Source) -> Format:
         if candidate.sniff(source):
             return candidate
     if what := way_out(source):
-        raise FileFormatError(f"{source.name} is {what}")
-    names = ", ".join(known.name for known in all_formats())
-    broken = faults(plugged_readers(FORMATS))
-    raise FileFormatError(f"{source.name} is not recognised as any known format ({names}){broken}")
+        raise source.wrong(f"is {what}")
+    raise source.wrong(f"is not recognised as any known format ({', '.join(_by_name())}){_broken()}")
+
+
+def _by_name() -> dict[str, Format]:
+    return {known.name: known for known in all_formats()}
+
+
+def _broken() -> str:
+    return faults(plugged_readers(FORMATS))
 
 
 def _format_named(name: str) -> Format:
-    known = {candidate.name: candidate for candidate in all_formats()}
+    known = _by_name()
     if name not in known:
-        broken = faults(plugged_readers(FORMATS))
-        raise InputError(f"no format {name!r}; there are {', '.join(known)}{broken}")
+        raise InputError(f"no format {name!r}; there are {', '.join(known)}{_broken()}")
     return known[name]
 
 

@@ -26,66 +26,18 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
-from underlay.data.readers._text import kind_named, listed, plain, split_label, unit_named
+from underlay.data.readers._text import kind_named, plain, split_label, unit_named
+from underlay.data.readers._words import SAID, listed, words
 from underlay.errors import InputError, UnitError
 from underlay.units import unit_factor
-
-__all__ = [
-    "KNOWN",
-    "ROLES",
-    "Column",
-    "Node",
-    "bare_name",
-    "check_mapping",
-    "columns_of",
-    "evaluate",
-    "find_columns",
-    "name_of",
-    "parse_column",
-    "require_kind",
-    "unread",
-]
 
 #: What a column can be, and the kind of quantity it holds.
 ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
 
 #: Names taken for granted, in small letters without accents, best first. English, German, French, Spanish, Italian.
-KNOWN: dict[str, tuple[str, ...]] = {
-    "depth": listed(
-        """depth, indentation, indentation depth, penetration, penetration depth, displacement,
-        displacement into surface, h, w, delta, δ, pd, ind,
-        zugweg, prufweg, traversenweg, stauchung, eindringtiefe, tiefe, eindringung, verschiebung, weg, standardweg,
-        enfoncement, profondeur, deplacement, allongement, profundidad, penetracion, desplazamiento,
-        profondita, penetrazione, spostamento"""
-    ),
-    # Grows towards the sample in most instruments and away from it in others: the motion is asked.
-    "travel": listed(
-        """extension, stroke, travel, position,
-        z, ramp, piezo, z sensor, zsensor, height sensor, zsnsr, lvdt, raw"""
-    ),
-    # Grows away from the sample.
-    "height": listed(
-        """separation, sep, tip sample separation, height measured, measuredheight, straingaugeheight, height,
-        hohe"""
-    ),
-    "force": listed(
-        """force, load, load on sample, normal force, fn, f, p,
-        kraft, normalkraft, prufkraft, standardkraft, last, force normale, force standard, charge, effort,
-        fuerza, fuerza normal, carga, forza, forza normale, carico"""
-    ),
-    # Of a lever: a length, a voltage, or a force already.
-    "deflection": listed(
-        """deflection, defl, vertical deflection, vdeflection, cantilever, cantilever deflection"""
-    ),
-    "time": listed(
-        """time, t, test time, time on sample, elapsed time, zeit, prufzeit, temps, temps d'essai, tiempo, tempo"""
-    ),
-    "segment": ("segment", "segments"),
-}
+KNOWN = {role: listed(text) for role, text in SAID["columns"].items()}
 # What stands beside a name and changes nothing of what it means here.
-_BESIDE = frozenset(
-    listed("axial, compressive, compression, applied, measured, corrected, crosshead, actuator, calc, avg")
-)
+_BESIDE = words("beside")
 # In brackets behind a name, and no unit.
 _REMARKS = frozenset(("measured", "sensor"))
 _CALLED = re.compile(r"(?:column|col\.?|spalte|#)?\s*#?\s*(\d{1,3})\b[\s,:_/]*(.*)", re.IGNORECASE)
@@ -95,23 +47,14 @@ _LATER_UNIT = re.compile(r"\s*[(\[{]([^()\[\]{}]{1,20})[)\]}]")
 # A mapping is a line somebody typed; nested calls stay far from Python's limit.
 _LONGEST, _DEEPEST = 400, 20
 
-Dims: TypeAlias = tuple[int, int, int, int, int]
+Dims: TypeAlias = tuple[int, ...]
 #: Exponents of metre, newton, second, volt and ampere of each kind of quantity that a column may hold.
 _DIMS: dict[str, Dims] = {
-    "length": (1, 0, 0, 0, 0),
-    "force": (0, 1, 0, 0, 0),
-    "time": (0, 0, 1, 0, 0),
-    "voltage": (0, 0, 0, 1, 0),
-    "stiffness": (-1, 1, 0, 0, 0),
-    "compliance": (1, -1, 0, 0, 0),
-    "sensitivity": (1, 0, 0, -1, 0),
-    "current sensitivity": (1, 0, 0, 0, -1),
-    "speed": (1, 0, -1, 0, 0),
-    "loading rate": (0, 1, -1, 0, 0),
-    "pressure": (-2, 1, 0, 0, 0),
-    "frequency": (0, 0, -1, 0, 0),
-    "dimensionless": (0, 0, 0, 0, 0),
-}
+    "length": (1, 0, 0, 0, 0), "force": (0, 1, 0, 0, 0), "time": (0, 0, 1, 0, 0), "voltage": (0, 0, 0, 1, 0),
+    "stiffness": (-1, 1, 0, 0, 0), "compliance": (1, -1, 0, 0, 0), "sensitivity": (1, 0, 0, -1, 0),
+    "current sensitivity": (1, 0, 0, 0, -1), "speed": (1, 0, -1, 0, 0), "loading rate": (0, 1, -1, 0, 0),
+    "pressure": (-2, 1, 0, 0, 0), "frequency": (0, 0, -1, 0, 0), "dimensionless": (0, 0, 0, 0, 0),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -123,21 +66,93 @@ class Column:
 
 
 @dataclass(frozen=True)
-class _Number:
-    value: float
+class _Part:
+    """Values (n,) in SI of a part of a mapping, and their dimension."""
+
+    values: FloatArray | float
     dims: Dims
+
+    def joined(self, sign: str, other: _Part, what: str) -> _Part:
+        """Apply one of ``+ - * /`` to this and another part; the dimension follows."""
+        if sign in "+-":
+            if self.dims != other.dims:
+                raise InputError(
+                    f"{what}: {_told(self.dims)} and {_told(other.dims)} cannot be added; check the units"
+                )
+            return _Part(self.values + (other.values if sign == "+" else -other.values), self.dims)
+        if sign == "/" and not np.all(other.values):
+            raise InputError(f"{what}: it divides by zero")
+        way = 1 if sign == "*" else -1
+        dims = tuple(a + way * b for a, b in zip(self.dims, other.dims, strict=True))
+        return _Part(self.values * other.values if way == 1 else self.values / other.values, dims)
+
+
+_Leaf: TypeAlias = Callable[[Column], _Part]
+_Node: TypeAlias = Callable[[_Leaf, str], _Part]
 
 
 @dataclass(frozen=True)
-class Mix:
-    """A sum, difference, product or quotient in a mapping: its two parts and one of ``+ - * /``."""
+class Asked:
+    """What a mapping asks for: one column, or a sum or product of several.
 
-    sign: str
-    left: Node
-    right: Node
+    Parameters
+    ----------
+    columns : tuple of Column
+        All that are in it, in order.
+    turned : bool
+        Whether a minus sign in front of a single column turns it.
+    node : callable, optional
+        Works out a sum or product; None for a single column.
+    """
+
+    columns: tuple[Column, ...]
+    turned: bool = False
+    node: _Node | None = None
+
+    @property
+    def indices(self) -> list[int]:
+        """Indices of the columns."""
+        return [column.index for column in self.columns]
+
+    def values(
+        self, column: Callable[[Column], FloatArray], unit_of: Callable[[Column], str], kind: str, what: str
+    ) -> FloatArray:
+        """Work out a sum or product of columns in SI.
+
+        Parameters
+        ----------
+        column, unit_of : callable
+            Values (n,) of a column as written, and its unit; empty for a bare number.
+        kind : str
+            What it must come to.
+        what : str
+            What is worked out, for messages.
+
+        Raises
+        ------
+        InputError
+            If lengths are added to forces, or something is divided by zero.
+        UnitError
+            If the unit of a column is not known, or what comes out is of another kind.
+        """
+
+        def leaf(one: Column) -> _Part:
+            unit = unit_of(one)
+            of = kind_named(unit) if unit else "dimensionless"
+            if of not in _DIMS:
+                raise UnitError(f"{what}: the unit {unit!r:.40} of a column in it is not known")
+            return _Part(column(one) * (unit_factor(unit, of) if unit else 1.0), _DIMS[of])
+
+        found = self.node(leaf, what) if self.node else leaf(self.columns[0])
+        if found.dims != _DIMS[kind]:
+            raise UnitError(
+                f"{what} gives {_told(found.dims)}, but a {kind} is needed; check its columns and units"
+            )
+        return np.asarray(found.values)
 
 
-Node: TypeAlias = Column | _Number | Mix
+def _told(dims: Dims) -> str:
+    return next((f"a {kind}" for kind, known in _DIMS.items() if known == dims), "something else")
 
 
 def check_mapping(mapping: Mapping[str, str | int] | None) -> None:
@@ -165,8 +180,7 @@ def name_of(label: str) -> str:
 
 def bare_name(name: str) -> str:
     """Name without words that do not change what it is, such as "axial", "measured" or "corrected"."""
-    words = [word for word in name.split() if word not in _BESIDE]
-    return " ".join(words) or name
+    return " ".join(word for word in name.split() if word not in _BESIDE) or name
 
 
 def find_columns(labels: Sequence[str], mapping: Mapping[str, str | int] | None = None) -> dict[str, int]:
@@ -185,13 +199,11 @@ def find_columns(labels: Sequence[str], mapping: Mapping[str, str | int] | None 
     InputError
         If a sum or product in the mapping cannot be read.
     """
+    mapping = mapping or {}
     known = _known_columns(tuple(label[:_LONGEST] for label in labels))
-    found = {role: index for role, index in known.items() if role not in (mapping or {})}
-    for role, wanted in (mapping or {}).items():
-        parsed = parse_column(str(wanted), labels)
-        if parsed is not None:
-            found[role] = columns_of(parsed[0])[0].index
-    return found
+    found = {role: index for role, index in known.items() if role not in mapping}
+    parsed = {role: parse_column(str(wanted), labels) for role, wanted in mapping.items()}
+    return found | {role: asked.indices[0] for role, asked in parsed.items() if asked is not None}
 
 
 @lru_cache(maxsize=64)
@@ -204,9 +216,9 @@ def _known_columns(labels: tuple[str, ...]) -> Mapping[str, int]:
         wanted = ("length", "voltage") if role == "deflection" else (ROLES.get(role) or "length",)
         for called in (names, [bare_name(name) for name in names]):
             for candidate in (*known, *(KNOWN["deflection"] if role == "force" else ())):
-                there = (
-                    [at for at, name in enumerate(called) if name == candidate] if candidate in called else []
-                )
+                if candidate not in called:
+                    continue
+                there = [at for at, name in enumerate(called) if name == candidate]
                 chosen = [at for kind in wanted for at in there if kinds[at] == kind]
                 # A deflection is a force where its unit says so.
                 if role != "force" or candidate in known:
@@ -227,18 +239,16 @@ def unread(labels: Sequence[str], found: Mapping[str, int], asked: Mapping[str, 
     found, asked : mapping
         Index of the column of each role, and what was asked for.
     """
-    names, units = (
-        [plain(split_label(label)[0]) for label in labels],
-        [split_label(label)[1] for label in labels],
-    )
+    names = [plain(split_label(label)[0]) for label in labels]
+    units = [split_label(label)[1] for label in labels]
     same: list[str] = []
     other: list[str] = []
     for role, index in found.items():
-        label = labels[index].strip()
+        label, name = labels[index].strip(), names[index]
         namesakes = [
             labels[at].strip()
-            for at, name in enumerate(names)
-            if name == names[index]
+            for at in range(len(labels))
+            if names[at] == name
             and at != index
             and len({kind_named(unit) for unit in (units[at], units[index]) if unit}) < 2
         ]
@@ -250,10 +260,8 @@ def unread(labels: Sequence[str], found: Mapping[str, int], asked: Mapping[str, 
                 "holds several tests side by side"
             )
         known = KNOWN[role] if role in {"depth", "force", "time"} and role not in asked else ()
-        rivals = [
-            labels[at].strip() for at, name in enumerate(names) if name in known and name != names[index]
-        ]
-        if rivals and names[index] in known:
+        rivals = [labels[at].strip() for at, one in enumerate(names) if one in known and one != name]
+        if rivals and name in known:
             other.append(
                 f"the {role} is read from {label!r:.80}; not read: {names_there(rivals)}, which may be one too. "
                 "Say which in columns"
@@ -261,15 +269,8 @@ def unread(labels: Sequence[str], found: Mapping[str, int], asked: Mapping[str, 
     return (*same, *other)
 
 
-def columns_of(node: Node) -> list[Column]:
-    """The columns that a mapping is made of, in order."""
-    if isinstance(node, Mix):
-        return [*columns_of(node.left), *columns_of(node.right)]
-    return [node] if isinstance(node, Column) else []
-
-
-def parse_column(text: str, labels: Sequence[str]) -> tuple[Node, bool] | None:
-    """Read what a mapping asks for: a column, or a sum or product of several.
+def parse_column(text: str, labels: Sequence[str]) -> Asked | None:
+    """Read what a mapping asks for: a column, or a sum or product of several; None without such a column.
 
     Parameters
     ----------
@@ -278,94 +279,80 @@ def parse_column(text: str, labels: Sequence[str]) -> tuple[Node, bool] | None:
     labels : sequence of str
         The header, names with or without units.
 
-    Returns
-    -------
-    (node, turned) or None
-        The expression, and whether a minus sign in front of a single column turns it. None if the table has no
-        such column.
-
     Raises
     ------
     InputError
         If it is a sum or a product that cannot be read.
     """
     stripped = text.strip()
-    turned = stripped.startswith("-")
-    bare = stripped.removeprefix("-").strip()
+    turned, bare = stripped.startswith("-"), stripped.removeprefix("-").strip()
     index = _named(bare, labels)
     if index is not None:
-        return Column(index, split_label(bare)[1]), turned
+        return Asked((Column(index, split_label(bare)[1]),), turned)
     numbered = _CALLED.fullmatch(bare)
-    if numbered and _is_unit(numbered[2]):
+    unit = unit_named(numbered[2].strip().strip("()[]{}").removeprefix("in ").strip()) if numbered else ""
+    if numbered and (not unit or kind_named(unit) is not None):
         index = int(numbered[1]) - 1
-        return (Column(index, _unit_in(numbered[2])), turned) if 0 <= index < len(labels) else None
+        return Asked((Column(index, unit),), turned) if 0 <= index < len(labels) else None
     if not re.search(r"[-+*/]", bare):
         return None
     parser = _Parser(stripped, labels)
     node = parser.whole()
-    return None if node is None or not columns_of(node) else (node, False)
+    return None if node is None or not parser.columns else Asked(tuple(parser.columns), node=node)
 
 
 def _named(text: str, labels: Sequence[str]) -> int | None:
     name = plain(split_label(text)[0])
     for of in (plain, lambda label: plain(split_label(label)[0]), name_of):
         for wanted in (plain(text), name, name_of(text)):
-            there = [index for index, label in enumerate(labels) if label.strip() and of(label) == wanted]
-            if there:
-                return there[0]
+            for index, label in enumerate(labels):
+                if label.strip() and of(label) == wanted:
+                    return index
     return None
-
-
-def _unit_in(text: str) -> str:
-    return unit_named(text.strip().strip("()[]{}").removeprefix("in ").strip())
-
-
-def _is_unit(text: str) -> bool:
-    return not text.strip() or kind_named(_unit_in(text)) is not None
-
-
-def _called(label: str) -> tuple[str, str]:
-    return name_of(label), bare_name(name_of(label))
 
 
 class _Parser:
     """Recursive descent over one mapping; None from a part means that a name in it is not in the table."""
 
     def __init__(self, text: str, labels: Sequence[str]) -> None:
-        self.text, self.at, self.deep, self.count = text, 0, 0, len(labels)
-        names = [(plain(label), index) for index, label in enumerate(labels)]
-        names += [(plain(split_label(label)[0]), index) for index, label in enumerate(labels)]
-        names += [(called, index) for index, label in enumerate(labels) for called in _called(label)]
+        self.text, self.at, self.deep, self.count, self.columns = text, 0, 0, len(labels), list[Column]()
+        ways = (
+            plain,
+            lambda label: plain(split_label(label)[0]),
+            name_of,
+            lambda one: bare_name(name_of(one)),
+        )
+        names = [(of(label), index) for of in ways for index, label in enumerate(labels)]
         # The longest first: a name may hold another, or a sign.
         self.names = sorted((pair for pair in names if pair[0]), key=lambda pair: -len(pair[0]))
 
-    def whole(self) -> Node | None:
+    def whole(self) -> _Node | None:
         node = self._sum()
         if node is not None and self._next():
             raise self._refused("what stands there")
         return node
 
-    def _sum(self) -> Node | None:
+    def _sum(self) -> _Node | None:
         return self._chain("+-", lambda: self._chain("*/", self._factor))
 
-    def _chain(self, signs: str, part: Callable[[], Node | None]) -> Node | None:
+    def _chain(self, signs: str, part: Callable[[], _Node | None]) -> _Node | None:
         node = part()
         while node is not None and (sign := self._next()) and sign in signs:
             self.at += 1
             right = part()
-            node = None if right is None else Mix(sign, node, right)
+            node = None if right is None else _joined(sign, node, right)
         return node
 
-    def _factor(self) -> Node | None:
+    def _factor(self) -> _Node | None:
         self.deep += 1
         if self.deep > _DEEPEST:
             raise self._refused("so many brackets and signs")
         letter = self._next()
-        node: Node | None
+        node: _Node | None
         if letter == "-":
             self.at += 1
             inner = self._factor()
-            node = None if inner is None else Mix("*", _Number(-1.0, _DIMS["dimensionless"]), inner)
+            node = inner and _joined("*", _constant(-1.0, "dimensionless"), inner)
         elif letter == "(":
             self.at += 1
             node = self._sum()
@@ -377,22 +364,25 @@ class _Parser:
         self.deep -= 1
         return node
 
-    def _column(self) -> Column | None:
+    def _column(self) -> _Node | None:
         self._next()
         rest = plain(self.text[self.at :]) if self.text.isascii() else self.text[self.at :].lower()
-        for name, index in self.names:
-            end = rest[len(name) : len(name) + 1]
-            if rest.startswith(name) and not (end.isalnum() or end == "_"):
-                self.at += len(name)
-                return Column(index, self._later_unit())
-        numbered = re.match(r"#\s*(\d{1,3})", rest)
-        if numbered:
+        found = next(
+            (one for one in self.names if rest.startswith(one[0]) and _ends(rest, len(one[0]))), None
+        )
+        if found is not None:
+            index = found[1]
+            self.at += len(found[0])
+        elif numbered := re.match(r"#\s*(\d{1,3})", rest):
             index = int(numbered[1]) - 1
             if not 0 <= index < self.count:
                 raise self._refused(f"column {index + 1} of {self.count}")
             self.at += numbered.end()
-            return Column(index, self._later_unit())
-        return None
+        else:
+            return None
+        column = Column(index, self._later_unit())
+        self.columns.append(column)
+        return lambda leaf, _: leaf(column)
 
     def _later_unit(self) -> str:
         matched = _LATER_UNIT.match(self.text, self.at)
@@ -401,20 +391,20 @@ class _Parser:
         self.at = matched.end()
         return unit_named(matched[1])
 
-    def _number(self) -> _Number | None:
+    def _number(self) -> _Node | None:
         matched = _NUMBER.match(self.text, self.at)
         if matched is None:
             return None
         self.at = matched.end()
         unit = _UNIT.match(self.text, self.at)
-        for text in () if unit is None else (unit[1], unit[1].partition("/")[0]):
+        if unit is None:
+            return _constant(float(matched[0]), "dimensionless")
+        for text in (unit[1], unit[1].partition("/")[0]):
             kind = kind_named(unit_named(text))
-            if kind in _DIMS and unit is not None:
+            if kind in _DIMS:
                 self.at = unit.start(1) + len(text)
-                return _Number(float(matched[0]) * unit_factor(unit_named(text), kind), _DIMS[kind])
-        if unit is not None:
-            raise self._refused(f"the unit {unit[1]!r:.40}")
-        return _Number(float(matched[0]), _DIMS["dimensionless"])
+                return _constant(float(matched[0]) * unit_factor(unit_named(text), kind), kind)
+        raise self._refused(f"the unit {unit[1]!r:.40}")
 
     def _next(self) -> str:
         while self.at < len(self.text) and self.text[self.at].isspace():
@@ -429,79 +419,14 @@ class _Parser:
         )
 
 
-@dataclass(frozen=True)
-class Evaluated:
-    """Values (n,) in SI of a part of a mapping, and their dimension."""
-
-    values: FloatArray | float
-    dims: Dims
-
-    def joined(self, sign: str, other: Evaluated) -> Evaluated:
-        """Apply one of ``+ - * /`` to this and another part; the dimension follows."""
-        if sign in "+-":
-            values = self.values + other.values if sign == "+" else self.values - other.values
-            return Evaluated(values, self.dims)
-        way = 1 if sign == "*" else -1
-        dims = tuple(a + way * b for a, b in zip(self.dims, other.dims, strict=True))
-        values = self.values * other.values if way == 1 else self.values / other.values
-        return Evaluated(values, dims)  # type: ignore[arg-type]
+def _ends(text: str, at: int) -> bool:
+    """Whether a word of a text ends at a letter."""
+    return not (text[at : at + 1].isalnum() or text[at : at + 1] == "_")
 
 
-def evaluate(
-    node: Node, column: Callable[[Column], FloatArray], unit_of: Callable[[Column], str], what: str
-) -> Evaluated:
-    """Work out a sum or product of columns, with its units.
-
-    Parameters
-    ----------
-    node : Node
-        What `parse_column` returned.
-    column : callable
-        Values (n,) of a column as written.
-    unit_of : callable
-        Unit of a column; empty for a bare number.
-    what : str
-        What is worked out, for messages.
-
-    Raises
-    ------
-    InputError
-        If lengths are added to forces, or something is divided by zero.
-    UnitError
-        If the unit of a column is not known.
-    """
-    if isinstance(node, _Number):
-        return Evaluated(node.value, node.dims)
-    if isinstance(node, Column):
-        unit = unit_of(node)
-        kind = kind_named(unit) if unit else "dimensionless"
-        if kind not in _DIMS:
-            raise UnitError(f"{what}: the unit {unit!r:.40} of a column in it is not known")
-        return Evaluated(column(node) * (unit_factor(unit, kind) if unit else 1.0), _DIMS[kind])
-    left, right = (evaluate(part, column, unit_of, what) for part in (node.left, node.right))
-    if node.sign in "+-" and left.dims != right.dims:
-        raise InputError(
-            f"{what}: {_told(left.dims)} and {_told(right.dims)} cannot be added; check the units"
-        )
-    if node.sign == "/" and not np.all(right.values):
-        raise InputError(f"{what}: it divides by zero")
-    return left.joined(node.sign, right)
+def _joined(sign: str, left: _Node, right: _Node) -> _Node:
+    return lambda leaf, what: left(leaf, what).joined(sign, right(leaf, what), what)
 
 
-def _told(dims: Dims) -> str:
-    return next((f"a {kind}" for kind, known in _DIMS.items() if known == dims), "something else")
-
-
-def require_kind(found: Evaluated, kind: str, what: str) -> FloatArray:
-    """Return the values (n,) in SI of a mapping that must be of one kind.
-
-    Raises
-    ------
-    UnitError
-        If what it works out to is of another kind.
-    """
-    if found.dims != _DIMS[kind]:
-        raise UnitError(
-            f"{what} gives {_told(found.dims)}, but a {kind} is needed; check its columns and units"
-        )
-    return np.asarray(found.values)
+def _constant(value: float, kind: str) -> _Node:
+    return lambda *_: _Part(value, _DIMS[kind])

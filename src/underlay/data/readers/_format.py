@@ -21,64 +21,12 @@ from underlay._arrays import FloatArray
 from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._source import Source
-from underlay.errors import (
-    CurveError,
-    FileFormatError,
-    InputError,
-    MissingExtraError,
-    UnderlayError,
-    UnderlayWarning,
-)
+from underlay.data.readers._words import SAID
+from underlay.errors import CurveError, InputError, MissingExtraError, UnderlayError, UnderlayWarning
 from underlay.plugins import READERS, Plugin, plugins
-
-__all__ = [
-    "Format",
-    "Options",
-    "added_formats",
-    "make_curve",
-    "plugged_readers",
-    "read_parts",
-    "require",
-    "way_out",
-]
 
 # Rows left out that are named.
 _LISTED = 5
-# First bytes, what the file is, and what to do. No reader of these is maintained, or none is known to read forces.
-_KNOWN = (
-    (
-        b"MATLAB 7.3 MAT-file",
-        "a MATLAB file of version 7.3",
-        "save it in MATLAB with save(name, variables, '-v7'), which is read",
-    ),
-    (
-        b"\x01\xb0\x93\xff",
-        "an NT-MDT file (.mdt)",
-        "open it in NT-MDT's Nova or Image Analysis and export the curves as text (.txt), which is read",
-    ),
-    (
-        b"GWYP",
-        "a Gwyddion file (.gwy)",
-        "export the curves from Gwyddion as text with names and units in the first row",
-    ),
-    (
-        b"WIT_PR06",
-        "a WITec project (.wip)",
-        "export the curves from WITec's Project as text with names and units in the first row",
-    ),
-)
-_UNPACK = "unpack it, or pack the curves as a ZIP archive (.zip), which is read"
-_PACKED = (
-    (b"BZh", "compressed by bzip2 (.bz2)"),
-    (b"\xfd7zXZ\0", "compressed by xz (.xz)"),
-    (b"\x28\xb5\x2f\xfd", "compressed by Zstandard (.zst)"),
-    (b"7z\xbc\xaf\x27\x1c", "an archive of 7-Zip (.7z)"),
-    (b"Rar!\x1a\x07", "an archive of RAR (.rar)"),
-)
-# A TAR archive has its mark behind the first name.
-_TAR_AT, _TAR = 257, b"ustar"
-# Asylum's container of whole force maps writes its name behind a check sum and a size.
-_ARDF = b"ARDF"
 
 
 @dataclass(frozen=True)
@@ -166,11 +114,12 @@ def make_curve(
         raise CurveError(f"{source.name}: no point has both a depth and a force")
     notes = tuple(metadata.pop("notes", ()))
     if left_out:
-        rows = ", ".join(str(row) for row in np.flatnonzero(~valid)[:_LISTED] + 1)
-        more = ", ..." if left_out > _LISTED else ""
+        rows = ", ".join(map(str, np.flatnonzero(~valid)[:_LISTED] + 1)) + (
+            ", ..." if left_out > _LISTED else ""
+        )
         note = (
             f"{left_out} of {len(valid)} points left out: empty cell, NaN or sentinel value "
-            f"(row{'s' if left_out > 1 else ''} {rows}{more} of the table)"
+            f"(row{'s' if left_out > 1 else ''} {rows} of the table)"
         )
         warnings.warn(f"{source.name}: {note}", UnderlayWarning, stacklevel=2)
         notes = (*notes, note)
@@ -192,18 +141,6 @@ def _kept(values: FloatArray, chosen: NDArray[np.bool_] | slice) -> FloatArray:
     return kept
 
 
-def require(condition: object, source: Source, message: str) -> None:
-    """Refuse a file whose content is not what the format promises.
-
-    Raises
-    ------
-    FileFormatError
-        With the name of the file and `message`, unless `condition` holds.
-    """
-    if not condition:
-        raise FileFormatError(f"{source.name}: {message}")
-
-
 def read_parts(parts: Sequence[tuple[str, Callable[[], list[Curve]]]]) -> list[Curve]:
     """Curves of the parts of a file, sheets or members: one that cannot be read costs no other its curves.
 
@@ -223,18 +160,18 @@ def read_parts(parts: Sequence[tuple[str, Callable[[], list[Curve]]]]) -> list[C
         What the first part raised, if none can be read.
     """
     curves: list[Curve] = []
-    failures: list[tuple[str, UnderlayError]] = []
+    failures: dict[str, UnderlayError] = {}
     for name, read in parts:
         try:
             curves += read()
         except MissingExtraError:
             raise
         except InputError as error:
-            failures.append((name, error))
+            failures[f"{name} is left out: {error}"] = error
     if failures and not curves:
         # What is no curve at all says less than what is one and cannot be read.
-        raise min((error for _, error in failures), key=lambda error: "not recognised" in str(error))
-    return with_note(curves, [f"{name} is left out: {error}" for name, error in failures])
+        raise min(failures.values(), key=lambda error: "not recognised" in str(error))
+    return with_note(curves, [*failures])
 
 
 def with_note(curves: list[Curve], notes: Sequence[str]) -> list[Curve]:
@@ -252,13 +189,14 @@ def plugged_readers(known: Sequence[Format]) -> tuple[Plugin, ...]:
     judged = []
     for plugin in plugins(READERS, _fault):
         name = "" if plugin.fault else plugin.thing.name
-        judged.append(
-            replace(plugin, thing=None, fault=f"another format is called {name!r}")
-            if name in taken
-            else plugin
-        )
+        second = replace(plugin, thing=None, fault=f"another format is called {name!r}")
+        judged.append(second if name in taken else plugin)
         taken |= {name} - {""}
     return tuple(judged)
+
+
+def _fault(_: str, thing: object) -> str:
+    return "" if isinstance(thing, Format) else "it is no Format"
 
 
 def added_formats(known: Sequence[Format]) -> tuple[Format, ...]:
@@ -270,25 +208,19 @@ def added_formats(known: Sequence[Format]) -> tuple[Format, ...]:
     return tuple(_contained(entry) for entry in plugged_readers(known) if not entry.fault)
 
 
-def _fault(name: str, thing: object) -> str:
-    del name
-    return "" if isinstance(thing, Format) else "it is no Format"
-
-
 def _contained(plugin: Plugin) -> Format:
     own: Format = plugin.thing
     whose = f"reader {own.name} of {plugin.package}"
+
+    def said(error: Exception) -> str:
+        return one_line(f"{type(error).__name__}: {error}")
 
     def sniff(source: Source) -> bool:
         try:
             return bool(own.sniff(source))
         except Exception as error:  # noqa: BLE001  code of others: whatever it raises is theirs
-            said = one_line(f"{type(error).__name__}: {error}")
-            warnings.warn(
-                f"{source.name}: the {whose} failed to look at it ({said}) and is passed over",
-                UnderlayWarning,
-                stacklevel=2,
-            )
+            fault = f"{source.name}: the {whose} failed to look at it ({said(error)}) and is passed over"
+            warnings.warn(fault, UnderlayWarning, stacklevel=2)
             return False
 
     def read_all(source: Source, options: Options) -> list[Curve]:
@@ -297,11 +229,9 @@ def _contained(plugin: Plugin) -> Format:
         except UnderlayError:
             raise
         except Exception as error:
-            said = one_line(f"{type(error).__name__}: {error}")
-            raise FileFormatError(f"{source.name}: the {whose} failed: {said}") from error
+            raise source.wrong(f": the {whose} failed: {said(error)}") from error
         for curve in curves:
-            if not isinstance(curve, Curve):
-                raise FileFormatError(f"{source.name}: the {whose} gave {curve!r:.60} in place of a curve")
+            source.require(isinstance(curve, Curve), f": the {whose} gave {curve!r:.60} in place of a curve")
         return curves
 
     return replace(own, sniff=sniff, read_all=read_all)
@@ -316,17 +246,7 @@ def way_out(source: Source) -> str:
     >>> way_out(Source(Path("a.mdt"), bytes([0x01, 0xB0, 0x93, 0xFF, 0]), ""))[:24]
     'an NT-MDT file (.mdt), w'
     """
-    for start, what, advice in _KNOWN:
-        if source.data.startswith(start):
-            return f"{what}, which is not read here: {advice}"
-    for start, what in _PACKED:
-        if source.data.startswith(start):
-            return f"{what}, which is not read here: {_UNPACK}"
-    if source.data.startswith(_TAR, _TAR_AT):
-        return f"an archive of tar (.tar), which is not read here: {_UNPACK}"
-    if source.data[8:12] == _ARDF or source.data.startswith(_ARDF):
-        return (
-            "an Asylum Research map (.ardf), which is not read here: export its curves from Asylum's Igor program "
-            "as .ibw, one a file, which are read"
-        )
+    for known in SAID["not_read"]:
+        if source.data.startswith(known["mark"].encode("latin-1"), known.get("at", 0)):
+            return f"{known['what']}, which is not read here: {known['advice']}"
     return ""

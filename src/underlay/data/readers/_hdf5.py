@@ -29,18 +29,6 @@ from underlay.data.export import HDF5_MARK
 from underlay.data.readers._source import MAX_BYTES, Source, curve_name
 from underlay.errors import FileFormatError, UnderlayError, missing_extra
 
-__all__ = [
-    "HDF5_MAGIC",
-    "Checked",
-    "GroupSource",
-    "Hdf5MapCurve",
-    "KeptOpen",
-    "curve_groups",
-    "curves_of_hdf5",
-    "is_own",
-    "open_checked",
-]
-
 #: First bytes of an HDF5 file.
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 _MAX_OBJECTS = 500_000

@@ -20,13 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import make_curve
-from underlay.data.readers._source import Source
-from underlay.errors import FileFormatError, InputError, UnitError
+from underlay.data.readers._source import Source, curve_name
+from underlay.errors import InputError, UnitError
 from underlay.units import parse_quantity
-
-__all__ = ["Calibration", "Lever", "lever_curve", "sensor_note", "uncalibrated"]
 
 # What may be given, and the kinds of quantity it may be: detectors give a voltage or a current.
 _KINDS = {"spring_constant": ("stiffness",), "sensitivity": ("sensitivity", "current sensitivity")}
@@ -75,12 +74,13 @@ class Calibration:
         for name, text in (given or {}).items():
             if name not in _KINDS:
                 raise InputError(f"no calibration {name!r}; there are {', '.join(_KINDS)}")
-            number, spread = _apart(text)
+            # A number, which may be '', and what stands behind its ±.
+            parts = map(str.strip, _PLUS_MINUS.split(text, maxsplit=1)) if isinstance(text, str) else (text,)
+            number, *spread = parts
             if number != "":
-                kind, value = _value(name, number)
-                values[kind] = value
-            if spread is not None:
-                uncertainties[name] = _share(name, number, spread)
+                values |= [_value(name, number)]
+            if spread:
+                uncertainties[name] = _share(name, number, str(spread[0]))
         return cls(values, uncertainties)
 
     @property
@@ -89,19 +89,21 @@ class Calibration:
         return {f"{name}_uncertainty": share for name, share in self.uncertainties.items()}
 
 
-def _apart(text: str | float) -> tuple[str | float, str | None]:
-    """A number, which may be '', and what stands behind its ±; None where there is none."""
-    number, *spread = _PLUS_MINUS.split(text, maxsplit=1) if isinstance(text, str) else ("",)
-    return (number.strip(), spread[0].strip()) if spread else (text, None)
-
-
 def _value(name: str, number: str | float) -> tuple[str, float]:
-    kinds = _KINDS[name]
-    kind = next((kind for kind in kinds if _is_of_kind(number, kind)), kinds[0])
+    first, *others = _KINDS[name]
+    kind = next((kind for kind in others if _is_unit_of(number, kind)), first)
     value = parse_quantity(number, kind)
     if value <= 0.0:
         raise InputError(f"calibration {name!r} must be positive; got {number!r}")
     return kind, value
+
+
+def _is_unit_of(number: str | float, kind: str) -> bool:
+    try:
+        parse_quantity(number, kind)
+    except UnitError:
+        return False
+    return True
 
 
 def _share(name: str, number: str | float, spread: str) -> float:
@@ -120,14 +122,6 @@ def _share(name: str, number: str | float, spread: str) -> float:
             f"calibration {name!r} must be known to better than a factor of two; got an uncertainty of {share:.3g}"
         )
     return share
-
-
-def _is_of_kind(value: str | float, kind: str) -> bool:
-    try:
-        parse_quantity(value, kind)
-    except UnitError:
-        return False
-    return True
 
 
 @dataclass(frozen=True)
@@ -160,17 +154,14 @@ class Lever:
         InputError
             If there is no spring constant, or one is given that is none of these.
         """
-        unused = sorted(set(given) - set(_NAMES))
-        if unused:
+        for unused in sorted(set(given) - set(_NAMES)):
             raise InputError(
-                f"{source.name} takes no {unused[0]}; give the sensitivity in metres per volt, such as '60 nm/V'"
+                f"{source.name} takes no {unused}; give the sensitivity in metres per volt, such as '60 nm/V'"
             )
         known = {kind: value for kind, value in stated.items() if value}
         for kind, value in known.items():
-            if not (np.isfinite(value) and value > 0.0):
-                raise FileFormatError(
-                    f"{source.name} states a {_NAMES[kind]} of {value:g}; it must be positive"
-                )
+            sound = np.isfinite(value) and value > 0.0
+            source.require(sound, f"states a {_NAMES[kind]} of {value:g}; it must be positive")
         used = {**known, **given}
         if "stiffness" not in used:
             raise uncalibrated(source)
@@ -178,11 +169,19 @@ class Lever:
         about |= {f"file_{_NAMES[kind]}": known[kind] for kind in given if kind in known}
         return cls(used["stiffness"], used.get("sensitivity"), about)
 
-    def force(self, source: Source, volts: FloatArray) -> FloatArray:
-        """Force (N) of the detector's volts, k s V; raises InputError without a sensitivity."""
-        if self.sensitivity is None:
-            raise uncalibrated(source)
-        return volts * (self.sensitivity * self.stiffness)
+    def force(self, source: Source, signal: FloatArray, unit: str = "V") -> FloatArray:
+        """Force (N) of a deflection in volts, metres or newtons; raises InputError without a sensitivity of volts.
+
+        Another calibration than the file's changes what its own has made of the volts.
+        """
+        if unit == "V":
+            if self.sensitivity is None:
+                raise uncalibrated(source)
+            return signal * (self.sensitivity * self.stiffness)
+        for name in ("spring_constant", "sensitivity") if unit == "N" else ("sensitivity",):
+            if f"file_{name}" in self.about:
+                signal = signal * (self.about[name] / self.about[f"file_{name}"])
+        return signal if unit == "N" else signal * self.stiffness
 
 
 def uncalibrated(source: Source) -> InputError:
@@ -202,6 +201,7 @@ def lever_curve(
     channel: str,
     time: FloatArray | None = None,
     segment: NDArray[np.str_] | None = None,
+    number: int = 1,
     **metadata: Any,
 ) -> Curve:
     """Make a curve of a scanner's travel and a lever's force.
@@ -218,6 +218,8 @@ def lever_curve(
         What the travel was read from, for the rule of sign.
     time, segment : ndarray (n,), optional
         Time (s) and labels.
+    number : int
+        Of the curve in its file, from 1.
     **metadata
         What else the reader knows of the curve.
 
@@ -240,8 +242,13 @@ def lever_curve(
         units={"depth": "m", "force": "N", "time": "s"},
         sign_rules=rules,
         bending_taken_off=True,
-        **{**lever.about, **metadata},
+        **{"name": curve_name(source.path, number), **lever.about, **metadata},
     )
+
+
+def told(entries: Mapping[str, str]) -> dict[str, str]:
+    """What a file says of itself as short lines by name, as far as it says anything."""
+    return {name: one_line(text)[:200] for name, text in entries.items() if text}
 
 
 def sensor_note(sensor: FloatArray, driven: float) -> tuple[str, ...]:

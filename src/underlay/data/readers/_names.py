@@ -1,39 +1,35 @@
 """Where the numbers of a plain table begin, and what its columns are called.
 
 A file may begin with pages of settings, a table of results or comments. `layout_of` finds the first long run
-of rows of numbers; `find_names` then looks for as many names in the rows above it, else in the comments.
+of rows of numbers; `find_names` then looks for as many names in the rows above it, else in the comments. Tests may
+stand side by side (`side_by_side`), and so may approach and way back (`sides_of`).
 """
 
 from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from underlay._text import names_there
 from underlay.data.readers._columns import find_columns, parse_column
-from underlay.data.readers._format import Options
 from underlay.data.readers._source import Source
-from underlay.data.readers._table import sides_of, tests_beside
-from underlay.data.readers._text import is_number, is_unit, kind_named, plain, split_label
-from underlay.errors import FileFormatError
+from underlay.data.readers._text import is_number, is_unit, kind_named, plain, split_label, without_brackets
+from underlay.data.readers._words import words
+from underlay.data.segments import LOADING, UNLOADING
 from underlay.units import unit_factor
 
-__all__ = ["Layout", "Row", "find_names", "is_unit_row", "layout_of", "serves", "stated_lever", "with_units"]
-
+#: What a caller asks for of each role.
+Asked: TypeAlias = Mapping[str, str | int] | None
 # How far down a table may begin (the head of a NanoScope export has 658 lines), how many rows in a run are one for
 # certain, and how far above them the names may stand.
 _MAX_HEAD, _CERTAIN, _MAX_PREAMBLE = 4000, 24, 80
 # Letters of a unit that is not among the usual ones, such as "1/s" or "mm/min".
 _LONGEST_UNIT = 8
-# What may stand in front of the names, in place of one.
-_LABELS = frozenset(
-    """columns column cols col fields field names name header headers channels channel variables variable labels
-    legend data spalten felder kanale colonnes champs columnas campos colonne""".split()  # noqa: SIM905
-)
-_UNITS = frozenset("units unit einheiten einheit unites unite unidades unita".split())  # noqa: SIM905
+# What may stand in front of the names, in place of one, and in front of their units.
+_LABELS, _UNITS = words("labels"), words("units")
 # "\\Spring Constant: 0.06", "springConstant: 0.06": N/m in every file seen; "DeflSens: V 41.0 nm/V".
 _SPRING = re.compile(
     r"\\?spring\s?constant[^:=\d]{0,12}[:=]\s*([\d.]+(?:e[+-]?\d+)?)\s*(?:N/m)?\W*", re.IGNORECASE
@@ -42,8 +38,81 @@ _SENSITIVITY = re.compile(
     r"(?:defl\w*\.?\s?sens\w*|invols|sensitivity)[^\d\n]{0,12}([\d.]+(?:e[+-]?\d+)?)\s*([num]m/V|m/V)",
     re.IGNORECASE,
 )
-# "1: time 2: depth", "[1] time [2] depth".
+# "Column 1: time (s)", one a line; "1: time 2: depth", "[1] time [2] depth".
+_ONE_A_LINE = re.compile(
+    r"\W*(?:column|col\.?|spalte|colonne|columna)?\s*#?(\d{1,3})\s*[\]:.)=]\s*(\D.*)", re.IGNORECASE
+)
 _COUNTED, _COUNT = re.compile(r"\W*1[\]:.)]\s*[^\W\d]"), re.compile(r"\[?\b\d{1,3}[\]:.)]\s*(?=[^\W\d])")
+# Tests side by side, as Anton Paar writes them: "X_gel_1_Time_[s]", "Y_gel_1_Fn_[mN]"; and waves of Asylum's Igor
+# program, "F0001Raw", "F0001Defl": in SI where no unit is said.
+_BESIDE = (
+    re.compile(r"[XY][_ ](?P<test>.+)[_ ](?P<name>Time|Fn|Pd)[_ ]*[\[(](?P<unit>[^\])]+)[\])]\s*"),
+    re.compile(
+        r"(?P<test>.*?)_?(?P<name>DeflVolts|DeflV|Defl|Raw|ZSnsr|LVDT|Force|Sep|Ind)"
+        r"(?:[_ ]*[\[(]?(?P<unit>[num]?m|[pnum]?N|m?V)[\])]?)?"
+    ),
+)
+# What a test needs to be one.
+_COMPLETE = [{"Fn", "Pd"}] + [
+    {force, travel}
+    for force in ("Defl", "DeflV", "DeflVolts", "Force")
+    for travel in ("Raw", "ZSnsr", "LVDT", "Sep", "Ind")
+]
+_WAVES_ALONE = frozenset({"Raw", "Defl", "DeflV", "DeflVolts", "ZSnsr", "LVDT"})
+_WAVE_NAMES = {"DeflV": "Defl", "DeflVolts": "Defl"}
+_WAVE_UNITS = {"DeflV": "V", "DeflVolts": "V", "Force": "N"}
+# Approach and way back side by side: a word of each, beside the name of the channel.
+_WAYS = {
+    **dict.fromkeys(("ex", "extend", "approach", "trace", "ext"), LOADING),
+    **dict.fromkeys(("rt", "retract", "withdraw", "retrace", "ret"), UNLOADING),
+}
+
+
+def side_by_side(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, list[int], list[str]]]:
+    """Tests side by side in a file: name, columns and their labels of each; [] for any other table."""
+    for pattern in _BESIDE:
+        found: dict[str, dict[str, tuple[int, str]]] = {}
+        for index, label in enumerate(labels):
+            matched = pattern.fullmatch(label.strip().strip('"'))
+            if matched and (matched["test"] or matched["name"] in _WAVES_ALONE):
+                name = matched["name"]
+                told = f"{_WAVE_NAMES.get(name, name)} ({matched['unit'] or _WAVE_UNITS.get(name, 'm')})"
+                found.setdefault(matched["test"], {}).setdefault(name, (index, told))
+        tests = [
+            (test, [index for index, _ in parts.values()], [label for _, label in parts.values()])
+            for test, parts in found.items()
+            if any(one <= parts.keys() for one in _COMPLETE)
+        ]
+        if tests:
+            return tests
+    # The same names over and over, as testing machines write several specimens.
+    filled = [index for index, label in enumerate(labels) if label.strip()]
+    names = [labels[index].strip() for index in filled]
+    for width in range(2, len(names) // 2 + 1):
+        block = names[:width]
+        if (
+            len(names) % width == 0
+            and names == block * (len(names) // width)
+            and _serves_by_name(block, None)
+        ):
+            starts = range(0, len(names), width)
+            return [(f"{file}, test {at // width + 1}", filled[at : at + width], block) for at in starts]
+    return []
+
+
+def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]:
+    """Columns of the approach and of the way back, and their labels, of a table that has both side by side."""
+    found: dict[str, tuple[list[int], list[str]]] = {LOADING: ([], []), UNLOADING: ([], [])}
+    for index, label in enumerate(labels):
+        joint = "_" if "_" in label else " "
+        words = label.strip().split("_" if joint == "_" else None)
+        ways = [word for word in words if word.lower() in _WAYS]
+        if len(ways) == 1:
+            indices, names = found[_WAYS[ways[0].lower()]]
+            indices.append(index)
+            names.append(joint.join(word for word in words if word != ways[0]))
+    there, back = found[LOADING][1], found[UNLOADING][1]
+    return found if len(there) >= 2 and sorted(there) == sorted(back) else {}
 
 
 class Layout(NamedTuple):
@@ -52,6 +121,10 @@ class Layout(NamedTuple):
     first: int
     cells: int
     numbers: int
+
+    def fits(self, names: Sequence[str]) -> bool:
+        """Whether these are as many names as there are columns."""
+        return self.numbers <= len(names) <= self.cells
 
 
 class Row(NamedTuple):
@@ -116,7 +189,7 @@ def find_names(
     above: Sequence[list[str]],
     comments: Sequence[str],
     layout: Layout,
-    options: Options,
+    asked: Asked,
     split: Callable[[str, str], list[str]],
 ) -> tuple[list[str], list[str]]:
     """Names of the columns, as many as there are, and their units where a comment says them.
@@ -129,6 +202,8 @@ def find_names(
         Without what marks them.
     layout : Layout
         Of the rows of numbers.
+    asked : mapping, optional
+        What the caller asks for.
     split : callable
         Cells of a text at a separator; at none, the file's own.
 
@@ -137,33 +212,43 @@ def find_names(
     FileFormatError
         If there are none, or it cannot be told which belongs to which column.
     """
-    _require_one_order(source, comments)
+    # Comments that name the columns anew in another order, as above each segment.
+    said = (text.partition(":") for text in comments)
+    labelled = [rest.strip() for label, colon, rest in said if colon and plain(label).strip() in _LABELS]
+    orders = {" ".join(text.split()) for text in labelled}
+    source.require(
+        len(orders) < 2,
+        f"names its columns {len(orders)} times in different ways; save each part as a file of its own",
+    )
     units = next((found for text in comments if (found := _units(text, layout))), [])
-    rows = [_unlabelled(cells, layout) for cells in above[-_MAX_PREAMBLE:]]
     rows = [
         names
-        for names in rows
-        if len(names) >= 2 and sum(map(is_number, names)) < 2 and not is_unit_row(names)
+        for cells in above[-_MAX_PREAMBLE:]
+        if len(names := _unlabelled(cells, layout)) >= 2
+        and sum(map(is_number, names)) < 2
+        and not is_unit_row(names)
     ]
-    fitting = [names for names in reversed(rows) if layout.numbers <= len(names) <= layout.cells]
-    said = (names for text in reversed(comments) for names in _commented_names(text, layout, split))
+    fitting = [names for names in reversed(rows) if layout.fits(names)]
+    commented = (names for text in reversed(comments) for names in _commented_names(text, layout, split))
     seen: list[list[str]] = []
-    for names in chain(fitting, said):
-        if serves(names, options):
+    for names in chain(fitting, _one_a_line(comments, layout), commented):
+        if serves(names, asked):
             return names, units
         seen.append(names)
-    # Names over fewer cells: the first of them is one for certain, or it may be anything.
+    # Names over fewer cells: the first of them is one for certain, or it may be anything. Under fewer names the
+    # table is refused with the row that has more.
     for names in reversed(rows):
-        if len(names) > layout.cells and _is_name(names[0]) and serves(names, options):
+        certain = kind_named(split_label(names[0])[1]) not in (None, "dimensionless")
+        wide = len(names) > layout.cells and certain
+        if (wide or len(names) < layout.numbers) and serves(names, asked):
             return names, units
-        if len(names) < layout.numbers and serves(names, options):
-            return names, units  # refused with the row that has more
-    if _by_number(options, layout.cells):
-        return fitting[0] if fitting else [f"column {at}" for at in range(1, layout.cells + 1)], units
+    numbered = [f"column {at}" for at in range(1, layout.cells + 1)]
+    if asked and all(parse_column(str(text), numbered) is not None for text in asked.values()):
+        return fitting[0] if fitting else numbered, units
     if seen:
         return seen[0], units
     others = [names for names in rows if len(names) != layout.cells] or [
-        row for text in reversed(comments) if len(row := split(text, "")) > layout.cells
+        row for text in (*comments, *labelled) if len(row := split(text, "")) > layout.cells
     ]
     what = (
         f"has {len(others[-1])} names ({names_there(others[-1])}) over {layout.cells} columns of numbers: which "
@@ -171,52 +256,24 @@ def find_names(
         if others and len(others[-1]) > layout.cells
         else "has no row of names above its numbers"
     )
-    raise FileFormatError(
-        f"{source.name} {what}; write one with units, such as 'depth (um),force (mN)', or say the columns by "
+    raise source.wrong(
+        f"{what}; write one with units, such as 'depth (um),force (mN)', or say the columns by "
         'number with units: columns = { depth = "2 (nm)", force = "3 (mN)" }'
     )
 
 
-def _require_one_order(source: Source, comments: Sequence[str]) -> None:
-    """Refuse comments that name the columns anew in another order, as above each segment."""
-    said = [text.partition(":") for text in comments]
-    orders = {
-        " ".join(rest.split()) for label, colon, rest in said if colon and plain(label).strip() in _LABELS
-    }
-    if len(orders) > 1:
-        raise FileFormatError(
-            f"{source.name} names its columns {len(orders)} times in different ways; save each part as a file of "
-            "its own"
-        )
-
-
-def serves(names: Sequence[str], options: Options) -> bool:
+def serves(names: Sequence[str], asked: Asked) -> bool:
     """Whether a row of names holds what is asked for, or a depth and a force."""
-    if options.columns:
-        asked = (str(text) for text in options.columns.values())
-        return all(parse_column(text, names) is not None for text in asked) and _serves_by_name(
-            [*names], {role: str(text) for role, text in options.columns.items()}
-        )
-    if _serves_by_name(names, None) or tests_beside(names):
-        return True
-    sides = sides_of(names)
-    return bool(sides) and _serves_by_name(next(iter(sides.values()))[1], None)
+    if asked:
+        named = all(parse_column(str(text), names) is not None for text in asked.values())
+        return named and _serves_by_name(names, asked)
+    sides = (labels for _, labels in sides_of(names).values())
+    return any(_serves_by_name(labels, None) for labels in (names, *sides)) or bool(side_by_side(names))
 
 
-def _serves_by_name(names: Sequence[str], mapping: dict[str, str] | None) -> bool:
-    there = find_columns(names, mapping).keys()
+def _serves_by_name(names: Sequence[str], asked: Asked) -> bool:
+    there = find_columns(names, asked).keys()
     return bool(there & {"depth", "travel", "height"}) and bool(there & {"force", "deflection"})
-
-
-def _by_number(options: Options, count: int) -> bool:
-    """Whether the columns are asked for by number."""
-    numbered = [f"column {at}" for at in range(1, count + 1)]
-    asked = (str(text) for text in (options.columns or {}).values())
-    return bool(options.columns) and all(parse_column(text, numbered) is not None for text in asked)
-
-
-def _is_name(text: str) -> bool:
-    return kind_named(split_label(text)[1]) not in (None, "dimensionless")
 
 
 def _unlabelled(names: list[str], layout: Layout) -> list[str]:
@@ -228,6 +285,14 @@ def _unlabelled(names: list[str], layout: Layout) -> list[str]:
     if not label or len(names) <= layout.numbers:
         return names
     return names[2:] if len(names) > 1 and names[1] in {"=", ":"} else names[1:]
+
+
+def _one_a_line(comments: Sequence[str], layout: Layout) -> list[list[str]]:
+    """The names of comments that number them, one a line, where they are as many as the columns."""
+    found = [matched for text in comments if (matched := _ONE_A_LINE.fullmatch(text))]
+    names = [matched[2].strip() for matched in found]
+    counted = [int(matched[1]) for matched in found] == list(range(1, len(found) + 1))
+    return [names] if counted and layout.fits(names) else []
 
 
 def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list[str]]) -> list[list[str]]:
@@ -246,8 +311,7 @@ def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list
     return [
         names
         for names in named
-        if layout.numbers <= len(names) <= layout.cells
-        and not any(is_number(name) or name.endswith(":") for name in names)
+        if layout.fits(names) and not any(is_number(name) or name.endswith(":") for name in names)
     ]
 
 
@@ -266,37 +330,27 @@ def _units(text: str, layout: Layout) -> list[str]:
     """Units of all columns, where a comment says them after a label."""
     label, colon, rest = text.partition(":")
     words = rest.replace(",", " ").replace(";", " ").split() if colon else text.split()[1:]
-    first = plain(label if colon else (text.split() or [""])[0])
-    if first in _UNITS and layout.numbers <= len(words) <= layout.cells:
+    if plain(label if colon else (text.split() or [""])[0]) in _UNITS and layout.fits(words):
         return words
     bare = [word.strip("()[]") for word in text.replace(",", " ").replace(";", " ").split()]
-    alone = all(map(is_unit, bare)) and layout.numbers <= len(bare) <= layout.cells
-    return bare if alone else []
+    return bare if all(map(is_unit, bare)) and layout.fits(bare) else []
 
 
 def stated_lever(lines: Sequence[str]) -> dict[str, float]:
     """The calibration of a lever that the head of an export states: ``stiffness`` (N/m), ``sensitivity`` (m/V)."""
     found: dict[str, float] = {}
     for line in lines:
-        spring, sensitivity = _SPRING.search(line), _SENSITIVITY.search(line)
-        if spring and _positive(spring[1]):
-            found.setdefault("stiffness", float(spring[1]))
-        if sensitivity and _positive(sensitivity[1]):
-            found.setdefault(
-                "sensitivity", float(sensitivity[1]) * unit_factor(sensitivity[2], "sensitivity")
-            )
+        for kind, pattern in (("stiffness", _SPRING), ("sensitivity", _SENSITIVITY)):
+            stated = pattern.search(line)
+            if stated and is_number(stated[1]) and float(stated[1]) > 0.0:
+                unit = 1.0 if kind == "stiffness" else unit_factor(stated[2], kind)
+                found.setdefault(kind, float(stated[1]) * unit)
     return found
-
-
-def _positive(text: str) -> bool:
-    return is_number(text) and float(text) > 0.0
 
 
 def is_unit_row(cells: Sequence[str]) -> bool:
     """Whether cells are units, or nothing."""
-    filled = [bare for cell in cells if (bare := cell.strip().strip('"').strip("()[]{}<>").strip())]
-    if not filled or not any(map(is_unit, filled)):
-        return False
-    return all(is_unit(cell) or len(cell) <= _LONGEST_UNIT for cell in filled) and not any(
-        map(is_number, filled)
+    filled = [bare for cell in cells if (bare := without_brackets(cell))]
+    return any(map(is_unit, filled)) and all(
+        (is_unit(cell) or len(cell) <= _LONGEST_UNIT) and not is_number(cell) for cell in filled
     )

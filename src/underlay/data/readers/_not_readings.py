@@ -16,32 +16,13 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray, median
 from underlay._text import names_there
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import is_number, kind_named, listed, split_label
-from underlay.errors import FileFormatError
+from underlay.data.readers._text import bare_cell, is_number, kind_named, split_label
+from underlay.data.readers._words import words
 
-__all__ = ["NUMBERED", "beginnings", "require_readings", "stacked_note", "without_statistics"]
-
-# In small letters, without what ends an abbreviation or goes before the number. Single letters are not here: they
-# may be anybody's remark on the last reading.
-_WORDS = frozenset(
-    listed(
-        """mean, average, avg, median, max, maximum, min, minimum, sum, total, count, sd, s.d, std, stdev, st.dev,
-        std.dev, std dev, standard deviation, variance, sem, s.e.m, se, standard error, std error, std.error, cv,
-        cov, range, mittelwert, mittel, standardabweichung, stabw, summe, anzahl, moyenne, somme, écart type,
-        écart-type, ecart type, ecart-type, media, promedio, mediana, suma, desviación estándar,
-        desviacion estandar, deviazione standard, somma"""
-    )
-)
+_STATISTICS, _OF_A_TEST, _NUMBERED = words("statistics"), words("of_a_test"), words("numbered")
+_NAMED = words("named")
 # No word for a statistic is longer: who looks for brackets in a cell without end looks for long.
 _LONGEST = 60
-# What a whole test has once, in small letters: work, creep, recovery, values at the peak and after it.
-_OF_A_TEST = frozenset(
-    listed(
-        """wtot, welast, wplast, we, wp, nit, ηit, cit, rit, t rec, average of, hmax, fmax, pmax, hf, hp, hr,
-        max. force, max. depth, max force, max depth, maximum force, maximum depth, max load, maximum load,
-        peak load"""
-    )
-)
 # A reading may be named by its time, in words (8:00:16 AM, 26 Nov 2026), and have its unit beside each number.
 _CLOCK = re.compile(
     r"(?:[\d\s:.,/+-]|[ap]\.?m\.?|[tz]|jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec|mon|tue|wed|thu|fri|sat|sun)*",
@@ -55,13 +36,6 @@ _FEWEST, _LOOKED_AT = 3, 200
 _LEAPS, _SHORTEST = 6.0, 8
 # Forces that differ by less are those of one load of many tests.
 _SAME = 0.02
-#: What a column that counts tests is called; one that counts readings is "point" or "no.".
-NUMBERED = frozenset(
-    listed(
-        """test, test no, test number, test id, indent, indent no, indent number, indentation no, measurement,
-        measurement no, specimen, specimen no, versuch, probe, messung, eindruck, essai, mesure, ensayo, prova"""
-    )
-)
 # A test has so many readings, and goes in by this share of the depths of all; a depth that goes on does not leap by
 # as much between two readings. The published tables in which this was met (public AFM and Instron exports) have 60
 # readings a test and more.
@@ -80,7 +54,7 @@ def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence
     end = len(rows)
     found: list[str] = []
     for number in range(len(rows), 0, -1):
-        cells = [cell.strip().strip('"') for cell in rows[number - 1]]
+        cells = list(map(bare_cell, rows[number - 1]))
         word = next((cell for cell in cells if _is_statistic(cell)), None)
         if word is None and any(cells):
             break
@@ -98,11 +72,7 @@ def _is_statistic(cell: str) -> bool:
     if len(cell) > _LONGEST or is_number(cell):
         return False
     bare = re.sub(r"[(\[].*?[)\]]", "", cell.lower())
-    return all(_plain(part) in _WORDS for part in re.split(r"±|\+/?-|[/&]", bare))
-
-
-def _plain(words: str) -> str:
-    return words.rstrip(" .:=%()").strip()
+    return all(part.rstrip(" .:=%()").strip() in _STATISTICS for part in re.split(r"±|\+/?-|[/&]", bare))
 
 
 def require_readings(
@@ -136,39 +106,35 @@ def require_readings(
     FileFormatError
         If its rows are tests and not readings.
     """
+    some = rows[:_LOOKED_AT]
     why = (
-        _names_of_tests(labels, rows)
+        _names_of_tests(labels, some)
         or _words_of_tests(labels)
-        or _tests_beside_moduli(labels, units, rows, depth, force)
+        or _side_by_side_moduli(labels, units, some, depth, force)
     )
-    if why:
-        raise FileFormatError(
-            f"{source.name} is a table of results, a row for each test, not the readings of one: {why}. Export the "
-            "readings of each test, its depth, force and time; if the rows are readings after all, give columns "
-            "with both names, such as columns={'depth': 'h (um)', 'force': 'F (mN)'}"
-        )
+    source.require(
+        not why,
+        f"is a table of results, a row for each test, not the readings of one: {why}. Export the readings of each "
+        "test, its depth, force and time; if the rows are readings after all, give columns with both names, such "
+        "as columns={'depth': 'h (um)', 'force': 'F (mN)'}",
+    )
 
 
 def _names_of_tests(labels: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    some = rows[:_LOOKED_AT]
-    if len(some) < _FEWEST:
-        return ""
-    first = some[0]
-    for index, label in enumerate(labels):
-        # Nearly all columns end here.
-        if index >= len(first) or not _is_name(first[index]):
-            continue
-        names = [row[index].strip().strip('"') for row in some if index < len(row)]
-        if len(set(names)) == len(some) and all(map(_is_name, names)):
-            return f"the column {label.strip()!r:.80} names each row, as {names[0]!r:.40}"
+    # Nearly all columns end at their first cell.
+    first = rows[0] if len(rows) >= _FEWEST else ()
+    for index, cell in enumerate(first[: len(labels)]):
+        if _is_name(cell):
+            names = [bare_cell(row[index]) for row in rows if index < len(row)]
+            if len(set(names)) == len(rows) and all(map(_is_name, names)):
+                return f"the column {labels[index].strip()!r:.80} names each row, as {names[0]!r:.40}"
     return ""
 
 
 def _is_name(cell: str) -> bool:
-    text = cell.strip().strip('"')
-    if not text or len(text) > _RESULTS_LONGEST or is_number(text):
-        return False
-    return _CLOCK.fullmatch(text) is None and _WITH_UNIT.fullmatch(text) is None
+    text = bare_cell(cell)
+    sound = text and len(text) <= _RESULTS_LONGEST and not is_number(text)
+    return bool(sound) and _CLOCK.fullmatch(text) is None and _WITH_UNIT.fullmatch(text) is None
 
 
 def _words_of_tests(labels: Sequence[str]) -> str:
@@ -176,38 +142,43 @@ def _words_of_tests(labels: Sequence[str]) -> str:
     return f"it has {names_there(found)}" if len(found) > 1 else ""
 
 
-def _tests_beside_moduli(
+def is_count(label: str, *, of_tests: bool = False) -> bool:
+    """Whether a column is called as one that counts tests, or that names one test in many rows.
+
+    One that counts readings is "point" or "no.".
+    """
+    name = " ".join(split_label(label)[0].strip(" .#").lower().replace("_", " ").split())
+    return name in _NUMBERED or (of_tests and name in _NAMED)
+
+
+def _side_by_side_moduli(
     labels: Sequence[str],
     units: Sequence[str],
     rows: Sequence[Sequence[str]],
     depth: FloatArray,
     force: FloatArray,
 ) -> str:
-    moduli = [
-        label for label, unit in zip(labels, units, strict=True) if unit and kind_named(unit) == "pressure"
-    ]
+    moduli = [label for label, unit in zip(labels, units, strict=True) if kind_named(unit) == "pressure"]
     if not moduli:
         return ""
     there = f"it has {names_there(moduli)}, and"
     for index, label in enumerate(labels):
-        if split_label(label)[0].strip(" .#").lower() in NUMBERED:
-            numbers = [row[index].strip() for row in rows[:_LOOKED_AT] if index < len(row)]
+        if is_count(label):
+            numbers = [row[index].strip() for row in rows if index < len(row)]
             if len(numbers) >= _FEWEST and len(set(numbers)) == len(numbers):
                 return f"{there} the column {label.strip()!r:.80} numbers its rows"
     if not _leaping(depth):
         return ""
     if _leaping(force):
         return f"{there} its depths and forces leap from row to row"
-    if np.ptp(force) <= _SAME * np.abs(np.median(force)):
-        return f"{there} its depths leap from row to row while its forces are all the same"
-    return ""
+    same = np.ptp(force) <= _SAME * np.abs(np.median(force))
+    return f"{there} its depths leap from row to row while its forces are all the same" if same else ""
 
 
 def _leaping(values: FloatArray) -> bool:
     values = values[np.isfinite(values)]
-    if len(values) < _SHORTEST:
-        return False
-    return float(np.abs(np.diff(values)).sum()) > float(np.ptp(values)) * len(values) / _LEAPS
+    way = float(np.abs(np.diff(values)).sum())
+    return len(values) >= _SHORTEST and way > float(np.ptp(values)) * len(values) / _LEAPS
 
 
 # --- several tests one below the other

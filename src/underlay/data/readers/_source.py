@@ -13,18 +13,6 @@ from underlay._door import open_zip as bounded_zip
 from underlay._text import names_there
 from underlay.errors import FileFormatError
 
-__all__ = [
-    "CURVES",
-    "MAX_BYTES",
-    "MAX_TEXT_BYTES",
-    "Source",
-    "curve_name",
-    "load",
-    "open_zip",
-    "read_member",
-    "unpack",
-]
-
 _MB = 1_000_000
 #: Largest file, and largest total of what an archive holds, in bytes.
 MAX_BYTES = 256 * _MB
@@ -72,6 +60,21 @@ class Source:
     def name(self) -> str:
         """Name of the file, and of the member inside it, for messages."""
         return printable(f"{self.path.name}!{self.member}" if self.member else self.path.name)
+
+    def wrong(self, message: str) -> FileFormatError:
+        """The error that says what is wrong with the file; the message goes on after its name."""
+        return FileFormatError(f"{self.name}{'' if message[0] in ',:' else ' '}{message}")
+
+    def require(self, condition: object, message: str) -> None:
+        """Refuse a file whose content is not what its format promises.
+
+        Raises
+        ------
+        FileFormatError
+            With the name of the file and `message`, unless `condition` holds.
+        """
+        if not condition:
+            raise self.wrong(message)
 
     @property
     def is_zip(self) -> bool:

@@ -8,7 +8,7 @@ force. A column whose commas may be of thousands or of decimals is refused rathe
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,81 +21,56 @@ from underlay.data.curve import Curve
 from underlay.data.readers._columns import (
     KNOWN,
     ROLES,
+    Asked,
     Column,
-    Node,
     bare_name,
     check_mapping,
-    columns_of,
-    evaluate,
     find_columns,
     name_of,
     parse_column,
-    require_kind,
     unread,
 )
 from underlay.data.readers._format import Options, make_curve
 from underlay.data.readers._lever import Lever
+from underlay.data.readers._names import side_by_side, sides_of
 from underlay.data.readers._not_readings import (
-    NUMBERED,
     beginnings,
+    is_count,
     require_readings,
     stacked_note,
     without_statistics,
 )
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import (
+    bare_cell,
     column_factor,
     is_number,
     kind_named,
     numbers,
     split_label,
     unit_named,
+    without_brackets,
 )
+from underlay.data.readers._words import words
 from underlay.data.segments import HOLD, LOADING, UNLOADING, against_motion
 from underlay.data.signs import reversed_columns, sign_note
 from underlay.errors import FileFormatError, InputError
 from underlay.units import unit_factor
 
-__all__ = ["Table", "is_marker", "sides_of", "table_curves", "tests_beside"]
-
 # 1,000 or 12.500: what separates thousands where nothing else is divided; and a number just below them.
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+")
 _PLAIN_HUNDREDS = re.compile(r"[+-]?[1-9]\d\d")
 _THREE_DIGITS, _ROUNDING = 100.0, 1e-6
-_LABELS = (LOADING, HOLD, UNLOADING)
-# Tests side by side, as Anton Paar writes them: "X_gel_1_Time_[s]", "Y_gel_1_Fn_[mN]".
-_BESIDE = re.compile(r"[XY][_ ](?P<test>.+)[_ ](?P<name>Time|Fn|Pd)[_ ]*[\[(](?P<unit>[^\])]+)[\])]\s*")
-# Waves of Asylum's Igor program, "F0001Raw", "F0001Defl": in SI where no unit is said.
-_WAVE = re.compile(
-    r"(?P<test>.*?)_?(?P<name>DeflVolts|DeflV|Defl|Raw|ZSnsr|LVDT|Force|Sep|Ind)"
-    r"(?:[_ ]*[\[(]?(?P<unit>[num]?m|[pnum]?N|m?V)[\])]?)?"
-)
-# What a test needs to be one.
-_COMPLETE = [{"Fn", "Pd"}] + [
-    {force, travel}
-    for force in ("Defl", "DeflV", "DeflVolts", "Force")
-    for travel in ("Raw", "ZSnsr", "LVDT", "Sep", "Ind")
-]
-_WAVES_ALONE = frozenset({"Raw", "Defl", "DeflV", "DeflVolts", "ZSnsr", "LVDT"})
-_WAVE_NAMES = {"DeflV": "Defl", "DeflVolts": "Defl"}
-_WAVE_UNITS = {"DeflV": "V", "DeflVolts": "V", "Force": "N"}
-# Approach and way back side by side: a word of each, beside the name of the channel.
-_WAYS = {
-    **dict.fromkeys(("ex", "extend", "approach", "trace", "ext"), LOADING),
-    **dict.fromkeys(("rt", "retract", "withdraw", "retrace", "ret"), UNLOADING),
-}
 # Names from which a lever's bending is still to be taken off.
-_SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - frozenset(
-    ("extension", "stroke", "travel", "position", "separation", "sep", "tip sample separation")
-)
-_MARKS = (
-    ("end of loading", HOLD),
-    ("end of hold", UNLOADING),
-    ("unload", UNLOADING),
-    ("hold", HOLD),
-    ("load", LOADING),
-    ("approach", LOADING),
-)
+_SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - words("of_a_stage")
+_MARKS = {
+    "end of loading": HOLD,
+    "end of hold": UNLOADING,
+    "unload": UNLOADING,
+    "hold": HOLD,
+    "load": LOADING,
+    "approach": LOADING,
+}
 
 
 @dataclass(frozen=True)
@@ -143,6 +118,10 @@ class Table:
         return replace(self, labels=labels, rows=kept, units=units, breaks=())
 
 
+def _column(rows: Iterable[Sequence[str]], at: int) -> list[str]:
+    return [row[at] if at < len(row) else "" for row in rows]
+
+
 def table_curves(source: Source, table: Table, options: Options, **metadata: Any) -> list[Curve]:
     """Make the curves of a table, one for each test in it.
 
@@ -154,121 +133,48 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
         If a column has no unit or one of the wrong kind.
     """
     check_mapping(options.columns)
-    name = metadata.pop("name", None)
-    if options.columns is None and (tests := tests_beside(table.labels)):
+    if options.columns is None and (tests := side_by_side(table.labels, source.path.stem)):
         return [
             curve
             for test, indices, labels in tests
-            for curve in _curves(
-                source, [(table.of(indices, labels), "")], options, {**metadata, "name": test}
-            )
+            for curve in _curves(source, {"": table.of(indices, labels)}, options, {**metadata, "name": test})
         ]
-    if name is not None:
-        metadata["name"] = name
-    asked = [str(text) for text in (options.columns or {}).values()]
-    ways = sides_of(table.labels)
-    if ways and (not asked or any(parse_column(text, table.labels) is None for text in asked)):
-        return _curves(source, [(table.of(*way), label) for label, way in ways.items()], options, metadata)
-    return _curves(source, [(table, "")], options, metadata)
-
-
-def tests_beside(labels: Sequence[str]) -> Sequence[tuple[str, list[int], list[str]]]:
-    """Tests side by side: name, columns and their labels of each; [] for any other table."""
-    for pattern in (_BESIDE, _WAVE):
-        found: dict[str, dict[str, tuple[int, str]]] = {}
-        for index, label in enumerate(labels):
-            matched = pattern.fullmatch(label.strip().strip('"'))
-            if matched and (matched["test"] or matched["name"] in _WAVES_ALONE):
-                name = matched["name"]
-                told = f"{_WAVE_NAMES.get(name, name)} ({matched['unit'] or _WAVE_UNITS.get(name, 'm')})"
-                found.setdefault(matched["test"], {}).setdefault(name, (index, told))
-        tests = [
-            (test, [index for index, _ in parts.values()], [label for _, label in parts.values()])
-            for test, parts in found.items()
-            if any(one <= parts.keys() for one in _COMPLETE)
-        ]
-        if tests:
-            return tests
-    return []
-
-
-def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]:
-    """Columns of the approach and of the way back, and their labels, of a table that has both side by side."""
-    found: dict[str, tuple[list[int], list[str]]] = {LOADING: ([], []), UNLOADING: ([], [])}
-    for index, label in enumerate(labels):
-        joint = "_" if "_" in label else " "
-        words = label.strip().split("_" if joint == "_" else None)
-        ways = [word for word in words if word.lower() in _WAYS]
-        if len(ways) == 1:
-            indices, names = found[_WAYS[ways[0].lower()]]
-            indices.append(index)
-            names.append(joint.join(word for word in words if word != ways[0]))
-    there, back = found[LOADING][1], found[UNLOADING][1]
-    return found if len(there) >= 2 and sorted(there) == sorted(back) else {}
-
-
-@dataclass(frozen=True)
-class _Read:
-    """Columns of a table in SI, and how they came about."""
-
-    depth: FloatArray
-    force: FloatArray
-    time: FloatArray | None
-    units: Mapping[str, str]
-    signs: Mapping[str, str]
-    notes: Sequence[str]
-    known: Mapping[str, Any]
-    free: bool
+    asked, ways = (options.columns or {}).values(), sides_of(table.labels)
+    if ways and (not asked or any(parse_column(str(text), table.labels) is None for text in asked)):
+        sides = {label: table.of(*way) for label, way in ways.items()}
+        return _curves(source, sides, options, metadata)
+    return _curves(source, {"": table}, options, metadata)
 
 
 def _curves(
-    source: Source, parts: Sequence[tuple[Table, str]], options: Options, metadata: dict[str, Any]
+    source: Source, parts: Mapping[str, Table], options: Options, metadata: Mapping[str, Any]
 ) -> list[Curve]:
-    """Curves of a table, or of its ways in and out (label of each), one after the other."""
-    read = [(_Reader(source, table, options), label) for table, label in parts]
-    columns = [(reader.read(), label) for reader, label in read]
-    first, reader = columns[0][0], read[0][0]
-    depth, force = (np.concatenate([getattr(one, name) for one, _ in columns]) for name in ("depth", "force"))
-    times = [one.time for one, _ in columns if one.time is not None]
-    time = np.concatenate(times) if len(times) == len(columns) else None
-    notes, labels = [*metadata.pop("notes", ()), *first.notes], None
+    """Curves of a table, or of its ways in and out by their labels, one after the other."""
+    read = [_Reader(source, table, options) for table in parts.values()]
+    first, times = read[0], [one.time for one in read if one.time is not None]
+    depth, force = (np.concatenate([getattr(one, name) for one in read]) for name in ("depth", "force"))
+    time = np.concatenate(times) if len(times) == len(read) else None
+    labels: NDArray[np.str_] | None
     if len(parts) > 1:
-        labels = np.concatenate([np.full(len(one.depth), label, dtype="<U9") for one, label in columns])
-        starts = [0]
+        sides = zip(parts, read, strict=True)
+        labels = np.concatenate([np.full(len(one.depth), label, dtype="<U9") for label, one in sides])
+        starts: Sequence[int] = [0]
+        told: Sequence[str] = ()
     else:
-        labels, told = _segment(reader.rows, reader.found.get("segment"))
-        if parts[0][0].segments:
-            labels = _named_segments(parts[0][0].segments, len(depth))
-        if labels is None and (markers := reader.markers()):
-            labels = marked(
-                markers, Curve(depth, force, time).segments() if np.isfinite(depth).all() else None
-            )
-        elif labels is not None and np.isfinite([depth, force]).all():
-            labels, against = against_motion(
-                labels, depth, None if time is None or not np.isfinite(time).all() else time, force
-            )
-            told = (*told, *against)
-        notes = [*told, *notes]
-        starts = reader.tests(depth, time)
+        labels, told = first.segments()
+        starts = first.tests()
+    notes = [*told, *metadata.get("notes", ()), *first.notes]
     if len(starts) > 1:
         notes.append(stacked_note(starts))
+    about = {**metadata, "units": first.units, "sign_rules": first.signs, "notes": notes, **first.known}
     curves = []
     for number, (start, end) in enumerate(zip(starts, [*starts[1:], len(depth)], strict=True), start=1):
         here = slice(start, end)
-        about = dict(metadata)
         if len(starts) > 1:
             about["name"] = f"{metadata.get('name') or source.path.stem}, test {number}"
-        curve = make_curve(
-            source,
-            depth[here],
-            force[here],
-            None if time is None else time[here],
-            None if labels is None else labels[here],
-            units=first.units,
-            sign_rules=first.signs,
-            notes=notes,
-            **{**about, **first.known},
-        )
+        clock = None if time is None else time[here]
+        segment = None if labels is None else labels[here]
+        curve = make_curve(source, depth[here], force[here], clock, segment, **about)
         curves.append(_with_signs(curve, free=first.free))
     return curves
 
@@ -285,7 +191,10 @@ def _with_signs(curve: Curve, *, free: bool) -> Curve:
 
 
 class _Reader:
-    """Reads depth, force and time of one table."""
+    """Depth, force and time (SI) of one table, with their units, rules of sign and notes.
+
+    `free` says that the depth is of a travel that may grow either way, `known` what is known of the lever.
+    """
 
     def __init__(self, source: Source, table: Table, options: Options) -> None:
         self.source, self.table, self.options = source, table, options
@@ -298,68 +207,85 @@ class _Reader:
             self.mapping,
         )
         self.shift = len(table.rows) - len(rows)
-        self.rows, self.statistics = without_statistics(rows)
-        self.notes: list[str] = list(self.statistics)
+        self.rows, statistics = without_statistics(rows)
+        self.notes: list[str] = list(statistics)
         self.signs: dict[str, str] = {}
         self.units: dict[str, str] = {}
         self.known: dict[str, Any] = {}
-        self.lever = Lever(0.0)
         self.free = self.scanner = False
+        wanted = {"depth": self._depth(), "force": self._force()}
+        source.require(self.rows, "names its columns but has no rows of numbers")
+        if (time := self._asked_time()) is not None:
+            wanted["time"] = time
+        self._read_columns(wanted)
+        self.depth, self.force = (self._value(role, wanted[role]) for role in ("depth", "force"))
+        self.time = self._clock(self._value("time", wanted["time"])) if "time" in wanted else None
+        self._take_off_bending()
+        self.notes += unread(self.labels, self.found, self.mapping)
 
-    def read(self) -> _Read:
-        """Everything that a curve is made of."""
-        depth, force = self._depth_node(), self._force_node()
-        if not self.rows:
-            raise FileFormatError(f"{self.source.name} names its columns but has no rows of numbers")
-        wanted = [index for node in (depth, force) for index in _indices(node)]
-        time = self._time_node()
-        if time is not None:
-            wanted += _indices(time)
-        indices = sorted(set(wanted))
+    def _read_columns(self, wanted: dict[str, Asked]) -> None:
+        """Read the columns that are wanted, without a time that nobody asked for and that holds no numbers."""
         try:
-            table = self._numbers(indices)
+            table = self._numbers(indices := _indices(wanted))
         except FileFormatError:
-            if time is None or "time" in self.mapping:
+            if "time" not in wanted or "time" in self.mapping:
                 raise
-            time, indices = None, sorted({index for node in (depth, force) for index in _indices(node)})
-            table = self._numbers(indices)
-            self.notes.append(
-                f"the time is left out: {self.labels[self.found['time']]!r:.80} holds no numbers"
-            )
+            del wanted["time"]
+            table = self._numbers(indices := _indices(wanted))
+            label = self.labels[self.found["time"]]
+            self.notes.append(f"the time is left out: {label!r:.80} holds no numbers")
         self.columns = dict(zip(indices, table.T, strict=True))
-        self._require_sound(indices, table, depth, force)
-        found = {"depth": self._value("depth", depth), "force": self._value("force", force)}
-        clock = None if time is None else self._time(time)
-        self._take_off_bending(found)
-        others = unread(self.labels, self.found, self.mapping)
-        notes = (*self.notes, *others)
-        return _Read(
-            found["depth"], found["force"], clock, self.units, self.signs, notes, self.known, self.free
-        )
+        _require_no_groups(self.source, self.labels, self.rows, self.columns)
+        if self.table.comma is None and self.table.commas_between:
+            _require_decimals(self.source, self.labels, self.rows, self.columns)
+        if not {"depth", "force"} <= self.mapping.keys():
+            units = [one or other for one, other in zip(self.above, self.below, strict=False)]
+            main = [self.columns[wanted[role].indices[0]] for role in ("depth", "force")]
+            require_readings(self.source, self.labels, units, self.rows, *main)
 
-    def markers(self) -> list[str]:
-        """The instrument's marks of its rows, where a column holds some."""
-        index = next(
-            (at for at, label in enumerate(self.labels) if label.lower() in {"markers", "marker"}), None
-        )
-        return [] if index is None else [row[index] if index < len(row) else "" for row in self.rows]
+    def segments(self) -> tuple[NDArray[np.str_] | None, Sequence[str]]:
+        """Labels (n,) as far as the file says them, and notes: its segments, its column of them, its marks."""
+        labels: NDArray[np.str_] | None = None
+        told: Sequence[str] = ()
+        if self.table.segments:
+            labels = np.full(len(self.depth), LOADING, dtype="<U9")
+            for row, label in self.table.segments:
+                labels[row:] = label
+        elif "segment" in self.found:
+            cells = _column(self.rows, self.found["segment"])
+            said = {cell: bare_cell(cell).lower() for cell in set(cells)}
+            if set(said.values()) <= {LOADING, HOLD, UNLOADING}:
+                labels = np.array([said[cell] for cell in cells], dtype="<U9")
+            else:
+                told = (
+                    "the segment column is not used: it holds other words than loading, hold and unloading",
+                )
+        depth, force, time = self.depth, self.force, self.time
+        marks = [at for at, label in enumerate(self.labels) if label.lower() in {"markers", "marker"}]
+        if labels is None and marks:
+            motion = Curve(depth, force, time).segments() if np.isfinite(depth).all() else None
+            return marked(_column(self.rows, marks[0]), motion), told
+        if labels is not None and np.isfinite([depth, force]).all():
+            clock = None if time is None or not np.isfinite(time).all() else time
+            labels, against = against_motion(labels, depth, clock, force)
+            told = (*told, *against)
+        return labels, told
 
-    def tests(self, depth: FloatArray, time: FloatArray | None) -> list[int]:
+    def tests(self) -> Sequence[int]:
         """Rows at which a test begins."""
-        numbered = [*self.table.starts] or self._numbered()
-        return numbered or beginnings(
-            depth, time, [row - self.shift for row in self.table.breaks], self._clocks
+        breaks = [row - self.shift for row in self.table.breaks]
+        return (
+            self.table.starts or self._numbered() or beginnings(self.depth, self.time, breaks, self._clocks)
         )
 
     def _numbered(self) -> list[int]:
         """Rows at which a column that counts tests has another number; [] without one."""
         for index, label in enumerate(self.labels):
-            if split_label(label)[0].strip(" .#").lower() not in NUMBERED:
-                continue
-            cells = np.array([row[index].strip() if index < len(row) else "" for row in self.rows])
-            starts = [0, *(np.flatnonzero(cells[1:] != cells[:-1]) + 1).tolist()]
-            if len(starts) > 1 and len(cells) >= 8 * len(starts):
-                return starts
+            if is_count(label, of_tests=True):
+                cells = np.array([cell.strip() for cell in _column(self.rows, index)])
+                starts = [0, *(np.flatnonzero(cells[1:] != cells[:-1]) + 1).tolist()]
+                if len(starts) > 1 and len(cells) >= 8 * len(starts):
+                    return starts
         return []
 
     def _clocks(self) -> Iterator[FloatArray]:
@@ -373,65 +299,51 @@ class _Reader:
     def _numbers(self, indices: Sequence[int]) -> FloatArray:
         return numbers(self.rows, indices, self.source.name, comma=self.table.comma)
 
-    def _require_sound(self, indices: Sequence[int], table: FloatArray, depth: Node, force: Node) -> None:
-        _require_no_groups(self.source, self.labels, self.rows, indices, table)
-        if self.table.comma is None and self.table.commas_between:
-            _require_decimals(self.source, self.labels, self.rows, indices)
-        if not {"depth", "force"} <= self.mapping.keys():
-            units = [one or other for one, other in zip(self.above, self.below, strict=False)]
-            main = [self.columns[_indices(node)[0]] for node in (depth, force)]
-            require_readings(self.source, self.labels, units, self.rows, main[0], main[1])
-
-    def _node(self, role: str) -> Node | None:
+    def _asked(self, role: str) -> Asked | None:
         """What the mapping asks for; raises where the table has no such column."""
         if role not in self.mapping:
-            return Column(self.found[role]) if role in self.found else None
+            return Asked((Column(self.found[role]),)) if role in self.found else None
         parsed = parse_column(self.mapping[role], self.labels)
         if parsed is None:
-            raise FileFormatError(self._missing(role, f"no column {self.mapping[role]!r:.80}"))
-        return parsed[0]
+            raise self._missing(role, f"no column {self.mapping[role]!r:.80}")
+        return parsed
 
-    def _missing(self, role: str, what: str) -> str:
+    def _missing(self, role: str, what: str) -> FileFormatError:
         there = names_there(label for label in self.labels if label)
-        return f"{self.source.name} has {what}; it has {there}. Say which with columns={{{role!r}: 'name (unit)'}}"
+        return self.source.wrong(
+            f"has {what}; it has {there}. Say which with columns={{{role!r}: 'name (unit)'}}"
+        )
 
-    def _depth_node(self) -> Node:
-        node = self._node("depth")
-        if node is None:
+    def _depth(self) -> Asked:
+        asked = self._asked("depth")
+        if asked is None:
             role = next((role for role in ("travel", "height") if role in self.found), None)
             if role is None:
-                raise FileFormatError(self._missing("depth", "no column for the depth"))
+                raise self._missing("depth", "no column for the depth")
             self.free = True
-            self.found["depth"] = self.found[role]
-            self.scanner = bare_name(name_of(self.labels[self.found[role]])) in _SCANNER
-            node = Column(self.found[role])
-        return node
+            index = self.found["depth"] = self.found[role]
+            self.scanner = bare_name(name_of(self.labels[index])) in _SCANNER
+            asked = Asked((Column(index),))
+        return asked
 
-    def _force_node(self) -> Node:
-        node = self._node("force")
-        if node is None:
-            if "deflection" not in self.found:
-                raise FileFormatError(self._missing("force", "no column for the force"))
-            node = Column(self.found["deflection"])
+    def _force(self) -> Asked:
+        asked, deflection = self._asked("force"), self.found.get("deflection")
         # A calibration that is given goes before the one the file's own forces were made with.
-        elif self.options.calibration and "force" not in self.mapping and self._is_lever(node):
-            self.found.pop("force")
-            node = Column(self.found["deflection"])
-        return node
+        anew = self.options.calibration and "force" not in self.mapping and deflection is not None
+        if asked is None or (anew and name_of(self.labels[self.found["force"]]) in KNOWN["deflection"]):
+            if deflection is None:
+                raise self._missing("force", "no column for the force")
+            self.found.pop("force", None)
+            asked = Asked((Column(deflection),))
+        return asked
 
-    def _is_lever(self, node: Node) -> bool:
-        """Whether this force is that of a lever whose deflection stands beside it."""
-        named = isinstance(node, Column) and name_of(self.labels[node.index]) in KNOWN["deflection"]
-        return named and "deflection" in self.found
-
-    def _time_node(self) -> Node | None:
-        node = self._node("time")
-        if node is None or "time" in self.mapping:
-            return node
-        unit = self._unit(Column(self.found["time"]))
+    def _asked_time(self) -> Asked | None:
+        asked = self._asked("time")
+        if asked is None or "time" in self.mapping:
+            return asked
+        unit, label = self._unit(asked.columns[0]), self.labels[self.found["time"]]
         if kind_named(unit) == "time":
-            return node
-        label = self.labels[self.found["time"]]
+            return asked
         self.notes.append(
             f"the time is left out: the column {label!r:.80} has {f'the unit {unit!r:.40}' if unit else 'no unit'}"
             f"; say it with columns={{'time': '{split_label(label)[0]} (s)'}}"
@@ -443,41 +355,50 @@ class _Reader:
         at = column.index
         return column.unit or _one_unit(self.source, self.labels[at], self.above[at], self.below[at])
 
-    def _value(self, role: str, node: Node) -> FloatArray:
+    def _value(self, role: str, asked: Asked) -> FloatArray:
         """SI values of a role."""
-        text = self.mapping.get(role, "").strip()
-        if not isinstance(node, Column):
-            what = f"{self.source.name}, columns = {{ {role} = {text!r:.120} }}"
-            for column in columns_of(node):
-                self.units[self.labels[column.index]] = self._unit(column)
+        text, source = self.mapping.get(role, "").strip(), self.source
+        if asked.node is not None:
+            self.units |= {self.labels[column.index]: self._unit(column) for column in asked.columns}
             self.signs[role] = f"{text}, as asked"
-            found = evaluate(node, lambda column: self.columns[column.index], self._unit, what)
-            return require_kind(found, ROLES[role], what)
-        label, unit = self.labels[node.index], self._unit(node)
+            what = f"{source.name}, columns = {{ {role} = {text!r:.120} }}"
+            return asked.values(lambda one: self.columns[one.index], self._unit, ROLES[role], what)
+        column = asked.columns[0]
+        values, label, unit = self.columns[column.index], self.labels[column.index], self._unit(column)
         if role == "force" and role not in self.found and kind_named(unit) != "force":
-            return self._lever_force(node, unit)
+            return self._lever_force(values, label, unit)
         if not unit:
-            raise FileFormatError(_no_unit(self.source, label, role))
+            raise FileFormatError(_no_unit(source, label, role))
         self.units[label] = unit
-        factor = column_factor(unit, ROLES[role], label, self.source.name)
+        factor = column_factor(unit, ROLES[role], label, source.name)
         turned = text.startswith("-")
         self.signs[role] = f"minus the column {label!r}, as asked" if turned else f"as written in {label!r}"
-        return np.asarray(self.columns[node.index] * (-factor if turned else factor))
+        return np.asarray(values * (-factor if turned else factor))
 
-    def _time(self, node: Node) -> FloatArray | None:
-        return self._value("time", node)
+    def _clock(self, time: FloatArray) -> FloatArray:
+        """Time of a table whose segments each set it back: it goes on from the segment before."""
+        starts = [row for row, _ in self.table.segments if 0 < row < len(time)]
+        back = np.flatnonzero(np.diff(time) < 0.0) + 1
+        inside = sorted({*starts} - {*self.table.starts})
+        if not back.size or not {*back.tolist()} <= {*inside, *self.table.starts}:
+            return time
+        time = time.copy()
+        for row in inside:
+            end = next((start for start in self.table.starts if start > row), len(time))
+            if time[row] < time[row - 1]:
+                step = time[row - 1] - time[row - 2] if row > 1 else 0.0
+                time[row:end] += time[row - 1] + max(step, 0.0) - time[row]
+        self.notes.append("each segment sets the clock back: it goes on from the segment before")
+        return time
 
     def _lever(self) -> Lever:
-        if self.known:
-            return self.lever
-        lever = self.lever = Lever.of(self.source, self.table.stated, self.options.calibration)
+        lever = Lever.of(self.source, self.table.stated, self.options.calibration)
         self.known |= {**lever.about, "bending_taken_off": True}
         return lever
 
-    def _lever_force(self, node: Column, unit: str) -> FloatArray:
+    def _lever_force(self, values: FloatArray, label: str, unit: str) -> FloatArray:
         """Force (N) of a lever's deflection, a length or the volts of its detector."""
-        label = self.labels[node.index]
-        lever, values = self._lever(), self.columns[node.index]
+        lever = self._lever()
         self.units[label] = unit
         if kind_named(unit) == "voltage":
             self.signs["force"] = f"{label!r} * sensitivity * spring constant"
@@ -486,7 +407,7 @@ class _Reader:
         factor = column_factor(unit, "length", label, self.source.name)
         return np.asarray(values * (factor * lever.stiffness))
 
-    def _take_off_bending(self, found: dict[str, FloatArray]) -> None:
+    def _take_off_bending(self) -> None:
         """Turn a height, and take the bending of the lever off the travel of its scanner."""
         if not self.free:
             if self.options.calibration and not self.known:
@@ -496,8 +417,8 @@ class _Reader:
                 )
             return
         label = self.labels[self.found["depth"]]
-        if "height" in self.found and self.found["height"] == self.found["depth"]:
-            found["depth"] = -found["depth"]
+        if self.found.get("height") == self.found["depth"]:
+            self.depth = -self.depth
             self.signs["depth"] = f"minus {label!r}"
         deflection = self.found.get("deflection")
         unit = "" if deflection is None else self._unit(Column(deflection))
@@ -507,15 +428,14 @@ class _Reader:
             name = self.labels[deflection]
             if deflection not in self.columns:
                 self.columns[deflection] = self._numbers([deflection])[:, 0]
-            found["depth"] = found["depth"] - self.columns[deflection] * unit_factor(unit, "length")
+            self.depth = self.depth - self.columns[deflection] * unit_factor(unit, "length")
             self.signs["depth"] += f" - {name!r}"
             self.units[name] = unit
             if self.table.stated.get("stiffness"):
                 self._lever()
             self.known["bending_taken_off"] = True
         elif self.options.calibration or self.table.stated:
-            lever = self._lever()
-            found["depth"] = found["depth"] - found["force"] / lever.stiffness
+            self.depth = self.depth - self.force / self._lever().stiffness
             self.signs["depth"] += " - force / spring constant"
         else:
             self.notes.append(
@@ -524,23 +444,18 @@ class _Reader:
             )
 
 
-def _indices(node: Node) -> list[int]:
-    return [column.index for column in columns_of(node)]
+def _indices(wanted: Mapping[str, Asked]) -> list[int]:
+    return sorted({index for asked in wanted.values() for index in asked.indices})
 
 
 def _require_no_groups(
-    source: Source,
-    labels: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    indices: Sequence[int],
-    table: FloatArray,
+    source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], columns: Mapping[int, FloatArray]
 ) -> None:
     """Refuse a column that counts 998, 999, 1,000: its separator is one of thousands, read as a decimal sign."""
-    # Nearly every table ends here, and nearly every column below.
-    if np.abs(table).max() < _THREE_DIGITS:
-        return
-    for j, index in enumerate(indices):
-        values = table[:, j]
+    for index, values in columns.items():
+        # Nearly every column ends here, or a line below.
+        if np.abs(values).max() < _THREE_DIGITS:
+            continue
         whole = values == np.rint(values)
         divided = 1e3 * values[~whole]
         if not divided.size or not (np.abs(values[whole]) >= _THREE_DIGITS).any():
@@ -550,26 +465,26 @@ def _require_no_groups(
         # Whole ones may be grouped as well: 1,000 is read as 1.
         cells = [row[index].strip() for row in rows if index < len(row)]
         groups = [cell for cell in cells if "," in cell or "." in cell]
-        if all(map(_GROUPED.fullmatch, groups)) and any(map(_PLAIN_HUNDREDS.fullmatch, cells)):
-            raise FileFormatError(
-                f"{source.name}, column {labels[index].strip()!r:.80}: {groups[0]!r:.40} beside whole numbers of "
-                "three digits looks like thousands and would be read as a decimal; write the numbers without a "
-                "separator of thousands"
-            )
+        source.require(
+            not (all(map(_GROUPED.fullmatch, groups)) and any(map(_PLAIN_HUNDREDS.fullmatch, cells))),
+            f", column {labels[index].strip()!r:.80}: {''.join(groups[:1])!r:.40} beside whole numbers of three "
+            "digits looks like thousands and would be read as a decimal; write the numbers without a separator of "
+            "thousands",
+        )
 
 
 def _require_decimals(
-    source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], indices: Sequence[int]
+    source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], columns: Mapping[int, FloatArray]
 ) -> None:
     """Refuse a column whose commas may all be of thousands."""
-    for index in indices:
+    for index in columns:
         commas = [cell for row in rows if index < len(row) and "," in (cell := row[index].strip())]
-        if commas and all(map(_GROUPED.fullmatch, commas)):
-            raise FileFormatError(
-                f"{source.name}, column {labels[index].strip()!r:.80}: the comma of {commas[0]!r:.40} may be of a "
-                "decimal or of thousands; write the numbers with decimal points and without thousands, or "
-                "separate the columns by semicolons, where a comma is a decimal's"
-            )
+        source.require(
+            not commas or not all(map(_GROUPED.fullmatch, commas)),
+            f", column {labels[index].strip()!r:.80}: the comma of {''.join(commas[:1])!r:.40} may be of a decimal "
+            "or of thousands; write the numbers with decimal points and without thousands, or separate the columns "
+            "by semicolons, where a comma is a decimal's",
+        )
 
 
 def _no_unit(source: Source, label: str, role: str) -> str:
@@ -585,9 +500,9 @@ def _take_unit_row(
     """Units of all columns beside and below their names, and the rows of numbers without a row of units."""
     units = [split_label(label)[1] for label in labels]
     below = [""] * len(units)
-    if rows and not any(is_number(cell) for cell in rows[0]):
-        found = [unit_named(cell.strip().strip('"').strip("()[]{}<>")) for cell in rows[0]]
-        if any(kind_named(unit) is not None for unit in found if unit):
+    if rows and not any(map(is_number, rows[0])):
+        found = [unit_named(without_brackets(cell)) for cell in rows[0]]
+        if any(unit and kind_named(unit) is not None for unit in found):
             below, rows = (found + below)[: len(units)], rows[1:]
     if stated:
         below = [one or unit_named(other) for one, other in zip(below, [*stated, *below], strict=False)]
@@ -596,31 +511,21 @@ def _take_unit_row(
 
 def _one_unit(source: Source, label: str, above: str, below: str) -> str:
     """The unit of a column, which its name and the row of units below may both say."""
-    kind = kind_named(above) if above and below else None
-    if above and below and kind is None and kind_named(below) is not None:
+    if not (above and below):
+        return above or below
+    kind, other = kind_named(above), kind_named(below)
+    if kind is None and other is not None:
         return below  # what stands in brackets is a remark
-    if (
-        kind is not None
-        and kind == kind_named(below)
-        and unit_factor(above, kind) != unit_factor(below, kind)
-    ):
-        raise FileFormatError(
-            f"{source.name}, column {label!r:.80}: the row below the names says {below!r:.40}; say which unit is "
-            "right in columns"
-        )
-    return above or below
+    source.require(
+        kind is None or kind != other or unit_factor(above, kind) == unit_factor(below, kind),
+        f", column {label!r:.80}: the row below the names says {below!r:.40}; say which unit is right in columns",
+    )
+    return above
 
 
 def is_marker(cell: str) -> bool:
     """Whether a cell marks the row of an instrument, as KLA's "End Of Loading Index"."""
     return cell.strip().lower().endswith((" index", "segment type")) or cell.strip().lower() == "end"
-
-
-def _named_segments(segments: Sequence[tuple[int, str]], count: int) -> NDArray[np.str_]:
-    labels = np.full(count, LOADING, dtype="<U9")
-    for row, label in segments:
-        labels[row:] = label
-    return labels
 
 
 def marked(markers: Sequence[str], motion: NDArray[np.str_] | None = None) -> NDArray[np.str_] | None:
@@ -644,7 +549,7 @@ def marked(markers: Sequence[str], motion: NDArray[np.str_] | None = None) -> ND
     for row, marker in enumerate(markers):
         text = marker.strip().lower()
         if text and text != "end":
-            found = next((label for word, label in _MARKS if word in text), "")
+            found = next((label for word, label in _MARKS.items() if word in text), "")
             if not found and motion is None:
                 return None
             # What is no mark of a segment, as the first reading of a drift, ends one.
@@ -660,14 +565,3 @@ def marked(markers: Sequence[str], motion: NDArray[np.str_] | None = None) -> ND
         moving = back[motion[back] == UNLOADING]
         labels[back[back > moving[-1]] if moving.size else back[:0]] = HOLD
     return labels if seen else None
-
-
-def _segment(
-    rows: Sequence[Sequence[str]], index: int | None
-) -> tuple[NDArray[np.str_] | None, tuple[str, ...]]:
-    if index is None:
-        return None, ()
-    cells = [row[index].strip().strip('"').lower() if index < len(row) else "" for row in rows]
-    if set(cells) <= set(_LABELS):
-        return np.array(cells, dtype="<U9"), ()
-    return None, ("the segment column is not used: it holds other words than loading, hold and unloading",)

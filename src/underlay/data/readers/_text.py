@@ -5,36 +5,18 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import overload
+from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source
+from underlay.data.readers._words import SAID, listed
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import kind_of, unit_factor
-
-__all__ = [
-    "SENTINEL",
-    "Arrays",
-    "Lines",
-    "column_factor",
-    "decode",
-    "is_number",
-    "is_unit",
-    "kind_named",
-    "lines_and_gaps",
-    "lines_of",
-    "listed",
-    "numbers",
-    "plain",
-    "split_label",
-    "unit_named",
-    "uses_comma",
-]
 
 #: Instruments write the largest double, or averages of it, for "no value".
 SENTINEL = 1e300
@@ -52,24 +34,14 @@ _AFTER_SLASH = re.compile(r"(.*?\S)\s*/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
 _AFTER_WORD = re.compile(r"(.*?[^\s_:=-])(?:\s+in\s+|[\s_:=-]+)([^\W\d_]+)\.?\s*", re.IGNORECASE)
 # Letters of a unit without a sign in it; longer ones that are usual stand below.
 _LONGEST_WORD = 4
-_PLAIN_UNITS = frozenset(
-    "pm nm um µm μm mm cm m pN nN uN µN μN mN N kN gf kgf lbf s ms us µs μs V mV".split()  # noqa: SIM905
-)
-_PREFIX_WORDS = {
-    "pico": "p",
-    "nano": "n",
-    "micro": "u",
-    "mikro": "u",
-    "milli": "m",
-    "centi": "c",
-    "": "",
-    "kilo": "k",
-}
-_UNIT_STEMS = {
-    "m": ("meter", "meters", "metre", "metres"),
-    "N": ("newton", "newtons"),
-    "s": ("second", "seconds", "sekunden", "secondes"),
-    "V": ("volt", "volts"),
+_UNITS = SAID["units"]
+_PLAIN_UNITS = frozenset(listed(_UNITS["plain"]))
+_PREFIXES = {"": "", **{word: prefix for prefix, text in _UNITS["prefixes"].items() for word in listed(text)}}
+_WORD_UNITS = {word: unit for unit, text in _UNITS["words"].items() for word in listed(text)} | {
+    f"{word}{stem}": f"{prefix}{unit}"
+    for word, prefix in _PREFIXES.items()
+    for unit, text in _UNITS["stems"].items()
+    for stem in listed(text)
 }
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
 # Rows that show which decimal sign a table has.
@@ -77,28 +49,6 @@ _SHOWN = 200
 _MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 # Files of one kind ask for the same.
 _factor = lru_cache(maxsize=256)(unit_factor)
-
-
-def listed(text: str) -> tuple[str, ...]:
-    """Words of a list that a text holds, commas between."""
-    return tuple(" ".join(name.split()) for name in text.split(","))
-
-
-_WORD_UNITS = {
-    **{
-        f"{word}{stem}": f"{prefix}{unit}"
-        for word, prefix in _PREFIX_WORDS.items()
-        for unit, stems in _UNIT_STEMS.items()
-        for stem in stems
-    },
-    **dict.fromkeys(("micron", "microns"), "um"),
-    **dict.fromkeys(("sec", "secs", "sek"), "s"),
-    **dict.fromkeys(("msec", "msecs"), "ms"),
-    **dict.fromkeys(("g", "gr", "gram", "grams", "gf", "gramm"), "gf"),
-    **dict.fromkeys(("kg", "kgs", "kilogram", "kilograms", "kgf"), "kgf"),
-    **dict.fromkeys(("lb", "lbs", "lbf", "pound", "pounds"), "lbf"),
-    **dict.fromkeys(("minute", "minutes"), "min"),
-}
 
 
 @dataclass(frozen=True)
@@ -119,16 +69,19 @@ class Lines(Sequence[Sequence[str]]):
     def __len__(self) -> int:
         return len(self.lines)
 
-    @overload
-    def __getitem__(self, index: int) -> Sequence[str]: ...
+    def __iter__(self) -> Iterator[list[str]]:
+        between = self.between
+        return (line.split(between) for line in self.lines)
 
-    @overload
-    def __getitem__(self, index: slice) -> Lines: ...
-
-    def __getitem__(self, index: int | slice) -> Sequence[str] | Lines:
+    def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             return Lines(self.lines[index], self.separator)
-        return self.lines[index].split(None if self.separator == " " else self.separator)
+        return self.lines[index].split(self.between)
+
+    @property
+    def between(self) -> str | None:
+        """The separator, as Python's split and numpy take it."""
+        return None if self.separator == " " else self.separator
 
     def count_cells(self) -> int:
         """Cells of all rows."""
@@ -152,13 +105,7 @@ class Arrays(Sequence[Sequence[str]]):
     def __len__(self) -> int:
         return len(self.columns[0])
 
-    @overload
-    def __getitem__(self, index: int) -> Sequence[str]: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> Arrays: ...
-
-    def __getitem__(self, index: int | slice) -> Sequence[str] | Arrays:
+    def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             return Arrays([column[index] for column in self.columns])
         return [repr(float(column[index])) for column in self.columns]
@@ -173,25 +120,19 @@ def decode(source: Source) -> str:
         If it is binary (holds NUL bytes) or larger than `MAX_TEXT_BYTES`.
     """
     data = source.data
-    if len(data) > MAX_TEXT_BYTES:
-        raise FileFormatError(
-            f"{source.name} holds {len(data) / 1e6:.0f} MB of text, more than the "
-            f"{MAX_TEXT_BYTES // 1_000_000} MB that are read; split it into one file per test"
-        )
-    if data[:2] in {b"\xff\xfe", b"\xfe\xff"}:
-        try:
-            text = data.decode("utf-16")
-        except UnicodeDecodeError as error:
-            raise FileFormatError(
-                f"{source.name} starts as UTF-16 text but is damaged: {error.reason}"
-            ) from error
-    else:
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("latin-1")
-    if "\0" in text:
-        raise FileFormatError(f"{source.name} holds NUL bytes: it is binary or damaged, not a text file")
+    source.require(
+        len(data) <= MAX_TEXT_BYTES,
+        f"holds {len(data) / 1e6:.0f} MB of text, more than the {MAX_TEXT_BYTES // 1_000_000} MB that are read; "
+        "split it into one file per test",
+    )
+    wide = data[:2] in {b"\xff\xfe", b"\xfe\xff"}
+    try:
+        text = data.decode("utf-16" if wide else "utf-8-sig")
+    except UnicodeDecodeError as error:
+        if wide:
+            raise source.wrong(f"starts as UTF-16 text but is damaged: {error.reason}") from error
+        text = data.decode("latin-1")
+    source.require("\0" not in text, "holds NUL bytes: it is binary or damaged, not a text file")
     return text
 
 
@@ -219,8 +160,7 @@ def lines_and_gaps(source: Source) -> tuple[list[str], list[int]]:
         text = text.replace("\r\n", "\n").replace("\n\r", "\n").replace("\r", "\n")
     every = text.split("\n")
     lines = list(filter(str.strip, every))
-    if not lines:
-        raise FileFormatError(f"{source.name} holds nothing but blank lines")
+    source.require(lines, "holds nothing but blank lines")
     gaps: list[int] = []
     if len(lines) < len(every) - 1:
         count = 0
@@ -229,19 +169,14 @@ def lines_and_gaps(source: Source) -> tuple[list[str], list[int]]:
                 if count and (not before or before.isspace()):
                     gaps.append(count)
                 count += 1
-    _require_lines(source, lines, len(text))
-    return lines, gaps
-
-
-def _require_lines(source: Source, lines: Sequence[str], size: int) -> None:
-    if size <= _LONGEST_LINE or max(map(len, lines)) <= _LONGEST_LINE:
-        return
-    for number, line in enumerate(lines, start=1):
-        if len(line) > _LONGEST_LINE and not line.startswith("#"):
-            raise FileFormatError(
-                f"{source.name} has {len(line)} characters in line {number} of those that are not blank; a row "
-                f"of a table has at most {_LONGEST_LINE}: export it again as a table with a row per point"
+    if len(text) > _LONGEST_LINE and max(map(len, lines)) > _LONGEST_LINE:
+        for number, line in enumerate(lines, start=1):
+            source.require(
+                len(line) <= _LONGEST_LINE or line.startswith("#"),
+                f"has {len(line)} characters in line {number} of those that are not blank; a row of a table has at "
+                f"most {_LONGEST_LINE}: export it again as a table with a row per point",
             )
+    return lines, gaps
 
 
 def unit_named(text: str) -> str:
@@ -253,9 +188,17 @@ def unit_named(text: str) -> str:
     ('N', 'um', 'gf', 'kPa')
     """
     word = text.strip()
-    if word in _PLAIN_UNITS:
-        return word
-    return _WORD_UNITS.get(word.rstrip(".").casefold(), word)
+    return word if word in _PLAIN_UNITS else _WORD_UNITS.get(word.rstrip(".").casefold(), word)
+
+
+def bare_cell(cell: str) -> str:
+    """A cell without blanks and quotes around it."""
+    return cell.strip().strip('"')
+
+
+def without_brackets(cell: str) -> str:
+    """A cell without blanks, quotes and brackets around it."""
+    return bare_cell(cell).strip("()[]{}<>").strip()
 
 
 def plain(name: str) -> str:
@@ -287,23 +230,20 @@ def split_label(label: str) -> tuple[str, str]:
     >>> split_label("force_N"), split_label("Load in Newtons"), split_label("depth/um"), split_label("time: Sec")
     (('force', 'N'), ('Load', 'N'), ('depth', 'um'), ('time', 's'))
     """
-    return _split_label(label.strip().strip('"').strip()[:200])
+    return _split_label(bare_cell(label).strip()[:200])
+
+
+def _has_kind(unit: str) -> bool:
+    return kind_of(unit_named(unit)) is not None
 
 
 @lru_cache(maxsize=1024)
 def _split_label(text: str) -> tuple[str, str]:
-    matched = _AFTER_COMMA.fullmatch(text)
-    if matched and kind_of(unit_named(matched.group(2))) is not None:
-        return matched.group(1).strip(), unit_named(matched.group(2))
-    matched = _BRACKETED.fullmatch(text)
-    if matched and matched.group(1):
-        return matched.group(1).strip(), unit_named(matched.group(2))
-    matched = _AFTER_SLASH.fullmatch(text) if "/" in text else None
-    if matched and kind_of(unit_named(matched.group(2))) is not None:
-        return matched.group(1).strip(), unit_named(matched.group(2))
-    matched = _AFTER_WORD.fullmatch(text)
-    if matched and is_unit(matched.group(2)):
-        return matched.group(1).strip(), unit_named(matched.group(2))
+    ways = (_AFTER_COMMA, _has_kind), (_BRACKETED, None), (_AFTER_SLASH, _has_kind), (_AFTER_WORD, is_unit)
+    for pattern, is_known in ways:
+        matched = pattern.fullmatch(text)
+        if matched and matched[1] and (is_known is None or is_known(matched[2])):
+            return matched[1].strip(), unit_named(matched[2])
     words = text.split("_")
     units = [word for word in words[1:-1] if word in _PLAIN_UNITS and len(word) > 1]
     if len(units) == 1:  # "Defl_nm_Ex"
@@ -330,17 +270,13 @@ def is_number(cell: str) -> bool:
     return len(cell) < 60 and _NUMBER.fullmatch(cell) is not None
 
 
-def uses_comma(cells: Sequence[str]) -> bool:
-    """Whether these cells write a decimal comma: some hold a comma, and none a point."""
-    return any("," in cell for cell in cells) and not any("." in cell for cell in cells)
+def as_number(cell: str) -> float:
+    """The number of a cell that `is_number`."""
+    return float(cell.replace(",", "."))
 
 
 def numbers(
-    rows: Sequence[Sequence[str]],
-    indices: Sequence[int],
-    where: str,
-    *,
-    comma: bool | None = None,
+    rows: Sequence[Sequence[str]], indices: Sequence[int], where: str, *, comma: bool | None = None
 ) -> FloatArray:
     """Read some columns of a table of cells.
 
@@ -353,7 +289,8 @@ def numbers(
     where : str
         File, for messages.
     comma : bool, optional
-        Whether the decimal sign is a comma; the first rows of these columns are asked where it is not said.
+        Whether the decimal sign is a comma; the first rows of these columns are asked where it is not said: some
+        hold a comma then, and none a point.
 
     Returns
     -------
@@ -365,16 +302,25 @@ def numbers(
     FileFormatError
         If a row is too short or a cell is not a number.
     """
-    if comma is None and isinstance(rows, Lines):
-        comma = None if any("," in line for line in rows.lines[:_SHOWN]) else False
     if comma is None:
-        comma = uses_comma([row[at] for row in rows[:_SHOWN] for at in indices if at < len(row)])
+        some = not isinstance(rows, Lines) or any("," in line for line in rows.lines[:_SHOWN])
+        shown = [row[at] for row in rows[:_SHOWN] for at in indices if at < len(row)] if some else []
+        comma = any("," in cell for cell in shown) and not any("." in cell for cell in shown)
     if isinstance(rows, Arrays):
         table: FloatArray | None = np.column_stack([rows.columns[at] for at in indices]).astype(np.float64)
     else:
         table = _all_good(rows, indices, comma=comma)
     if table is None:
-        table = _cell_by_cell(rows, indices, where, comma=comma)
+        table = np.empty((len(rows), len(indices)))
+        for i, row in enumerate(rows):
+            at = f"{where}, row {i + 1} of the table"
+            for j, index in enumerate(indices):
+                if index >= len(row):
+                    raise FileFormatError(
+                        f"{at} has {len(row)} cells where at least {max(indices) + 1} are expected; the file may "
+                        "be cut short"
+                    )
+                table[i, j] = _number(row[index], comma=comma, where=at)
     no_value = np.abs(table) > SENTINEL
     if no_value.any():
         table[no_value] = np.nan
@@ -383,66 +329,35 @@ def numbers(
 
 def _all_good(rows: Sequence[Sequence[str]], indices: Sequence[int], *, comma: bool) -> FloatArray | None:
     """Convert a table (n, m) in one go; None if a cell of it needs a look."""
-    if isinstance(rows, Lines) and not comma:
-        table = _all_lines(rows, indices)
-        return table if table is not None and len(table) == len(rows) and np.isfinite(table).all() else None
     table = np.empty((len(rows), len(indices)), order="F")
-    for j, index in enumerate(indices):
-        try:
+    try:
+        if isinstance(rows, Lines) and not comma:
+            # Plain decimal numbers, by numpy's own reader.
+            table = np.loadtxt(rows.lines, delimiter=rows.between, usecols=indices, comments=None, ndmin=2)
+            return table if len(table) == len(rows) and np.isfinite(table).all() else None
+        for j, index in enumerate(indices):
             cells = [row[index] for row in rows]
             if comma:
                 cells = [cell.replace(",", ".") for cell in cells]
             table[:, j] = list(map(float, cells))
-        except (IndexError, ValueError):
-            return None
-        if "_" in "".join(cells):
-            return None
+            if "_" in "".join(cells):
+                return None
+    except (IndexError, ValueError):
+        return None
     return table if np.isfinite(table).all() else None
 
 
-def _all_lines(rows: Lines, indices: Sequence[int]) -> FloatArray | None:
-    """Convert plain decimal numbers (n, m) by numpy's own reader; None where a cell is anything else."""
-    try:
-        return np.loadtxt(
-            rows.lines,
-            delimiter=None if rows.separator == " " else rows.separator,
-            usecols=indices,
-            comments=None,
-            ndmin=2,
-        )
-    except ValueError:
-        return None
-
-
-def _cell_by_cell(
-    rows: Sequence[Sequence[str]], indices: Sequence[int], where: str, *, comma: bool
-) -> FloatArray:
-    """Convert a table (n, m) with missing cells, or say which cell is wrong."""
-    table = np.empty((len(rows), len(indices)))
-    for i, row in enumerate(rows):
-        for j, index in enumerate(indices):
-            try:
-                cell = row[index]
-            except IndexError:
-                raise FileFormatError(
-                    f"{where}, row {i + 1} of the table has {len(row)} cells where at least "
-                    f"{max(indices) + 1} are expected; the file may be cut short"
-                ) from None
-            table[i, j] = _number(cell, comma=comma, where=where, line=i + 1)
-    return table
-
-
-def _number(cell: str, *, comma: bool, where: str, line: int) -> float:
+def _number(cell: str, *, comma: bool, where: str) -> float:
     text = cell.replace(",", ".") if comma else cell
     try:
         value = math.nan if "_" in text else float(text)  # Python reads 1_000; no instrument writes it
     except ValueError:
         if cell.strip().lower() in _MISSING:
             return math.nan
-        raise FileFormatError(f"{where}, row {line} of the table: {cell!r:.40} is not a number") from None
+        raise FileFormatError(f"{where}: {cell!r:.40} is not a number") from None
     if not math.isfinite(value):
         raise FileFormatError(
-            f"{where}, row {line} of the table: {cell!r:.40} is not a finite number; take the row out, or leave "
-            "the cell empty if the point is missing"
+            f"{where}: {cell!r:.40} is not a finite number; take the row out, or leave the cell empty if the point "
+            "is missing"
         )
     return value

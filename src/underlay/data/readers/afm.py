@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,15 +24,15 @@ from underlay._arrays import FloatArray
 from underlay._door import parse_json
 from underlay._text import names_there
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options, make_curve, require
+from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import HDF5_MAGIC, Checked, curve_groups, is_own, open_checked
-from underlay.data.readers._lever import Lever, lever_curve
+from underlay.data.readers._lever import Lever
 from underlay.data.readers._source import Source, curve_name
 from underlay.data.readers._text import Lines, is_number, lines_of, numbers
-from underlay.data.readers.jpk import JpkCurve, read_jpk
+from underlay.data.readers.jpk import read_jpk
 from underlay.data.readers.text_format import header_of
 from underlay.data.segments import HOLD, label_pieces, segments_from_motion
-from underlay.errors import FileFormatError, InputError
+from underlay.errors import InputError
 
 __all__ = ["FORMAT"]
 
@@ -43,114 +43,79 @@ _COLUMNS = ("force", "time", "segment")
 _HEIGHTS = ("height (measured)", "height (piezo)")
 # Of two segments, older versions of a .tab wrote which one as a boolean; no other column of them is used.
 _OLD_SEGMENTS = {"False": "0", "True": "1"}
-_NUMBERS = ("spring constant", "sensitivity", "setpoint", "position x", "position y")
-_WORKSHOP = "Force-Distance Curve"
+# Numbers that other parts rely on, and what those that stand in a curve's metadata are called there.
+_KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
+_NUMBERS = (*_KNOWN, "position x", "position y")
 # AFM Workshop's names; a 1 is written where nothing was calibrated. nN/nm is N/m, mV/nm an inverse sensitivity.
 _STIFFNESS, _GAIN, _UNSET = "Force Constant, nN/nm", "Light Lever Gain, mV/nm", 1.0
-_JPK = b"header.properties"
 # NT-MDT: no header, three columns with decimal commas: height (nm), detector (nA) on the way in and on the way out.
 _NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
-_QUANTITIES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 # A segment that travels less than this share of the whole rests: creep under a held force is a few per cent.
 _REST = 0.1
-_KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
-
-
-def _sniff(source: Source) -> bool:
-    return bool(_kind(source))
 
 
 def _kind(source: Source) -> str:
     data = source.data
     if source.is_zip:
-        return "jpk" if _JPK in data else ""
+        return "jpk" if b"header.properties" in data else ""
     if data.startswith(HDF5_MAGIC):
         return "" if is_own(source) else "hdf5"
     head = source.head(2000)
     if _TAB_MARK in head:
         return "tab"
-    if head.startswith(_WORKSHOP) and "File Format" in head:
+    if head.startswith("Force-Distance Curve") and ("File Format" in head or "Software Version" in head):
         return "workshop"
-    if not _NTMDT_ROW.match(head.lstrip("\n")):
-        return ""
     lines = [line for line in head.split("\n") if line][:4]
     return "ntmdt" if len(lines) == 4 and all(map(_NTMDT_ROW.fullmatch, lines[:3])) else ""
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:
-    given = options.calibration
-    kind = _kind(source)
-    if kind == "jpk":
-        _require_known(source, given, "sensitivity")
-        return [
-            _jpk_curve(source, *numbered, given) for numbered in enumerate(read_jpk(source, given), start=1)
-        ]
-    if kind == "workshop":
-        return [_workshop(source, given)]
-    if kind == "ntmdt":
-        return [_ntmdt(source, given)]
-    if not kind:
-        raise FileFormatError(f"{source.name} is none of JPK, NT-MDT, AFM Workshop, HDF5 or .tab")
-    _require_known(source, given, "sensitivity")
-    if given:
+    given, kind = options.calibration, _kind(source)
+    source.require(kind, "is none of JPK, NT-MDT, AFM Workshop, HDF5 or .tab")
+    # A detector gives volts or a current.
+    detector, unit = ("current sensitivity", "nm/nA") if kind == "ntmdt" else ("sensitivity", "nm/V")
+    example = f"calibration={{'spring_constant': '0.04 N/m', 'sensitivity': '60 {unit}'}} with your numbers"
+    if kind != "workshop" and (unused := set(given) - {"stiffness", detector}):
+        raise InputError(f"{source.name} takes no {unused.pop()}; give {example}")
+    if kind == "ntmdt" and len(given) < 2:
+        raise InputError(f"{source.name} does not hold its calibration; give {example}")
+    if given and kind in {"tab", "hdf5"}:
         raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
-    return [_tab(source)] if kind == "tab" else _hdf5(source)
+    return _READERS[kind](source, given)
 
 
-def _require_known(source: Source, given: Mapping[str, float], sensitivity: str) -> None:
-    """Refuse a calibration of another kind of detector."""
-    unused = set(given) - {"stiffness", sensitivity}
-    if unused:
-        raise InputError(f"{source.name} takes no {unused.pop()}; {_example(sensitivity)}")
-
-
-def _example(sensitivity: str) -> str:
-    unit = "nm/V" if sensitivity == "sensitivity" else "nm/nA"
-    return f"give calibration={{'spring_constant': '0.04 N/m', 'sensitivity': '60 {unit}'}} with your numbers"
-
-
-# --- text
-
-
-def _tab(source: Source) -> Curve:
+def _tab(source: Source, _: Mapping[str, float]) -> list[Curve]:
     """A table of afmformats: the columns that are used (SI), and what its metadata say."""
     lines = lines_of(source)
     comments = [line.strip() for line in lines if line.startswith("#")]
     rows = [line.split("\t") for line in lines if not line.startswith("#")]
-    if _TAB_MARK not in comments or _END not in comments or not rows:
-        raise FileFormatError(
-            f"{source.name}: no line {_TAB_MARK!r} or {_END!r}, or no rows of numbers below them"
-        )
+    whole = _TAB_MARK in comments and _END in comments and rows
+    source.require(whole, f": no line {_TAB_MARK!r} or {_END!r}, or no rows of numbers below them")
     names = comments[-1].lstrip("# ").split("\t")
     wanted = [name for name in (*_HEIGHTS, *_COLUMNS) if name in names]
-    if "force" not in wanted or not any(name.startswith("height") for name in wanted):
-        raise FileFormatError(
-            f"{source.name} has no column 'force' or no height; it has {names_there(names)}"
-        )
+    there = "force" in wanted and wanted[0] in _HEIGHTS
+    source.require(there, f"has no column 'force' or no height; it has {names_there(names)}")
     if "segment" in wanted:
         at = names.index("segment")
         for row in rows:
             row[at:] = [_OLD_SEGMENTS.get(cell, cell) for cell in row[at:]]
     table = numbers(rows, [names.index(name) for name in wanted], source.name, comma=False)
+    about = comments[comments.index(_TAB_MARK) + 1 : comments.index(_END)]
     try:
-        found = parse_json(
-            "\n".join(
-                line.lstrip("#") for line in comments[comments.index(_TAB_MARK) + 1 : comments.index(_END)]
-            )
-        )
+        found = parse_json("\n".join(line.lstrip("#") for line in about))
     except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{source.name}: its metadata are damaged JSON: {error!s:.120}") from error
+        raise source.wrong(f": its metadata are damaged JSON: {error!s:.120}") from error
     entries: Mapping[str, Any] = found if isinstance(found, dict) else {}
     # A number that other parts rely on is one, or is left out.
     known = {key: value for key, value in entries.items() if key not in _NUMBERS or _is_number(value)}
-    return _curve(source, 1, dict(zip(wanted, table.T, strict=True)), known)
+    return [_curve(source, 1, dict(zip(wanted, table.T, strict=True)), known)]
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _workshop(source: Source, given: Mapping[str, float]) -> Curve:
+def _workshop(source: Source, given: Mapping[str, float]) -> list[Curve]:
     """AFM Workshop: a head, a row of names, and the way in beside the way out."""
     lines = lines_of(source)
     at = next((at for at, line in enumerate(lines) if line.startswith(("Extend ", "Retract "))), len(lines))
@@ -159,9 +124,8 @@ def _workshop(source: Source, given: Mapping[str, float]) -> Curve:
     volts = any("T-B(V)" in name for name in names)
     if "sensitivity" in given and not volts:
         raise InputError(f"{source.name} holds forces, not volts; a sensitivity cannot be given")
-    stiffness, gain = (
-        float(head[key]) if is_number(head.get(key, "")) else _UNSET for key in (_STIFFNESS, _GAIN)
-    )
+    texts = (head.get(key, "") for key in (_STIFFNESS, _GAIN))
+    stiffness, gain = (float(text) if is_number(text) else _UNSET for text in texts)
     stated = {
         "stiffness": None if stiffness == _UNSET else stiffness,
         "sensitivity": None if gain in {0.0, _UNSET} else 1e-6 / gain,
@@ -169,15 +133,15 @@ def _workshop(source: Source, given: Mapping[str, float]) -> Curve:
     lever = Lever.of(source, stated, given) if volts or stated["stiffness"] or "stiffness" in given else None
     table = numbers(Lines(lines[at + 1 :], ","), range(len(names)), source.name, comma=False)
     columns = dict(zip(names, table.T, strict=True))
-    signal, per_unit = ("T-B(V)", None) if volts else ("Force(nN)", 1e-9)
+    signal = "T-B(V)" if volts else "Force(nN)"
     wanted = [f"{way} {channel}" for channel in ("Z-Sense(nm)", signal) for way in ("Extend", "Retract")]
-    if missing := [name for name in wanted if name not in columns]:
-        raise FileFormatError(f"{source.name} has no column {missing[0]!r}; it has {names_there(names)}")
+    missing = [name for name in wanted if name not in columns]
+    source.require(not missing, f"has no column {''.join(missing[:1])!r}; it has {names_there(names)}")
     z_in, z_out, signal_in, signal_out = (columns[name] for name in wanted)
     read = np.concatenate((signal_in, signal_out))
     data = {
         _HEIGHTS[0]: -1e-9 * np.concatenate((z_in, z_out)),
-        "force": read * per_unit if lever is None or per_unit else lever.force(source, read),
+        "force": lever.force(source, read) if volts and lever is not None else read * 1e-9,
         "segment": np.repeat((0.0, 1.0), len(z_in)),
     }
     about: dict[str, Any] = {} if lever is None else dict(lever.about)
@@ -185,20 +149,17 @@ def _workshop(source: Source, given: Mapping[str, float]) -> Curve:
     if all(map(is_number, places)):
         about["position"] = tuple(1e-6 * float(place) for place in places)
     found = {} if lever is None else {"spring constant": lever.stiffness}
-    return _curve(source, 1, data, found, header=head, **about)
+    return [_curve(source, 1, data, found, header=head, **about)]
 
 
-def _ntmdt(source: Source, given: Mapping[str, float]) -> Curve:
+def _ntmdt(source: Source, given: Mapping[str, float]) -> list[Curve]:
     """NT-MDT: the height of both ways, deepest first, and the current of the detector on each."""
-    _require_known(source, given, "current sensitivity")
-    if len(given) < 2:
-        raise InputError(f"{source.name} does not hold its calibration; {_example('current sensitivity')}")
     height, *ways = numbers(Lines(lines_of(source), "\t"), (0, 1, 2), source.name, comma=True).T
     heights, signals = [], []
     for signal, turn in zip(ways, (-1, 1), strict=True):
         # What was padded repeats the first reading.
         moving = np.flatnonzero(signal != signal[0])
-        require(moving.size, source, "its signal is the same everywhere")
+        source.require(moving.size, ": its signal is the same everywhere")
         heights.append(height[moving[0] - 1 :][::turn])
         signals.append(signal[moving[0] - 1 :][::turn])
     data = {
@@ -206,15 +167,11 @@ def _ntmdt(source: Source, given: Mapping[str, float]) -> Curve:
         "force": np.concatenate(signals) * (given["current sensitivity"] * given["stiffness"]) * 1e-9,
         "segment": np.repeat((0.0, 1.0), [len(part) for part in heights]),
     }
-    return _curve(
-        source, 1, data, {"spring constant": given["stiffness"], "sensitivity": given["current sensitivity"]}
-    )
+    found = {"spring constant": given["stiffness"], "sensitivity": given["current sensitivity"]}
+    return [_curve(source, 1, data, found)]
 
 
-# --- HDF5
-
-
-def _hdf5(source: Source) -> list[Curve]:
+def _hdf5(source: Source, _: Mapping[str, float]) -> list[Curve]:
     with open_checked(source) as file:
         groups = [(number, file[number]) for number in curve_groups(source, file)]
         _require_afmformats(source, file, groups[0][1] if groups else None)
@@ -238,17 +195,25 @@ def _require_afmformats(source: Source, file: Checked, group: Any) -> None:
     """Refuse a sound HDF5 file whose layout is not known here, and say what it holds."""
     if file.is_said("software") and isinstance(group, Checked) and "force" in group:
         return
-    there = names_there(file)
     if file.is_said("nsf_file_version_major"):
-        raise FileFormatError(
-            f"{source.name} is a Nanosurf Studio file (.nhf), which is not read here: export its curves from "
+        raise source.wrong(
+            "is a Nanosurf Studio file (.nhf), which is not read here: export its curves from "
             "Studio as .nid, or as text with names and units in the first row"
         )
-    raise FileFormatError(
-        f"{source.name} is an HDF5 file of a layout not known here (it holds {there}): known are those written "
+    raise source.wrong(
+        f"is an HDF5 file of a layout not known here (it holds {names_there(file)}): known are those written "
         "by underlay and by afmformats. Export its curves as text with names and units in the first row, such "
         "as 'depth (um),force (mN),time (s)', or read it in Python and make an underlay.Curve of its columns"
     )
+
+
+_READERS: Mapping[str, Callable[[Source, Mapping[str, float]], list[Curve]]] = {
+    "jpk": read_jpk,
+    "workshop": _workshop,
+    "ntmdt": _ntmdt,
+    "tab": _tab,
+    "hdf5": _hdf5,
+}
 
 
 def _curve(
@@ -259,58 +224,30 @@ def _curve(
     height, force = (np.array(data[name], dtype=np.float64) for name in (channel, "force"))
     time = np.array(data["time"], dtype=np.float64) if "time" in data else None
     stiffness = found.get("spring constant")
-    notes = []
-    if not stiffness:
+    depth, rule, notes = -height, f"minus {channel}", list[str]()
+    if stiffness:
+        depth, rule = -(height + force / stiffness), f"minus ({channel} + force / spring constant)"
+    else:
         notes.append(
             "depth still holds the bending of the cantilever: give calibration={'spring_constant': ...}, "
             "or set the instrument's compliance to its inverse"
         )
-        depth, rule = -height, f"minus {channel}"
-    else:
-        depth, rule = -(height + force / stiffness), f"minus ({channel} + force / spring constant)"
     if "position x" in found and "position y" in found:
         known["position"] = (float(found["position x"]), float(found["position y"]))
-    return make_curve(
-        source,
-        depth,
-        force,
-        time,
-        _segments(data, height, time),
-        **{
-            "name": curve_name(source.path, number),
-            "header": {key: str(found[key]) for key in found if key not in {"path", "z range"}},
-            "units": {"height": "m", "force": "N", "time": "s"},
-            "sign_rules": {
-                "depth": rule,
-                "force": "positive in compression",
-                "segment": "from the file's segments where it has several, else from the motion of the height",
-            },
-            "notes": notes,
-            "bending_taken_off": bool(stiffness),
-            **{name: found[key] for key, name in _KNOWN.items() if key in found},
-            **known,
+    about = {
+        "name": curve_name(source.path, number),
+        "header": {key: str(found[key]) for key in found if key not in {"path", "z range"}},
+        "units": {"height": "m", "force": "N", "time": "s"},
+        "sign_rules": {
+            "depth": rule,
+            "force": "positive in compression",
+            "segment": "from the file's segments where it has several, else from the motion of the height",
         },
-    )
-
-
-def _jpk_curve(source: Source, number: int, curve: JpkCurve, given: Mapping[str, float]) -> Curve:
-    used = {**curve.known, **given, "stiffness": curve.stiffness}
-    about = {_QUANTITIES[name]: value for name, value in used.items()}
-    # What the file says stands beside what was given in its place.
-    about |= {f"file_{_QUANTITIES[name]}": value for name, value in curve.known.items() if name in given}
-    return lever_curve(
-        source,
-        -curve.height,
-        curve.force,
-        Lever(curve.stiffness, used.get("sensitivity"), about),
-        channel="minus height",
-        time=curve.time,
-        segment=np.array(curve.segment, dtype="<U9"),
-        name=curve_name(source.path, number),
-        header=curve.about,
-        sign_rules={"segment": "from the header of each segment"},
-        position=curve.position,
-    )
+        "notes": notes,
+        "bending_taken_off": bool(stiffness),
+        **{name: found[key] for key, name in _KNOWN.items() if key in found},
+    }
+    return make_curve(source, depth, force, time, _segments(data, height, time), **{**about, **known})
 
 
 def _segments(data: Mapping[str, FloatArray], height: FloatArray, time: FloatArray | None) -> Any:
@@ -330,7 +267,7 @@ def _segments(data: Mapping[str, FloatArray], height: FloatArray, time: FloatArr
 FORMAT = Format(
     name="afm",
     description="AFM files: JPK, NT-MDT and AFM Workshop text, HDF5 and .tab of afmformats",
-    sniff=_sniff,
+    sniff=lambda source: bool(_kind(source)),
     read_all=_read_all,
     extra="afm",
     takes_calibration=True,

@@ -19,15 +19,15 @@ import csv
 import io
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from itertools import zip_longest
 from operator import itemgetter
 from typing import Any
 
 from underlay._door import parse_json
 from underlay._text import one_line
 from underlay.data.curve import Curve
-from underlay.data.export import METADATA_MARK
+from underlay.data.export import METADATA_MARK, restored
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._names import (
     Layout,
@@ -41,9 +41,8 @@ from underlay.data.readers._names import (
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import Lines, is_number, lines_and_gaps
-from underlay.data.readers.exported import restored
 from underlay.data.segments import HOLD, LOADING, UNLOADING
-from underlay.errors import FileFormatError, UnitError
+from underlay.errors import UnitError
 from underlay.units import kind_of, parse_quantity
 
 __all__ = ["COMMENTED_NUMBERS", "FORMAT"]
@@ -74,24 +73,26 @@ _LISTED = 3
 _SEGMENTS = {
     "extend": LOADING,
     "approach": LOADING,
+    "pause": HOLD,
     "retract": UNLOADING,
     "withdraw": UNLOADING,
-    "pause": HOLD,
 }
-
-
-def _sniff(source: Source) -> bool:
-    return any(_separator(line) for line in source.head(65_536).split("\n"))
 
 
 def _separator(line: str) -> str:
     """What separates a row of two numbers or more; '' of any other line."""
     if _DIGIT.search(line) is None or line.lstrip().startswith(_COMMENT):
         return ""
+    some = ""
     for separator in ("\t", ";", ",", " "):
-        if (separator in line or separator == " ") and sum(map(is_number, _split(line, separator))) >= 2:
-            return separator
-    return ""
+        if separator in line or separator == " ":
+            cells = _split(line, separator)
+            count = sum(map(is_number, cells))
+            # "1,5 2,25" holds two numbers between commas too, and a cell that is none.
+            if count >= 2 and count == sum(map(bool, map(str.strip, cells))):
+                return separator
+            some = some or (separator if count >= 2 else "")
+    return some
 
 
 def _layout(lines: Sequence[str]) -> tuple[Layout, str] | None:
@@ -130,6 +131,10 @@ def _split(line: str, separator: str) -> list[str]:
     return line.split(separator)
 
 
+def _bare(comment: str) -> str:
+    return comment.lstrip("#%/;! \t")
+
+
 def _read_all(source: Source, options: Options) -> list[Curve]:
     lines, gaps = lines_and_gaps(source)
     if lines[0].strip() == _IGOR:
@@ -138,9 +143,9 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         lines, gaps = lines[1:], [gap - 1 for gap in gaps]
     found = _layout(lines)
     if found is None:
-        raise FileFormatError(
-            f"{source.name} holds no row of numbers; a table needs a row of names with units, such as "
-            "'depth (um),force (mN)', and rows of numbers below it"
+        raise source.wrong(
+            "holds no row of numbers; a table needs a row of names with units, such as 'depth (um),force (mN)', "
+            "and rows of numbers below it"
         )
     layout, separator = found
     marks = _COMMENT if separator == ";" else (*_COMMENT, *_ALSO_COMMENT)
@@ -149,42 +154,59 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     looked_at = lines[: layout.first] if plain_body else lines
     odd = {at: line for at, line in enumerate(looked_at) if line[0] not in _NUMERIC}
     commented = {at: line for at, line in odd.items() if line.lstrip().startswith(marks)}
-    comments = [line.lstrip("#%/;! \t").rstrip() for line in commented.values()]
+    comments = [_bare(line).rstrip() for line in commented.values()]
     above = [line for line in lines[: layout.first] if not line.lstrip().startswith(marks)]
     try:
         cells_above = [_split_names(line, separator) for line in above]
         if separator == " ":
-            other = [with_units(line) for line in above]
-            pairs = zip(cells_above, other, strict=True)
+            pairs = zip(cells_above, map(with_units, above), strict=True)
             cells_above = [two if len(two) == layout.cells else one for one, two in pairs]
-        names, units = find_names(
-            source,
-            cells_above,
-            comments,
-            layout,
-            options,
-            lambda text, at: _split_names(text, at or separator),
-        )
-        body = _Body(source, lines, gaps, layout.first, separator, names)
-        del lines
-        cells = body.cells(odd, commented)
+
+        def split(text: str, at: str) -> list[str]:
+            return _split_names(text, at or separator)
+
+        names, units = find_names(source, cells_above, comments, layout, options.columns, split)
+        first = layout.first
+        # A row of units stands between the names and the numbers.
+        first -= bool(first and is_unit_row(_split(lines[first - 1], separator)))
+        below = {at: line for at, line in odd.items() if at >= first}
+        left_out, notes = _left_out(below, commented, separator, [name.strip() for name in names], first)
     except csv.Error as error:
-        raise FileFormatError(f"{source.name} is not a readable table: {error}") from error
+        raise source.wrong(f"is not a readable table: {error}") from error
+    gone = sorted(left_out | {at for at in commented if at >= first})
+
+    def row_of(at: int) -> int:
+        """Number of the first row of the table that stands at or below a line."""
+        return max(at - first - bisect_left(gone, at), 0)
+
+    breaks = {row_of(at) for at in (*(gap for gap in gaps if gap > first), *(at + 1 for at in left_out))}
+    segments, starts = _said_above(commented, row_of)
+    skipped = frozenset(gone)
+    rows = (
+        [line for at, line in enumerate(lines[first:], first) if at not in skipped] if gone else lines[first:]
+    )
+    # What stands above the table may quote: nothing is looked at line by line where nothing below does.
+    start = source.data.find(rows[0].encode("latin-1", "replace")) if rows else 0
+    quoted = source.data.rfind(b'"') >= start and any('"' in line for line in rows)
+    cells: Sequence[Sequence[str]] = Lines(rows, separator)
+    if quoted and separator != " ":
+        cells = [_split(line, separator) for line in rows]
+    del lines, rows
     texts = [comment for comment in comments if not comment.startswith(METADATA_MARK)]
     about = texts + [line.strip() for line, row in zip(above, cells_above, strict=True) if row != names]
     table = Table(
         names,
         cells,
-        body.breaks,
+        sorted(breaks),
         # Between commas only what stands in quotes can hold one.
         comma=False if separator == "," and isinstance(cells, Lines) else None,
         commas_between=separator == ",",
         units=units,
         stated=stated_lever(about),
-        segments=body.segments,
-        starts=body.starts,
+        segments=segments,
+        starts=starts,
     )
-    known = {**_known_numbers(about), **({"notes": body.notes} if body.notes else {})}
+    known = {**_known_numbers(about), **({"notes": notes} if notes else {})}
     curves = table_curves(source, table, options, comments=about, **known)
     _require_names(source, names, cells)
     stored = _stored(comments)
@@ -195,7 +217,7 @@ def _waves(source: Source, lines: Sequence[str]) -> list[str]:
     """The waves of an Igor text file (.itx) as one table with a row of names, and its other lines as comments."""
     columns: list[tuple[str, list[str]]] = []
     others: list[str] = []
-    names, inside = [], False
+    first, inside = 0, False
     for line in lines[1:]:
         word = line.strip()
         if word.upper().startswith("WAVES"):
@@ -204,105 +226,54 @@ def _waves(source: Source, lines: Sequence[str]) -> list[str]:
             columns += [(name.strip("'"), []) for name in names]
         elif word.upper() in {"BEGIN", "END"}:
             inside = word.upper() == "BEGIN"
-        elif inside and names:
-            cells = word.split()
-            for (_, column), cell in zip(columns[first:], cells, strict=False):
+        elif inside and columns:
+            for (_, column), cell in zip(columns[first:], word.split(), strict=False):
                 column.append(cell)
         else:
             others.append(f"# {word}")
-    if not columns or len(columns) > _MOST_WAVES:
-        raise FileFormatError(
-            f"{source.name} is an Igor text file with {len(columns)} waves; a curve has 2 or more"
-        )
-    longest = max(len(column) for _, column in columns)
-    rows = zip(*(column + [""] * (longest - len(column)) for _, column in columns), strict=True)
+    source.require(
+        0 < len(columns) <= _MOST_WAVES,
+        f"is an Igor text file with {len(columns)} waves; a curve has 2 or more",
+    )
+    rows = zip_longest(*(column for _, column in columns), fillvalue="")
     return [*others, "\t".join(name for name, _ in columns), *("\t".join(row) for row in rows)]
 
 
-class _Body:
-    """The rows below the names, and where something else stands between them."""
-
-    def __init__(
-        self,
-        source: Source,
-        lines: list[str],
-        gaps: Iterable[int],
-        first: int,
-        separator: str,
-        names: Sequence[str],
-    ) -> None:
-        self.source, self.first, self.separator = source, first, separator
-        # A row of units stands between the names and the numbers.
-        if first and is_unit_row(_split(lines[first - 1], separator)):
-            self.first -= 1
-        self.lines, self.gaps, self.names = lines, gaps, [name.strip() for name in names]
-        self.breaks: list[int] = []
-        self.notes: list[str] = []
-
-    def cells(self, odd: dict[int, str], commented: dict[int, str]) -> Sequence[Sequence[str]]:
-        """Rows of cells, without comments, blank rows, and names that stand there once more."""
-        below = {at: line for at, line in odd.items() if at >= self.first}
-        blank = {at for at, line in below.items() if not line.strip(',;\t "')}
-        again = {
-            at
-            for at, line in below.items()
-            if at > self.first and at not in blank and at not in commented and self._is_again(line)
-        }
-        left_out = blank | again | {at for at in commented if at >= self.first}
-        breaks = {gap for gap in self.gaps if gap > self.first} | {at + 1 for at in blank | again}
-        rows = self.lines[self.first :]
-        # What stands above the table may quote: nothing is looked at line by line where nothing below does.
-        start = self.source.data.find(rows[0].encode("latin-1", "replace")) if rows else 0
-        quoted = self.source.data.rfind(b'"') >= start and any('"' in line for line in rows)
-        if left_out:
-            rows = [line for at, line in enumerate(rows, self.first) if at not in left_out]
-        gone = sorted(left_out)
-        self.breaks = sorted({at - self.first - bisect_left(gone, at) for at in breaks})
-        self.lines = []
-        row_of = partial(_row_of, self.first, gone)
-        self.segments = _segments(commented, row_of)
-        self.starts = _starts(commented, row_of) if self.segments else []
-        if quoted and self.separator != " ":
-            return [_split(line, self.separator) for line in rows]
-        return Lines(rows, self.separator)
-
-    def _is_again(self, line: str) -> bool:
-        """Whether a line among the numbers is the names, their units or the title of the next test."""
-        cells = [cell.strip() for cell in _split(line, self.separator)]
-        if cells == self.names or is_unit_row(cells):
-            return True
-        filled = [cell for cell in cells if cell]
-        title = len(filled) == 1 and not is_number(filled[0])
-        if title and len(self.notes) < _LISTED:
-            self.notes.append(f"left out: the line {one_line(filled[0])!r:.60} between the rows of numbers")
-        return title or (len(filled) > 1 and filled == [name for name in self.names if name])
+def _left_out(
+    below: dict[int, str], commented: dict[int, str], separator: str, names: Sequence[str], first: int
+) -> tuple[set[int], list[str]]:
+    """Lines among the numbers that are blank, the names once more, their units or the title of the next test."""
+    left_out: set[int] = set()
+    notes: list[str] = []
+    for at, line in below.items():
+        if not line.strip(',;\t "'):
+            left_out.add(at)
+        elif at > first and at not in commented:
+            cells = [cell.strip() for cell in _split(line, separator)]
+            filled = [cell for cell in cells if cell]
+            again = cells == names or is_unit_row(cells)
+            title = not again and len(filled) == 1 and not is_number(filled[0])
+            if title and len(notes) < _LISTED:
+                notes.append(f"left out: the line {one_line(filled[0])!r:.60} between the rows of numbers")
+            if again or title or (len(filled) > 1 and filled == [name for name in names if name]):
+                left_out.add(at)
+    return left_out, notes
 
 
-def _row_of(first: int, gone: Sequence[int], at: int) -> int:
-    """Number of the first row of the table that stands at or below a line."""
-    return max(at - first - bisect_left(gone, at), 0)
-
-
-def _starts(commented: dict[int, str], row_of: Callable[[int], int]) -> list[int]:
-    """Rows at which the number of the curve changes that a comment above each segment says."""
-    found: list[int] = []
-    before = ""
+def _said_above(
+    commented: dict[int, str], row_of: Callable[[int], int]
+) -> tuple[list[tuple[int, str]], list[int]]:
+    """What comments above segments say: first row and label of each, and the rows at which a curve begins."""
+    segments: list[tuple[int, str]] = []
+    starts, before = {0}, ""
     for at, line in commented.items():
-        label, _, number = line.lstrip("#%/;! \t").partition(":")
-        if label.strip().lower() == "index" and number.strip() != before:
-            found.append(row_of(at))
-            before = number.strip()
-    return sorted({0, *found})
-
-
-def _segments(commented: dict[int, str], row_of: Callable[[int], int]) -> list[tuple[int, str]]:
-    """First row and label of each segment that a comment above it names."""
-    found = []
-    for at, line in commented.items():
-        label, _, word = line.lstrip("#%/;! \t").partition(":")
-        if label.strip().lower() == "segment" and word.strip().lower() in _SEGMENTS:
-            found.append((row_of(at), _SEGMENTS[word.strip().lower()]))
-    return found
+        label, word = (text.strip() for text in _bare(line).partition(":")[::2])
+        if label.lower() == "segment" and word.lower() in _SEGMENTS:
+            segments.append((row_of(at), _SEGMENTS[word.lower()]))
+        elif label.lower() == "index" and word != before:
+            starts.add(row_of(at))
+            before = word
+    return segments, sorted(starts) if segments else []
 
 
 def _split_names(line: str, separator: str) -> list[str]:
@@ -322,12 +293,11 @@ def _require_names(source: Source, names: Sequence[str], rows: Sequence[Sequence
     if isinstance(rows, Lines) and rows.count_cells() == len(rows) * most:  # as of most tables
         return
     for i, cells in enumerate(rows):
-        if any(map(is_number, cells[most:])):
-            raise FileFormatError(
-                f"{source.name}, row {i + 1} of the table has {len(cells)} cells under {most} names: "
-                f"{cells!r:.80}; give every column a name and a unit, and where numbers hold commas separate the "
-                "columns by semicolons or tabs"
-            )
+        source.require(
+            not any(map(is_number, cells[most:])),
+            f", row {i + 1} of the table has {len(cells)} cells under {most} names: {cells!r:.80}; give every "
+            "column a name and a unit, and where numbers hold commas separate the columns by semicolons or tabs",
+        )
 
 
 def _known_numbers(comments: Sequence[str]) -> dict[str, float]:
@@ -358,7 +328,7 @@ def _stored(comments: Sequence[str]) -> Any:
 FORMAT = Format(
     name="csv",
     description="plain CSV or TSV with names and units in the header",
-    sniff=_sniff,
+    sniff=lambda source: any(map(_separator, source.head(65_536).split("\n"))),
     read_all=_read_all,
     takes_columns=True,
     takes_calibration=True,

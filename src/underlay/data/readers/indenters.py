@@ -1,22 +1,30 @@
-"""Text files of indenters, each format said as data: Optics11, Anton Paar Bioindenter, Hysitron and Fischer.
+"""Text files of indenters, each format said as data: Optics11, Anton Paar Bioindenter, Hysitron, Fischer, Mach-1.
 
 Depth grows into the sample and force is positive in compression as they are written, except where a format
 says otherwise; no file marks contact.
+
+Mach-1 (Biomomentum Mach-1 Motion): ``<Mach-1 File>``, then blocks: ``<INFO>`` lines, the function (``<Find
+Contact>``, ``<Stress Relaxation>``, ...) with its settings, and ``<DATA>`` with one row of names. ``<divider>``
+ends each ramp of a block. Searches for contact and zeroing become part of what is known about the test that follows
+them. The stage position grows into the sample. A single-axis cell (gf) reads compression positive; a multi-axis
+cell (N) reads compression negative, so its force is turned. Depth is the position less that at the first row of the
+block, which is where the search for contact stopped.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.readers._format import require
+from underlay._text import names_there
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import is_number, lines_of, split_label
-from underlay.data.readers.text_format import Channel, Columns, Part, TextFormat, header_of, table_below
+from underlay.data.readers._text import as_number, is_number, lines_of, split_label
+from underlay.data.readers.text_format import Columns, Part, TextFormat, header_of, table_below
 from underlay.data.segments import (
     HOLD,
     LOADING,
@@ -26,34 +34,17 @@ from underlay.data.segments import (
     segments_from_motion,
 )
 from underlay.errors import FileFormatError
+from underlay.units import parse_quantity
 
-__all__ = ["BIOINDENTER", "FISCHER", "HYSITRON", "OPTICS11"]
+__all__ = ["BIOINDENTER", "FISCHER", "HYSITRON", "MACH1", "OPTICS11"]
 
-_SIGNS = {
-    "depth": "as written, growing into the sample",
-    "force": "as written, positive in compression",
-    "segment": "from the motion",
-}
 # --- Optics11 Piuma and Chiaro, all three generations
+
+
 # Load = k * cantilever holds to the last digit written (3e-7 uN) in every file seen.
 _CLOSURE = 1e-3
 # An indentation that is zero at more of the points than this was cut by the software.
 _CUT_SHARE = 0.05
-_MEASURED = "Measured values"
-# "Linear load 20.00 uN ; 100.00 uN/min", "Pause in depth 120 s": a step has its numbers on its line.
-_STEP = re.compile(r"\s*(linear|pause in)\s+(?:load|depth)\b.*\d", re.IGNORECASE)
-# "Load Fit [10%,98%]": over which share of the force the first analysis was fitted.
-_FIT_RANGE = re.compile(r"\s*Load Fit \[\s*(\d+(?:\.\d+)?)\s*%\s*[,;]\s*(\d+(?:\.\d+)?)\s*%\s*\]\s*")
-_PROFILE = re.compile(r"\s*\+?\s*user defined profile", re.IGNORECASE)
-# The number of the pause in the automatic protocol "+ Advanced": load, pause, unload, retract.
-_PAUSE_OF_ADVANCED = 2
-# The section "Test Data Points" of a .hld is the curve; approach and drift stand before it.
-_POINTS = re.compile(r"^(?:Test Data Points:|Number of Points\s*=)\s*(\d{1,18})\s*$", re.MULTILINE)
-_DYNAMIC = "nanoDMA Text Export"
-# Approach and drift sections come before the test; they hold a few thousand rows.
-_HEAD = 1_000_000
-_BLOCK = re.compile(r"^Block\s*:\s*(\d{1,9})\s+Value\s*:\s*(\d{1,9})\s*$", re.MULTILINE)
-_PLACE = re.compile(r"^x=\s*([-+\d.,]+)\s+y=\s*([-+\d.,]+)")
 
 
 def _is_optics11(source: Source) -> bool:
@@ -65,11 +56,11 @@ def _optics11_parts(source: Source) -> Iterator[Part]:
     lines, needed = lines_of(source), {"time", "load", "cantilever", "piezo"}
     for at, line in enumerate(lines):
         if needed <= {split_label(label)[0].lower() for label in line.split("\t")}:
-            require(lines[at + 1 :], source, "the table has no rows")
+            source.require(lines[at + 1 :], ": the table has no rows")
             named = at > 1 and "\t" not in lines[1]
             yield table_below(lines, at, name=lines[1].strip() if named else source.path.stem)
             return
-    raise FileFormatError(f"{source.name}: no table header 'Time (s)  Load (uN) ...' found")
+    raise source.wrong(": no table header 'Time (s)  Load (uN) ...' found")
 
 
 def _made_of_optics11(part: Part, columns: Columns) -> dict[str, Any]:
@@ -79,7 +70,7 @@ def _made_of_optics11(part: Part, columns: Columns) -> dict[str, Any]:
     made: dict[str, Any] = {}
     places = [header.get(f"{axis}-position (um)", "") for axis in "XYZ"]
     if all(map(is_number, places)):
-        made["position"] = tuple(float(place.replace(",", ".")) * 1e-6 for place in places)
+        made["position"] = tuple(as_number(place) * 1e-6 for place in places)
     indentation = columns.get("indentation", np.zeros(0))
     cut, pressed = indentation == 0.0, indentation > 0.0
     # Some versions write Piezo - Cantilever as it is; a zero in it is then a chance.
@@ -98,39 +89,26 @@ def _made_of_optics11(part: Part, columns: Columns) -> dict[str, Any]:
 def _closure(load: FloatArray, cantilever: FloatArray, stiffness: str) -> list[str]:
     if not is_number(stiffness):
         return ["the header gives no cantilever stiffness: load could not be checked against deflection"]
-    gap = np.nanmax(np.abs(load - float(stiffness.replace(",", ".")) * cantilever))
+    gap = np.nanmax(np.abs(load - as_number(stiffness) * cantilever))
     if gap <= _CLOSURE * np.nanmax(np.abs(load)):
         return []
     return [f"load differs from stiffness times deflection by up to {gap:.3g} N: check the file's units"]
 
 
-OPTICS11 = TextFormat(
-    name="optics11",
-    description="Optics11 Piuma and Chiaro text files",
-    sniff=_is_optics11,
-    parts=_optics11_parts,
-    columns={
-        "time": Channel("time", ("time",)),
-        "force": Channel("force", ("load",)),
-        "cantilever": Channel("length", ("cantilever",)),
-        "piezo": Channel("length", ("piezo",)),
-        "indentation": Channel("length", ("indentation",), needed=False),
-    },
-    signs={
-        "depth": "Piezo - Cantilever, growing into the sample",
-        "force": "Load as written, positive in compression",
-        "segment": "from the motion of the piezo",
-    },
-    known={
-        "Tip radius (um)": ("indenter_radius", "length", "um"),
-        "k (N/m)": ("spring_constant", "stiffness", "N/m"),
-        "E[eff] (Pa)": ("instrument_reduced_modulus", "pressure", "Pa"),
-    },
-    made=_made_of_optics11,
-).format
+OPTICS11 = TextFormat("optics11", _is_optics11, _optics11_parts, _made_of_optics11).format
 
 
 # --- Anton Paar Bioindenter (UNHT Bio)
+
+
+_MEASURED = "Measured values"
+# "Linear load 20.00 uN ; 100.00 uN/min", "Pause in depth 120 s": a step has its numbers on its line.
+_STEP = re.compile(r"\s*(linear|pause in)\s+(?:load|depth)\b.*\d", re.IGNORECASE)
+# "Load Fit [10%,98%]": over which share of the force the first analysis was fitted.
+_FIT_RANGE = re.compile(r"\s*Load Fit \[\s*(\d+(?:\.\d+)?)\s*%\s*[,;]\s*(\d+(?:\.\d+)?)\s*%\s*\]\s*")
+_PROFILE = re.compile(r"\s*\+?\s*user defined profile", re.IGNORECASE)
+# The number of the pause in the automatic protocol "+ Advanced": load, pause, unload, retract.
+_PAUSE_OF_ADVANCED = 2
 
 
 def _is_bioindenter(source: Source) -> bool:
@@ -141,7 +119,7 @@ def _is_bioindenter(source: Source) -> bool:
 def _bioindenter_parts(source: Source) -> Iterator[Part]:
     lines = lines_of(source)
     marks = [at for at, line in enumerate(lines) if line.strip() == _MEASURED]
-    require(marks and marks[0] + 2 < len(lines), source, f"no table after the line {_MEASURED!r}")
+    source.require(marks and marks[0] + 2 < len(lines), f": no table after the line {_MEASURED!r}")
     yield table_below(lines, marks[0] + 1)
 
 
@@ -155,46 +133,29 @@ def _made_of_bioindenter(part: Part, columns: Columns) -> dict[str, Any]:
     ids, depth, force, time = (columns[name] for name in ("id", "depth", "force", "time"))
     if not np.isfinite(ids).all() or not np.isfinite(depth).all():
         return made
-    # A pause of the protocol is a hold, else the motion of each run of one number decides.
+    # A pause of the protocol is a hold, else the motion of each run of one number decides. In a profile of the user
+    # 0 is the approach, and 1 the first step.
+    pauses = {_PAUSE_OF_ADVANCED}
+    if any(map(_PROFILE.match, part.head)):
+        steps = [matched[1].lower() for matched in map(_STEP.match, part.head) if matched]
+        pauses = {number for number, step in enumerate(steps, start=1) if step.startswith("pause")}
     starts = np.concatenate(([0], np.flatnonzero(np.diff(ids)) + 1, [len(ids)]))
-    pauses = _pauses(part.head)
     segment = label_pieces(depth, starts, {int(at): HOLD for at in starts[:-1] if int(ids[at]) in pauses})
     if np.isfinite(force).all() and np.isfinite(time).all():
         segment, made["notes"] = against_motion(segment, depth, time, force)
     return {**made, "segment": segment}
 
 
-def _pauses(lines: Sequence[str]) -> set[int]:
-    """SegmentIDs of the pauses of a protocol; in a profile of the user 0 is the approach, and 1 the first step."""
-    if not any(map(_PROFILE.match, lines)):
-        return {_PAUSE_OF_ADVANCED}
-    steps = [matched[1].lower() for matched in map(_STEP.match, lines) if matched]
-    return {number for number, step in enumerate(steps, start=1) if step.startswith("pause")}
-
-
-BIOINDENTER = TextFormat(
-    name="bioindenter",
-    description="Anton Paar Bioindenter (UNHT Bio) text exports",
-    sniff=_is_bioindenter,
-    parts=_bioindenter_parts,
-    columns={
-        "time": Channel("time", ("time",)),
-        # Zero depth is where the head first met the contact force, not contact.
-        "depth": Channel("length", ("pd",)),
-        "force": Channel("force", ("fn",)),
-        "id": Channel("", ("segmentid",)),
-    },
-    signs={
-        "depth": "Pd as written, growing into the sample",
-        "force": "Fn as written, positive in compression",
-        "segment": "from SegmentID and the protocol",
-    },
-    known={"ErHz": ("instrument_reduced_modulus", "pressure", "")},
-    made=_made_of_bioindenter,
-).format
+BIOINDENTER = TextFormat("bioindenter", _is_bioindenter, _bioindenter_parts, _made_of_bioindenter).format
 
 
 # --- Hysitron TriboScan: .hld, and the text export of load-controlled tests
+
+
+# The section "Test Data Points" of a .hld is the curve; approach and drift, a few thousand rows, stand before it.
+_POINTS = re.compile(r"^(?:Test Data Points:|Number of Points\s*=)\s*(\d{1,18})\s*$", re.MULTILINE)
+_DYNAMIC, _HEAD = "nanoDMA Text Export", 1_000_000
+_DEMANDS = ("Begin Time", "End Time", "Begin Demand", "End Demand")
 
 
 def _is_hysitron(source: Source) -> bool:
@@ -208,38 +169,33 @@ def _is_hysitron(source: Source) -> bool:
 
 def _hysitron_parts(source: Source) -> Iterator[Part]:
     lines = lines_of(source)
-    if _DYNAMIC in lines[0]:
-        raise FileFormatError(
-            f"{source.name} is a nanoDMA export: it holds dynamic moduli, not one force-depth curve. "
-            "Export the quasi-static data, or read columns of it with format='csv' and columns={...}"
-        )
-    at, claimed = next(
-        ((at, found) for at, line in enumerate(lines) if (found := _POINTS.match(line))), (0, None)
+    source.require(
+        _DYNAMIC not in lines[0],
+        "is a nanoDMA export: it holds dynamic moduli, not one force-depth curve. Export the quasi-static data, or "
+        "read columns of it with format='csv' and columns={...}",
     )
-    if claimed is None:
-        raise FileFormatError(f"{source.name} has no line 'Test Data Points: N' or 'Number of Points = N'")
-    count, there = int(claimed[1]), len(lines) - at - 2
-    require(there >= 0, source, "the file ends before the table")
-    require(
-        count <= there,
-        source,
-        f"the header claims {count} points but {there} rows follow; the file is cut short",
-    )
+    marks = [(at, int(found[1])) for at, line in enumerate(lines) if (found := _POINTS.match(line))]
+    source.require(marks, "has no line 'Test Data Points: N' or 'Number of Points = N'")
+    at, count = marks[0]
+    there = len(lines) - at - 2
+    source.require(there >= 0, ": the file ends before the table")
+    cut = f": the header claims {count} points but {there} rows follow; the file is cut short"
+    source.require(count <= there, cut)
     yield table_below(lines, at + 1, slice(count))
 
 
 def _made_of_hysitron(part: Part, columns: Columns) -> dict[str, Any]:
     """Labels by the demand of the segment in which a point falls, where the file lists segments."""
-    listed: dict[str, list[float]] = {"Begin Time": [], "End Time": [], "Begin Demand": [], "End Demand": []}
+    listed: dict[str, list[float]] = {name: [] for name in _DEMANDS}
     for line in part.head:
         key, _, value = line.partition(":")
         number = (value.split() or [""])[0]
         name = key.strip().removeprefix("Segment ")
         if key.startswith("Segment ") and name in listed and is_number(number):
-            listed[name].append(float(number.replace(",", ".")))
+            listed[name].append(as_number(number))
     count, time = len(listed["End Time"]), columns["time"]
-    ends = np.array(listed["End Time"])
     whole = count and all(len(values) == count for values in listed.values()) and np.isfinite(time).all()
+    ends = np.array(listed["End Time"])
     if not whole or (np.diff(ends) < 0.0).any():
         return {}
     rise = np.array(listed["End Demand"]) - np.array(listed["Begin Demand"])
@@ -247,26 +203,14 @@ def _made_of_hysitron(part: Part, columns: Columns) -> dict[str, Any]:
     return {"segment": kinds[np.minimum(np.searchsorted(ends, time, side="left"), count - 1)]}
 
 
-HYSITRON = TextFormat(
-    name="hysitron",
-    description="Hysitron TriboScan .hld files and text exports",
-    sniff=_is_hysitron,
-    parts=_hysitron_parts,
-    columns={
-        "depth": Channel("length", ("disp", "depth")),
-        "force": Channel("force", ("force", "load")),
-        "time": Channel("time", ("time",)),
-    },
-    signs={**_SIGNS, "segment": "from the file's list of segments, else from the motion"},
-    known={
-        "Drift Rate": ("drift_rate", "speed", ""),
-        "Machine Comp": ("machine_compliance", "compliance", ""),
-    },
-    made=_made_of_hysitron,
-).format
+HYSITRON = TextFormat("hysitron", _is_hysitron, _hysitron_parts, _made_of_hysitron).format
 
 
 # --- Fischer (Picodentor, HM2000): blocks of one application; the units stand nowhere and are fixed
+
+
+_BLOCK = re.compile(r"^Block\s*:\s*(\d{1,9})\s+Value\s*:\s*(\d{1,9})\s*$", re.MULTILINE)
+_PLACE = re.compile(r"^x=\s*([-+\d.,]+)\s+y=\s*([-+\d.,]+)")
 
 
 def _is_fischer(source: Source) -> bool:
@@ -279,7 +223,7 @@ def _is_fischer(source: Source) -> bool:
 def _fischer_parts(source: Source) -> Iterator[Part]:
     lines = lines_of(source)
     starts = [(at, found) for at, line in enumerate(lines) if (found := _BLOCK.match(line.strip()))]
-    require(starts, source, "no line 'Block : 1   Value : 1'")
+    source.require(starts, ": no line 'Block : 1   Value : 1'")
     ends = [*(at for at, _ in starts[1:]), len(lines)]
     for (at, matched), end in zip(starts, ends, strict=True):
         block, value = map(int, matched.groups())
@@ -291,24 +235,164 @@ def _fischer_parts(source: Source) -> Iterator[Part]:
                 rows.append(cells)
             elif place and all(map(is_number, place.groups())):
                 # The unit of the stage is mm in every file seen.
-                about["position"] = tuple(float(text.replace(",", ".")) * 1e-3 for text in place.groups())
+                about["position"] = tuple(as_number(text) * 1e-3 for text in place.groups())
             elif len(cells) >= 3:
                 head.append(f"{cells[0].strip()} {cells[1].strip()}:\t{' '.join(map(str.strip, cells[2:]))}")
         labels = [("F", "mN"), ("h", "um"), ("t", "s")]
         yield Part(head, labels, rows, f"block {block}, value {value}", about=about)
 
 
-FISCHER = TextFormat(
-    name="fischer",
-    description="Fischer (Picodentor, HM2000) text exports",
-    sniff=_is_fischer,
-    parts=_fischer_parts,
-    columns={
-        "force": Channel("force", ("f",)),
-        "depth": Channel("length", ("h",)),
-        "time": Channel("time", ("t",)),
-    },
-    signs=_SIGNS,
-    # Whole numbers lose their comma ("1" beside "0,7"), so each cell is read with either sign.
-    comma=True,
-).format
+FISCHER = TextFormat("fischer", _is_fischer, _fischer_parts).format
+
+
+# --- Biomomentum Mach-1
+
+
+_SEARCH = "Find Contact"
+# Blocks that prepare a test and are not one.
+_PREPARATION = frozenset({_SEARCH, "Zero Load", "Load cell zero", "Move Relative", "Move Absolute", "Wait"})
+_MARKS = frozenset({"<DATA>", "<END DATA>", "<INFO>", "<END INFO>", "<divider>", "<Mach-1 File>"})
+
+
+@dataclass
+class _Block:
+    """One block while it is read; the first of its rows are the names."""
+
+    function: str
+    settings: dict[str, str]
+    rows: list[list[str]] = field(default_factory=list)
+    dividers: list[int] = field(default_factory=list)
+
+    @property
+    def axes(self) -> dict[str, str]:
+        """Names of the indenting axis, of its load cell, and of what else is read, by role."""
+        axis = self.settings.get("Stage Axis", "Position (z)")
+        cell = self.settings.get("Load Cell Axis", "Fz")
+        return {"time": "Time", "stage": axis, "force": cell, "x": "Position (x)", "y": "Position (y)"}
+
+    def part(self, where: str, name: str = "") -> Part:
+        """The table of the block, with its columns found by the names of the axes; refuses one without them."""
+        if len(self.rows) < 2:
+            raise FileFormatError(f"{where} has no rows of numbers")
+        labels = [split_label(label) for label in self.rows[0]]
+        names = [label for label, _ in labels]
+        found = {role: names.index(axis) for role, axis in self.axes.items() if axis in names}
+        if missing := [self.axes[role] for role in ("time", "stage", "force") if role not in found]:
+            raise FileFormatError(
+                f"{where} has no column {missing[0]!r:.80}; it has {names_there(self.rows[0])}"
+            )
+        kind, unit = self.settings.get("Load Cell Type", "").lower(), labels[found["force"]][1]
+        # Multi-axis cells, which read newtons, read compression negative.
+        turned = (kind.startswith("multi") or unit == "N") and not kind.startswith("single")
+        return Part([], labels, self.rows[1:], name, found, {"turned": turned})
+
+
+def _mach1_parts(source: Source) -> Iterator[Part]:
+    blocks = _blocks(source, lines_of(source))
+    tests = [at for at, block in enumerate(blocks) if block.function not in _PREPARATION]
+    if not tests:  # only searches: then they are what there is to look at
+        tests = [at for at, block in enumerate(blocks) if block.function == _SEARCH]
+    source.require(tests, ": holds no block with a test in it")
+    for at in tests:
+        # The search for contact right before it.
+        before = [
+            block for block in blocks[:at] if block.function == _SEARCH or block.function not in _PREPARATION
+        ]
+        search = before[-1] if before and before[-1].function == _SEARCH else None
+        yield _mach1_part(source, at + 1, blocks[at], search)
+
+
+def _blocks(source: Source, lines: Sequence[str]) -> list[_Block]:
+    blocks: list[_Block] = []
+    settings: dict[str, str] = {}
+    function = ""
+    inside: _Block | None = None
+    for line in map(str.strip, lines):
+        if line == "<INFO>":
+            settings, function = {}, ""
+        elif line == "<DATA>":
+            inside = _Block(function, settings)
+            blocks.append(inside)
+            settings = dict(settings)
+        elif line == "<END DATA>":
+            inside = None
+        elif line == "<divider>" and inside is not None:
+            inside.dividers.append(max(len(inside.rows) - 1, 0))
+        elif inside is not None:
+            inside.rows.append(line.split("\t"))
+        elif line.startswith("<") and line.endswith(">") and line not in _MARKS:
+            function = line[1:-1]
+        elif ":" in line:
+            key, _, value = line.partition(":\t") if ":\t" in line else line.partition(":")
+            settings[key.strip()] = value.strip()
+    source.require(inside is None, ": the last block has no <END DATA>: the file is cut short")
+    return blocks
+
+
+def _mach1_part(source: Source, number: int, block: _Block, search: _Block | None) -> Part:
+    called = f"block {number} ({block.function:.60})"
+    where = f"{source.name}, {called}"
+    part = block.part(where, called)
+    axis, cell = block.axes["stage"], block.axes["force"]
+    way, sign = (f"minus {cell}", "negative") if part.about["turned"] else (f"{cell} as written", "positive")
+    about = {
+        "name": f"{source.path.stem}, {called}",
+        "block": number,
+        "function": block.function,
+        "header": block.settings,
+        "ramp_ends": block.dividers,
+        "sign_rules": {
+            "depth": f"{axis} grows into the sample; its first value in the block is zero",
+            "force": f"{way}: this cell reads compression {sign}",
+            "segment": f"from the motion of {axis}",
+        },
+        **_search_result(where, search),
+    }
+    return replace(part, about=about)
+
+
+def _made_of_mach1(part: Part, columns: Columns) -> dict[str, Any]:
+    stage, time = columns["stage"], columns["time"]
+    height = float(stage[0])
+    sides = [columns.get(side) for side in "xy"]
+    negative = part.about["sign_rules"]["force"].startswith("minus")
+    finite = np.isfinite(stage).all() and np.isfinite(time).all()
+    return {
+        "depth": stage - height,
+        "force": -columns["force"] if negative else columns["force"],
+        "segment": segments_from_motion(stage, time) if finite else None,
+        "contact_height": height,
+        "position": (*(0.0 if side is None else float(side[0]) for side in sides), height),
+    }
+
+
+def _search_result(where: str, search: _Block | None) -> dict[str, Any]:
+    """What the search for contact before a test asked for and reached (N), said aloud if it failed."""
+    if search is None or len(search.rows) < 2:
+        return {}
+    asked = {unit: search.settings.get(f"Contact Criteria, {unit}", "") for unit in ("gf", "N")}
+    unit = next((unit for unit, number in asked.items() if is_number(number)), "")
+    if not unit or search.axes["force"] not in {split_label(label)[0] for label in search.rows[0]}:
+        return {}
+    part = search.part(where)
+    force = _MACH1.read(where, part, part.found)["force"]
+    if not np.isfinite(force).any():
+        return {}
+    peak = float(np.nanmax(-force if part.about["turned"] else force))
+    criterion = parse_quantity(f"{asked[unit]} {unit}", "force")
+    known: dict[str, Any] = {"search_criterion": criterion, "search_reached": peak}
+    # A tenth below still counts: the cell is read in steps of about 0.001 gf.
+    if peak < 0.9 * criterion:
+        reached = peak / parse_quantity(f"1 {unit}", "force")
+        known["notes"] = [
+            f"the search for contact ended without it: {reached:.4f} {unit} where {asked[unit]} {unit} was asked"
+        ]
+    return known
+
+
+def _is_mach1(source: Source) -> bool:
+    return source.head(200).lstrip().startswith("<Mach-1 File>")
+
+
+_MACH1 = TextFormat("mach1", _is_mach1, _mach1_parts, _made_of_mach1)
+MACH1 = _MACH1.format

@@ -9,6 +9,10 @@ Headers are bounded before they are unpacked: a hundred kilobytes of archive can
 which every line would become an entry. Headers of up to 60 kB and a thousand entries were seen; they grow
 with the channels, not with the points.
 
+A map has a dozen members a curve, and may be larger than memory: its directory is read once
+(`curves_of_jpk_map`), and whoever then reads a curve unpacks the members of that curve and those that all
+share, as an archive of its own.
+
 Why not through afmformats (0.18): it refuses pauses at constant height, several pauses and floats, and
 numbers segments without saying what they are. Where it reads a file, the numbers are the same to the last bit
 (`tests/test_real_files.py`).
@@ -16,154 +20,205 @@ numbers segments without saying what they are. Where it reads a file, the number
 
 from __future__ import annotations
 
+import hashlib
+import io
+import os
 import re
+import struct
 import zipfile
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TypeAlias
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.readers._lever import uncalibrated
-from underlay.data.readers._source import Source, open_zip, read_member
+from underlay._door import opened, read_member
+from underlay.data.curve import Curve
+from underlay.data.readers._lever import Lever, lever_curve, uncalibrated
+from underlay.data.readers._source import MAX_BYTES, Source, curve_name, open_zip
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError
 
-__all__ = [
-    "LONGEST_HEADER",
-    "JpkCurve",
-    "Shared",
-    "properties",
-    "read_jpk",
-    "shared_properties",
-    "with_shared",
-]
+__all__ = ["JpkMapCurve", "curves_of_jpk_map", "read_jpk"]
 
 #: Entries ``lcd-info.3.channel...`` of the shared header, by ``lcd-info.3``.
 Shared: TypeAlias = Mapping[str, Mapping[str, str]]
-#: Most bytes that a header may claim.
-LONGEST_HEADER = 4_000_000
-_MOST_ENTRIES = 50_000
-_HEADER = "segment-header.properties"
-_SHARED = "shared-data/header.properties"
-_GENERAL = "header.properties"
-_SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/" + re.escape(_HEADER))
+# Most bytes that a header may claim, and most entries of one.
+_LONGEST_HEADER, _MOST_ENTRIES = 4_000_000, 50_000
+_GENERAL, _SHARED = "header.properties", "shared-data/header.properties"
+_SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/segment-header\.properties")
 _HEIGHTS = ("measuredHeight", "strainGaugeHeight", "capacitiveSensorHeight", "height")
 _INTEGERS = {
     "signedshort": ">i2",
     "unsignedshort": ">u2",
+    "signedlong": ">i8",
     "signedinteger": ">i4",
     "unsignedinteger": ">u4",
-    "signedlong": ">i8",
 }
 _FLOATS = "float-data"
 _STYLES = {"extend": LOADING, "pause": HOLD, "modulation": HOLD, "retract": UNLOADING}
+# Where a segment says what it is, in files of different ages.
+_STYLE_KEYS = [f"force-segment-header.{at}style" for at in ("settings.segment-settings.", "settings.", "")]
 # From the base of the deflection to the force: what each step is multiplied by, and what a caller may give.
 _STEPS = {"distance": "sensitivity", "force": "stiffness"}
+_CONVERSIONS = "channel.{}.conversion-set.conversion"
 # More points than a number of so many digits says are in no file.
 _DIGITS = 12
 # What is worth showing of the general header, by the end of its key.
 _ABOUT = {"instrument": ".description.instrument", "software version": ".description.source-software"}
 
 
-def properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
-    """Read a member of Java properties: ``key=value`` in Latin-1, with escaped colons.
-
-    Raises
-    ------
-    FileFormatError
-        If the member is missing, damaged, or claims more than any header takes.
-    """
-    found = {}
-    for line in read_member(archive, name, LONGEST_HEADER).decode("latin-1").splitlines():
+def _properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
+    """Read a member of Java properties, ``key=value`` in Latin-1 with escaped colons; {} where there is none."""
+    found: dict[str, str] = {}
+    if name not in archive.NameToInfo:
+        return found
+    for line in read_member(archive, name, _LONGEST_HEADER).decode("latin-1").splitlines():
         key, equals, value = line.partition("=")
         if equals and not line.startswith("#"):
             found[key.strip()] = value.strip().replace("\\:", ":")
     return found
 
 
-def shared_properties(archive: zipfile.ZipFile, name: str) -> Shared:
-    """Read the entries that segments point to, by ``kind.number`` and then by the rest of their names."""
-    groups: dict[str, dict[str, str]] = {}
-    for key, value in properties(archive, name).items():
-        parts = key.split(".", 2)
-        if len(parts) == 3:
-            groups.setdefault(f"{parts[0]}.{parts[1]}", {})[parts[2]] = value
-    return groups
+class _Archive:
+    """An open archive, with what all its segments share."""
+
+    def __init__(self, source: Source, archive: zipfile.ZipFile) -> None:
+        self.source, self.archive, self.names = source, archive, set(archive.namelist())
+        self.whole = _properties(archive, _GENERAL)
+        self.shared: dict[str, dict[str, str]] = {}
+        for key, value in _properties(archive, _SHARED).items():
+            parts = key.split(".", 2)
+            if len(parts) == 3:
+                self.shared.setdefault(f"{parts[0]}.{parts[1]}", {})[parts[2]] = value
+
+    def header(self, place: str) -> dict[str, str]:
+        """Header of a segment with what it points to: ``channel.X.lcd-info.*=3`` to ``lcd-info.3....``."""
+        header = _properties(self.archive, f"{place}segment-header.properties")
+        found = dict(header)
+        for key, number in sorted(header.items()):
+            if ".*" in key:
+                head = key.rsplit(".", 2)[0]
+                group = self.shared.get(f"{key.split('.')[-2]}.{number}", {})
+                if len(found) + len(group) > _MOST_ENTRIES:
+                    raise FileFormatError(f"the header of a segment claims more than {_MOST_ENTRIES} entries")
+                found.update({f"{head}.{name}": value for name, value in group.items()})
+        return found
+
+    def curves(self) -> dict[str, list[int]]:
+        """Numbers of the segments of each curve, by its folder."""
+        curves: dict[str, list[int]] = {}
+        for name in self.names:
+            if matched := _SEGMENT.fullmatch(name):
+                curves.setdefault(matched[1], []).append(int(matched[2]))
+        self.source.require(curves, "holds no force segment")
+        # "index/10/" after "index/9/".
+        return {
+            folder: sorted(curves[folder]) for folder in sorted(curves, key=lambda text: (len(text), text))
+        }
 
 
-def with_shared(header: Mapping[str, str], shared: Shared) -> dict[str, str]:
-    """Return a segment's header with what it points to among the shared properties.
+class _Segment:
+    """One segment: its header, and its channels as numbers."""
 
-    ``channel.X.lcd-info.*=3`` points to the entries ``lcd-info.3....``.
+    def __init__(self, archive: _Archive, place: str) -> None:
+        self.archive, self.source, self.place = archive, archive.source, place
+        self.header = archive.header(place)
+        there = [name for name in _HEIGHTS if f"{place}channels/{name}.dat" in archive.names]
+        both = there and f"{place}channels/vDeflection.dat" in archive.names
+        self.source.require(both, f", {place} lacks the channel of the height or the deflection")
+        self.channel = there[0]
 
-    Raises
-    ------
-    FileFormatError
-        If they add up to more than any header has.
-    """
-    found = dict(header)
-    for key, number in sorted(header.items()):
-        if ".*" in key:
-            kind = ".".join(key.split(".")[-2:-1])
-            head = key.rsplit(".", 2)[0]
-            group = shared.get(f"{kind}.{number}", {})
-            if len(found) + len(group) > _MOST_ENTRIES:
-                raise FileFormatError(f"the header of a segment claims more than {_MOST_ENTRIES} entries")
-            found.update({f"{head}.{name}": value for name, value in group.items()})
-    return found
+    def number(self, key: str) -> float:
+        """A number of the header that must be there."""
+        return _number(self.source, self.header, key)
+
+    @property
+    def label(self) -> str:
+        """What the segment is, from its own header."""
+        style = next((self.header[key] for key in _STYLE_KEYS if key in self.header), "")
+        self.source.require(style in _STYLES, f", {self.place}: unknown kind of segment {style!r:.40}")
+        return _STYLES[style]
+
+    @property
+    def calibration(self) -> dict[str, float]:
+        """What the file itself says, as far as it does: ``stiffness`` (N/m), ``sensitivity`` (m/V)."""
+        place = _CONVERSIONS.format("vDeflection")
+        keys = {name: f"{place}.{step}.scaling.multiplier" for step, name in _STEPS.items()}
+        return {name: self.number(key) for name, key in keys.items() if key in self.header}
+
+    def force(self, calibration: Mapping[str, float]) -> FloatArray:
+        """Force in newtons, from the base of the deflection on."""
+        values = self.raw("vDeflection")
+        base = self.header.get("channel.vDeflection.conversion-set.conversions.base", "volts")
+        steps = list(_STEPS)
+        for step in steps[steps.index(base) + 1 if base in steps else 0 :]:
+            if _STEPS[step] not in calibration:
+                raise uncalibrated(self.source)
+            values = values * calibration[_STEPS[step]]
+        return values
+
+    def height(self) -> FloatArray:
+        """Height in metres, by the chain of conversions of the file."""
+        values, place = self.raw(self.channel), _CONVERSIONS.format(self.channel)
+        base = self.header.get(f"{place}s.base", "volts")
+        slot, chain = "calibrated" if self.channel == "height" else "nominal", list[str]()
+        while slot != base:
+            circle = slot in chain
+            self.source.require(not circle, f": the conversions {place[:-11]!r:.80} lead in a circle")
+            chain.append(slot)
+            slot = self.header.get(f"{place}.{slot}.base-calibration-slot", base)
+        for step in reversed(chain):
+            scaling = f"{place}.{step}.scaling"
+            if f"{scaling}.multiplier" in self.header:
+                values = values * self.number(f"{scaling}.multiplier")
+                values = values + self.number(f"{scaling}.offset")
+        return values
+
+    def raw(self, channel: str) -> FloatArray:
+        """Channel in the unit at which its conversions begin (V, or m for some heights)."""
+        header, source = self.header, self.source
+        content = read_member(self.archive.archive, f"{self.place}channels/{channel}.dat")
+        prefix = f"channel.{channel}.data.encoder"
+        if f"{prefix}.type" not in header:
+            prefix = f"channel.{channel}.encoder"
+        kind = header.get(f"{prefix}.type", "")
+        types = [header.get(f"channel.{channel}.{place}type") for place in ("data.", "")]
+        is_float = not kind and _FLOATS in types
+        known = is_float or kind in _INTEGERS
+        source.require(known, f", {self.place}: unknown encoding {kind!r:.40} of {channel}")
+        claim = header.get("force-segment-header.num-points", "0")
+        sound = claim.isdecimal() and len(claim) <= _DIGITS
+        source.require(sound, f", {self.place}: claims {claim!r:.40} points in a segment")
+        claimed = int(claim)
+        # Floats are single unless there are twice as many bytes.
+        dtype = np.dtype((">f8" if len(content) == 8 * claimed else ">f4") if is_float else _INTEGERS[kind])
+        source.require(
+            len(content) % dtype.itemsize == 0 and len(content) >= claimed * dtype.itemsize,
+            f", {self.place}: the channel {channel} is cut short; the header claims {claimed} points and "
+            f"{len(content)} bytes are there",
+        )
+        values = np.frombuffer(content, dtype)
+        if is_float:
+            return values.astype(np.float64)
+        multiplier = self.number(f"{prefix}.scaling.multiplier")
+        return values * multiplier + self.number(f"{prefix}.scaling.offset")
 
 
-# Where a segment says what it is, in files of different ages.
-_STYLE_KEYS = tuple(
-    f"force-segment-header.{place}style" for place in ("settings.segment-settings.", "settings.", "")
-)
+def _number(source: Source, header: Mapping[str, str], key: str) -> float:
+    try:
+        value = float(header[key])
+    except (KeyError, ValueError) as error:
+        raise source.wrong(f": no number for {key!r:.120}") from error
+    source.require(np.isfinite(value), f": {value} for {key!r:.120}")
+    return value
 
 
-@dataclass(frozen=True)
-class JpkCurve:
-    """One curve of an archive.
-
-    Parameters
-    ----------
-    height, force, time : ndarray (n,)
-        Height of the scanner, falling towards the sample (m), force (N), time (s).
-    segment : tuple of str, (n,)
-        Labels.
-    stiffness : float
-        Spring constant (N/m).
-    position : tuple of float
-        Place on the sample (m); empty if not written.
-    known : mapping of str to float
-        What the file itself says, as far as it does: ``stiffness`` (N/m), ``sensitivity`` (m/V).
-    about : mapping of str to str
-        Instrument and software.
-    """
-
-    height: FloatArray
-    force: FloatArray
-    time: FloatArray
-    segment: tuple[str, ...]
-    stiffness: float
-    position: tuple[float, ...] = ()
-    known: Mapping[str, float] = field(default_factory=dict)
-    about: Mapping[str, str] = field(default_factory=dict)
-
-
-def _chain(source: Source, header: Mapping[str, str], conversions: str, slot: str) -> list[str]:
-    """Slots from `slot` down to the base of a channel's conversions, the base left out."""
-    base = header.get(f"{conversions}.conversions.base", "volts")
-    chain: list[str] = []
-    while slot != base:
-        if slot in chain:
-            raise FileFormatError(f"{source.name}: the conversions {conversions!r:.80} lead in a circle")
-        chain.append(slot)
-        slot = header.get(f"{conversions}.conversion.{slot}.base-calibration-slot", base)
-    return chain
-
-
-def read_jpk(source: Source, calibration: Mapping[str, float]) -> list[JpkCurve]:
+def read_jpk(source: Source, calibration: Mapping[str, float]) -> list[Curve]:
     """Read every curve of an archive.
 
     Parameters
@@ -180,162 +235,191 @@ def read_jpk(source: Source, calibration: Mapping[str, float]) -> list[JpkCurve]
     InputError
         If neither the file nor the caller gives the calibration.
     """
-    with open_zip(source) as archive:
-        names = set(archive.namelist())
-        shared = shared_properties(archive, _SHARED) if _SHARED in names else {}
-        whole = properties(archive, _GENERAL) if _GENERAL in names else {}
-        curves: dict[str, list[int]] = {}
-        for name in names:
-            matched = _SEGMENT.fullmatch(name)
-            if matched:
-                curves.setdefault(matched.group(1), []).append(int(matched.group(2)))
-        if not curves:
-            raise FileFormatError(f"{source.name} holds no force segment")
-        # "index/10/" after "index/9/".
-        return [
-            _curve(source, archive, names, folder, sorted(curves[folder]), shared, whole, calibration)
-            for folder in sorted(curves, key=lambda text: (len(text), text))
-        ]
+    with open_zip(source) as opened_archive:
+        archive = _Archive(source, opened_archive)
+        curves = enumerate(archive.curves().items(), start=1)
+        return [_curve(archive, number, *numbered, calibration) for number, numbered in curves]
 
 
 def _curve(
-    source: Source,
-    archive: zipfile.ZipFile,
-    names: set[str],
-    folder: str,
-    numbers: Sequence[int],
-    shared: Shared,
-    whole: Mapping[str, str],
-    calibration: Mapping[str, float],
-) -> JpkCurve:
-    heights, forces, times = [], [], []
-    labels: list[str] = []
-    start, known = 0.0, {}
+    archive: _Archive, number: int, folder: str, segments: Sequence[int], calibration: Mapping[str, float]
+) -> Curve:
+    source = archive.source
+    heights, forces, times, labels = [], [], [], list[str]()
+    start, known = 0.0, dict[str, float]()
     # Of the whole file, and of the curve in a map.
-    place = folder + _GENERAL
-    general = {**whole, **(properties(archive, place) if folder and place in names else {})}
-    for number in numbers:
-        place = f"{folder}segments/{number}/"
-        header = with_shared(properties(archive, place + _HEADER), shared)
-        height_name = next((name for name in _HEIGHTS if f"{place}channels/{name}.dat" in names), None)
-        if height_name is None or f"{place}channels/vDeflection.dat" not in names:
-            raise FileFormatError(f"{source.name}, {place} lacks the channel of the height or the deflection")
-        known = _calibration(source, header)
-        deflection = _raw(source, archive, place, header, "vDeflection")
-        forces.append(_force(source, header, deflection, {**known, **calibration}))
-        heights.append(_height(source, archive, place, header, height_name))
-        if len(heights[-1]) != len(deflection):
-            raise FileFormatError(f"{source.name}, {place}: channels of different lengths")
-        duration = _number(source, header, "force-segment-header.duration")
-        times.append(start + np.arange(len(deflection)) * (duration / max(len(deflection), 1)))
+    general = archive.whole | (_properties(archive.archive, folder + _GENERAL) if folder else {})
+    for at in segments:
+        segment = _Segment(archive, f"{folder}segments/{at}/")
+        known = segment.calibration
+        forces.append(segment.force({**known, **calibration}))
+        heights.append(segment.height())
+        count = len(forces[-1])
+        source.require(len(heights[-1]) == count, f", {segment.place}: channels of different lengths")
+        duration = segment.number("force-segment-header.duration")
+        times.append(start + np.arange(count) * (duration / max(count, 1)))
         start += duration
-        labels += [_style(source, header, place)] * len(deflection)
-    stiffness = calibration.get("stiffness") or known.get("stiffness")
-    if stiffness is None:
-        raise uncalibrated(source)
-    return JpkCurve(
-        np.concatenate(heights),
+        labels += [segment.label] * count
+    keys = [key for axis in "xy" for key in general if key.endswith(f".header.position.{axis}")]
+    return lever_curve(
+        source,
+        -np.concatenate(heights),
         np.concatenate(forces),
-        np.concatenate(times),
-        tuple(labels),
-        stiffness,
-        _position(source, general),
-        known,
-        {name: value for name, end in _ABOUT.items() for key, value in general.items() if key.endswith(end)},
+        Lever.of(source, known, calibration),
+        channel="minus height",
+        time=np.concatenate(times),
+        segment=np.array(labels, dtype="<U9"),
+        number=number,
+        header={name: general[key] for name, end in _ABOUT.items() for key in general if key.endswith(end)},
+        sign_rules={"segment": "from the header of each segment"},
+        position=tuple(_number(source, general, key) for key in keys) if len(keys) == 2 else (),
     )
 
 
-def _style(source: Source, header: Mapping[str, str], place: str) -> str:
-    """Label of a segment, from its own header."""
-    style = next((header[key] for key in _STYLE_KEYS if key in header), "")
-    if style not in _STYLES:
-        raise FileFormatError(f"{source.name}, {place}: unknown kind of segment {style!r:.40}")
-    return _STYLES[style]
+# --- maps, curve by curve
 
 
-def _calibration(source: Source, header: Mapping[str, str]) -> dict[str, float]:
-    keys = {
-        name: f"channel.vDeflection.conversion-set.conversion.{step}.scaling.multiplier"
-        for step, name in _STEPS.items()
-    }
-    return {name: _number(source, header, key) for name, key in keys.items() if key in header}
+_OF_A_CURVE = re.compile(r"index/(\d{1,9})/.*", re.DOTALL)
+_OF_ALL = re.compile(r"header\.properties|shared-data/[^/]*|index/")
+# Fixed part of what stands before the bytes of a member; its name and further fields follow.
+_LOCAL_HEADER, _LOCAL_MARK = struct.Struct("<4s22xHH"), b"PK\x03\x04"
+# Bytes of the longest directory: that of a map of 1000 by 1000 curves takes about as much.
+_LONGEST_DIRECTORY = 2_000_000_000
 
 
-def _force(
-    source: Source, header: Mapping[str, str], values: FloatArray, calibration: Mapping[str, float]
-) -> FloatArray:
-    """Force in newtons, from the base of the deflection on."""
-    base = header.get("channel.vDeflection.conversion-set.conversions.base", "volts")
-    steps = list(_STEPS)
-    for step in steps[steps.index(base) + 1 if base in steps else 0 :]:
-        if _STEPS[step] not in calibration:
-            raise uncalibrated(source)
-        values = values * calibration[_STEPS[step]]
-    return values
+class _Member(NamedTuple):
+    """Where a member of the archive stands, and what it claims."""
+
+    name: str
+    offset: int
+    method: int
+    packed: int
+    size: int
+    crc: int
 
 
-def _position(source: Source, header: Mapping[str, str]) -> tuple[float, ...]:
-    keys = [key for axis in "xy" for key in header if key.endswith(f".header.position.{axis}")]
-    return tuple(_number(source, header, key) for key in keys) if len(keys) == 2 else ()
+@dataclass(frozen=True)
+class JpkMapCurve:
+    """One curve of a map on the disk.
+
+    Parameters
+    ----------
+    path : Path
+        The map.
+    sha256 : str
+        Of the map.
+    number : int
+        Which curve, counted from 1.
+    members : tuple
+        The members of the archive that make it.
+    """
+
+    path: Path
+    sha256: str
+    number: int
+    members: tuple[_Member, ...]
+
+    @property
+    def name(self) -> str:
+        """What the curve is called where the whole map is read."""
+        return curve_name(self.path, self.number)
+
+    def source(self) -> Source:
+        """Read this curve as an archive of its own.
+
+        Raises
+        ------
+        FileAccessError
+            If the map cannot be read.
+        FileFormatError
+            If the members are damaged, or claim more than is read of one file.
+        """
+        claimed = sum(member.size for member in self.members)
+        if claimed > MAX_BYTES:
+            raise FileFormatError(f"{self.name} claims {claimed / 1e6:.0f} MB unpacked")
+        for member in self.members:
+            if member.name.endswith(".properties") and member.size > _LONGEST_HEADER:
+                raise FileFormatError(
+                    f"{self.name}: the header {member.name!r:.80} claims {member.size / 1e6:.0f} MB unpacked; at "
+                    f"most {_LONGEST_HEADER / 1e6:g} MB of one are read"
+                )
+        packed = io.BytesIO()
+        with _open(self.path) as stream, zipfile.ZipFile(packed, "w") as archive:
+            for member in self.members:
+                archive.writestr(zipfile.ZipInfo(member.name), self._unpacked(stream, member))
+        return Source(self.path, packed.getvalue(), self.sha256)
+
+    def _unpacked(self, stream: io.FileIO, member: _Member) -> bytes:
+        stream.seek(member.offset)
+        header = stream.read(_LOCAL_HEADER.size)
+        if len(header) == _LOCAL_HEADER.size and member.method in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
+            mark, name, further = _LOCAL_HEADER.unpack(header)
+            stream.seek(name + further, os.SEEK_CUR)
+            data = stream.read(member.packed)
+            if member.method == zipfile.ZIP_DEFLATED:
+                data = _inflated(data, member.size)
+            if mark == _LOCAL_MARK and len(data) == member.size and zlib.crc32(data) == member.crc:
+                return data
+        raise FileFormatError(f"{self.name}: archive member {member.name!r:.80} is damaged")
 
 
-def _number(source: Source, header: Mapping[str, str], key: str) -> float:
+def curves_of_jpk_map(path: str | os.PathLike[str]) -> list[JpkMapCurve]:
+    """List the curves of a map without reading them; empty where the file is no map of JPK.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read, or is no regular file.
+    """
+    file = Path(path)
+    shared: list[_Member] = []
+    curves: dict[int, list[_Member]] = {}
+    with _open(file) as stream:
+        if stream.read(len(_LOCAL_MARK)) != _LOCAL_MARK:
+            return []
+        try:
+            # Closing this archive leaves the stream open.
+            with zipfile.ZipFile(stream) as archive:
+                members = archive.infolist()
+        except (zipfile.BadZipFile, ValueError, EOFError, NotImplementedError, OverflowError, OSError):
+            return []  # whoever reads the whole file says what is wrong with it
+        for of in members:
+            sizes = (of.compress_size, of.file_size, of.CRC)
+            member = _Member(of.filename, of.header_offset, of.compress_type, *sizes)
+            if matched := _OF_A_CURVE.fullmatch(member.name):
+                curves.setdefault(int(matched[1]), []).append(member)
+            elif _OF_ALL.fullmatch(member.name):
+                shared.append(member)
+        if not curves or _GENERAL not in {member.name for member in shared}:
+            return []
+        stream.seek(0)
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+    return [
+        JpkMapCurve(file.resolve(), sha256, number, (*shared, *curves[index]))
+        for number, index in enumerate(sorted(curves), start=1)
+    ]
+
+
+class _Bounded(io.FileIO):
+    """A file of which no more is read at once than the longest directory takes."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Read `size` bytes; raises ValueError where that is too much."""
+        if size is not None and size > _LONGEST_DIRECTORY:
+            raise ValueError(f"{size} bytes at once are not read")
+        return super().read(-1 if size is None else size) or b""
+
+
+@contextmanager
+def _open(path: Path) -> Iterator[io.FileIO]:
+    """Open a file of which pieces of bounded size are read."""
+    with opened(path) as stream:
+        yield _Bounded(stream.fileno(), closefd=False)
+
+
+def _inflated(data: bytes, size: int) -> bytes:
+    """Unpack to at most a byte more than `size`; empty where the data are damaged."""
     try:
-        value = float(header[key])
-    except (KeyError, ValueError) as error:
-        raise FileFormatError(f"{source.name}: no number for {key!r:.120}") from error
-    if not np.isfinite(value):
-        raise FileFormatError(f"{source.name}: {value} for {key!r:.120}")
-    return value
-
-
-def _raw(
-    source: Source, archive: zipfile.ZipFile, place: str, header: Mapping[str, str], channel: str
-) -> FloatArray:
-    """Channel in the unit at which its conversions begin (V, or m for some heights)."""
-    content = read_member(archive, f"{place}channels/{channel}.dat")
-    prefix = f"channel.{channel}.data.encoder"
-    if f"{prefix}.type" not in header:
-        prefix = f"channel.{channel}.encoder"
-    kind = header.get(f"{prefix}.type", "")
-    is_float = not kind and _FLOATS in (
-        header.get(f"channel.{channel}.data.type"),
-        header.get(f"channel.{channel}.type"),
-    )
-    if not is_float and kind not in _INTEGERS:
-        raise FileFormatError(f"{source.name}, {place}: unknown encoding {kind!r:.40} of {channel}")
-    claimed = _claimed(source, header, place)
-    # Floats are single unless there are twice as many bytes.
-    dtype = np.dtype((">f8" if len(content) == 8 * claimed else ">f4") if is_float else _INTEGERS[kind])
-    if len(content) % dtype.itemsize or len(content) < claimed * dtype.itemsize:
-        raise FileFormatError(
-            f"{source.name}, {place}: the channel {channel} is cut short; the header claims {claimed} points "
-            f"and {len(content)} bytes are there"
-        )
-    values = np.frombuffer(content, dtype)
-    if is_float:
-        return values.astype(np.float64)
-    multiplier = _number(source, header, f"{prefix}.scaling.multiplier")
-    return values * multiplier + _number(source, header, f"{prefix}.scaling.offset")
-
-
-def _claimed(source: Source, header: Mapping[str, str], place: str) -> int:
-    claim = header.get("force-segment-header.num-points", "0")
-    if not claim.isdecimal() or len(claim) > _DIGITS:
-        raise FileFormatError(f"{source.name}, {place}: claims {claim!r:.40} points in a segment")
-    return int(claim)
-
-
-def _height(
-    source: Source, archive: zipfile.ZipFile, place: str, header: Mapping[str, str], channel: str
-) -> FloatArray:
-    """Height in metres, by the chain of conversions of the file."""
-    values = _raw(source, archive, place, header, channel)
-    conversions = f"channel.{channel}.conversion-set"
-    slot = "calibrated" if channel == "height" else "nominal"
-    for step in reversed(_chain(source, header, conversions, slot)):
-        prefix = f"{conversions}.conversion.{step}.scaling"
-        if f"{prefix}.multiplier" in header:
-            values = values * _number(source, header, f"{prefix}.multiplier")
-            values = values + _number(source, header, f"{prefix}.offset")
-    return values
+        return zlib.decompressobj(-zlib.MAX_WBITS).decompress(data, size + 1)
+    except zlib.error:
+        return b""

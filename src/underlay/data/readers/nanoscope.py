@@ -1,14 +1,20 @@
-"""Bruker NanoScope: force curves (.spm, .000, .001, ...), force volumes, and PeakForce captures (.pfc).
+r"""Bruker NanoScope: force curves (.spm, .000, .001, ...), force volumes, and PeakForce captures (.pfc).
 
-After the header come numbers of 2 or 4 bytes, little-endian. Each section "Ciao force image list" is one
-channel of all curves; of each curve it holds the way in, *stored backwards from the turn*, then the way out,
-then the hold at the turn. Volts are the number times the hard scale (`_nanoscope_channels.py`), and metres
-volts times the sensitivity that the scale names.
+The header is sections of lines ``\name: value``; after it come numbers of 2 or 4 bytes, little-endian. Each section
+"Ciao force image list" is one channel of all curves; of each curve it holds the way in, *stored backwards from the
+turn*, then the way out, then the hold at the turn. Volts are the number times the hard scale, ``(0.0003750000
+V/LSB)``, and metres volts times the sensitivity that the scale names. From version 9.20 on every number takes 4
+bytes, but "Bytes/pixel" still says whose LSB the scale counts (Gwyddion's ``nanoscope.c`` has this from Bruker):
+0.000375 V of 2 bytes and 5.72205e-9 V of 4 are both 24.576 V over all numbers.
 
-What was seen in public files (`tests/test_public_afm.py`): from version 9.20 on every number takes 4 bytes,
-whatever "Bytes/pixel" says; the least number marks points of the way in that were not recorded; the
-deflection reaches the file's own trigger at the turn; a PeakForce tap turns where its "Sync Distance" says.
-Two ways of unequal length and scripts of several ramps were not seen whole and are refused.
+Numbers of 24 or 32 bits on a scale for 16, or data that a byte too many in the header has shifted, make forces 256
+or 65536 times too large and still look like curves. One such file is public (PyFMReader,
+``20200903_Egel2.0_00023.spm``). So numbers that have more bits than their scale are refused, and so is a way in
+that rises far above the trigger that should have ended it (`_check_trigger`).
+
+What was seen in public files (`tests/test_public_afm.py`): the least number marks points of the way in that were
+not recorded; the deflection reaches the file's own trigger at the turn; a PeakForce tap turns where its "Sync
+Distance" says. Two ways of unequal length and scripts of several ramps were not seen whole and are refused.
 
 Why by a reader of our own: pyfmreader 0.1.3 (MIT, its last release is of 2023) opens a path of its own
 without bounds, knows neither height sensor nor hold, and shifts the baseline; pySPM reads images; Bruker's
@@ -17,7 +23,9 @@ own ``nanoscope`` needs a library of Windows.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -25,66 +33,213 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
-from underlay.data.readers._lever import Lever, lever_curve, sensor_note
-from underlay.data.readers._nanoscope_channels import (
-    SCALE,
-    TRIGGER,
-    Header,
-    Section,
-    Tap,
-    channel_numbers,
-    check_trigger,
-    read_header,
-    tap_of,
-)
-from underlay.data.readers._source import Source, curve_name
+from underlay.data.readers._lever import Lever, lever_curve, sensor_note, told
+from underlay.data.readers._source import Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING
-from underlay.errors import FileFormatError, InputError
+from underlay.errors import InputError
 
 __all__ = ["FORMAT"]
 
-_STARTS = (b"\\*Force file list", b"\\*File list")
-# A map of 128 by 128 with room: 20,000 curves of 256 points are 400 MB as curves.
-_MOST_CURVES = 20_000
+_END = b"\\*File list end"
+# Headers of 35 to 80 kB were seen; a map of 128 by 128 with room: 20,000 curves of 256 points are 400 MB as curves.
+_LONGEST_HEADER, _LONGEST_COUNT, _MOST_CURVES = 1_000_000, 12, 20_000
 _WIDE_SINCE = 0x09200000
+_NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
+# "V [Sens. DeflSens] (0.0003750000 V/LSB) 2.500000 V", "V 21.90000 nm/V"
+_SCALE = re.compile(rf"V\s+(?:\[([^\]]*)\]\s*)?\(\s*({_NUMBER})\s*([^/\s]*)/LSB\)\s*({_NUMBER})?")
+_SENSITIVITY = re.compile(rf"V\s+({_NUMBER})\s*(?:([^/\s]+)/V)?")
+_PLAIN = re.compile(rf"({_NUMBER})\s*(\S*)")
+_METRES = {"m": 1.0, "um": 1e-6, "~m": 1e-6, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}
+_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "~V": 1e-6}
+_Z = ("@4:Z scale", "@4:Z Scale")
+_TRIGGER = ("@4:Trig threshold Deflection", "@4:Trig Threshold Deflection")
 _RAMP = ("@4:Ramp size", "@4:Ramp Size")
 _SIGNAL = "@4:Image Data"
-_EXPORT = "open it in NanoScope Analysis and export the curves as text, one file a curve"
+_NUMBERS: Mapping[int, np.dtype[Any]] = {2: np.dtype("<i2"), 4: np.dtype("<i4")}
+# The drives of piezos, the widest of all signals, have 440 V over all numbers.
+_WIDEST = 1000.0
+# Between the overshoot of fast ramps (1.1 seen) and the least wrong power of two, 256, but wide of the first.
+_OVERSHOOT = 32.0
+_EXPORT = "open it in NanoScope Analysis and export the curves as text"
+_NEXT = (
+    "take the file from the microscope once more (a transfer as text, or an edit of the header, shifts the "
+    f"numbers), or {_EXPORT}"
+)
+# The turn of the drive: the first that is not zero.
+_TURNS = ("Sync Distance QNM", "Sync Distance New", "Sync Distance")
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """How many points a curve has on each way and at the turn, how many curves there are, bytes a number."""
+class _Scale(NamedTuple):
+    """A quantity in volts: volts per number of the file, the value itself, and the sensitivity it names."""
 
-    way: int
-    hold: int
-    curves: int
-    width: int
+    per_number: float
+    volts: float
+    sensitivity: str
 
-    @property
-    def points(self) -> int:
-        return 2 * self.way + self.hold
+
+class _Section(dict[str, str]):
+    """One section of the header."""
+
+    title = ""
+
+    def text(self, *names: str) -> str:
+        """Value of the first of these entries that is there; else ''."""
+        return next((self[name] for name in names if name in self), "")
+
+    def number(self, *names: str) -> float | None:
+        """The finite number that such an entry begins with; None where there is none."""
+        found = _PLAIN.match(self.text(*names))
+        value = math.inf if found is None else float(found[1])
+        return value if math.isfinite(value) else None
+
+    def length(self, name: str) -> float:
+        """A length (m); zero where it is not written."""
+        value, found = self.number(name), _PLAIN.match(self.text(name))
+        return 0.0 if value is None or found is None else value * _METRES.get(found[2], 1e-9)
+
+    def scale(self, *names: str) -> _Scale | None:
+        """A quantity in volts; None where the entry is none."""
+        found = _SCALE.match(self.text(*names))
+        if found is None or found[3] not in _VOLTS:
+            return None
+        per_number, value = (float(text) * _VOLTS[found[3]] for text in (found[2], found[4] or "nan"))
+        sound = math.isfinite(per_number) and not math.isinf(value)
+        return _Scale(per_number, value, found[1] or "") if sound else None
+
+
+class _Header:
+    """All sections of a file, and how its curves are stored.
+
+    `way` points on each way and `hold` at the turn, `curves` curves, `width` bytes a number.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self.source, self.sections = source, list[_Section]()
+        end = source.data.find(_END, 0, _LONGEST_HEADER)
+        source.require(end >= 0, "is a NanoScope file whose header does not end: it is cut short")
+        entries = _Section()
+        for line in re.split(r"[\r\n]+", source.data[:end].decode("latin-1")):
+            if line[1:2] == "*":
+                entries = _Section()
+                entries.title = line[2:].strip()
+                self.sections.append(entries)
+            else:
+                # The names of scaled quantities hold a colon themselves: "@4:Z scale".
+                name, _, value = line[1:].partition(": ")
+                entries.setdefault(name.strip(": "), value.strip())
+        self.images = [one for one in self.sections if one.title == "Ciao force image list"]
+        self.file, self.force, self.scan = map(
+            self.section, ("Force file list", "Ciao force list", "Ciao scan list")
+        )
+        deflection = next((image for image in self.images if "[Deflection" in image.text(_SIGNAL)), None)
+        if deflection is None:
+            raise source.wrong(
+                "is a NanoScope file without a force curve of the deflection: an image, or another signal; save "
+                "the force curves themselves"
+            )
+        self.deflection = deflection
+        self._lay_out()
+
+    def section(self, title: str) -> _Section:
+        """The first section of this title, or an empty one."""
+        return next((section for section in self.sections if section.title == title), _Section())
+
+    def sensitivity(self, name: str) -> float | None:
+        """Metres per volt, by the name of the sensitivity; None where that is no length."""
+        for section in self.sections:
+            if found := _SENSITIVITY.match(section.text(f"@{name}")):
+                # Where no unit was written in a file that was seen, the number was of nanometres.
+                metres = float(found[1]) * _METRES.get(found[2] or "nm", math.nan)
+                return metres if math.isfinite(metres) else None
+        return None
+
+    def count(self, section: _Section, name: str) -> int:
+        """A whole number that must be there."""
+        text = section.text(name)
+        sound = text.isdecimal() and len(text) <= _LONGEST_COUNT
+        self.source.require(sound, f": no number for {name!r}; it says {text!r:.40}")
+        return int(text)
+
+    def _lay_out(self) -> None:
+        source, kind, image = self.source, self.file.text("Start context"), self.deflection
+        counts = [
+            int(word) for word in image.text("Samps/line").split() if word.isdecimal() and len(word) < 9
+        ]
+        ways = (counts * 2)[:2]
+        source.require(
+            len(ways) == 2 and min(ways) > 0 and kind != "SCRIPT",
+            f"is a NanoScope file of another kind than ramps; {_EXPORT}, one file a curve",
+        )
+        source.require(
+            ways[0] == ways[1],
+            f"has {ways[0]} and {ways[1]} points on the two ways of its ramp; only equal ones are known here; "
+            f"{_EXPORT}, one file a curve",
+        )
+        self.way, self.hold = ways[0], max(int(self.force.number("Hold Samples") or 0), 0)
+        self.points, length = 2 * self.way + self.hold, self.count(image, "Data length")
+        try:
+            version = int(self.file.text("Version"), 16)
+        except ValueError:
+            version = 0
+        wide = version >= _WIDE_SINCE or image.number("Bytes/pixel") == 4
+        for self.width in (4, 2) if wide else (2, 4):
+            self.curves, left = divmod(length, self.width * self.points)
+            if left == 0 and (self.curves == 1 or (self.curves > 1 and kind != "FOL")):
+                return
+        raise source.wrong(
+            f"is damaged: {length} bytes of deflection are no whole number of curves of {self.points} points"
+        )
 
     def stored(self, in_time: FloatArray, held: FloatArray | None = None) -> FloatArray:
         """Signals of the points in the order of time, put into the order of the file."""
         parts = (in_time[: self.way][::-1], in_time[self.way :], *(() if held is None else (held,)))
         return np.concatenate(parts)
 
+    def numbers(self, image: _Section, per_volt: float = 1.0) -> Callable[[int], FloatArray]:
+        """What gives a curve of a channel, by its number from 0, as it is stored.
 
-def _sniff(source: Source) -> bool:
-    return source.data.startswith(_STARTS)
+        (points,), volts times `per_volt`, NaN where none was recorded.
+        """
+        source, width, start = self.source, self.width, self.count(image, "Data offset")
+        length = self.curves * self.points * width
+        content = source.data[start : start + length]
+        source.require(
+            len(content) == length,
+            f"is cut short: a channel claims {length} bytes from byte {start} on, and the file has "
+            f"{len(source.data)}",
+        )
+        signal, scale = image.text(_SIGNAL), image.scale(*_Z)
+        if scale is None:
+            raise source.wrong(f": no scale in volts for {signal!r:.60}")
+        raw = np.frombuffer(content, _NUMBERS[width]).reshape(self.curves, self.points)
+        stated = 8 * min(4 if image.number("Bytes/pixel") == 4 else 2, width)
+        # A scale of 16 bits beside "Bytes/pixel: 4" was not seen, but then no signal is as wide as that makes it.
+        whole = scale.per_number * 2.0 ** (32 if image.number("Bytes/pixel") == 4 else 16)
+        bits, per_number = stated if whole <= _WIDEST else 16, scale.per_number * per_volt
+        # The least number marks what was not recorded: of the bytes, and of the scale, as where 16 bits were
+        # widened.
+        marks = (np.iinfo(raw.dtype).min, -(2 ** (bits - 1)))
+        recorded = raw[(raw != marks[0]) & (raw != marks[1])]
+        most, least = (int(recorded.max()), int(recorded.min())) if recorded.size else (0, 0)
+        reached = max(most, -least)
+        source.require(
+            max(most, -1 - least) < 2 ** (bits - 1),
+            f": the numbers of {signal!r:.60} reach {reached}, and their scale, {scale.per_number:g} V each, is "
+            f"for {bits} bits, up to {2 ** (bits - 1)}: read so, they would be {reached * scale.per_number:.3g} V, "
+            f"a power of two too large; {_NEXT}",
+        )
+        return lambda number: np.where(np.isin(raw[number], marks), np.nan, raw[number] * per_number)
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:
     curves, count = _opened(source, options)
-    if count > _MOST_CURVES:
-        raise FileFormatError(
-            f"{source.name} holds {count} curves; up to {_MOST_CURVES} are read at once: pick one, test = 1 to "
-            f"test = {count}, or save a part of the volume"
-        )
+    source.require(
+        count <= _MOST_CURVES,
+        f"holds {count} curves; up to {_MOST_CURVES} are read at once: pick one, test = 1 to test = {count}, or "
+        "save a part of the volume",
+    )
     return [curve for number in range(count) if (curve := curves(number)) is not None]
 
 
@@ -103,25 +258,22 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
 
     The callable gives None for a curve that was not recorded.
     """
-    header = read_header(source)
-    deflection = next((image for image in header.images if "[Deflection" in image.text(_SIGNAL)), None)
-    if deflection is None:
-        raise FileFormatError(
-            f"{source.name} is a NanoScope file without a force curve of the deflection: an image, or another "
-            "signal; save the force curves themselves"
-        )
-    layout = _layout(header, deflection)
-    tap = tap_of(header, layout.points, layout.hold)
-    lever = _lever(header, deflection, options)
-    volts, travels = _signal(header, deflection, layout), _travel(header, deflection, layout, tap)
-    time = _time(header, deflection, layout, tap)
-    order, labels = _order(tap, layout)
+    header = _Header(source)
+    tap = _tap_of(header)
+    scale = header.deflection.scale(*_Z)
+    stated = {
+        "stiffness": header.deflection.number("Spring Constant", "Spring constant"),
+        "sensitivity": header.sensitivity(scale.sensitivity) if scale and scale.sensitivity else None,
+    }
+    lever = Lever.of(source, stated, options.calibration)
+    volts, travels, time = header.numbers(header.deflection), _travel(header, tap), _time(header, tap)
+    order, labels = _order(tap, header)
     about = _about(header, lever)
 
     def curve(number: int) -> Curve | None:
         deflection = volts(number)[order]
         if tap is None:
-            check_trigger(header, deflection[: layout.way])
+            _check_trigger(header, deflection[: header.way])
         force = lever.force(source, deflection)
         recorded = np.isfinite(force)
         if not recorded.any():
@@ -135,52 +287,14 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
             channel=travels.channel,
             time=None if time is None else time[which],
             segment=labels[recorded],
-            name=curve_name(source.path, number + 1),
-            notes=(*_notes(recorded, tap), *sensor_note(travel[: layout.way], travels.ramp)),
+            number=number + 1,
+            notes=(*_notes(recorded, tap), *sensor_note(travel[: header.way], travels.ramp)),
             test=number + 1,
-            **_place(header, layout, number),
+            **_place(header, number),
             **about,
         )
 
-    return curve, layout.curves
-
-
-def _layout(header: Header, image: Section) -> _Layout:
-    source, kind = header.source, header.section("Force file list").text("Start context")
-    counts = [int(word) for word in image.text("Samps/line").split() if word.isdecimal() and len(word) < 9]
-    ways = (counts * 2)[:2]
-    if len(ways) < 2 or min(ways) < 1 or kind == "SCRIPT":
-        raise FileFormatError(f"{source.name} is a NanoScope file of another kind than ramps; {_EXPORT}")
-    if ways[0] != ways[1]:
-        raise FileFormatError(
-            f"{source.name} has {ways[0]} and {ways[1]} points on the two ways of its ramp; only equal ones are "
-            f"known here; {_EXPORT}"
-        )
-    hold = max(int(header.section("Ciao force list").number("Hold Samples") or 0), 0)
-    points, length = 2 * ways[0] + hold, header.count(image, "Data length")
-    wide = header.version >= _WIDE_SINCE or image.number("Bytes/pixel") == 4
-    for width in (4, 2) if wide else (2, 4):
-        curves, left = divmod(length, width * points)
-        if left == 0 and (curves == 1 or (curves > 1 and kind != "FOL")):
-            return _Layout(ways[0], hold, curves, width)
-    raise FileFormatError(
-        f"{source.name} is damaged: {length} bytes of deflection are no whole number of curves of {points} points"
-    )
-
-
-def _signal(
-    header: Header, image: Section, layout: _Layout, per_volt: float = 1.0
-) -> Callable[[int], FloatArray]:
-    return channel_numbers(header, image, (layout.curves, layout.points), layout.width, per_volt)
-
-
-def _lever(header: Header, image: Section, options: Options) -> Lever:
-    scale = image.scale(*SCALE)
-    stated = {
-        "stiffness": image.number("Spring Constant", "Spring constant"),
-        "sensitivity": header.sensitivity(scale.sensitivity) if scale and scale.sensitivity else None,
-    }
-    return Lever.of(header.source, stated, options.calibration)
+    return curve, header.curves
 
 
 class _Travels(NamedTuple):
@@ -191,104 +305,171 @@ class _Travels(NamedTuple):
     ramp: float = 0.0
 
 
-def _travel(header: Header, deflection: Section, layout: _Layout, tap: Tap | None) -> _Travels:
+def _travel(header: _Header, tap: _Tap | None) -> _Travels:
     if tap is not None:
-        tapped = layout.stored(tap.travel)
+        tapped = header.stored(tap.travel)
         return _Travels(lambda _: tapped, "sine of the drive, of which the file holds size and turn,")
-    ramp = deflection.scale(*_RAMP)
+    ramp = header.deflection.scale(*_RAMP)
     piezo = header.sensitivity(ramp.sensitivity) if ramp else None
     driven = ramp.volts * piezo if ramp and piezo and ramp.volts > 0.0 else 0.0
     for image in header.images:
-        scale = image.scale(*SCALE)
+        scale = image.scale(*_Z)
         metres = header.sensitivity(scale.sensitivity) if scale else None
         if "[ZSensor]" in image.text(_SIGNAL) and metres is not None:
-            return _Travels(_signal(header, image, layout, metres), "height sensor", driven)
-    if not driven > 0.0:
-        raise FileFormatError(
-            f"{header.source.name}: neither a height sensor nor the size of the ramp is there"
-        )
-    way_in = np.linspace(0.0, driven, layout.way, endpoint=False)
-    in_time = np.concatenate((way_in, way_in[::-1]))
-    stored = layout.stored(in_time, np.full(layout.hold, way_in[-1]))
+            return _Travels(header.numbers(image, metres), "height sensor", driven)
+    header.source.require(driven > 0.0, ": neither a height sensor nor the size of the ramp is there")
+    way_in = np.linspace(0.0, driven, header.way, endpoint=False)
+    stored = header.stored(np.concatenate((way_in, way_in[::-1])), np.full(header.hold, way_in[-1]))
     return _Travels(lambda _: stored, "ramp of the piezo, of which the file holds the size,")
 
 
-def _order(tap: Tap | None, layout: _Layout) -> tuple[NDArray[np.intp], NDArray[np.str_]]:
+def _order(tap: _Tap | None, header: _Header) -> tuple[NDArray[np.intp], NDArray[np.str_]]:
     """Indices of the stored points in the order of time, and their labels."""
-    way_in = np.arange(layout.way)[::-1]
-    way_out = np.arange(layout.way, 2 * layout.way)
+    way, hold = header.way, header.hold
+    way_in, way_out = np.arange(way)[::-1], np.arange(way, 2 * way)
     if tap is not None:
-        labels = tap.labels
-        return np.concatenate((way_in, way_out))[: len(labels)], labels
-    held = np.arange(2 * layout.way, layout.points)
+        return np.concatenate((way_in, way_out))[: len(tap.labels)], tap.labels
     names: NDArray[np.str_] = np.array((LOADING, HOLD, UNLOADING), dtype="<U9")
-    return np.concatenate((way_in, held, way_out)), np.repeat(names, (layout.way, layout.hold, layout.way))
+    order = np.concatenate((way_in, np.arange(2 * way, header.points), way_out))
+    return order, np.repeat(names, (way, hold, way))
 
 
-def _time(header: Header, image: Section, layout: _Layout, tap: Tap | None) -> FloatArray | None:
+def _time(header: _Header, tap: _Tap | None) -> FloatArray | None:
     """Time (s) of every stored point, from the speeds of the ramp; None where they are not written."""
-    force = header.section("Ciao force list")
+    force, hold = header.force, header.hold
     if tap is not None:
-        return None if tap.time is None else layout.stored(tap.time)
-    ramp, forward, back = image.scale(*_RAMP), force.number("Forward vel."), force.number("Reverse vel.")
-    held = (force.number("Hold Time") or 0.0) if layout.hold else 0.0
-    if ramp is None or not ramp.volts > 0.0 or not forward or not back or (layout.hold and not held):
+        return None if tap.time is None else header.stored(tap.time)
+    ramp, forward, back = (
+        header.deflection.scale(*_RAMP),
+        force.number("Forward vel."),
+        force.number("Reverse vel."),
+    )
+    held = (force.number("Hold Time") or 0.0) if hold else 0.0
+    if ramp is None or not ramp.volts > 0.0 or not forward or not back or (hold and not held):
         return None
-    ways = np.linspace(0.0, 1.0, layout.way, endpoint=False)
+    ways = np.linspace(0.0, 1.0, header.way, endpoint=False)
     there, rest = ramp.volts / abs(forward), abs(held)
     in_time = np.concatenate((ways * there, there + rest + ways * (ramp.volts / abs(back))))
-    return layout.stored(in_time, np.linspace(there, there + rest, layout.hold, endpoint=False))
+    return header.stored(in_time, np.linspace(there, there + rest, hold, endpoint=False))
 
 
-def _place(header: Header, layout: _Layout, number: int) -> dict[str, tuple[float, float]]:
+def _place(header: _Header, number: int) -> dict[str, tuple[float, float]]:
     """Place of a curve on the sample (m): of a volume, the middle of its pixel; nothing where it is not known."""
-    scan = header.section("Ciao scan list")
-    across = int(header.section("Ciao force list").number("force/line") or 0) if layout.curves > 1 else 1
-    if across < 1 or layout.curves % across:
+    scan, curves = header.scan, header.curves
+    across = int(header.force.number("force/line") or 0) if curves > 1 else 1
+    if across < 1 or curves % across:
         return {}
     pitch, angle = scan.length("Scan Size") / across, scan.number("Rotate Ang.") or 0.0
     cosine, sine = float(np.cos(angle)), float(np.sin(angle))
     row, column = divmod(number, across)
-    x, y = (column + 0.5 - across / 2) * pitch, (row + 0.5 - layout.curves / across / 2) * pitch
+    x, y = (column + 0.5 - across / 2) * pitch, (row + 0.5 - curves / across / 2) * pitch
     middle_x, middle_y = scan.length("X Offset"), scan.length("Y Offset")
     return {"position": (middle_x + cosine * x - sine * y, middle_y + sine * x + cosine * y)}
 
 
-def _about(header: Header, lever: Lever) -> dict[str, Any]:
+def _about(header: _Header, lever: Lever) -> dict[str, Any]:
     """What is worth keeping of the header."""
-    file, force = header.section("Force file list"), header.section("Ciao force list")
-    told = {
-        "instrument": header.section("Equipment list").text("Microscope", "Description"),
-        "software version": file.text("Version"),
-        "date": file.text("Date"),
-        "trigger": force.text("Trigger mode"),
-        # Typed in, and often the program's preset: never taken for the tip's own.
-        "tip radius (nm), as typed in": header.section("Ciao scan list").text("Tip Radius"),
-    }
     about: dict[str, Any] = {
-        "header": {name: one_line(text)[:200] for name, text in told.items() if text},
+        "header": told(
+            {
+                "instrument": header.section("Equipment list").text("Microscope", "Description"),
+                "software version": header.file.text("Version"),
+                "date": header.file.text("Date"),
+                "trigger": header.force.text("Trigger mode"),
+                # Typed in, and often the program's preset: never taken for the tip's own.
+                "tip radius (nm), as typed in": header.scan.text("Tip Radius"),
+            }
+        ),
         "sign_rules": {"segment": "from the order of the ramp: way in, hold, way out"},
     }
-    trigger = force.scale(*TRIGGER)
+    trigger = header.force.scale(*_TRIGGER)
     if trigger and lever.sensitivity and trigger.volts > 0.0:
         about["setpoint"] = trigger.volts * lever.sensitivity * lever.stiffness
     return about
 
 
-def _notes(recorded: NDArray[np.bool_], tap: Tap | None) -> tuple[str, ...]:
-    notes = []
-    if not recorded.all():
-        missing = int(np.count_nonzero(~recorded))
-        notes.append(f"{missing} of {len(recorded)} points were not recorded, as the file marks them")
-    if tap is not None:
-        notes.append("a PeakForce tap: the depth is made of the drive's size and turn, not measured")
-    return tuple(notes)
+def _notes(recorded: NDArray[np.bool_], tap: _Tap | None) -> tuple[str, ...]:
+    missing = int(np.count_nonzero(~recorded))
+    lost = f"{missing} of {len(recorded)} points were not recorded, as the file marks them"
+    made = "a PeakForce tap: the depth is made of the drive's size and turn, not measured"
+    return (*([lost] if missing else []), *([made] if tap is not None else []))
+
+
+def _check_trigger(header: _Header, way_in: FloatArray) -> None:
+    """Refuse a way in (V, in the order of time) that goes on far above the trigger that should have ended it."""
+    trigger, recorded = header.force.scale(*_TRIGGER), way_in[np.isfinite(way_in)]
+    relative = header.force.text("Trigger mode") == "Relative"
+    if trigger is None or not trigger.volts > 0.0 or not relative or not recorded.size:
+        return
+    rise = float(recorded.max() - np.median(recorded[: max(len(recorded) // 5, 1)]))
+    header.source.require(
+        rise <= _OVERSHOOT * trigger.volts,
+        f": the deflection rises by {rise:.3g} V on the way in, {rise / trigger.volts:.3g} times the relative "
+        f"trigger of {trigger.volts:g} V that should have ended it: its numbers cannot be on the scale that the "
+        f"header gives; {_NEXT}",
+    )
+
+
+@dataclass(frozen=True)
+class _Tap:
+    """One period of a PeakForce capture's drive, a sine of which the file holds the amplitude and the turn.
+
+    Parameters
+    ----------
+    points : int
+        Points of a period, beginning on the way in.
+    turn : float
+        Point at which the drive is deepest.
+    amplitude : float
+        Of the drive (m).
+    period : float or None
+        Time of one tap (s), if it is written.
+    """
+
+    points: int
+    turn: float
+    amplitude: float
+    period: float | None
+
+    @property
+    def travel(self) -> FloatArray:
+        """Travel of the drive (m), (points,), in the order of time: amplitude times the cosine about the turn."""
+        phase = 2.0 * np.pi * (np.arange(self.points) - self.turn) / self.points
+        return np.asarray(self.amplitude * np.cos(phase))
+
+    @property
+    def time(self) -> FloatArray | None:
+        """Time (s), (points,)."""
+        return None if self.period is None else np.linspace(0.0, self.period, self.points, endpoint=False)
+
+    @property
+    def labels(self) -> NDArray[np.str_]:
+        """Labels of the points of this tap; past the far end of its travel the way in of the next one begins."""
+        last = min(int(self.turn + self.points / 2) + 1, self.points)
+        return np.where(np.arange(last) <= self.turn, LOADING, UNLOADING).astype("<U9")
+
+
+def _tap_of(header: _Header) -> _Tap | None:
+    """What the header says of a capture's taps; None where the file holds ramps."""
+    scan, points = header.scan, header.points
+    if scan.text("PeakForce Capture") != "Allow" or scan.text("Operating mode") != "Image":
+        return None
+    amplitude = scan.length("Peak Force Amplitude")
+    turn = next((number for name in _TURNS if (number := scan.number(name))), 0.0)
+    turn *= points / (scan.number("Sample Points") or points)
+    header.source.require(
+        not header.hold and amplitude > 0.0 and 1.0 < turn < points / 2,
+        f"is a capture whose drive of {1e9 * amplitude:g} nm turns at point {turn:g} of {points}: it should turn "
+        "on its way in, and be larger than zero",
+    )
+    kilohertz = scan.number("PFT Freq")
+    return _Tap(points, turn, amplitude, 1e-3 / abs(kilohertz) if kilohertz else None)
 
 
 FORMAT = Format(
     name="nanoscope",
     description="Bruker NanoScope force curves, volumes and PeakForce captures (.spm, .000, .pfc)",
-    sniff=_sniff,
+    sniff=lambda source: source.data.startswith((b"\\*Force file list", b"\\*File list")),
     read_all=_read_all,
     read_one=_read_one,
     takes_calibration=True,

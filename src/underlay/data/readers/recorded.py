@@ -11,7 +11,7 @@ import io
 import logging
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -38,14 +38,9 @@ _HEADER, _TAG, _COMPLEX, _DEEPEST = 128, 8, 0x800, 4
 _FEWEST, _MOST_COLUMNS, _LONGEST = 3, 256, 1000
 
 
-def _sniff_matlab(source: Source) -> bool:
-    return source.data.startswith(_MATLAB)
-
-
 def _read_matlab(source: Source, options: Options) -> list[Curve]:
-    order = {b"IM": "<", b"MI": ">"}.get(source.data[126:128])
-    if order is None:
-        raise FileFormatError(f"{source.name} starts as a MATLAB file but its header is damaged")
+    order = {b"IM": "<", b"MI": ">"}.get(source.data[126:128], "")
+    source.require(order, "starts as a MATLAB file but its header is damaged")
     columns: dict[str, FloatArray] = {}
     size = 0
     for outer, element in _elements(source.data[_HEADER:], order):
@@ -54,14 +49,13 @@ def _read_matlab(source: Source, options: Options) -> list[Curve]:
             try:
                 unpacked = zlib.decompressobj().decompress(element, MAX_BYTES - size + 1)
             except zlib.error as error:
-                raise FileFormatError(f"{source.name} is a damaged MATLAB file: {error!s:.80}") from error
+                raise source.wrong(f"is a damaged MATLAB file: {error!s:.80}") from error
             kind, body = next(_elements(unpacked, order), (0, b""))
         size += len(body)
-        if size > MAX_BYTES:
-            raise FileFormatError(f"{source.name} unpacks to more than {MAX_BYTES // 1_000_000} MB")
+        source.require(size <= MAX_BYTES, f"unpacks to more than {MAX_BYTES // 1_000_000} MB")
         if kind == _MATRIX:
             columns |= _columns(body, order, "", 0)
-    return _curves(source, options, [("", columns)])
+    return _curves(source, options, {"": columns})
 
 
 def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
@@ -91,10 +85,8 @@ def _columns(matrix: bytes, order: str, above: str, deep: int) -> dict[str, Floa
     name = ".".join(part for part in (above, own) if part)
     if flags & 0xFF == _STRUCT and size == [1, 1] and len(parts) >= 5:
         width = int(np.frombuffer(parts[3][1][:4].ljust(4, b"\0"), f"{order}i4")[0])
-        letters = parts[4][1]
-        fields = (
-            [letters[at : at + width] for at in range(0, len(letters), width)] if 0 < width < _LONGEST else []
-        )
+        letters = parts[4][1] if 0 < width < _LONGEST else b""
+        fields = (letters[at : at + width] for at in range(0, len(letters), max(width, 1)))
         found: dict[str, FloatArray] = {}
         for field, (kind, body) in zip(fields, parts[5:], strict=False):
             called = one_line(field.partition(b"\0")[0].decode("latin-1"))
@@ -106,21 +98,12 @@ def _columns(matrix: bytes, order: str, above: str, deep: int) -> dict[str, Floa
         return {}
     type_ = np.dtype(order + _TYPES[kind])
     numbers = np.frombuffer(content[: len(content) // type_.itemsize * type_.itemsize], type_)
-    if len(size) != 2 or min(size) < 1 or size[0] * size[1] != len(numbers) or max(size) < _FEWEST:
+    whole = len(size) == 2 and min(size) >= 1 and size[0] * size[1] == len(numbers)
+    if not whole or max(size) < _FEWEST or min(size) > _MOST_COLUMNS:
         return {}
     table = numbers.reshape(size[1], size[0]).astype(np.float64)
     table = table if size[0] >= size[1] else table.T
-    if len(table) > _MOST_COLUMNS:
-        return {}
-    return (
-        {name: table[0]}
-        if len(table) == 1
-        else {f"{name} {at + 1}": column for at, column in enumerate(table)}
-    )
-
-
-def _sniff_tdms(source: Source) -> bool:
-    return source.data.startswith(_TDMS)
+    return {(name if len(table) == 1 else f"{name} {at}"): column for at, column in enumerate(table, start=1)}
 
 
 def _read_tdms(source: Source, options: Options) -> list[Curve]:
@@ -139,52 +122,42 @@ def _read_tdms(source: Source, options: Options) -> list[Curve]:
         claimed = sum(len(channel) for group in file.groups() for channel in group.channels())
         if claimed > len(source.data):
             raise FileFormatError(f"it claims {claimed} numbers and holds {len(source.data)} bytes")
-        file = library.TdmsFile.read(io.BytesIO(source.data))
         groups = [
-            (str(group.name), {_tdms_label(channel): _numbers(channel[:]) for channel in group.channels()})
-            for group in file.groups()
+            (str(group.name), dict(map(_tdms_column, group.channels())))
+            for group in library.TdmsFile.read(io.BytesIO(source.data)).groups()
         ]
-    return _curves(
-        source, options, [(name, {k: v for k, v in found.items() if len(v)}) for name, found in groups]
-    )
+    return _curves(source, options, dict(groups))
 
 
-def _tdms_label(channel: Any) -> str:
+def _tdms_column(channel: Any) -> tuple[str, FloatArray]:
+    """Name with its unit, and numbers (n,) of a channel; none of what is no numbers."""
     unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", ""))
-    name = str(channel.name)
-    return f"{name} ({unit})" if unit and unit not in name else name
+    name, values = str(channel.name), np.asarray(channel[:])
+    sound = values.dtype.kind in "fiu" and values.ndim == 1
+    label = f"{name} ({unit})" if unit and unit not in name else name
+    return label, values.astype(np.float64) if sound else np.empty(0)
 
 
-def _numbers(values: Any) -> FloatArray:
-    array = np.asarray(values)
-    return array.astype(np.float64) if array.dtype.kind in "fiu" and array.ndim == 1 else np.empty(0)
-
-
-def _curves(
-    source: Source, options: Options, groups: Sequence[tuple[str, dict[str, FloatArray]]]
-) -> list[Curve]:
+def _curves(source: Source, options: Options, groups: Mapping[str, dict[str, FloatArray]]) -> list[Curve]:
     """One curve of each group of columns: those of the length that most of them have."""
     curves: list[Curve] = []
-    for name, columns in groups:
+    for name, columns in groups.items():
         lengths = [len(column) for column in columns.values() if len(column) >= _FEWEST]
-        if not lengths:
-            continue
-        length = max(set(lengths), key=lambda one: (lengths.count(one), one))
+        length = max(set(lengths), key=lambda one: (lengths.count(one), one), default=0)
         kept = {label: column for label, column in columns.items() if len(column) == length}
-        if len(kept) < 2 and len(groups) > 1:
+        if not lengths or (len(kept) < 2 and len(groups) > 1):
             continue
-        called = f"{source.path.stem}, {name}" if name and len(groups) > 1 else None
+        called = {"name": f"{source.path.stem}, {name}"} if name and len(groups) > 1 else {}
         table = Table(list(kept), Arrays(list(kept.values())), comma=False)
-        curves += table_curves(source, table, options, **({"name": called} if called else {}))
-    if not curves:
-        raise FileFormatError(f"{source.name} holds no two columns of numbers of one length")
+        curves += table_curves(source, table, options, **called)
+    source.require(curves, "holds no two columns of numbers of one length")
     return curves
 
 
 MATLAB_FORMAT = Format(
     name="matlab",
     description="columns of numbers in MATLAB files (.mat, up to version 7)",
-    sniff=_sniff_matlab,
+    sniff=lambda source: source.data.startswith(_MATLAB),
     read_all=_read_matlab,
     takes_columns=True,
     takes_calibration=True,
@@ -193,7 +166,7 @@ MATLAB_FORMAT = Format(
 TDMS_FORMAT = Format(
     name="tdms",
     description="National Instruments TDMS files, as newer Optics11 instruments write (.tdms)",
-    sniff=_sniff_tdms,
+    sniff=lambda source: source.data.startswith(_TDMS),
     read_all=_read_tdms,
     extra="afm",
     takes_columns=True,

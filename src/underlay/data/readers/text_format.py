@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, TypeAlias
 
 from underlay._arrays import FloatArray
@@ -19,16 +19,27 @@ from underlay.data.readers._format import Format, Options, make_curve, read_part
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import (
     Lines,
+    as_number,
     column_factor,
     is_number,
     kind_named,
     numbers,
     split_label,
 )
+from underlay.data.readers._words import SAID, listed
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import parse_quantity, unit_factor
 
-__all__ = ["Channel", "Columns", "Part", "TextFormat", "header_of", "table_below"]
+__all__ = [
+    "Channel",
+    "Columns",
+    "Part",
+    "TextFormat",
+    "channels_of",
+    "found_columns",
+    "header_of",
+    "table_below",
+]
 
 #: Columns (n,) in SI by what they are.
 Columns: TypeAlias = Mapping[str, FloatArray]
@@ -46,15 +57,12 @@ class Channel:
         Kind of quantity; "" for a number without a unit.
     names : tuple of str
         What it is called, in small letters, best first; none where the parts say its place.
-    unit : str
-        Its unit, where the file does not say it.
     needed : bool
         Whether there is no curve without it.
     """
 
     kind: str
     names: tuple[str, ...] = ()
-    unit: str = ""
     needed: bool = True
 
 
@@ -120,52 +128,67 @@ def header_of(lines: Sequence[str]) -> dict[str, str]:
     return header
 
 
-def _as_written(part: Part, columns: Columns) -> Mapping[str, Any]:
-    del part, columns
-    return {}
+def channels_of(name: str) -> dict[str, Channel]:
+    """Columns of a format of ``formats.toml``."""
+    said = SAID["formats"][name]["columns"]
+    return {role: Channel(kind, listed(names), *needed) for role, (kind, names, *needed) in said.items()}
+
+
+def found_columns(channels: Mapping[str, Channel], labels: Sequence[tuple[str, str]]) -> dict[str, int]:
+    """Index of the column of each role that is there, by names and units; one of the right kind goes first."""
+    found = {}
+    for role, channel in channels.items():
+        named = [at for name in channel.names for at, label in enumerate(labels) if label[0].lower() == name]
+        # "Depth (V)" beside "Depth (nm)" is the raw signal.
+        fitting = [at for at in named if kind_named(labels[at][1]) == channel.kind]
+        if named:
+            found[role] = (fitting or named)[0]
+    return found
 
 
 @dataclass(frozen=True)
 class TextFormat:
-    """What one instrument writes, as data over one table reader.
+    """What one instrument writes, as data over one table reader: what ``formats.toml`` says under its name.
+
+    There stand its ``description``; its ``columns``, of which ``depth``, ``force`` and ``time`` become those of the
+    curve and others serve `made`; its ``signs``, the rule of each for people; what is ``known``: of a key of the
+    head the name in the curve's metadata, the kind of quantity, and the unit where the value has none; whether a
+    ``comma`` is the decimal sign, asked of the first rows where it is not said; and the ``extra`` it needs, as in
+    `Format`.
 
     Parameters
     ----------
-    name, description : str
+    name : str
         As in `Format`.
     sniff : callable
         Whether the content of a file is of this format.
     parts : callable
         Its tests; raises `FileFormatError` where there is none.
-    columns : mapping of str to Channel
-        What it writes; ``depth``, ``force`` and ``time`` become those of the curve, others serve `made`.
-    signs : mapping of str to str
-        The rule of each sign, for people.
-    known : mapping of str to (str, str, str)
-        Of a key of the head: name in the curve's metadata, kind of quantity, and its unit where the value has none.
     made : callable
         What else makes a curve of a part and its columns: columns, labels, notes, metadata.
-    comma : bool or None
-        Whether a comma is the decimal sign; None asks the first rows.
-    extra : str
-        As in `Format`.
     """
 
     name: str
-    description: str
     sniff: Callable[[Source], bool]
     parts: Callable[[Source], Iterable[Part]]
-    columns: Mapping[str, Channel]
-    signs: Mapping[str, str]
-    known: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
-    made: Callable[[Part, Columns], Mapping[str, Any]] = _as_written
-    comma: bool | None = None
-    extra: str = ""
+    made: Callable[[Part, Columns], Mapping[str, Any]] = lambda _, __: {}
+
+    @property
+    def said(self) -> Mapping[str, Any]:
+        """What ``formats.toml`` says of it."""
+        return SAID["formats"][self.name]  # type: ignore[no-any-return]
+
+    @cached_property
+    def columns(self) -> Mapping[str, Channel]:
+        """What it writes, by role."""
+        return channels_of(self.name)
 
     @property
     def format(self) -> Format:
         """What the table of formats holds of it."""
-        return Format(self.name, self.description, self.sniff, self._read_all, extra=self.extra)
+        return Format(
+            self.name, self.said["description"], self.sniff, self._read_all, extra=self.said.get("extra", "")
+        )
 
     def _read_all(self, source: Source, options: Options) -> list[Curve]:
         del options
@@ -176,65 +199,45 @@ class TextFormat:
 
     def _curves(self, source: Source, part: Part) -> list[Curve]:
         where = f"{source.name}, {part.name}" if part.name else source.name
-        found = self._found(where, part)
+        found = {**found_columns(self.columns, part.labels), **part.found}
+        for role, channel in self.columns.items():
+            if role not in found and channel.needed:
+                there = names_there(name for name, _ in part.labels)
+                raise FileFormatError(f"{where} has no column {channel.names[0]!r}; it has {there}")
         columns = self.read(where, part, found)
         header = header_of(part.head)
-        made = {
+        own = {role: columns.get(role) for role in ("depth", "force", "time")}
+        made: dict[str, Any] = {
             **({"header": header} if part.head else {}),
             "units": {part.labels[at][0]: part.labels[at][1] for at in found.values()},
-            "sign_rules": dict(self.signs),
+            "sign_rules": dict(self.said.get("signs", {})),
             **self._known(header),
-            **columns,
+            **own,
             **part.about,
             **self.made(part, columns),
         }
-        for role in self.columns.keys() - {"depth", "force", "time"}:
-            if made.get(role) is columns.get(role):
-                made.pop(role, None)
-        depth, force, time = (made.pop(role, None) for role in ("depth", "force", "time"))
-        segment = made.pop("segment", None)
-        return [make_curve(source, depth, force, time, segment, **made)]
-
-    def _found(self, where: str, part: Part) -> dict[str, int]:
-        """Index of the column of each role that is there."""
-        found = dict(part.found)
-        for role, channel in self.columns.items():
-            if role in found:
-                continue
-            named = [
-                at
-                for name in channel.names
-                for at, label in enumerate(part.labels)
-                if label[0].lower() == name
-            ]
-            # "Depth (V)" beside "Depth (nm)" is the raw signal.
-            fitting = [at for at in named if kind_named(part.labels[at][1]) == channel.kind]
-            if named:
-                found[role] = (fitting or named)[0]
-            elif channel.needed:
-                there = names_there(name for name, _ in part.labels)
-                raise FileFormatError(f"{where} has no column {channel.names[0]!r}; it has {there}")
-        return found
+        main = (made.pop(role, None) for role in (*own, "segment"))
+        return [make_curve(source, *main, **made)]
 
     def read(self, where: str, part: Part, found: Mapping[str, int]) -> dict[str, FloatArray]:
         """Columns (n,) in SI by role."""
         if not len(part.rows):
             raise FileFormatError(f"{where} has no rows of numbers")
-        table = numbers(part.rows, list(found.values()), where, comma=self.comma)
+        table = numbers(part.rows, list(found.values()), where, comma=self.said.get("comma"))
         columns = {}
         for j, (role, at) in enumerate(found.items()):
             channel, (label, unit) = self.columns[role], part.labels[at]
-            factor = column_factor(channel.unit or unit, channel.kind, label, where) if channel.kind else 1.0
+            factor = column_factor(unit, channel.kind, label, where) if channel.kind else 1.0
             columns[role] = table[:, j] * factor
         return columns
 
     def _known(self, header: Mapping[str, str]) -> dict[str, float]:
         """Numbers of the head that mean something to a fit; what is not there or no such number is left out."""
         known = {}
-        for key, (name, kind, unit) in self.known.items():
+        for key, (name, kind, unit) in self.said.get("known", {}).items():
             value = header.get(key, "")
             if unit and is_number(value):
-                known[name] = float(value.replace(",", ".")) * unit_factor(unit, kind)
+                known[name] = as_number(value) * unit_factor(unit, kind)
             elif not unit:
                 try:
                     known[name] = parse_quantity(value, kind)

@@ -1,4 +1,8 @@
-"""Workbooks of indenters and testing machines, each said as data: KLA NanoSuite and Zwick/Roell testXpert.
+"""Workbooks, .xls and .xlsx: plain tables in sheets, KLA NanoSuite and Zwick/Roell testXpert.
+
+`sheets_of` reads the sheets as rows of text, bounded in size. As a plain table, a sheet is read if it has a row
+that names a depth and a force, with units in it or in the row below, or the columns that a mapping names. Each such
+sheet is one test. Signs are taken as written.
 
 NanoSuite (MTS, Agilent, KLA; .xls) has a sheet per test: names, units, then numbers, in any order of columns. The
 first column is a marker, filled only at the first row of a segment (``Load Segment Type``, ..., ``END``). Where the
@@ -15,54 +19,233 @@ travel of the crosshead, turned if the gap between the tools does not close with
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import io
+import warnings
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
-from underlay.data.readers._format import require
-from underlay.data.readers._source import Source
-from underlay.data.readers._table import marked
+from underlay._door import read_member
+from underlay._text import names_there, one_line
+from underlay.data.curve import Curve
+from underlay.data.readers._format import Format, Options, read_parts
+from underlay.data.readers._names import Row, find_names, is_unit_row, layout_of, serves
+from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip
+from underlay.data.readers._table import Table, is_marker, marked, table_curves
 from underlay.data.readers._text import is_number
-from underlay.data.readers.excel import Sheet, is_xls, is_xlsx, padded, sheets_of, xlsx_text
-from underlay.data.readers.text_format import Channel, Columns, Part, TextFormat
+from underlay.data.readers.text_format import Columns, Part, TextFormat, channels_of, found_columns
+from underlay.errors import FileFormatError, MissingExtraError, missing_extra
 from underlay.units import format_quantity, kind_of
 
-__all__ = ["NANOSUITE", "TESTXPERT"]
+__all__ = ["EXCEL", "NANOSUITE", "OLE_MAGIC", "TESTXPERT", "Sheet", "sheets_of"]
 
-_MARKER = "Segment Type"
-_OF_A_TEST = {
-    "depth": Channel("length", ("displacement into surface", "displacement", "indentation depth", "depth")),
-    "force": Channel("force", ("load on sample", "load", "force")),
-    "contact_stiffness": Channel(
-        "stiffness", ("harmonic contact stiffness", "contact stiffness"), needed=False
-    ),
-    "time": Channel("time", ("time on sample", "time"), needed=False),
-}
-_SPECIMEN = {
-    "time": Channel(
-        "time", ("temps d'essai", "temps", "prüfzeit", "zeit", "test time", "time"), needed=False
-    ),
-    "force": Channel("force", ("force standard", "force", "standardkraft", "kraft", "standard force")),
-    "depth": Channel(
-        "length",
-        (
-            *("allongement", "déformation", "standardweg", "weg", "verformung"),
-            *("standard travel", "deformation"),
-        ),
-    ),
-    "gap": Channel(
-        "length",
-        ("ecartement entre outils", "écartement entre outils", "werkzeugabstand", "tool separation"),
-        needed=False,
-    ),
-}
-_PARAMETER_SHEETS = ("Paramètres", "Parameter", "Parameters", "Parámetros", "Parametri")
-# Beside the parameters stand results, or specimens alone, with names of columns such as these.
-_RESULT_SHEETS = ("Résultats", "Ergebnisse", "Results", "Resultados", "Risultati")
-_TEST_COLUMNS = ("Temps d'essai", "Ecartement entre outils", "Prüfzeit", "Werkzeugabstand", "Tool separation")
-# Gap plus travel is constant to the digits written where both describe one test.
-_CLOSURE = 1e-3
+#: First bytes of a compound file, the container of .xls.
+OLE_MAGIC = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+_WORKBOOK = "xl/workbook.xml"
+# A sheet may name a cell in row 1048576 and nothing else. What comes after so many empty rows is left.
+_MAX_ROWS, _MAX_CELLS, _MAX_COLUMNS, _MAX_GAP = 1_048_576, 8_000_000, 256, 10_000
+# What xlrd calls cells of .xls that are empty, text, a number, or blank.
+_PLAIN = bytes((0, 1, 2, 6))
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One sheet.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the workbook.
+    rows : list of list of str
+        Cells as text; numbers with a decimal point and all digits, empty cells as ''.
+    """
+
+    name: str
+    rows: list[list[str]]
+
+
+def _is_xls(source: Source) -> bool:
+    return source.data[:8] == OLE_MAGIC
+
+
+def _is_xlsx(source: Source) -> bool:
+    return source.is_zip and _WORKBOOK.encode() in source.data
+
+
+def sheets_of(source: Source) -> list[Sheet]:
+    """Read all sheets of a workbook.
+
+    Raises
+    ------
+    MissingExtraError
+        If the package that reads it is not installed.
+    FileFormatError
+        If the workbook is damaged or too large.
+    """
+    most = f"{MAX_TEXT_BYTES // 1_000_000} MB"
+    source.require(len(source.data) <= MAX_TEXT_BYTES, f": more than {most} of spreadsheet")
+    name = "openpyxl" if source.is_zip else "xlrd"
+    try:
+        library = import_module(name)
+    except ImportError as error:
+        raise missing_extra(f"reading a spreadsheet needs {name}", "afm") from error
+    try:
+        return _read_xlsx(source, library, most) if source.is_zip else _read_xls(source, library)
+    except (FileFormatError, MissingExtraError):
+        raise
+    except Exception as error:  # both packages raise whatever a damaged file makes of them
+        said = f"{type(error).__name__}: {one_line(error, 120)}"
+        raise source.wrong(f"is a damaged workbook: {said}") from error
+
+
+def _read_xlsx(source: Source, openpyxl: Any, most: str) -> list[Sheet]:
+    with open_zip(source) as archive:
+        total = sum(member.file_size for member in archive.infolist())
+        # Every part is unpacked once, so that none is larger than it claims.
+        for info in archive.infolist():
+            if not info.filename.endswith("/"):
+                read_member(archive, info.filename)
+    source.require(total <= MAX_TEXT_BYTES, f"unpacks to {total / 1e6:.0f} MB, more than {most}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # about styles and printers, not about cells
+        workbook = openpyxl.load_workbook(
+            io.BytesIO(source.data), read_only=True, data_only=True, keep_links=False
+        )
+        try:
+            sheets = []
+            for sheet in workbook.worksheets:
+                # The size a sheet claims is not trusted: rows come as they are found.
+                sheet.reset_dimensions()
+                sheets.append(Sheet(str(sheet.title), list(_rows(source, sheet.iter_rows(values_only=True)))))
+            return sheets
+        finally:
+            workbook.close()
+
+
+def _read_xls(source: Source, xlrd: Any) -> list[Sheet]:
+    workbook = xlrd.open_workbook(
+        file_contents=source.data, logfile=io.StringIO(), on_demand=True, ragged_rows=True
+    )
+    sheets = []
+    for index in range(workbook.nsheets):
+        sheet = workbook.sheet_by_index(index)
+        values = (_xls_row(xlrd, sheet, row) for row in range(sheet.nrows))
+        sheets.append(Sheet(str(sheet.name), list(_rows(source, values))))
+        workbook.unload_sheet(index)
+    return sheets
+
+
+def _xls_row(xlrd: Any, sheet: Any, row: int) -> Sequence[Any]:
+    """What the cells of a row show: the package keeps errors as their codes (#DIV/0! is 7), dates as days."""
+    values: list[Any] = sheet.row_values(row)
+    kinds = bytes(sheet.row_types(row))
+    if kinds.translate(None, _PLAIN):
+        shown: dict[int, Callable[[Any], Any]] = {
+            xlrd.XL_CELL_ERROR: lambda value: xlrd.error_text_from_code.get(value, "#ERROR"),
+            xlrd.XL_CELL_DATE: lambda value: f"date {value:g}",
+            xlrd.XL_CELL_BOOLEAN: bool,
+        }
+        values = [
+            shown[kind](one) if kind in shown else one for kind, one in zip(kinds, values, strict=False)
+        ]
+    return values
+
+
+def _rows(source: Source, rows: Iterator[Sequence[Any]]) -> Iterator[list[str]]:
+    cells = empty = 0
+    for number, row in enumerate(rows):
+        cells += len(row) + 1
+        small = number < _MAX_ROWS and cells <= _MAX_CELLS
+        source.require(small, f": more than {_MAX_ROWS} rows or {_MAX_CELLS} cells in a sheet")
+        texts = [_text(cell) for cell in row[:_MAX_COLUMNS]]
+        if any(texts):
+            # Empty rows count only when something follows them.
+            yield from ([] for _ in range(min(empty, 64)))
+            empty = 0
+            yield texts
+        else:
+            empty += 1
+            if empty > _MAX_GAP:
+                return
+
+
+def _text(cell: Any) -> str:
+    if cell is None:
+        return ""
+    return repr(cell) if isinstance(cell, float) else str(cell).replace("_x000D_", "").strip()
+
+
+# --- plain tables
+
+
+def _read_all(source: Source, options: Options) -> list[Curve]:
+    sheets = sheets_of(source)
+    tables = [(sheet, _table(source, sheet, options)) for sheet in sheets]
+    curves = read_parts(
+        [
+            (f"sheet {sheet.name!r:.60}", partial(_curves, source, sheet, table, options))
+            for sheet, table in tables
+            if table is not None
+        ]
+    )
+    if curves:
+        return curves
+    rows = ([cell for cell in row if cell] for sheet in sheets for row in sheet.rows)
+    first = next((row for row in rows if len(row) >= 2 and not any(map(is_number, row))), [])
+    raise source.wrong(
+        f"has no sheet with columns for depth and force; the first table has {names_there(first)}. "
+        "Say which with columns={'depth': 'name (unit)', 'force': 'name (unit)'}"
+    )
+
+
+def _curves(source: Source, sheet: Sheet, table: Table, options: Options) -> list[Curve]:
+    name = f"{source.path.stem}, sheet {sheet.name}"
+    return table_curves(source, table, options, name=name, sheet=sheet.name)
+
+
+def _table(source: Source, sheet: Sheet, options: Options) -> Table | None:
+    """The table of a sheet; None where it holds none with what is asked for."""
+    layout = layout_of(len(sheet.rows), lambda at: Row.of(sheet.rows[at]))
+    if layout is None:
+        return None
+    above, asked = [list(row) for row in sheet.rows[: layout.first]], options.columns
+    try:
+        names, units = find_names(source, above, (), layout, asked, lambda text, _: text.split())
+    except FileFormatError:
+        return None
+    if not serves(names, asked):
+        return None
+    first = layout.first
+    first -= bool(first and is_unit_row(sheet.rows[first - 1]))
+    rows: list[list[str]] = []
+    breaks: list[int] = []
+    for row in sheet.rows[first:]:
+        filled = [cell for cell in row if cell]
+        title = len(filled) == 1 and not is_number(filled[0]) and len(row) > 1 and not is_marker(filled[0])
+        if not filled or title or (rows and (row == names or is_unit_row(row))):
+            breaks.append(len(rows))
+        else:
+            rows.append(row)
+    return Table(names, rows, breaks, units=units)
+
+
+EXCEL = Format(
+    name="excel",
+    description="tables in .xlsx and .xls workbooks, names and units in the first rows",
+    sniff=lambda source: _is_xlsx(source) or _is_xls(source),
+    read_all=_read_all,
+    extra="afm",
+    takes_columns=True,
+    takes_calibration=True,
+)
+
+
+# --- workbooks of instruments
 
 
 def _in_bytes(source: Source, *words: str) -> bool:
@@ -74,62 +257,48 @@ def _sheet_part(
     sheet: Sheet, at: int, found: Mapping[str, int], rows: Sequence[Sequence[str]], **about: Any
 ) -> Part:
     """Part of a sheet whose names stand in row `at` and whose units in the next one."""
-    names, units = sheet.rows[at], [*sheet.rows[at + 1], *[""] * len(sheet.rows[at])]
-    return Part(
-        [],
-        list(zip(names, units, strict=False)),
-        rows,
-        f"sheet {sheet.name!r:.60}",
-        found,
-        {"sheet": sheet.name, **about},
-    )
+    labels = _labels(sheet, at)
+    return Part([], labels, rows, f"sheet {sheet.name!r:.60}", found, {"sheet": sheet.name, **about})
 
 
-# --- NanoSuite
+def _labels(sheet: Sheet, at: int) -> list[tuple[str, str]]:
+    """Name and unit of each column of a sheet, of two rows from `at` on."""
+    return list(zip_longest(sheet.rows[at], sheet.rows[at + 1], fillvalue=""))
 
 
-_SCATTER = {
-    f"{role}_scatter": Channel(
-        channel.kind, tuple(f"standard deviation ({name})" for name in channel.names), needed=False
-    )
-    for role, channel in _OF_A_TEST.items()
-    if role != "time"
-}
-_NANOSUITE_COLUMNS = {**_OF_A_TEST, **_SCATTER}
+def _padded(rows: Sequence[Sequence[str]], columns: Collection[int]) -> list[Sequence[str]]:
+    """Rows that hold something in one of the columns, with '' for the cells that a row leaves out at its end."""
+    width = max(columns) + 1
+    kept = (row for row in rows if any(row[at] for at in columns if at < len(row)))
+    return [row if len(row) >= width else [*row, *[""] * (width - len(row))] for row in kept]
+
+
+_MARKER = "Segment Type"
+_NANOSUITE = channels_of("nanosuite")
 
 
 def _nanosuite_parts(source: Source) -> Iterator[Part]:
-    tests = [
-        (sheet, found)
-        for sheet in sheets_of(source)
-        if {"depth", "force"} <= (found := _places(sheet)).keys()
-    ]
+    sheets = [sheet for sheet in sheets_of(source) if len(sheet.rows) > 2]
+    found = [(sheet, found_columns(_NANOSUITE, _labels(sheet, 0))) for sheet in sheets]
+    tests = [(sheet, places) for sheet, places in found if {"depth", "force"} <= places.keys()]
     # Where the rows of some are marked, a sheet without marks is one of results.
     marks = any(_is_marked(sheet) for sheet, _ in tests)
     kept = [one for one in tests if not marks or _is_marked(one[0]) or "force_scatter" in one[1]]
-    require(kept, source, "has no sheet with columns for displacement and load")
+    source.require(kept, ": has no sheet with columns for displacement and load")
     notes = [
         f"sheet {sheet.name!r:.60} is left out: no test, it has no marks of segments"
-        for sheet, found in tests
-        if (sheet, found) not in kept
+        for sheet, places in tests
+        if (sheet, places) not in kept
     ]
     # Whoever counts tests counts the single ones first.
-    for sheet, found in sorted(kept, key=lambda one: "force_scatter" in one[1]):
+    for sheet, places in sorted(kept, key=lambda one: "force_scatter" in one[1]):
         called = f"{source.path.stem}, sheet {sheet.name}"
-        called += " (average of tests)" if "force_scatter" in found else ""
-        rows = [row for row in sheet.rows[2:] if row and (row[0].lower() != "end" or _is_reading(row, found))]
-        yield _sheet_part(sheet, 0, found, padded(rows, {0, *found.values()}), name=called, notes=notes)
+        called += " (average of tests)" if "force_scatter" in places else ""
+        rows = [
+            row for row in sheet.rows[2:] if row and (row[0].lower() != "end" or _is_reading(row, places))
+        ]
+        yield _sheet_part(sheet, 0, places, _padded(rows, {0, *places.values()}), name=called, notes=notes)
         notes = []
-
-
-def _places(sheet: Sheet) -> dict[str, int]:
-    """Columns of a sheet by role; none of one that is no test."""
-    names = [cell.lower() for cell in sheet.rows[0]] if len(sheet.rows) > 2 else []
-    places = {
-        role: next((names.index(name) for name in channel.names if name in names), -1)
-        for role, channel in _NANOSUITE_COLUMNS.items()
-    }
-    return {role: at for role, at in places.items() if at >= 0}
 
 
 def _is_marked(sheet: Sheet) -> bool:
@@ -163,37 +332,42 @@ def _made_of_nanosuite(part: Part, columns: Columns) -> dict[str, Any]:
     }
 
 
-NANOSUITE = TextFormat(
-    name="nanosuite",
-    description="MTS, Agilent and KLA NanoSuite workbooks (.xls)",
-    sniff=lambda source: is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample"),
-    parts=_nanosuite_parts,
-    columns=_NANOSUITE_COLUMNS,
-    signs={},
-    made=_made_of_nanosuite,
-    comma=False,
-    extra="afm",
-).format
+def _is_nanosuite(source: Source) -> bool:
+    return _is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample")
 
 
-# --- testXpert
+NANOSUITE = TextFormat("nanosuite", _is_nanosuite, _nanosuite_parts, _made_of_nanosuite).format
+
+
+_SPECIMEN = channels_of("testxpert")
+_PARAMETER_SHEETS = ("Paramètres", "Parameter", "Parameters", "Parámetros", "Parametri")
+# Beside the parameters stand results, or specimens alone, with names of columns such as these.
+_RESULT_SHEETS = ("Résultats", "Ergebnisse", "Results", "Resultados", "Risultati")
+_TEST_COLUMNS = ("Temps d'essai", "Ecartement entre outils", "Prüfzeit", "Werkzeugabstand", "Tool separation")
+# Gap plus travel is constant to the digits written where both describe one test.
+_CLOSURE = 1e-3
 
 
 def _is_testxpert(source: Source) -> bool:
-    if is_xlsx(source):
-        text = xlsx_text(source)
-        sheets = (_PARAMETER_SHEETS, _RESULT_SHEETS)
-        return all(any(f'name="{name}"' in text for name in names) for names in sheets)
-    known = is_xls(source) and _in_bytes(source, *_PARAMETER_SHEETS)
-    return known and _in_bytes(source, *_RESULT_SHEETS, *_TEST_COLUMNS)
+    if not _is_xlsx(source):
+        known = _is_xls(source) and _in_bytes(source, *_PARAMETER_SHEETS)
+        return known and _in_bytes(source, *_RESULT_SHEETS, *_TEST_COLUMNS)
+    try:
+        with open_zip(source) as archive:
+            text = read_member(archive, _WORKBOOK)[:65_536].decode("utf-8", errors="replace")
+    except FileFormatError:
+        return False
+    return all(
+        any(f'name="{name}"' in text for name in names) for names in (_PARAMETER_SHEETS, _RESULT_SHEETS)
+    )
 
 
 def _testxpert_parts(source: Source) -> Iterator[Part]:
     sheets = [(sheet, at) for sheet in sheets_of(source) if (at := _unit_row(sheet))]
-    require(sheets, source, "has no sheet of a specimen: no row of units s, N, mm")
+    source.require(sheets, ": has no sheet of a specimen: no row of units s, N, mm")
     for sheet, at in sheets:
-        found = _specimen_columns(sheet.rows[at - 1], sheet.rows[at])
-        rows = padded(sheet.rows[at + 1 :], found.values())
+        found = _specimen_columns(_labels(sheet, at - 1))
+        rows = _padded(sheet.rows[at + 1 :], found.values())
         yield _sheet_part(sheet, at - 1, found, rows, name=f"{source.path.stem}, {sheet.name}")
 
 
@@ -206,14 +380,14 @@ def _unit_row(sheet: Sheet) -> int:
     return 0
 
 
-def _specimen_columns(names: Sequence[str], units: Sequence[str]) -> dict[str, int]:
+def _specimen_columns(labels: Sequence[tuple[str, str]]) -> dict[str, int]:
     """Columns by their names in a language that is known, else the first time, first force, first two lengths."""
-    kinds = [kind_of(unit) if unit else None for unit in units]
+    kinds = [kind_of(unit) if unit else None for _, unit in labels]
     by_name: dict[str, int] = {}
     by_order: dict[str, int] = {}
     for role, channel in _SPECIMEN.items():
         of_kind = [at for at, kind in enumerate(kinds) if kind == channel.kind]
-        if named := [at for at in of_kind if at < len(names) and names[at].lower() in channel.names]:
+        if named := [at for at in of_kind if labels[at][0].lower() in channel.names]:
             by_name[role] = named[0]
         if free := [at for at in of_kind if at not in by_order.values()]:
             by_order[role] = free[0]
@@ -237,14 +411,4 @@ def _made_of_testxpert(part: Part, columns: Columns) -> dict[str, Any]:
     return {"depth": sign * travel, "initial_gap": float(gap[0]), "sign_rules": {"depth": rule, **rules}}
 
 
-TESTXPERT = TextFormat(
-    name="testxpert",
-    description="Zwick/Roell testXpert workbooks (.xlsx, .xls)",
-    sniff=_is_testxpert,
-    parts=_testxpert_parts,
-    columns=_SPECIMEN,
-    signs={},
-    made=_made_of_testxpert,
-    comma=False,
-    extra="afm",
-).format
+TESTXPERT = TextFormat("testxpert", _is_testxpert, _testxpert_parts, _made_of_testxpert).format

@@ -279,7 +279,10 @@ def read_map(path: PathLike) -> pd.DataFrame:
             raise ValueError("it has no row with a verdict")
         names = [str(name) for name in table.columns]
         fitted = fitted_names(names)
-        absent = [name for name in fitted if name not in names]
+        ends = (
+            (name, f"{name}.stderr" if f"{name}.stderr" in names else f"{name}.stat.high") for name in fitted
+        )
+        absent = [column for pair in ends for column in pair if column not in names]
         if absent:
             raise ValueError(f"it has no column {absent[0]!r} for its error")
         # A parameter path has a dot, a label has none.

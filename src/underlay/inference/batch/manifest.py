@@ -23,7 +23,7 @@ import pandas as pd
 from underlay._csv import numbered_rows
 from underlay._door import FileKind, printable, read_start, read_text, understood
 from underlay.data.readers._source import load
-from underlay.data.readers.excel import OLE_MAGIC, sheets_of
+from underlay.data.readers.workbooks import OLE_MAGIC, sheets_of
 from underlay.errors import InputError, UnderlayError
 from underlay.inference.batch.results_table import RESERVED
 from underlay.scene.parameters import kind_of, unknown_parameter

@@ -1,0 +1,542 @@
+"""Binary force curves of three makers: Asylum Research (.ibw), Nanosurf (.nid) and Park Systems (.tiff).
+
+**Asylum**: an Igor binary wave of version 5 whose columns are channels in metres (`Raw` or `ZPiezo`, `ZSnsr`,
+`Defl`), equally spaced in time, with a note of lines ``key: value``. The header is checked here for what it claims;
+the wave is taken apart in memory by igor2 (LGPL, pure Python, 2026), which afmformats uses too. Why not through
+afmformats (0.18): it keeps no time, takes `InputTime` for the duration (13.5 s for a curve of 1.0 s), takes no
+calibration, and fails on an image with a KeyError. Heights and forces are the same to rounding. The deflection's
+rise is the file's own trigger point.
+
+**Nanosurf** (C3000 and easyScan controllers): text in sections, ``[DataSet-0:0]`` with ``key=value``, up to ``#!``;
+then every channel in the order of its group, lines of 16- or 32-bit integers, little-endian. A number is a share of
+the channel's range, ``Dim2Min`` and ``Dim2Range``, in ``Dim2Unit``. A line is a curve of ``LineDim<i>Points``
+points; the rest of it is padding. Both ways of the modulation are stored *along the axis*, from far to near: the
+way back is turned round here. Pauses are stored in time. Why not by Nanosurf's NSFopen 2.2.4 (MIT, 2024): it opens
+a path of its own, trusts every size in the header, and knows no pause by line. Its numbers are ours to rounding.
+Not read: .nhf of Nanosurf Studio, of which no public force curve was found.
+
+**Park** (XEI and SmartScan): a TIFF file whose private tags hold the curves: 50438 the header of the spectroscopy,
+a table of eight channels (name, unit, gain) and numbers at fixed places, and 50439 the values, point by point on
+the sample, channel by channel, the way in and the way back one after the other. The place of each number is as
+pspylib's reader has it. What a public file shows: "Z Scan" *falls* towards the sample, the scanner goes down; each
+way is padded to its length by repeating its last point, time stamp included; a "Z Detector" may be dead. The
+channel "Force" is 8 % above what the header's own spring constant and sensitivity make of the volts: what the
+maker's program shows is taken, a note says so, and a calibration that is given acts on the volts. Why not by Park's
+pspylib 0.1.2 (2025): it may be used under a licence of Park's own only and opens a path; tifffile is not needed for
+six tags.
+
+What public files show is held by `tests/test_public_afm.py`.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay._door import understood
+from underlay._text import names_there
+from underlay.data.curve import Curve
+from underlay.data.readers._format import Format, Options
+from underlay.data.readers._lever import Lever, lever_curve, sensor_note, told
+from underlay.data.readers._source import CURVES, MAX_BYTES, Source
+from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
+from underlay.errors import missing_extra
+
+__all__ = ["ASYLUM", "NANOSURF", "PARK"]
+
+
+def _finite(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+# --- Asylum
+
+
+# Igor binary waves begin with their version, in either byte order; Asylum's note names the spring constant.
+_ORDERS = {b"\x05\x00": "<", b"\x00\x05": ">"}
+_NOTE = b"SpringConstant"
+# Of the headers of version 5, of 384 bytes: sizes of the thirteen parts, points, and four dimensions.
+_CLAIMS, _HEADERS = "4x13i20xi52x4i", 384
+_IBW_HEIGHTS = ("ZSnsr", "ZSensor", "LVDT", "Raw", "ZPiezo", "Height")
+_IBW_DEFL, _SPRING = ("Defl", "Deflection"), _NOTE.decode()
+_IBW_ABOUT = {
+    "instrument": "MicroscopeModel",
+    "software version": "Version",
+    "date": "Date",
+    "time": "Time",
+    "imaging mode": "ImagingMode",
+}
+
+
+def _read_asylum(source: Source, options: Options) -> list[Curve]:
+    data = source.data
+    source.require(data[:2] in _ORDERS, "is no Igor binary wave of version 5")
+    source.require(len(data) >= _HEADERS, "ends within its header")
+    claimed = struct.unpack_from(_ORDERS[data[:2]] + _CLAIMS, data)
+    product = math.prod(size for size in claimed[-4:] if size)
+    claims = (*claimed, product, 64 + sum(claimed[:13]))  # the sizes are of what follows the first header
+    sound = min(claims) >= 0 and max(claims) <= len(data)
+    source.require(sound, f"claims {max(claims)} points or bytes; it has {len(data)} bytes")
+    with understood(source.name, CURVES):
+        values, names, note, step = _wave(source)
+    source.require(
+        values.ndim == 2 and len(names) == values.shape[1],
+        f"is an Igor wave of {values.ndim} dimensions, no force curve: an image; save the force curves themselves",
+    )
+    columns = dict(zip(names, values.T, strict=True))
+    channels = [next((name for name in known if name in columns), "") for known in (_IBW_HEIGHTS, _IBW_DEFL)]
+    source.require(all(channels), f"has no height or no deflection; it has {names_there(names)}")
+    travel, bending = (columns[name] for name in channels)
+    stated = {"stiffness": _finite(note.get(_SPRING, "")), "sensitivity": _finite(note.get("InvOLS", ""))}
+    lever = Lever.of(source, stated, options.calibration)
+    time = step * np.arange(len(bending), dtype=np.float64) if step > 0.0 else None
+    known = np.isfinite(travel) & np.isfinite(bending)
+    trigger = _finite(note.get("TriggerPoint", "")) if note.get("TriggerChannel") == "Force" else None
+    more: dict[str, Any] = {"setpoint": trigger} if trigger else {}
+    curve = lever_curve(
+        source,
+        travel,
+        lever.force(source, bending, "m"),
+        lever,
+        channel=channels[0],
+        time=time,
+        segment=segments_from_motion(travel, time) if known.all() else None,
+        header=told({name: note.get(key, "") for name, key in _IBW_ABOUT.items()}),
+        sign_rules={"segment": "from the motion of the height"},
+        **more,
+    )
+    return [curve]
+
+
+def _wave(source: Source) -> tuple[FloatArray, list[str], dict[str, str], float]:
+    """Numbers of a wave, names of its columns, its note, and the time between two rows (s; 0: not written)."""
+    try:
+        binarywave = import_module("igor2.binarywave")
+    except ImportError as error:
+        raise missing_extra("reading Asylum .ibw files needs igor2", "afm") from error
+    wave = binarywave.load(io.BytesIO(source.data))["wave"]
+    values = np.asarray(wave["wData"], dtype=np.float64)
+    # The first label of a dimension is that of the dimension itself.
+    names = [label.decode("latin-1") for label in wave["labels"][1][1:]]
+    note: dict[str, str] = {}
+    for line in wave["note"].decode("latin-1").replace("\n", "\r").split("\r"):
+        key, colon, text = line.partition(":")
+        if colon:
+            note.setdefault(key.strip(), text.strip())
+    header = wave["wave_header"]
+    is_time = b"".join(header["dimUnits"][0].tolist()) == b"s"
+    step = float(header["sfA"][0]) if is_time else 0.0
+    return values, names, note, step if math.isfinite(step) else 0.0
+
+
+ASYLUM = Format(
+    name="asylum",
+    description="Asylum Research force curves (Igor binary waves, .ibw)",
+    sniff=lambda source: source.data[:2] in _ORDERS and _NOTE in source.data,
+    read_all=_read_asylum,
+    extra="afm",
+    takes_calibration=True,
+)
+
+
+# --- Nanosurf
+
+
+# "D[2.72436]*[N/m]"
+_PROPERTY = re.compile(r"\w\[([^\]]*)\]\*\[([^\]]*)\]")
+_COUNT = re.compile(r"\d{1,9}")
+_END = b"#!"
+_INTEGERS: Mapping[str, np.dtype[Any]] = {"16": np.dtype("<i2"), "32": np.dtype("<i4")}
+_DEFLECTION = "Deflection"
+# Groups of a force curve in the order of time: name, label, whether it is stored against time, and where the
+# duration and the number of points of the whole of it are.
+_GROUPS = (
+    ("Spec forward", LOADING, False, "FwMod"),
+    ("Spec fwd pause", HOLD, False, "FwPause"),
+    ("Spec backward", UNLOADING, True, "BwMod"),
+)
+# 18 groups of 8 channels and 256 lines were seen.
+_MOST_GROUPS, _MOST_CHANNELS, _MOST_LINES = 1000, 64, 20_000
+# What is worth showing, by its name in the section of the measurement.
+_NID_ABOUT = {"instrument": "Head type", "software version": "Software ver.", "date": "Date", "time": "Time"}
+_TIMES = r"DataSet\Parameters\Spectroscopy"
+
+
+class _Nid:
+    """The text in front of the numbers of a .nid file: entries by section and key."""
+
+    def __init__(self, source: Source) -> None:
+        self.source, self.start = source, source.data.find(_END) + len(_END)
+        source.require(self.start >= len(_END), "is cut short: its header does not end")
+        self.sections: dict[str, dict[str, str]] = {}
+        entries: dict[str, str] = {}
+        for line in source.data[: self.start - len(_END)].decode("latin-1").splitlines():
+            if line.startswith("[") and line.endswith("]"):
+                entries = self.sections.setdefault(line[1:-1], {})
+            elif "=" in line:
+                key, _, value = line.partition("=")
+                entries.setdefault(key, value.strip())
+
+    def __getitem__(self, section: str) -> Mapping[str, str]:
+        return self.sections.get(section, {})
+
+    def count(self, section: str, key: str, most: int = MAX_BYTES) -> int:
+        """A whole number up to `most` that must be there."""
+        text = self[section].get(key, "")
+        self.source.require(
+            _COUNT.fullmatch(text) and int(text) <= most,
+            f": no number up to {most} for {key!r} in [{section!s:.60}]; it says {text!r:.40}",
+        )
+        return int(text)
+
+    def number(self, section: str, key: str) -> float | None:
+        """A finite number, bare or as ``D[2.7]*[N/m]``; None where there is none."""
+        text = self[section].get(key, "")
+        found = _PROPERTY.fullmatch(text)
+        return _finite(found[1] if found else text)
+
+    def groups(self) -> dict[str, list[_Channel]]:
+        """Channels of the groups of a force curve, by the name of the group."""
+        source, start, wanted = self.source, self.start, {name for name, *_ in _GROUPS}
+        groups: dict[str, list[_Channel]] = {}
+        for group in range(self.count("DataSet", "GroupCount", _MOST_GROUPS)):
+            name = self["DataSet"].get(f"Gr{group}-Name", "")
+            for channel in range(self.count("DataSet", f"Gr{group}-Count", _MOST_CHANNELS)):
+                section = self["DataSet"].get(f"Gr{group}-Ch{channel}")
+                if section is None:
+                    continue
+                points, lines = self.count(section, "Points"), self.count(section, "Lines", _MOST_LINES)
+                bits = self[section].get("SaveBits", "")
+                source.require(bits in _INTEGERS, f": [{section!s:.60}] holds no numbers of 16 or 32 bits")
+                size = points * lines * _INTEGERS[bits].itemsize
+                source.require(
+                    start + size <= len(source.data),
+                    f"is cut short: [{section!s:.60}] claims {size} bytes from byte {start} on, and the file has "
+                    f"{len(source.data)}",
+                )
+                if name in wanted:
+                    raw = np.frombuffer(source.data, _INTEGERS[bits], points * lines, start)
+                    groups.setdefault(name, []).append(_Channel.of(self, section, raw.reshape(lines, points)))
+                start += size
+        return groups
+
+    def lever(self, options: Options) -> Lever:
+        """Spring constant, and sensitivity from the full scales of one signal in metres and volts."""
+        stated = {"stiffness": self.number(r"DataSet\Calibration\Cantilever", "Prop0")}
+        scales: dict[str, float] = {}
+        for entry in self[r"DataSet\Calibration\Scanhead"].values():
+            # "5,TipSignalDC,Deflection,m,7.30723e-07,0"
+            cells = entry.split(",")
+            if len(cells) == 6 and cells[1].startswith("TipSignalDC") and cells[2] == _DEFLECTION:
+                try:
+                    scales.setdefault(cells[3], float(cells[4]))
+                except ValueError:
+                    continue
+        if "m" in scales and scales.get("V"):
+            stated["sensitivity"] = scales["m"] / scales["V"]
+        return Lever.of(self.source, stated, options.calibration)
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """One channel of one group: its name, unit, numbers (lines, points), points of each line, and its section."""
+
+    name: str
+    unit: str
+    values: FloatArray
+    points: tuple[int, ...]
+    section: str
+
+    @classmethod
+    def of(cls, nid: _Nid, section: str, raw: NDArray[Any]) -> _Channel:
+        """A channel of its whole numbers (lines, points)."""
+        entries, bits = nid[section], 8 * raw.dtype.itemsize
+        low, extent = (_finite(entries.get(key, "")) for key in ("Dim2Min", "Dim2Range"))
+        if low is None or extent is None:
+            key = "Dim2Min" if low is None else "Dim2Range"
+            raise nid.source.wrong(f": {entries.get(key, '')!r:.40} for {key!r} in [{section!s:.60}]")
+        keys = [f"LineDim{line}Points" for line in range(len(raw))]
+        points = tuple(nid.count(section, key) if key in entries else raw.shape[1] for key in keys)
+        values = low + (raw + 2.0 ** (bits - 1)) * (extent / 2.0**bits)
+        return cls(entries.get("Dim2Name", ""), entries.get("Dim2Unit", ""), values, points, section)
+
+    def line(self, number: int, *, backwards: bool) -> FloatArray:
+        """Numbers of a curve in the order of time, (n,), without the padding."""
+        count = min(self.points[number], self.values.shape[1])
+        line: FloatArray = self.values[number][:count]
+        return line[::-1] if backwards else line
+
+
+def _read_nanosurf(source: Source, options: Options) -> list[Curve]:
+    nid = _Nid(source)
+    groups = nid.groups()
+    deflections = {
+        name: next((channel for channel in channels if channel.name == _DEFLECTION), None)
+        for name, channels in groups.items()
+    }
+    forward = deflections.get(_GROUPS[0][0])
+    if forward is None:
+        raise source.wrong(
+            "is a Nanosurf file without a force curve ('Spec forward' of the deflection); images and spectra are "
+            "not read"
+        )
+    lever = nid.lever(options)
+    numbers = [number for number, points in enumerate(forward.points) if points]
+    return [_nid_curve(nid, groups, deflections, lever, number) for number in numbers]
+
+
+def _nid_curve(
+    nid: _Nid,
+    groups: Mapping[str, list[_Channel]],
+    deflections: Mapping[str, _Channel | None],
+    lever: Lever,
+    number: int,
+) -> Curve:
+    source = nid.source
+    travels, forces, times, labels = [], [], [], list[str]()
+    began, timed = 0.0, True
+    for group, label, backwards, setting in _GROUPS:
+        deflection = deflections.get(group)
+        if deflection is None or number >= len(deflection.points):
+            continue
+        unit, values = deflection.unit, deflection.line(number, backwards=backwards)
+        known = unit in {"N", "m", "V"}
+        source.require(known, f": a deflection in {unit!r:.20}, not in N, m or V")
+        forces.append(lever.force(source, values, unit))
+        axis, count = _axis(source, groups[group]), len(values)
+        there = number < len(axis.points) and len(axis.line(number, backwards=backwards)) == count
+        source.require(there, f": {group!r} has channels of different lengths")
+        travels.append(axis.line(number, backwards=backwards))
+        lasted, planned = (nid.number(_TIMES, f"{setting}{key}") or 0.0 for key in ("Time", "Datapoints"))
+        timed &= lasted > 0.0 and planned > 0.0
+        # One that was stopped early took its share.
+        taken = lasted / max(planned, 1.0)
+        times.append(began + np.arange(count) * taken)
+        began += count * taken
+        labels += [label] * count
+    axis = _axis(source, groups[_GROUPS[0][0]])
+    in_metres = nid[axis.section].get("Dim0Unit") == "m"
+    # How far the axis was driven on the way in (m).
+    driven = (nid.number(axis.section, f"LineDim{number}Range") or 0.0) if in_metres else 0.0
+    return lever_curve(
+        source,
+        np.concatenate(travels),
+        np.concatenate(forces),
+        lever,
+        channel=axis.name[:80],
+        time=np.concatenate(times) if timed else None,
+        segment=np.array(labels, dtype="<U9"),
+        number=number + 1,
+        header=told({name: nid["DataSet-Info"].get(key, "") for name, key in _NID_ABOUT.items()}),
+        notes=sensor_note(travels[0], driven),
+        sign_rules={
+            "segment": "forward, pause and backward of the modulation; backward is stored along its axis"
+        },
+    )
+
+
+def _axis(source: Source, channels: list[_Channel]) -> _Channel:
+    """The channel along which the tip travels: a sensor where there is one."""
+    lengths = [channel for channel in channels if channel.unit == "m" and channel.name != _DEFLECTION]
+    source.require(lengths, "holds no position of the scanner along its force curves")
+    return next((channel for channel in lengths if "sensor" in channel.name.lower()), lengths[0])
+
+
+NANOSURF = Format(
+    name="nanosurf",
+    description="Nanosurf force curves and maps (.nid)",
+    sniff=lambda source: source.data.startswith(b"[DataSet]"),
+    read_all=_read_nanosurf,
+    takes_calibration=True,
+)
+
+
+# --- Park
+
+
+# Tag 50432, one whole number: the mark of Park Systems.
+_MAGIC = b"\x00\xc5\x04\x00\x01\x00\x00\x00\x01\x13\x03\x0e"
+# Tags: header of the spectroscopy, its values, program, date; and bytes of one item of a type.
+_SPECTRA, _VALUES, _SOFTWARE, _DATE = 50438, 50439, 305, 306
+_ITEM = {1: 1, 2: 1, 3: 2, 4: 4, 7: 1}
+_MOST_TAGS = 1000
+# In the header of the spectroscopy: eight channels of 96 bytes, then numbers, then three floats a point.
+_CHANNELS, _CHANNEL = 8, struct.Struct("<64s16sdii")
+_COUNTS_AT, _CALIBRATION_AT, _TYPE_AT, _PLACES_AT, _PLACE = 768, 976, 1108, 1208, 12
+_NUMBERS: Mapping[int, np.dtype[Any]] = {0: np.dtype("<i2"), 1: np.dtype("<i4"), 2: np.dtype("<f4")}
+_UNITS = {"um": 1e-6, "µm": 1e-6, "nm": 1e-9, "N": 1.0, "uN": 1e-6, "nN": 1e-9, "pN": 1e-12, "V": 1.0, "mV": 1e-3,
+          "sec": 1.0, "s": 1.0, "msec": 1e-3, "usec": 1e-6}  # fmt: skip
+_VOLTS, _FORCE, _TIME = "Vertical (A-B)", "Force", "Time Stamp"
+# The sensor first: the scan is what the scanner was told. One that moves less than this share of it is dead.
+_PARK_HEIGHTS, _DEAD = ("Z Detector", "Z Scan"), 0.5
+# Two calibrations of one file that differ by more are worth a note.
+_SAME = 0.01
+
+
+def _read_park(source: Source, options: Options) -> list[Curve]:
+    tags = _tags(source)
+    channels, places, stated = _spectra(source, tags)
+    lever = Lever.of(source, stated, options.calibration)
+    about = {"instrument": "Park Systems AFM"} | {
+        name: tags.get(tag, b"").split(b"\0")[0].decode("latin-1")
+        for name, tag in (("software version", _SOFTWARE), ("date", _DATE))
+    }
+    return [
+        _park_curve(
+            source, {name: values[at] for name, values in channels.items()}, place, lever, about, at + 1
+        )
+        for at, place in enumerate(places)
+    ]
+
+
+def _tags(source: Source) -> dict[int, bytes]:
+    """Content of the tags that are wanted of the first directory, by their numbers."""
+    data = source.data
+    found: dict[int, bytes] = {}
+    try:
+        (start,) = struct.unpack_from("<I", data, 4)
+        (count,) = struct.unpack_from("<H", data, start)
+        for number in range(min(count, _MOST_TAGS)):
+            at = start + 2 + 12 * number
+            tag, kind, items, place = struct.unpack_from("<HHII", data, at)
+            if tag not in {_SPECTRA, _VALUES, _SOFTWARE, _DATE} or tag in found:
+                continue
+            size = items * _ITEM.get(kind, 0)
+            place = at + 8 if size <= 4 else place
+            claim = f"tag {tag} claims {size} bytes from byte {place} on, and the file has {len(data)}"
+            source.require(place + size <= len(data), f"is cut short: {claim}")
+            found[tag] = data[place : place + size]
+    except struct.error as error:
+        raise source.wrong("is cut short within its directory") from error
+    return found
+
+
+def _spectra(
+    source: Source, tags: Mapping[int, bytes]
+) -> tuple[dict[str, FloatArray], list[tuple[float, float]], dict[str, float]]:
+    """Channels of every curve in SI, (curves, n), by name; places (m) of the curves; the calibration stated."""
+    header, content = tags.get(_SPECTRA, b""), tags.get(_VALUES, b"")
+    source.require(
+        header and content,
+        "is a Park Systems file without force-distance curves: an image; save the spectroscopy",
+    )
+    source.require(len(header) >= _PLACES_AT, "is damaged: its header of the spectroscopy ends early")
+    used, _, points, curves = struct.unpack_from("<4i", header, _COUNTS_AT)
+    (kind,) = struct.unpack_from("<i", header, _TYPE_AT)
+    source.require(
+        0 < used <= _CHANNELS and points > 1 and curves > 0 and kind in _NUMBERS,
+        f"is damaged: {used} channels of {points} points at {curves} places, of kind {kind}",
+    )
+    claimed = used * points * curves
+    source.require(
+        claimed * _NUMBERS[kind].itemsize <= len(content) and _PLACES_AT + curves * _PLACE <= len(header),
+        f"is cut short: it claims {curves} curves of {used} channels of {points} points, and holds {len(content)} "
+        "bytes of them",
+    )
+    raw = np.frombuffer(content, _NUMBERS[kind], claimed).reshape(curves, used, points)
+    channels = {}
+    for number in range(used):
+        name, unit, gain, *_ = _CHANNEL.unpack_from(header, number * _CHANNEL.size)
+        # UTF-16 up to its first zero.
+        name, unit = (
+            text.decode("utf-16-le", errors="replace").split("\0")[0].strip() for text in (name, unit)
+        )
+        if unit in _UNITS and np.isfinite(gain):
+            channels[name] = raw[:, number, :] * (gain * _UNITS[unit])
+    at = np.frombuffer(header, "<f4", 3 * curves, _PLACES_AT).reshape(curves, 3)
+    stiffness, volts_per_micrometre = struct.unpack_from("<2d", header, _CALIBRATION_AT)
+    sensitivity = 1e-6 / volts_per_micrometre if volts_per_micrometre else 0.0
+    places = [(1e-6 * float(x), 1e-6 * float(y)) for x, y, _ in at]
+    return channels, places, {"stiffness": stiffness, "sensitivity": sensitivity}
+
+
+def _park_curve(
+    source: Source,
+    channels: Mapping[str, FloatArray],
+    place: tuple[float, float],
+    lever: Lever,
+    about: Mapping[str, str],
+    number: int,
+) -> Curve:
+    # How far each height moves (m), points without a value left out.
+    known = {name: channels[name][np.isfinite(channels[name])] for name in _PARK_HEIGHTS if name in channels}
+    moved = {name: float(np.ptp(values)) if values.size else 0.0 for name, values in known.items()}
+    there = names_there(channels) if channels else "no known unit"
+    signals = moved and {_VOLTS, _FORCE} & set(channels)
+    source.require(signals, f"has no height or no deflection; it has {there}")
+    height = next(name for name in moved if moved[name] >= _DEAD * max(moved.values()))
+    half = len(channels[height]) // 2
+    recorded = _recorded(channels.get(_TIME, channels[height]), half)
+    force, notes = _park_force(source, channels, lever)
+    labels = np.where(np.arange(2 * half) < half, LOADING, UNLOADING).astype("<U9")
+    return lever_curve(
+        source,
+        -channels[height][recorded],
+        force[recorded],
+        lever,
+        channel=f"minus {height}",
+        time=channels[_TIME][recorded] if _TIME in channels else None,
+        segment=labels[recorded],
+        number=number,
+        header=told(about),
+        sign_rules={"segment": "first half in, second half back"},
+        notes=notes,
+        position=place,
+    )
+
+
+def _recorded(clock: FloatArray, half: int) -> NDArray[np.intp]:
+    """Points of both ways that were recorded: those that repeat the last one of a way are padding."""
+    known = []
+    for start in (0, half):
+        way = clock[start : start + half]
+        moving = np.flatnonzero(way != way[-1])
+        known.append(start + np.arange(min(int(moving[-1]) + 2 if moving.size else 1, half)))
+    return np.concatenate(known)
+
+
+def _park_force(
+    source: Source, channels: Mapping[str, FloatArray], lever: Lever
+) -> tuple[FloatArray, Sequence[str]]:
+    """Force (N): the file's own channel, or the volts where another calibration is given; and what to say of it."""
+    volts, force = channels.get(_VOLTS), channels.get(_FORCE)
+    given = any(name.startswith("file_") for name in lever.about)
+    if volts is not None and (given or force is None):
+        return lever.force(source, volts), ()
+    source.require(not given, "holds forces and no volts; no calibration can be given")
+    if force is None:
+        raise source.wrong("holds no volts to calibrate anew")
+    if volts is None or lever.sensitivity is None or not np.ptp(volts) > 0.0:
+        return force, ()
+    ratio = float(np.ptp(force) / (np.ptp(volts) * lever.sensitivity * lever.stiffness))
+    if abs(ratio - 1.0) <= _SAME:
+        return force, ()
+    note = (
+        f"the file's force is {ratio:.3f} times what its spring constant ({lever.stiffness:.4g} N/m) and "
+        f"sensitivity ({1e9 * lever.sensitivity:.4g} nm/V) make of its volts; the force is taken, the spring "
+        "constant takes the bending off; give a calibration to settle it"
+    )
+    return force, (note,)
+
+
+PARK = Format(
+    name="park",
+    description="Park Systems force-distance curves (.tiff)",
+    sniff=lambda source: source.data.startswith(b"II*\0") and _MAGIC in source.data[:4096],
+    read_all=_read_park,
+    takes_calibration=True,
+)
