@@ -5,7 +5,6 @@ from functools import partial
 import pandas as pd
 import pytest
 
-import underlay as ul
 from support.maps import SCENE_TOML, write_folder
 from underlay.inference.batch import work as batch_work
 from underlay.inference.batch.curves import list_curves
@@ -96,21 +95,6 @@ def test_an_excel_file_among_the_curves_is_refused(run, site, tmp_path):
     beside = folder / "made" / "map.xlsx"
     assert run(*words, "--output", tmp_path / "out", "--excel", beside)[0] == 0
     assert run(*words, "--output", tmp_path / "out", "--excel", beside, "--resume")[0] == 0
-
-
-def test_reasons_are_in_the_words_of_the_command_line(run, site, tmp_path, monkeypatch):
-    words, _ = site
-
-    def doubting(*arguments, **options):
-        return fitted(*arguments, **options).assign(
-            reason="known only together; see identifiability(problem)"
-        )
-
-    fitted = ul.fit_many
-    monkeypatch.setattr(ul, "fit_many", doubting)
-    assert run(*words, "--output", tmp_path, "--review")[0] == 0
-    assert set(pd.read_csv(tmp_path / "map.csv")["reason"]) == {"known only together; see underlay identify"}
-    assert "see underlay identify" in (tmp_path / "review.html").read_text()
 
 
 def test_ctrl_c_keeps_everything_and_resume_goes_on(run, site, tmp_path, monkeypatch):

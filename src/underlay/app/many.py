@@ -31,7 +31,6 @@ from underlay.report.page_map import MapPage, together_block
 from underlay.report.plots.fit import Canvas, canvas
 from underlay.report.plots.map import map_unit
 from underlay.report.review import review_cards
-from underlay.report.spoken import spoken
 
 __all__ = [
     "decide",
@@ -283,7 +282,7 @@ def _cards(folder: AnalysisFolder) -> list[Card]:
         Card(
             card.name,
             card.verdict,
-            spoken(card.reason),
+            card.reason,
             card.numbers,
             f"misfit {100.0 * card.misfit:.2g} % of the force" if card.misfit == card.misfit else "no fit",
             card.picture,

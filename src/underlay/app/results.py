@@ -13,7 +13,7 @@ import pandas as pd
 from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder, keep
-from underlay.app.shown import Film, Found, Progress, Row, Sampled, spoken_once
+from underlay.app.shown import Film, Found, Progress, Row, Sampled, each_once
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
 from underlay.data.curve import Curve
@@ -27,10 +27,10 @@ from underlay.report import plots
 from underlay.report.film_tables import film_notes, film_table, write_film
 from underlay.report.fit_files import write_fit
 from underlay.report.labels import label
+from underlay.report.notices import gathered_warnings
 from underlay.report.page import today
 from underlay.report.page_fit import FitPage
 from underlay.report.page_posterior import PosteriorPage
-from underlay.report.spoken import gathered_warnings
 
 __all__ = ["film_of", "film_rows", "sample_posterior", "tell_found"]
 
@@ -52,7 +52,7 @@ def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell
     page = FitPage(result, today())
     values = {name: _exact(result.answer(name)) for name in (*result.names, *result.derived)}
     notes = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
-    found = Found(tested.stem, tested.of, tested.text, values, page.head(), spoken_once(*notes))
+    found = Found(tested.stem, tested.of, tested.text, values, page.head(), each_once(*notes))
     tell(found)
     found = replace(found, sheet=page.sheet())
     keep(folder, tested.stem, found)
@@ -109,7 +109,7 @@ def sample_posterior(
     if not posterior.converged:
         # What the sampler warns of is the verdict already; what to do about it is not.
         notes = [_UNFINISHED, *(note for note in notes if posterior.diagnostics.reason not in note)]
-    sampled = Sampled(of, PosteriorPage(posterior, today()).sheet(), spoken_once(*notes))
+    sampled = Sampled(of, PosteriorPage(posterior, today()).sheet(), each_once(*notes))
     keep(folder, stem, sampled)
     return sampled
 

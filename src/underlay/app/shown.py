@@ -15,7 +15,6 @@ import pandas as pd
 from underlay.data.curve import Curve
 from underlay.data.quality import check_quality
 from underlay.report.plots.fit import Canvas
-from underlay.report.spoken import spoken
 from underlay.scene.scene_file import SceneFile
 from underlay.units import format_quantity, printed
 
@@ -33,10 +32,10 @@ __all__ = [
     "Sampled",
     "Taken",
     "Together",
+    "each_once",
     "facts_of",
     "printed_rows",
     "quality_of",
-    "spoken_once",
 ]
 
 #: A row of a table: texts by column.
@@ -335,9 +334,9 @@ class Sampled:
     notes: tuple[str, ...] = ()
 
 
-def spoken_once(*messages: str) -> tuple[str, ...]:
-    """Each message once, in the words of the page."""
-    return tuple(dict.fromkeys(map(spoken, messages)))
+def each_once(*messages: str) -> tuple[str, ...]:
+    """Each message once, in the order of their first."""
+    return tuple(dict.fromkeys(messages))
 
 
 def quality_of(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:

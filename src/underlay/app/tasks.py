@@ -29,10 +29,10 @@ from underlay.app.shown import (
     Sampled,
     Taken,
     Together,
+    each_once,
     facts_of,
     printed_rows,
     quality_of,
-    spoken_once,
 )
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
@@ -50,10 +50,10 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
 from underlay.report.limits import quality_doubts
+from underlay.report.notices import gathered_warnings
 from underlay.report.plots.fit import LAW_STROKES, canvas, force_ends
 from underlay.report.plots.style import drawn
 from underlay.report.reading import format_name, reading_table
-from underlay.report.spoken import gathered_warnings, spoken
 from underlay.scene.program import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity, printed
@@ -88,7 +88,7 @@ class Analyst:
             with gathered_warnings() as told:
                 curves = [flipped(curve, stated.get("flip") or ()) for curve in read_all(path, **options)]
         except UnderlayError as error:
-            return Reading(name, refused=spoken(str(error)))
+            return Reading(name, refused=str(error))
         rows = reading_table(list(enumerate(curves, start=1)))
         notes = [str(note) for curve in curves for note in curve.metadata.get("notes", ())]
         return Reading(
@@ -97,7 +97,7 @@ class Analyst:
             recorded(curves[0]),
             facts_of(curves[0]),
             printed_rows(rows),
-            spoken_once(*notes, *told),
+            each_once(*notes, *told),
         )
 
     def curve(self, name: str, test: int, _tell: Tell) -> tuple[bytes, bytes]:
@@ -155,7 +155,7 @@ class Analyst:
             extent,
             laws,
             quality,
-            spoken_once(*notes, *said),
+            each_once(*notes, *said),
             "contact_stiffness" in curve.columns,
         )
 
@@ -173,7 +173,7 @@ class Analyst:
                 held = laws_at_contact(file, curve, contact, low, high)
         except UnderlayError as error:
             used = chosen_part(curve, {**file.curve, "min_depth": low, "max_depth": high})
-            return (), [spoken(str(error))], used
+            return (), [str(error)], used
         laws = [
             Law(
                 _said(name),
@@ -185,7 +185,7 @@ class Analyst:
             for (name, line), (colour, stroke) in zip(held.lines.items(), LAW_STROKES, strict=False)
         ]
         refused = [f"{name}: {reason}" for name, reason in held.refused.items()]
-        return tuple(laws), [*map(spoken, (*refused, *told))], held.used
+        return tuple(laws), [*refused, *told], held.used
 
     def fit(self, tell: Tell) -> Found:
         """Fit the curve as the scene says; what is there already is told on the way."""

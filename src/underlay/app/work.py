@@ -25,7 +25,6 @@ from typing import Any, TypeVar
 
 from underlay.errors import UnderlayError
 from underlay.inference.batch.processes import start_of_a_process
-from underlay.report.spoken import spoken
 
 __all__ = ["Tell", "WorkError", "Worker", "load_ahead"]
 
@@ -216,7 +215,7 @@ def _answer(tasks: object, task: str, given: tuple[Any, ...], tell: Tell) -> tup
     except UnderlayError as error:
         from underlay.app.form import in_the_form  # noqa: PLC0415  not loaded before a task is refused
 
-        return _REFUSED, in_the_form(spoken(str(error)))
+        return _REFUSED, in_the_form(str(error))
     except KeyboardInterrupt:
         return _REFUSED, _STOPPED
     except Exception as error:  # noqa: BLE001  whatever it is, the page says it and lives on

@@ -17,7 +17,6 @@ from rich.table import Table
 
 from underlay._text import one_line
 from underlay.errors import UnderlayWarning
-from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,7 +38,7 @@ def say(text: str) -> None:
 
 def say_error(text: str, steps: Sequence[str] = ()) -> None:
     """Print one line to standard error, and one for each command that comes next."""
-    told = one_line(" ".join(spoken(text).split()))
+    told = one_line(" ".join(text.split()))
     for each in (f"underlay: {told}", *(f"Next step: {one_line(step)}" for step in steps)):
         Console(stderr=True, highlight=False).print(each, markup=False, soft_wrap=True)
 
@@ -116,4 +115,4 @@ def noted() -> Iterator[None]:
 def say_warnings(texts: list[str]) -> None:
     """Print each warning once."""
     for text in dict.fromkeys(texts):
-        say(f"note: {spoken(text)}")
+        say(f"note: {text}")

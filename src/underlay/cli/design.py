@@ -31,7 +31,6 @@ from underlay.cli.options import (
     wanted_solver,
 )
 from underlay.errors import InputError
-from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
@@ -146,7 +145,7 @@ def identify(
     file = replace(file, solver=wanted_solver(file.solver, solver, rtol))
     measured = measured_curve(file, curve)
     told = _before(file) if measured is None else ul.identifiability(problem_from(file, measured))
-    say(labelled(spoken(told.report())))
+    say(labelled(told.report()))
     stem = f"{scene.stem}.identifiability"
     write_out(output, {f"{stem}.csv": told.to_frame(), f"{stem}.png": lambda: ul.plots.identifiability(told)})
 

@@ -25,7 +25,7 @@ from underlay.cli.options import (
 )
 from underlay.data.samples import sample as sample_file
 from underlay.errors import InputError, installing
-from underlay.report.spoken import gathered_warnings, spoken
+from underlay.report.notices import gathered_warnings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,7 +84,7 @@ def show_fit(result: ul.Fit, name: str, *, details: bool = False) -> None:
 
     say("")
     for text in fit_lines(result):
-        say(spoken(text))
+        say(text)
     if details:
         _show_details(result, name)
 
@@ -105,7 +105,7 @@ def _show_details(result: ul.Fit, name: str) -> None:
     for other in result.verdict.others:
         say(f"also {other}")
     for sentence in (*rivals(result), *advice(result)):
-        say(spoken(sentence))
+        say(sentence)
     table = fit_table(result).drop(columns=["instrument's own", "differs (%)"], errors="ignore")
     say_table(table if any(table["at bound"]) else table.drop(columns="at bound"), f"Fit of {name}")
     sticking = adhesion_frame(result)
@@ -125,7 +125,7 @@ def _show_details(result: ul.Fit, name: str) -> None:
     pairs = correlated_pairs(result)
     if len(pairs):
         say_table(pairs, "Correlations above 0.9")
-    say(f"contact model: {spoken(result.law_reason)}")
+    say(f"contact model: {result.law_reason}")
 
 
 def demo(
@@ -172,7 +172,7 @@ def compare(curve: CurveFile, scene: SceneOption = None, output: OutputFolder = 
     if bonds is not None:
         say("Lower face of the layer")
         for sentence in bonds_sentences(bonds):
-            say(f"  {spoken(sentence)}")
+            say(f"  {sentence}")
     say_warnings(list(notes))
     files = {f"{curve.stem}.laws.csv": laws.to_frame().reset_index()}
     write_out(output, files | ({} if bonds is None else {f"{curve.stem}.bonds.csv": bonds.to_frame()}))
@@ -293,7 +293,7 @@ def sample(
         posterior = ul.sample(problem, walkers, max_steps, seed, backend=chain, resume=resume, method=method)
     say("")
     for text in posterior_lines(posterior):
-        say(spoken(text))
+        say(text)
     if details:
         say(f"sampling: {posterior.diagnostics.reason}")
         say_table(posterior_table(posterior), f"Posterior of {curve.name}")

@@ -23,7 +23,6 @@ from underlay.cli.options import (
     wanted_solver,
 )
 from underlay.errors import InputError
-from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -118,11 +117,10 @@ def map_curves(
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
         raise typer.Exit(_INTERRUPTED) from None
-    written, table = table, _spoken(table)
     if decided is not None:
-        table = decided.applied(table)
-    if not table.equals(written):
-        write_frame(path, table)
+        written, table = table, decided.applied(table)
+        if not table.equals(written):
+            write_frame(path, table)
     counted = without_refused(table)
     _show(counted)
     if assumed := assumed_words(file.assumed):
@@ -155,12 +153,6 @@ def _require_elsewhere(excel: Path, curves: Path, folders: str | None) -> None:
         raise InputError(
             f"--excel {excel} lies among the curves, where --resume would take it for one: name another folder"
         )
-
-
-def _spoken(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with its reasons in the words of the command line."""
-    reasons = [spoken(reason) if isinstance(reason, str) else reason for reason in table["reason"]]
-    return table.assign(reason=reasons)
 
 
 def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: ul.Solver) -> Path:

@@ -36,7 +36,7 @@ _EARLY, _ABOUT, _FLAT = 0.2, 0.08, 0.1
 _NOTE = "read as written, with what looks like the wrong sign of"
 _NOTE_END = (
     ": the first motion of a test goes into the sample, and the force rises over it. Fits from a scene file ask "
-    "about it; in Python give columns with a minus, such as columns={'depth': '-h (um)'}"
+    "about it; in Python give columns with a minus, such as '-h (um)' for the depth"
 )
 _FEWEST = 8
 

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 from underlay._files import write_atomic
 from underlay._text import one_line
 from underlay.errors import FitError, missing_extra
-from underlay.report.spoken import markdown_text
+from underlay.report.notices import markdown_text
 
 __all__ = ["Cell", "execute", "filled", "import_path", "make_notebook", "write_notebook"]
 

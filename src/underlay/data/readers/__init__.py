@@ -133,7 +133,7 @@ def read(
     if test is None and len(curves) > 1:
         raise InputError(
             f"{_listing(curves)}. Pick one: test = 1 to test = {len(curves)} in the [curve] section of a scene "
-            f"file, or read(path, test=1); read_all takes all of them"
+            "file or among the options of read; read_all takes all of them"
         )
     return curves[0] if test is None else _one_of(curves, test, _listing(curves))
 

@@ -187,8 +187,8 @@ class Lever:
 def uncalibrated(source: Source) -> InputError:
     """The error for a file that lacks the spring constant or sensitivity its curve needs; says how to give them."""
     return InputError(
-        f"{source.name} does not hold its calibration; give calibration={{'spring_constant': '0.04 N/m', "
-        "'sensitivity': '60 nm/V'} with your numbers"
+        f"{source.name} does not hold its calibration; give calibration = {{ "
+        'spring_constant = "0.04 N/m", sensitivity = "60 nm/V" } with your numbers'
     )
 
 

@@ -116,7 +116,7 @@ def require_readings(
         not why,
         f"is a table of results, a row for each test, not the readings of one: {why}. Export the readings of each "
         "test, its depth, force and time; if the rows are readings after all, give columns with both names, such "
-        "as columns={'depth': 'h (um)', 'force': 'F (mN)'}",
+        'as columns = { depth = "h (um)", force = "F (mN)" }',
     )
 
 

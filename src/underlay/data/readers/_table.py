@@ -311,7 +311,7 @@ class _Reader:
     def _missing(self, role: str, what: str) -> FileFormatError:
         there = names_there(label for label in self.labels if label)
         return self.source.wrong(
-            f"has {what}; it has {there}. Say which with columns={{{role!r}: 'name (unit)'}}"
+            f'has {what}; it has {there}. Say which with columns = {{ {role} = "name (unit)" }} in [curve]'
         )
 
     def _depth(self) -> Asked:
@@ -346,7 +346,7 @@ class _Reader:
             return asked
         self.notes.append(
             f"the time is left out: the column {label!r:.80} has {f'the unit {unit!r:.40}' if unit else 'no unit'}"
-            f"; say it with columns={{'time': '{split_label(label)[0]} (s)'}}"
+            f'; say it with columns = {{ time = "{split_label(label)[0]} (s)" }}'
         )
         return None
 
@@ -440,7 +440,7 @@ class _Reader:
         else:
             self.notes.append(
                 f"the depth is read from {label!r:.80} and still holds the bending of the lever: give "
-                "calibration={'spring_constant': '0.04 N/m'} with your number, or set the instrument's compliance"
+                'calibration = { spring_constant = "0.04 N/m" } with your number, or a compliance in [instrument]'
             )
 
 
@@ -491,7 +491,8 @@ def _no_unit(source: Source, label: str, role: str) -> str:
     example = {"depth": "um", "force": "mN", "time": "s"}[role]
     name = label.removeprefix("column ")
     header = "" if name != label else f"write it in the header as '{label} ({example})', or "
-    return f"{source.name}, column {label!r:.80}: no unit; {header}give columns={{{role!r}: '{name} ({example})'}}"
+    asked = f'columns = {{ {role} = "{name} ({example})" }}'
+    return f"{source.name}, column {label!r:.80}: no unit; {header}give {asked}"
 
 
 def _take_unit_row(

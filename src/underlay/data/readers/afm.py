@@ -74,7 +74,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     source.require(kind, "is none of JPK, NT-MDT, AFM Workshop, HDF5 or .tab")
     # A detector gives volts or a current.
     detector, unit = ("current sensitivity", "nm/nA") if kind == "ntmdt" else ("sensitivity", "nm/V")
-    example = f"calibration={{'spring_constant': '0.04 N/m', 'sensitivity': '60 {unit}'}} with your numbers"
+    example = f'calibration = {{ spring_constant = "0.04 N/m", sensitivity = "60 {unit}" }} with your numbers'
     if kind != "workshop" and (unused := set(given) - {"stiffness", detector}):
         raise InputError(f"{source.name} takes no {unused.pop()}; give {example}")
     if kind == "ntmdt" and len(given) < 2:
@@ -229,8 +229,8 @@ def _curve(
         depth, rule = -(height + force / stiffness), f"minus ({channel} + force / spring constant)"
     else:
         notes.append(
-            "depth still holds the bending of the cantilever: give calibration={'spring_constant': ...}, "
-            "or set the instrument's compliance to its inverse"
+            'depth still holds the bending of the cantilever: give calibration = { spring_constant = "0.04 N/m" } '
+            "with your number, or set the instrument's compliance to its inverse"
         )
     if "position x" in found and "position y" in found:
         known["position"] = (float(found["position x"]), float(found["position y"]))

@@ -172,7 +172,7 @@ def _hysitron_parts(source: Source) -> Iterator[Part]:
     source.require(
         _DYNAMIC not in lines[0],
         "is a nanoDMA export: it holds dynamic moduli, not one force-depth curve. Export the quasi-static data, or "
-        "read columns of it with format='csv' and columns={...}",
+        'read columns of it with format = "csv" and columns = { depth = "name (unit)", force = "name (unit)" }',
     )
     marks = [(at, int(found[1])) for at, line in enumerate(lines) if (found := _POINTS.match(line))]
     source.require(marks, "has no line 'Test Data Points: N' or 'Number of Points = N'")

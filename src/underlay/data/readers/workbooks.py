@@ -199,7 +199,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     first = next((row for row in rows if len(row) >= 2 and not any(map(is_number, row))), [])
     raise source.wrong(
         f"has no sheet with columns for depth and force; the first table has {names_there(first)}. "
-        "Say which with columns={'depth': 'name (unit)', 'force': 'name (unit)'}"
+        'Say which with columns = { depth = "name (unit)", force = "name (unit)" } in [curve]'
     )
 
 
