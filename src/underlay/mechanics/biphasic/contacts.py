@@ -141,6 +141,11 @@ class DrainingPunch:
             return None
         return self.table if self.table.covers(self.eps, self.material.nu) else None
 
+    @property
+    def is_tabulated(self) -> bool:
+        """Whether the response comes off the table; else it is solved for."""
+        return self._tabulated is not None and self.modes is None
+
     @cached_property
     def response(self) -> Response:
         """Force (N) after a unit step of depth (m), times in s."""

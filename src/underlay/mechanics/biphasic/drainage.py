@@ -46,8 +46,9 @@ __all__ = ["CONTACT_DEPTH", "Drainage", "Kept"]
 CONTACT_DEPTH = "instrument.contact_depth"
 _E, _K, _NU, _AXIAL = "layer.E", "layer.permeability", "layer.nu", "layer.E_axial"
 _THICKNESS, _RADIUS = "layer.thickness", "indenter.radius"
-# Relative steps (of Poisson's ratios absolute; of the contact over the deepest reading) of differences: both ways
-# where the force is smooth to 1e-7, one way where a moving contact is solved, which its steps make so to 1e-5.
+# Relative steps (of Poisson's ratios absolute; of the contact over the deepest reading) of differences: fine ones
+# where the force is smooth to 1e-7, coarse ones where a moving contact is solved, which its steps make so to 1e-5;
+# both ways where a table answers, one way where each neighbour is solved for.
 _FINE_STEP, _COARSE_STEP = 1e-4, 3e-3
 # What is kept of one problem: responses of a punch, and answers to one record.
 _RESPONSES, _ANSWERS = 512, 16
@@ -258,16 +259,19 @@ class Drainage(WholeHistory):
     # --- derivatives --------------------------------------------------------------------------------------
     def slopes(self, paths: Sequence[str], depth: FloatArray, time: FloatArray) -> Mapping[str, FloatArray]:
         """d force / d number (SI), (n,), at `paths`, by differences; see `WholeHistory.slopes`."""
-        smooth = self._is_smooth(depth, time)
-        return {path: self._slope(path, depth, time, smooth=smooth) for path in paths}
+        tabulated = self._is_tabulated(depth, time)
+        return {path: self._slope(path, depth, time, tabulated=tabulated) for path in paths}
 
-    def _is_smooth(self, depth: FloatArray, time: FloatArray) -> bool:
+    def _is_tabulated(self, depth: FloatArray, time: FloatArray) -> bool:
         contact = self.contact
-        if isinstance(contact, DrainingPunch) or not (depth > 0.0).any():
-            return True
-        return contact.is_tabulated(ramps_and_holds(depth, time), float(time[-1]))
+        if isinstance(contact, DrainingPunch):
+            return contact.is_tabulated
+        return not (depth > 0.0).any() or contact.is_tabulated(
+            ramps_and_holds(depth, time), float(time[-1])
+        )
 
-    def _slope(self, path: str, depth: FloatArray, time: FloatArray, *, smooth: bool) -> FloatArray:
+    def _slope(self, path: str, depth: FloatArray, time: FloatArray, *, tabulated: bool) -> FloatArray:
+        smooth = tabulated or isinstance(self.contact, DrainingPunch)
         size = _FINE_STEP if smooth else _COARSE_STEP
         own = numbers_of(self)
         if path == CONTACT_DEPTH:
@@ -282,7 +286,8 @@ class Drainage(WholeHistory):
                 return self.answer(depth - steps * size, time)
             return self.at({path: own[path].value + steps * size}).answer(depth, time)
 
-        for low, high in ((-1.0, 1.0), (-1.0, 0.0), (0.0, 1.0)) if smooth else ((0.0, 1.0), (-1.0, 0.0)):
+        one_way = (0.0, 1.0), (-1.0, 0.0)
+        for low, high in ((-1.0, 1.0), *one_way) if tabulated else one_way:
             try:
                 return np.asarray((force(high) - force(low)) / ((high - low) * size))
             except InputError:
