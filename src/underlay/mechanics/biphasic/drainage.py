@@ -266,9 +266,7 @@ class Drainage(WholeHistory):
         contact = self.contact
         if isinstance(contact, DrainingPunch):
             return contact.is_tabulated
-        return not (depth > 0.0).any() or contact.is_tabulated(
-            ramps_and_holds(depth, time), float(time[-1])
-        )
+        return not (depth > 0.0).any() or contact.is_tabulated(ramps_and_holds(depth, time), float(time[-1]))
 
     def _slope(self, path: str, depth: FloatArray, time: FloatArray, *, tabulated: bool) -> FloatArray:
         smooth = tabulated or isinstance(self.contact, DrainingPunch)
