@@ -12,9 +12,11 @@ from underlay.mechanics.stiffening import FORM_SPREAD
 from underlay.quantities import path_of
 from underlay.scene.scene import Scene
 
-__all__ = ["LEFT_OPEN", "begun", "require_told_thickness", "usual_prior"]
+__all__ = ["FORM", "LEFT_OPEN", "begun", "require_told_thickness", "usual_prior"]
 
 _SECTION = "layer.stiffening."
+#: Path of the size of the form of the energy.
+FORM = _SECTION + "form"
 # Median and logarithmic standard deviation of the inverse limit of soft tissue: 95 % from 0.02 to 12, locking
 # stretches from 1.18 upward (the study of stiffening layers, section 3).
 _LIMIT, _LIMIT_SPREAD = 0.5, 1.6
@@ -26,7 +28,7 @@ _HEIGHTS, _HEIGHTS_SPREAD = 0.02, 1.5
 #: stiffening_coverage.csv): beyond first order -16 acts as a size of 0.75, and 20 needs 1/Jm of 11 beside -0.6,
 #: both at the edge of their priors.
 LEFT_OPEN = {
-    _SECTION + "form": ("form of the energy", "Ogden's -16 to 20"),
+    FORM: ("form of the energy", "Ogden's -16 to 20"),
     _SECTION + "height_spread": ("gradual contact", "heights by 0.001 to 0.4 R"),
 }
 
