@@ -2,10 +2,10 @@
 
 The tests are ramp and hold, noise 1 % of the peak, h known, on layers of 1 mm: a flat punch (a/h = 0.5) and a
 sphere on an isotropic layer, whose E, nu and k are free; two flat punches (a/h = 0.25 and 1) on a transversely
-isotropic one, whose E, E_axial and k are. Each isotropic test has a control that must fail: a record whose noise is alike for
-30 s, fitted as white noise of its size. What nobody knows is a row of the budget in further tests: whether the tip
-lets water through (solid and porous ones, fitted as unknown), and G_axial under one punch (a/h = 1), off by its
-assumed size, 20 % to 95 %: normal, and at both ends of that. All other inputs are exact.
+isotropic one, whose E, E_axial and k are. Each isotropic test has a control that must fail: a record whose noise
+is alike for 30 s, fitted as white noise of its size. What nobody knows is a row of the budget in further tests:
+whether the tip lets water through (solid and porous ones, fitted as unknown), and G_axial under one punch
+(a/h = 1), off by its assumed size, 20 % to 95 %: normal, and at both ends of that. All other inputs are exact.
 
 ::
 

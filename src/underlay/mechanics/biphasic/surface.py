@@ -37,9 +37,9 @@ _ABOVE = 24
 # Below this argument the recurrences divide by next to nothing; j_n is its first two terms to 1e-17.
 _SMALL = 1e-4
 # From this wavenumber on, over 1/h and over the unit's inverse, what comes back from the base is weak, and the
-# kernel times a power of xi turns slowly: panels of this width in ln xi, of so many Chebyshev points, leave 8e-7 in
-# the fall of any response (1e-3 of the kernel where s is nearly negative, which no response hears), in half the time
-# of all nodes.
+# kernel times a power of xi turns slowly: panels of this width in ln xi, of so many Chebyshev points, leave 8e-7
+# in the fall of any response (1e-3 of the kernel where s is nearly negative, which no response hears), in half the
+# time of all nodes.
 _SMOOTH, _PANEL, _PLACES = 20.0, 1.0, 12
 # Nodes solved at once: their matrices stay in the cache.
 _AT_ONCE = 4096
