@@ -332,14 +332,16 @@ def test_the_stored_coverage_is_what_is_said():
         key: {name: float(row[name]) for name in ("holds", "statistical", "least_squares")}
         for key, row in rows.items()
     }
-    allowed = 3.0 * np.sqrt(0.95 * 0.05 / 500)
     for cell in ("Gent 1, half-space", "Gent 3, half-space", "Gent 1, h = 4 R"):
         for name in ("E", "inverse_limit"):
-            assert int(rows[cell, "rows", name]["curves"]) == 500
+            curves = int(rows[cell, "rows", name]["curves"])
+            assert curves >= 200
+            allowed = 3.0 * np.sqrt(0.95 * 0.05 / curves)
             # Where the model is right, what the curve itself tells; the rows of what may be wrong only widen it.
             assert shares[cell, "rows", name]["statistical"] == pytest.approx(0.95, abs=allowed)
             assert shares[cell, "rows", name]["holds"] >= 0.95 - allowed
-    for cell in ("Ogden -16 to 20, evenly", "Ogden -16, h = 2 R", "Ogden 10, h = 2 R"):
+    ends = [f"Ogden {n}{where}" for n in (-16, -10, 10, 20) for where in ("", ", h = 2 R", ", h = 5 R")]
+    for cell in ("Ogden -16 to 20, evenly", "Ogden -16 to 20, normal", *ends):
         assert shares[cell, "rows", "E"]["holds"] >= 0.9
         assert shares[cell, "rows", "E"]["statistical"] < 0.5
     for cell in ("gradual 0.05 R, Gent 0", "gradual 0.05 R, Gent 1", "gradual 0.05 R, Gent 1, h = 4 R"):

@@ -188,24 +188,26 @@ class Drainage(WholeHistory):
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
         """Forces (N), (sets, n), of many sets of numbers, and which sets are answered; see `WholeHistory.answers`.
 
-        Isotropic layers go off the shipped tables, others off one of their own.
+        Isotropic layers go off the shipped tables, under a punch from contacts of their own on too; others off a
+        table of their own.
         """
         tip, thickness = self.indenter, values.get(_THICKNESS, self.layer.thickness)
         if not (depth > 0.0).any():
             return None
         sized = isinstance(thickness, np.ndarray) or isinstance(values[_RADIUS], np.ndarray)
-        if (
-            not self.material.isotropic
-            or self._modes is not None
-            or (sized and not isinstance(tip, FlatPunch))
-        ):
-            return self._on_a_lattice(values, sets, depth, time)
+        punched, contact = isinstance(tip, FlatPunch), np.broadcast_to(values[CONTACT_DEPTH], sets)
+        if not self.material.isotropic or self._modes is not None or (sized and not punched):
+            return self._on_a_lattice(values, sets, depth, time) if depth.ndim == 1 else None
+        if depth.ndim > 1 and not punched:
+            return None
         layers = Layers(*(np.broadcast_to(values[path], sets) for path in (_E, _NU, _K)))
         if isinstance(tip, Sphere | Paraboloid):
             line = ramps_and_holds(depth, time)
             return tip_forces(layers, tip, self.layer.thickness, self.drainage, line, depth, time)
         radius, h = (np.broadcast_to(length, sets) for length in (values[_RADIUS], thickness))
-        return punch_forces(layers, radius, h, self.drainage, followed(depth, time), time)
+        # Of the depths as recorded, so that no set's answer depends on the others' contacts.
+        recorded = followed((depth if depth.ndim == 1 else depth[0]) + contact[0], time)
+        return punch_forces(layers, radius, h, self.drainage, recorded, contact, time)
 
     def _on_a_lattice(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
