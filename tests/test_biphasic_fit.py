@@ -183,7 +183,7 @@ def test_many_sets_are_answered_as_each_alone(tip):
 
 
 def test_many_sets_of_contacts_of_their_own_under_a_punch():
-    """Before and behind the foot of the ramp, at a level above its start, never reached; one by one and together."""
+    """Before and behind the foot of the ramp, at a level above its start, never reached."""
     depth, time = record()
     curve = made(wet(), depth - 2e-6, time)
     problem = ul.Problem(wet(), curve, {**FREE, "instrument.contact_depth": (-1e-5, 1e-5)})
@@ -241,19 +241,16 @@ def test_layers_of_many_thicknesses_under_a_punch():
 
 
 def test_the_stored_coverage_is_what_is_said():
-    """tests/studies/biphasic.py: within three standard errors of 95 %, 90 % where something is assumed, controls."""
+    """Within three standard errors of 95 %; 90 % where something is assumed; far less where a control must fail."""
     path = Path(__file__).parent / "studies" / "results" / "biphasic_coverage.csv"
-    shares = pd.read_csv(path, comment="#", index_col="test").drop(columns="seconds")
-    fits = shares.pop("fits")
-    shares = shares.div(fits, axis=0)
-    for test in ("punch", "sphere", "two punches, transversely isotropic"):
-        off = (shares.loc[test].dropna() - 0.95).abs()
-        assert (off <= 3.0 * np.sqrt(0.95 * 0.05 / fits[test])).all(), test
-    for test in (
-        "solid punch, drainage unknown",
-        "porous punch, drainage unknown",
-        "one punch, G_axial as assumed",
-    ):
-        assert (shares.loc[test].dropna() >= 0.9).all(), test
-    for test in shares.index[shares.index.str.endswith("correlated noise as white")]:
-        assert (shares.loc[test].dropna() < 0.7).all(), test
+    rows = pd.read_csv(path, comment="#", index_col="test").drop(columns="seconds")
+    assert {"punch", "sphere"} <= set(rows.index)
+    for test, row in rows.iterrows():
+        fits = row.pop("fits")
+        share = row.dropna() / fits
+        if test.endswith("correlated noise as white"):
+            assert (share < 0.7).all(), test
+        elif "drainage unknown" in test or "as assumed" in test:
+            assert (share > 0.9 - 3.0 * np.sqrt(0.09 / fits)).all(), test
+        elif "20 % off" not in test:
+            assert ((share - 0.95).abs() <= 3.0 * np.sqrt(0.95 * 0.05 / fits)).all(), test

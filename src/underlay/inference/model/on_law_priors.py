@@ -22,8 +22,8 @@ FORM = _SECTION + "form"
 _LIMIT, _LIMIT_SPREAD = 0.5, 1.6
 # The same of the standard deviation of heights over the tip's radius (same study).
 _HEIGHTS, _HEIGHTS_SPREAD = 0.02, 1.5
-#: What a layer that stiffens leaves open where its scene has zero: what it is called, and its size to 95 %. How often
-#: intervals hold E of Ogden's layers: tests/studies/results/stiffening_coverage.csv.
+#: What a layer that stiffens leaves open where its scene has zero: what it is called, and its size to 95 %. How
+#: often intervals hold E of Ogden's layers: tests/studies/results/stiffening_coverage.csv.
 LEFT_OPEN = {
     FORM: ("form of the energy", "Ogden's -16 to 20"),
     _SECTION + "height_spread": ("gradual contact", "heights by 0.001 to 0.4 R"),

@@ -16,8 +16,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.biphasic.decaying import decaying
@@ -32,6 +34,7 @@ __all__ = [
     "spherical_bessel",
 ]
 
+_Number = TypeVar("_Number", np.float64, np.complex128)
 # Orders above the last at which Miller's recurrence starts: at x = n + 1 the start is below 1e-17 of j_0.
 _ABOVE = 24
 # Below this argument the recurrences divide by next to nothing; j_n is its first two terms to 1e-17.
@@ -218,7 +221,7 @@ class Sampled:
         whole = int(np.searchsorted(self._ends, count))
         return self._places[: min(count, self._first) + whole * _PLACES]
 
-    def read(self, values: ComplexArray | FloatArray, count: int) -> ComplexArray | FloatArray:
+    def read(self, values: NDArray[_Number], count: int) -> NDArray[_Number]:
         """Kernels at the first `count` nodes, (..., count, 2, 2), from those at `places`, (..., places, 2, 2)."""
         found = np.empty((*values.shape[:-3], count, 2, 2), dtype=values.dtype)
         found[..., : self._first, :, :] = values[..., : min(count, self._first), :, :]
@@ -236,11 +239,11 @@ class Sampled:
         return found
 
 
-def _even(xi: FloatArray, kernel: ComplexArray | FloatArray) -> ComplexArray | FloatArray:
+def _even(xi: FloatArray, kernel: NDArray[_Number]) -> NDArray[_Number]:
     """Kernels (..., n, 2, 2) with xi c11 and c22/xi in place of c11 and c22; with 1/xi, back."""
     scale = np.ones((xi.size, 2, 2))
     scale[:, 0, 0], scale[:, 1, 1] = xi, 1.0 / xi
-    return np.asarray(kernel * scale)
+    return np.asarray(kernel * scale, dtype=kernel.dtype)
 
 
 @dataclass(frozen=True)
