@@ -168,11 +168,6 @@ class DrainingPunch:
         start, end = self._tabulated.ends(self.eps, self.material.nu)
         return float(start / end)
 
-    def peak_over_equilibrium(self, depth: Polyline) -> float:
-        """Largest force of a history over the force that is left of its last depth."""
-        corners = np.unique(np.concatenate((depth.jumps[0], depth.bends[0])))
-        return float(self.force(depth, corners).max() / (self.response.end * depth.value[-1]))
-
     def force(self, depth: Polyline, time: ArrayLike) -> FloatArray:
         """Force (N) at times (s), (n,), under a history of depth (m), negative before contact; exact superposition.
 

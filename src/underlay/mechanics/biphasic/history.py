@@ -144,19 +144,16 @@ class Polyline:
         return np.asarray(np.diff(self._ends)[self._slopes != 0.0])
 
     def superposed(self, response: Response, time: ArrayLike) -> FloatArray:
-        """Answer at times (s), (n,) or (sets, n), of what answers a unit step with `response`: exact."""
+        """Answer at times (s), (n,), of what answers a unit step with `response`: exact."""
         t = as_finite(time, "time")
         total = np.zeros(t.shape)
         for (starts, sizes), answer in ((self.jumps, response.step), (self.bends, response.ramp)):
             if not (starts.size and t.size):
                 continue
-            chunk = max(_AT_ONCE // (starts.size * response.sets), 1)
-            parts = []
+            chunk = max(_AT_ONCE // starts.size, 1)
             for first in range(0, t.size, chunk):
                 lags = np.subtract.outer(t[first : first + chunk], starts)
-                found = answer(lags.ravel())
-                parts.append(found.reshape(*found.shape[:-1], *lags.shape) @ sizes)
-            total = total + np.concatenate(parts, axis=-1)
+                total[first : first + chunk] += answer(lags.ravel()).reshape(lags.shape) @ sizes
         return total
 
     def superposed_above(
