@@ -52,8 +52,8 @@ Refit: TypeAlias = Callable[[Problem], "Fit"]
 LAW = "contact model"
 # Half width of a normal 95 % interval in standard deviations.
 _NORMAL_95 = 1.96
-# Sizes of the form of the energy at which curves are fitted again, in its deviations: the first, of which each next
-# is twice the last, and the farthest; and how many places are looked at between.
+# Sizes of the form of the energy at which curves are fitted again, in its deviations: the first, each next one
+# twice the last, and the farthest; and how many places are looked at between.
 _FORM_STEP, _FORM_FARTHEST, _FORM_LOOKS = 0.5, 2.0, 81
 # Inputs that have no path in a scene.
 _NO_PATHS = {FORCE, SPRING_CONSTANT, SENSITIVITY, DEPTH, HEIGHTS}
@@ -259,11 +259,11 @@ class _Budget:
     def _left_open(self) -> Iterator[Source]:
         """Sources of error from strain stiffening that the scene does not state, within its usual range.
 
-        The curves are fitted again with the stiffening's numbers: where stiffening is strong, a first-order step from
-        the fit without them is too short or has the wrong sign (Ogden's energy of exponent -16). The spread of heights
-        is free; its rows are its contribution to the covariance. In the form of the energy the shift does not grow
-        with the size, beside 1/Jm: it is held at several sizes within its prior, and its places are those that the
-        curves allow.
+        The curves are fitted again with the stiffening's numbers: where stiffening is strong, a first-order step
+        from the fit without them is too short or has the wrong sign (Ogden's energy of exponent -16). The spread of
+        heights is free; its rows are its contribution to the covariance. In the form of the energy, beside 1/Jm, the
+        shift does not grow with the size: it is held at several sizes within its prior, and its places are those
+        that the curves allow.
         """
         problem = self.fit.problem
         free = {coordinate.path for coordinate in problem.coordinates}
