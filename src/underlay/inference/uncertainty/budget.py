@@ -261,8 +261,8 @@ class _Budget:
 
         The curves are fitted again with the stiffening's numbers: where stiffening is strong, a first-order step
         from the fit without them is too short or has the wrong sign (Ogden's energy of exponent -16). The spread of
-        heights is free; its rows are its contribution to the covariance. In the form of the energy, beside 1/Jm, the
-        shift does not grow with the size: it is held at several sizes within its prior, and its places are those
+        heights is free; its rows are its contribution to the covariance. Beside 1/Jm the shift does not grow with
+        the size of the form of the energy: that is held at several sizes within its prior, and its places are those
         that the curves allow.
         """
         problem = self.fit.problem
