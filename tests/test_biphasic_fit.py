@@ -3,8 +3,10 @@
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import underlay as ul
@@ -180,6 +182,22 @@ def test_many_sets_are_answered_as_each_alone(tip):
         assert found.force[row] == pytest.approx(alone, rel=2e-7, abs=1e-9 * alone.max())
 
 
+def test_many_sets_of_contacts_of_their_own_under_a_punch():
+    """Before and behind the foot of the ramp, at a level above its start, never reached."""
+    depth, time = record()
+    curve = made(wet(), depth - 2e-6, time)
+    problem = ul.Problem(wet(), curve, {**FREE, "instrument.contact_depth": (-1e-5, 1e-5)})
+    contacts = np.array([-2e-6, 0.0, 3e-6, -4e-6, 6e-5])
+    sets = np.array([(5e5, 0.15, 1e-15, contact) for contact in contacts])
+    found = problem.members[0].readings(sets, stiffness=False)
+    assert found.possible.all()
+    for row, contact in enumerate(contacts):
+        alone = wet().with_values({"instrument.contact_depth": contact}).force(curve.depth, curve.time)
+        # A record is followed to 1e-5 of its depth.
+        assert found.force[row] == pytest.approx(alone, rel=1e-5, abs=1e-5 * max(alone.max(), 1e-12))
+    assert (found.force[-1] == 0.0).all()
+
+
 def test_many_sets_off_a_table_of_their_own():
     layer = ul.Layer(wet().layer.material, 1e-3, relaxation=ul.Prony((0.3,), (50.0,)))
     both = ul.Scene(ul.FlatPunch(0.5e-3), layer, ul.RIGID, drainage="solid")
@@ -220,3 +238,19 @@ def test_layers_of_many_thicknesses_under_a_punch():
     for row in range(2):
         alone = scene.with_values(dict(zip(free, sets[row], strict=True))).force(curve.depth, curve.time)
         assert found.force[row] == pytest.approx(alone, rel=1e-9)
+
+
+def test_the_stored_coverage_is_what_is_said():
+    """Within three standard errors of 95 %; 90 % where something is assumed; far less where a control must fail."""
+    path = Path(__file__).parent / "studies" / "results" / "biphasic_coverage.csv"
+    rows = pd.read_csv(path, comment="#", index_col="test").drop(columns="seconds")
+    assert {"punch", "sphere"} <= set(rows.index)
+    for test, row in rows.iterrows():
+        fits = row.pop("fits")
+        share = row.dropna() / fits
+        if test.endswith("correlated noise as white"):
+            assert (share < 0.7).all(), test
+        elif "drainage unknown" in test or "as assumed" in test:
+            assert (share > 0.9 - 3.0 * np.sqrt(0.09 / fits)).all(), test
+        elif "20 % off" not in test:
+            assert ((share - 0.95).abs() <= 3.0 * np.sqrt(0.95 * 0.05 / fits)).all(), test

@@ -6,7 +6,7 @@ from scipy.special import spherical_jn
 
 from biphasic_reference import TRANSVERSE, isotropic, transfer_matrix, transverse
 from underlay.mechanics.biphasic.material import BiphasicTransverse
-from underlay.mechanics.biphasic.surface import SurfaceKernel, spherical_bessel
+from underlay.mechanics.biphasic.surface import Sampled, SurfaceKernel, WavenumberRule, spherical_bessel
 from underlay.mechanics.kernel import LayerKernel
 
 LAPLACE = (1e-3, 0.1, 1.0, 30.0 + 80.0j, -20.0 + 70.0j, 1e4)
@@ -90,3 +90,17 @@ def test_bessel_functions():
     x = np.concatenate(([0.0, 1e-8, 1e-4, 2e-4], np.linspace(0.01, 80.0, 4001)))
     expected = np.array([spherical_jn(n, x) for n in range(20)])
     assert np.abs(spherical_bessel(20, x) - expected).max() < 1e-12
+
+
+@pytest.mark.parametrize(("name", "material"), list(materials())[::2])
+def test_a_few_places_give_the_kernel_at_all_nodes(name, material):
+    """Of twelve places an e-fold in xi: on the positive axis, on the imaginary one, and where a contour ends."""
+    del name
+    nodes = WavenumberRule(500.0).nodes
+    for h in (0.5, 4.0, np.inf):
+        sampled = Sampled(nodes, h)
+        for s, allowed in ((3.0, 5e-10), (1e3, 5e-10), (300.0j, 1e-6), (1e3 * np.exp(2.5j), 2e-3)):
+            for count in (20, 700, nodes.size):
+                found = sampled.read(kernel(material.skeleton, sampled.places(count), s, h), count)
+                assert np.abs(found / kernel(material.skeleton, nodes[:count], s, h) - 1.0).max() < allowed
+        assert sampled.places(nodes.size).size < 0.3 * nodes.size

@@ -78,3 +78,25 @@ def test_the_interval_is_that_of_the_density_by_quadrature(world):
     ends = np.interp([0.025, 0.975], share / share[-1], grid)
     # The closed form takes the force for straight; the tails that the grid cuts hold less than a percent.
     np.testing.assert_allclose(ends, (low, high), atol=0.1 * (high - low))
+
+
+def test_draws_along_a_ridge_are_where_the_prior_is():
+    """Of a thickness that the curve alone leaves open: a walk that did not know the prior went to 1e4 times it."""
+    h, R = 1e-4, 25e-6
+    scene = ul.Scene(
+        ul.Sphere(R), ul.Layer(ul.Isotropic(3e3, 0.5), h, stiffening=ul.Gent(1.0)), ul.RIGID, friction="none"
+    )
+    depth = np.linspace(-0.1, 0.35, 120) * R
+    curve = ul.synthesize(scene, depth, ul.Noise(force=0.003 * float(scene.force(depth[-1]))), rng=0)
+    free = {
+        "layer.E": None,
+        "instrument.contact_depth": None,
+        "layer.stiffening.inverse_limit": None,
+        "layer.thickness": ul.Normal(h, 0.05 * h),
+    }
+    fit = ul.fit(ul.Problem(scene, curve, free))
+    drawn = Likelihood.of(fit).read(0)
+    thickness = fit.problem.physical(drawn.draws)[:, fit.names.index("layer.thickness")]
+    assert (np.abs(thickness / h - 1.0) < 8.0 * 0.05).all()
+    assert drawn.pareto < 0.7
+    assert 1.0 / np.square(drawn.weights).sum() > 0.3 * len(drawn.weights)

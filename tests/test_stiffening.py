@@ -4,12 +4,15 @@ import csv
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+import underlay as ul
 from underlay.mechanics.stiffening import factors
 from underlay.mechanics.stiffening.factors import Medium, Place, crowding, form, gent, neo_hookean
 
 BONDED, SLIDING = Medium(0.5), Medium(0.5, sliding=True)
+OGDEN_LAYERS = Path(__file__).parent / "studies" / "results" / "ogden_layers.csv"
 
 
 def place(y, thickness=np.inf, t=0.0, alpha=None):
@@ -89,7 +92,7 @@ def test_finite_elements_of_the_note(y, s, thickness, t, finite_elements):
 )
 def test_the_form_grows_as_the_table_says(medium, printed):
     t = np.array([0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3])
-    found = form(place(0.1 * t, 1.0, t, alpha=1.0), medium).log * -factors._half_space(
+    found = form(place(0.1 * t, 1.0, t, alpha=1.0), medium, 0.0)[1] * -factors._half_space(
         factors._FIRST_ORDER_FORM, medium.nu
     )
     assert found == pytest.approx(np.array([float(word) for word in printed.split()]), rel=0.012)
@@ -99,8 +102,28 @@ def test_the_form_is_ogdens_to_first_order():
     """First-order values printed for alpha = -10, h = 2 R."""
     alpha = np.array([0.0318, 0.0451, 0.064])
     where = place(alpha**2, 2.0, 0.5 * alpha, alpha)
-    found = 1.0 + form(where, BONDED).log * factors.ogden_size(-10.0, 0.5)
+    found = 1.0 + form(where, BONDED, 0.0)[1] * factors.ogden_size(-10.0, 0.5)
     assert found == pytest.approx([1.0127, 1.0181, 1.0261], abs=2.5e-4)
+
+
+@pytest.mark.parametrize("thickness", [2.0, 5.0])
+def test_beyond_first_order_the_form_leaves_of_ogdens_layers_what_stiffens(thickness):
+    """The stored finite elements, exponents -16 to 20, to a tenth of the thickness."""
+    known = pd.read_csv(OGDEN_LAYERS)
+    law = ul.contact_law(ul.Sphere(1.0), ul.Layer(ul.Isotropic(1.0, 0.5), thickness), ul.RIGID, max_depth=0.6)
+    for exponent, rows in known[known["h/R"] == thickness].groupby("alpha"):
+        depth = rows["w/R"].to_numpy()
+        wide = law.contact_radius(depth)
+        where = Place(depth, depth / thickness, wide / thickness, wide)
+        size = factors.ogden_size(exponent, 0.5)
+        factor, slope = form(where, BONDED, size)
+        left = np.log(rows["over the linear law"].to_numpy()) - neo_hookean(where, BONDED).log - factor.log
+        assert -0.01 < left.min() <= left.max() < 0.125
+        # The first order alone leaves more: up to 63 %.
+        assert left[-1] < 0.6 * (left[-1] + factor.log[-1] - size * form(where, BONDED, 0.0)[1][-1])
+        step = 1e-5
+        up, down = (form(where, BONDED, size + sign * step)[0].log for sign in (1.0, -1.0))
+        assert slope == pytest.approx((up - down) / (2.0 * step), rel=1e-7, abs=1e-9)
 
 
 # --- first order, from the closed field of Hertz's contact ----------------------------------------------------
@@ -180,7 +203,7 @@ def test_every_partial_is_the_derivative(medium):
     factor = {
         "N": lambda at: neo_hookean(at, medium),
         "G": lambda at: gent(at, medium, s)[0],
-        "F": lambda at: form(at, medium).power(-0.4),
+        "F": lambda at: form(at, medium, -0.4)[0],
     }
     for name, of in factor.items():
         for number, part in enumerate(("y", "z", "t", "alpha")):
@@ -309,14 +332,16 @@ def test_the_stored_coverage_is_what_is_said():
         key: {name: float(row[name]) for name in ("holds", "statistical", "least_squares")}
         for key, row in rows.items()
     }
-    allowed = 3.0 * np.sqrt(0.95 * 0.05 / 500)
     for cell in ("Gent 1, half-space", "Gent 3, half-space", "Gent 1, h = 4 R"):
         for name in ("E", "inverse_limit"):
-            assert int(rows[cell, "rows", name]["curves"]) == 500
+            curves = int(rows[cell, "rows", name]["curves"])
+            assert curves >= 200
+            allowed = 3.0 * np.sqrt(0.95 * 0.05 / curves)
             # Where the model is right, what the curve itself tells; the rows of what may be wrong only widen it.
             assert shares[cell, "rows", name]["statistical"] == pytest.approx(0.95, abs=allowed)
             assert shares[cell, "rows", name]["holds"] >= 0.95 - allowed
-    for cell in ("Ogden -16 to 20, evenly", "Ogden -16, h = 2 R", "Ogden 10, h = 2 R"):
+    ends = [f"Ogden {n}{where}" for n in (-16, -10, 10, 20) for where in ("", ", h = 2 R", ", h = 5 R")]
+    for cell in ("Ogden -16 to 20, evenly", "Ogden -16 to 20, normal", *ends):
         assert shares[cell, "rows", "E"]["holds"] >= 0.9
         assert shares[cell, "rows", "E"]["statistical"] < 0.5
     for cell in ("gradual 0.05 R, Gent 0", "gradual 0.05 R, Gent 1", "gradual 0.05 R, Gent 1, h = 4 R"):

@@ -276,6 +276,16 @@ def test_a_fit_finds_small_strain_modulus_and_stiffening():
     assert "layer.stiffening_factor" in fit.answers.index
 
 
+def test_a_thickness_beside_stiffening_leaves_intervals_of_the_width_of_bars():
+    """Noise is white and h known to 5 %: nothing else widens them."""
+    fit = ul.fit(problem(free={**FREE, "layer.thickness": ul.Normal(4.0 * R, 0.2 * R)}))
+    for name in (path for path in FREE if path != "instrument.baseline"):  # which may wiggle
+        told = fit.answer(name).statistical
+        width = np.log(told.high / told.low) if name == "layer.E" else told.high - told.low
+        bar = fit.stderr[name] / (fit.values[name] if name == "layer.E" else 1.0)
+        assert 0.9 < width / (2.0 * 1.96 * bar) < 1.7, name
+
+
 def test_stiffening_that_is_not_told_from_zero_has_a_bound_above_alone():
     """By its logarithm a source of 0.3 makes a factor of 40 of a value of 0.08."""
     depth = np.linspace(-0.1, 0.2, 120) * R

@@ -184,7 +184,8 @@ class WholeHistory(History):
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
         """Answers (N), (sets, n), with each of many sets of numbers, by path, (sets,) where they vary.
 
-        And which sets are answered, (sets,); others are asked one by one. None, the default, answers none.
+        Depths since contact (m) are (n,), or (sets, n) where contacts differ. And which sets are answered, (sets,);
+        others are asked one by one. None, the default, answers none.
         """
         del values, sets, depth, time
         return None

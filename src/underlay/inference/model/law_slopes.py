@@ -196,12 +196,16 @@ class LawSlopes:
         alone = self.similarity.lengths == (ratio,)
         return in_size(self.w, self.P, self.S, in_thickness) if alone else None
 
+    def stencils(self, path: str) -> tuple[Stencil, ...]:
+        """Stencils of the difference of laws that gives the derivative in the number at a path."""
+        self._differenced.add(path)
+        return ROUGH_STENCILS if self.rough else STENCILS
+
     def _difference(self, ratio: str) -> FloatArray:
         """Derivative of the force in a ratio, at fixed depth and factors, from the difference of laws.
 
         dP/d ln k (N) of a ratio k of moduli or lengths, dP/dk of a number that is taken as it is.
         """
-        self._differenced.add(ratio)
         b, c = self.similarity.factors(self.values)
         reduced = dict(zip(self.similarity.ratio_paths, self.similarity.reduced(self.values), strict=True))
         k = reduced[ratio]
@@ -216,5 +220,5 @@ class LawSlopes:
             law = finer.law(tuple((reduced | {ratio: value}).values()), b * self.deepest)
             return law.force(b * self.w)
 
-        difference = first_possible(force, ROUGH_STENCILS if self.rough else STENCILS)
+        difference = first_possible(force, self.stencils(ratio))
         return np.asarray(difference * (c / (_RATIO_STEP if in_log else size)))

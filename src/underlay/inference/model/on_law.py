@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.model.law_slopes import STENCILS, LawSlopes, first_possible
+from underlay.inference.model.law_slopes import LawSlopes, first_possible
 from underlay.mechanics.body import Layer, Rigid
 from underlay.mechanics.contact_law import ContactLaw, OnLaw
 from underlay.mechanics.finite_width import NarrowLaw, Sides, sides_at
@@ -92,9 +92,11 @@ class OnLinear:
         size = _STEP if kind_of(path) == "dimensionless" else _STEP * abs(values[path])
 
         def force(steps: float) -> FloatArray:
+            if not steps:
+                return slopes.P
             return self.law(forward, {**values, path: values[path] + steps * size}, slopes.deepest).force(w)
 
-        return np.asarray(first_possible(force, STENCILS) / size)
+        return np.asarray(first_possible(force, slopes.stencils(path)) / size)
 
 
 def _put_on(outer: OnLaw, inner: Callable[[float], ContactLaw]) -> Callable[[float], ContactLaw]:

@@ -37,7 +37,6 @@ _SAFE = 0.01
 # Laws through which those of sets that differ in one ratio are read, and the widest span of its logarithm: over a
 # factor of 2 in thickness, h from 3 to 80 R, force and slope are within 4e-9 of laws right to 1e-8.
 _NODES, _WIDEST = 6, float(np.log(2.0))
-_TINY = float(np.sqrt(np.finfo(float).tiny))
 
 
 @dataclass(frozen=True)

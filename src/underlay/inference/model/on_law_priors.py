@@ -12,21 +12,20 @@ from underlay.mechanics.stiffening import FORM_SPREAD
 from underlay.quantities import path_of
 from underlay.scene.scene import Scene
 
-__all__ = ["LEFT_OPEN", "begun", "require_told_thickness", "usual_prior"]
+__all__ = ["FORM", "LEFT_OPEN", "begun", "require_told_thickness", "usual_prior"]
 
 _SECTION = "layer.stiffening."
+#: Path of the size of the form of the energy.
+FORM = _SECTION + "form"
 # Median and logarithmic standard deviation of the inverse limit of soft tissue: 95 % from 0.02 to 12, locking
 # stretches from 1.18 upward (the study of stiffening layers, section 3).
 _LIMIT, _LIMIT_SPREAD = 0.5, 1.6
 # The same of the standard deviation of heights over the tip's radius (same study).
 _HEIGHTS, _HEIGHTS_SPREAD = 0.02, 1.5
-#: What a layer that stiffens leaves open where its scene has zero: what it is called, and its size to 95 %. With
-#: Ogden's exponents drawn evenly from these intervals of E hold 94 % on a half-space pressed to 0.5 R: 98 % at -10,
-#: 96 % at 10, but 80 and 47 % at the ends; at h = 5 R 77, 97, 88 and 13 % (tests/studies/results/
-#: stiffening_coverage.csv): beyond first order -16 acts as a size of 0.75, and 20 needs 1/Jm of 11 beside -0.6,
-#: both at the edge of their priors.
+#: What a layer that stiffens leaves open where its scene has zero: what it is called, and its size to 95 %. How
+#: often intervals hold E of Ogden's layers: tests/studies/results/stiffening_coverage.csv.
 LEFT_OPEN = {
-    _SECTION + "form": ("form of the energy", "Ogden's -16 to 20"),
+    FORM: ("form of the energy", "Ogden's -16 to 20"),
     _SECTION + "height_spread": ("gradual contact", "heights by 0.001 to 0.4 R"),
 }
 

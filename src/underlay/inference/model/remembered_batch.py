@@ -102,13 +102,11 @@ def _whole_readings(
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
     """`remembered_readings` of a memory that gives the force of a whole motion itself.
 
-    None where the sets have different contact points, or the memory cannot treat many sets at once.
+    None where the memory cannot treat these sets at once.
     """
     chain = Chain.of(_upright(values))
     depth = chain.travel(forward.depth)
-    found = (
-        history.answers(values, sets, depth, checked_times(forward.time, depth)) if depth.ndim == 1 else None
-    )
+    found = history.answers(values, sets, depth, checked_times(forward.time, np.atleast_2d(depth)[0]))
     if found is None:
         return None
     force, answered = found

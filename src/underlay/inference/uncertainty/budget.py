@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError, UnderlayError
 from underlay.inference.model.compilation import IN_SERIES
-from underlay.inference.model.on_law_priors import LEFT_OPEN
+from underlay.inference.model.on_law_priors import FORM, LEFT_OPEN
 from underlay.inference.priors import Normal
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.inputs import (
@@ -32,8 +33,9 @@ from underlay.inference.uncertainty.inputs import (
 )
 from underlay.inference.uncertainty.known_errors import KnownError, Pressed, known_errors, left_out
 from underlay.mechanics.profile import Profile
+from underlay.mechanics.stiffening import FORM_SPREAD
 from underlay.scene.instrument import ContactDepth, Frame
-from underlay.scene.scene import has_face, unknown_faces, with_bond
+from underlay.scene.scene import Scene, has_face, unknown_faces, with_bond
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
@@ -50,6 +52,9 @@ Refit: TypeAlias = Callable[[Problem], "Fit"]
 LAW = "contact model"
 # Half width of a normal 95 % interval in standard deviations.
 _NORMAL_95 = 1.96
+# Sizes of the form of the energy at which curves are fitted again, in its deviations: the first, each next one
+# twice the last, and the farthest; and how many places are looked at between.
+_FORM_STEP, _FORM_FARTHEST, _FORM_LOOKS = 0.5, 2.0, 81
 # Inputs that have no path in a scene.
 _NO_PATHS = {FORCE, SPRING_CONSTANT, SENSITIVITY, DEPTH, HEIGHTS}
 # Sections of a scene whose numbers act on a curve.
@@ -70,8 +75,8 @@ class Source:
     name, size, origin : str
         As in `Contribution`.
     moves : FloatArray
-        Shifts of the scaled vector at 95 %, (rows, 2, k): rows are independent, and each has two sides, for the
-        input lowered and raised.
+        Shifts of the scaled vector at 95 %, (rows, places, k): rows are independent, and each has two places, for
+        the input lowered and raised, or more between where the shift does not grow with it.
     bias : FloatArray
         Mean shift of the scaled vector from the fitted one, (k,), for an error whose mean size is not zero.
     """
@@ -254,38 +259,72 @@ class _Budget:
     def _left_open(self) -> Iterator[Source]:
         """Sources of error from strain stiffening that the scene does not state, within its usual range.
 
-        The curves are fitted again with the stiffening's numbers free: where stiffening is strong, a first-order
-        step from the fit without them is too short or has the wrong sign (Ogden's energy of exponent -16). Each
-        number's rows are its own contribution to the covariance; the first source also has the shift to that fit as
-        its bias.
+        The curves are fitted again with the stiffening's numbers: where stiffening is strong, a first-order step
+        from the fit without them is too short or has the wrong sign (Ogden's energy of exponent -16). The spread of
+        heights is free; its rows are its contribution to the covariance. Beside 1/Jm the shift does not grow with
+        the size of the form of the energy: that is held at several sizes within its prior, and its places are those
+        that the curves allow.
         """
-        fit, problem = self.fit, self.fit.problem
+        problem = self.fit.problem
         free = {coordinate.path for coordinate in problem.coordinates}
-        open_ = {
-            path: words
-            for path, words in LEFT_OPEN.items()
+        open_ = [
+            path
+            for path in LEFT_OPEN
             if path not in free and any(scene.parameters.get(path) == 0.0 for scene in problem.base_scenes)
-        }
+        ]
         if not open_:
             return
+        others = [path for path in open_ if path != FORM]
         try:
-            again = self.refit(
-                problem.revised(
-                    free={**problem.free, **dict.fromkeys(open_)}, scenes=fit.scenes, noise=fit.noises
-                )
-            )
+            again = self._opened(others, self.fit.scenes)
+            if FORM in open_:
+                yield self._by_form(again)
         except (InputError, FitError):
             return
         covariance = again.scaled_covariance
-        own = [again.names.index(name) for name in fit.names]
-        sizes = [i for i in range(len(covariance)) if i not in own and covariance[i, i] > 0.0]
-        factor = np.linalg.cholesky(covariance[np.ix_(sizes, sizes)])
-        moves = _NORMAL_95 * np.linalg.solve(factor, covariance[np.ix_(sizes, own)])
-        way = problem.vector({name: again.values[name] for name in fit.names}) - fit.vector
-        for path, (words, size) in open_.items():
-            rows = moves[[again.problem.coordinates[i].path == path for i in sizes]]
-            yield Source(words, size, "model", np.stack((-rows, rows), axis=1), way)
-            way = np.zeros(len(own))
+        own = [again.names.index(name) for name in self.fit.names]
+        way = problem.vector({name: again.values[name] for name in self.fit.names}) - self.fit.vector
+        for path in others:
+            sizes = [i for i, coordinate in enumerate(again.problem.coordinates) if coordinate.path == path]
+            sizes = [i for i in sizes if covariance[i, i] > 0.0]
+            factor = np.linalg.cholesky(covariance[np.ix_(sizes, sizes)])
+            rows = _NORMAL_95 * np.linalg.solve(factor, covariance[np.ix_(sizes, own)])
+            bias = 0.0 if FORM in open_ else way
+            yield Source(*LEFT_OPEN[path], "model", np.stack((-rows, rows), axis=1), bias)
+
+    def _opened(self, paths: Sequence[str], scenes: Sequence[Scene]) -> Fit:
+        """The curves fitted again with numbers free, from where the scenes are."""
+        free = {**self.fit.problem.free, **dict.fromkeys(paths)}
+        return self.refit(self.fit.problem.revised(free=free, scenes=scenes, noise=self.fit.noises))
+
+    def _by_form(self, begun: Fit) -> Source:
+        """The form of the energy, beginning with a fit without it."""
+        found: dict[float, Fit] = {}
+        levels: dict[float, float] = {}
+
+        def lost(size: float, beside: float) -> float:
+            """Deviations by which the best at a size is less likely than the best so far; begun beside it."""
+            if size not in levels:
+                scenes = found.get(beside, begun).scenes
+                again = self._opened([], [scene.with_values({FORM: size}) for scene in scenes])
+                density = float(again.problem.log_posterior(again.vector[None])[0])
+                found[size], levels[size] = again, density - 0.5 * (size / FORM_SPREAD) ** 2
+            return math.sqrt(2.0 * (max(levels.values()) - levels[size]))
+
+        lost(0.0, 0.0)
+        for sign in (-1.0, 1.0):
+            inside, size = 0.0, sign * _FORM_STEP * FORM_SPREAD
+            try:
+                while abs(size) <= _FORM_FARTHEST * FORM_SPREAD and lost(size, inside) <= _NORMAL_95:
+                    inside, size = size, 2.0 * size
+            except (InputError, FitError):
+                continue
+        sizes = np.array(sorted(found))
+        vectors = np.array([found[size].vector for size in sizes])
+        at = np.linspace(sizes[0], sizes[-1], _FORM_LOOKS)
+        rises = PchipInterpolator(sizes, [lost(size, size) for size in sizes])(at)
+        moves = PchipInterpolator(sizes, vectors)(at)[rises <= _NORMAL_95] - self.fit.vector
+        return Source(*LEFT_OPEN[FORM], "model", moves[None])
 
     def _bonds(self) -> Iterator[Source]:
         """Sources that are bonds of a face not stated in the scene: the shift if that face slips."""

@@ -12,6 +12,7 @@ from scipy.special import gammaln, logsumexp
 
 from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.density import Density, Local
+from underlay.inference.uncertainty.tree import log_prior
 from underlay.inference.uncertainty.walk import Node
 
 __all__ = ["Conditional", "Proposal", "conditionals"]
@@ -60,6 +61,7 @@ def _conditional(
     gain = np.minimum(0.5 * np.einsum("mi,mi->m", pull, step), _PROMISED)
     level = local.level[chosen]
     evidence = np.maximum(np.minimum(level + gain, local.best[chosen]), level) + 0.5 * log_det
+    evidence += float(log_prior(density.likelihood.fit.problem, node.vector[None])[0])
     reach = np.maximum(np.abs(step).max(axis=1, initial=0.0), 1e-300)
     step = step * np.minimum(1.0, 1.0 / reach)[:, None]
     symmetric = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))

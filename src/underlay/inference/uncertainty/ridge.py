@@ -78,7 +78,8 @@ class RidgePath:
         inside = lost <= drop
         deviations = np.sqrt(np.diagonal(self.covariances[inside], axis1=1, axis2=2))
         scale = np.sqrt(2.0 * (drop - lost[inside]))[:, None] / np.where(deviations > 0.0, deviations, np.inf)
-        across = self.covariances[inside] * scale[:, None, :]
+        # Where entry i is at its extreme the others follow by their covariance with it: a row for each i.
+        across = self.covariances[inside] * scale[:, :, None]
         middle = self.vectors[inside][:, None]
         found = [
             np.concatenate((middle - across, middle + across), axis=1).reshape(-1, self.vectors.shape[1])

@@ -270,8 +270,9 @@ class Statement:
         """
         arms, first = {}, _FIRST_MOVE
         for source in self.sources:
-            count = 2 * len(source.moves)
-            ends = scale.places[first : first + count].reshape(-1, 2) - scale.value
+            shape = source.moves.shape[:2]
+            count = shape[0] * shape[1]
+            ends = scale.places[first : first + count].reshape(shape) - scale.value
             down, up = np.maximum(-ends.min(axis=1), 0.0), np.maximum(ends.max(axis=1), 0.0)
             arms[source], first = np.sqrt([down @ down, up @ up]), first + count
         return arms

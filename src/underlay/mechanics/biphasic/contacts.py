@@ -141,6 +141,11 @@ class DrainingPunch:
             return None
         return self.table if self.table.covers(self.eps, self.material.nu) else None
 
+    @property
+    def is_tabulated(self) -> bool:
+        """Whether the response comes off the table; else it is solved for."""
+        return self._tabulated is not None and self.modes is None
+
     @cached_property
     def response(self) -> Response:
         """Force (N) after a unit step of depth (m), times in s."""
@@ -162,11 +167,6 @@ class DrainingPunch:
             return self._elastic.undrained / self._elastic.drained
         start, end = self._tabulated.ends(self.eps, self.material.nu)
         return float(start / end)
-
-    def peak_over_equilibrium(self, depth: Polyline) -> float:
-        """Largest force of a history over the force that is left of its last depth."""
-        corners = np.unique(np.concatenate((depth.jumps[0], depth.bends[0])))
-        return float(self.force(depth, corners).max() / (self.response.end * depth.value[-1]))
 
     def force(self, depth: Polyline, time: ArrayLike) -> FloatArray:
         """Force (N) at times (s), (n,), under a history of depth (m), negative before contact; exact superposition.

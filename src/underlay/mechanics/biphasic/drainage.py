@@ -46,8 +46,9 @@ __all__ = ["CONTACT_DEPTH", "Drainage", "Kept"]
 CONTACT_DEPTH = "instrument.contact_depth"
 _E, _K, _NU, _AXIAL = "layer.E", "layer.permeability", "layer.nu", "layer.E_axial"
 _THICKNESS, _RADIUS = "layer.thickness", "indenter.radius"
-# Relative steps (of Poisson's ratios absolute; of the contact over the deepest reading) of differences: both ways
-# where the force is smooth to 1e-7, one way where a moving contact is solved, which its steps make so to 1e-5.
+# Relative steps (of Poisson's ratios absolute; of the contact over the deepest reading) of differences: fine ones
+# where the force is smooth to 1e-7, coarse ones where a moving contact is solved, which its steps make so to 1e-5;
+# both ways where a table answers, one way where each neighbour is solved for.
 _FINE_STEP, _COARSE_STEP = 1e-4, 3e-3
 # What is kept of one problem: responses of a punch, and answers to one record.
 _RESPONSES, _ANSWERS = 512, 16
@@ -187,24 +188,26 @@ class Drainage(WholeHistory):
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
         """Forces (N), (sets, n), of many sets of numbers, and which sets are answered; see `WholeHistory.answers`.
 
-        Isotropic layers go off the shipped tables, others off one of their own.
+        Isotropic layers go off the shipped tables, under a punch from contacts of their own on too; others off a
+        table of their own.
         """
         tip, thickness = self.indenter, values.get(_THICKNESS, self.layer.thickness)
         if not (depth > 0.0).any():
             return None
         sized = isinstance(thickness, np.ndarray) or isinstance(values[_RADIUS], np.ndarray)
-        if (
-            not self.material.isotropic
-            or self._modes is not None
-            or (sized and not isinstance(tip, FlatPunch))
-        ):
-            return self._on_a_lattice(values, sets, depth, time)
+        punched, contact = isinstance(tip, FlatPunch), np.broadcast_to(values[CONTACT_DEPTH], sets)
+        if not self.material.isotropic or self._modes is not None or (sized and not punched):
+            return self._on_a_lattice(values, sets, depth, time) if depth.ndim == 1 else None
+        if depth.ndim > 1 and not punched:
+            return None
         layers = Layers(*(np.broadcast_to(values[path], sets) for path in (_E, _NU, _K)))
         if isinstance(tip, Sphere | Paraboloid):
             line = ramps_and_holds(depth, time)
             return tip_forces(layers, tip, self.layer.thickness, self.drainage, line, depth, time)
         radius, h = (np.broadcast_to(length, sets) for length in (values[_RADIUS], thickness))
-        return punch_forces(layers, radius, h, self.drainage, followed(depth, time), time)
+        # Of the depths as recorded, so that no set's answer depends on the others' contacts.
+        recorded = followed((depth if depth.ndim == 1 else depth[0]) + contact[0], time)
+        return punch_forces(layers, radius, h, self.drainage, recorded, contact, time)
 
     def _on_a_lattice(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
@@ -258,16 +261,17 @@ class Drainage(WholeHistory):
     # --- derivatives --------------------------------------------------------------------------------------
     def slopes(self, paths: Sequence[str], depth: FloatArray, time: FloatArray) -> Mapping[str, FloatArray]:
         """d force / d number (SI), (n,), at `paths`, by differences; see `WholeHistory.slopes`."""
-        smooth = self._is_smooth(depth, time)
-        return {path: self._slope(path, depth, time, smooth=smooth) for path in paths}
+        tabulated = self._is_tabulated(depth, time)
+        return {path: self._slope(path, depth, time, tabulated=tabulated) for path in paths}
 
-    def _is_smooth(self, depth: FloatArray, time: FloatArray) -> bool:
+    def _is_tabulated(self, depth: FloatArray, time: FloatArray) -> bool:
         contact = self.contact
-        if isinstance(contact, DrainingPunch) or not (depth > 0.0).any():
-            return True
-        return contact.is_tabulated(ramps_and_holds(depth, time), float(time[-1]))
+        if isinstance(contact, DrainingPunch):
+            return contact.is_tabulated
+        return not (depth > 0.0).any() or contact.is_tabulated(ramps_and_holds(depth, time), float(time[-1]))
 
-    def _slope(self, path: str, depth: FloatArray, time: FloatArray, *, smooth: bool) -> FloatArray:
+    def _slope(self, path: str, depth: FloatArray, time: FloatArray, *, tabulated: bool) -> FloatArray:
+        smooth = tabulated or isinstance(self.contact, DrainingPunch)
         size = _FINE_STEP if smooth else _COARSE_STEP
         own = numbers_of(self)
         if path == CONTACT_DEPTH:
@@ -282,7 +286,8 @@ class Drainage(WholeHistory):
                 return self.answer(depth - steps * size, time)
             return self.at({path: own[path].value + steps * size}).answer(depth, time)
 
-        for low, high in ((-1.0, 1.0), (-1.0, 0.0), (0.0, 1.0)) if smooth else ((0.0, 1.0), (-1.0, 0.0)):
+        one_way = (0.0, 1.0), (-1.0, 0.0)
+        for low, high in ((-1.0, 1.0), *one_way) if tabulated else one_way:
             try:
                 return np.asarray((force(high) - force(low)) / ((high - low) * size))
             except InputError:

@@ -144,20 +144,56 @@ class Polyline:
         return np.asarray(np.diff(self._ends)[self._slopes != 0.0])
 
     def superposed(self, response: Response, time: ArrayLike) -> FloatArray:
-        """Answer at times (s), (n,) or (sets, n), of what answers a unit step with `response`: exact."""
+        """Answer at times (s), (n,), of what answers a unit step with `response`: exact."""
         t = as_finite(time, "time")
         total = np.zeros(t.shape)
         for (starts, sizes), answer in ((self.jumps, response.step), (self.bends, response.ramp)):
             if not (starts.size and t.size):
                 continue
-            chunk = max(_AT_ONCE // (starts.size * response.sets), 1)
-            parts = []
+            chunk = max(_AT_ONCE // starts.size, 1)
             for first in range(0, t.size, chunk):
                 lags = np.subtract.outer(t[first : first + chunk], starts)
-                found = answer(lags.ravel())
-                parts.append(found.reshape(*found.shape[:-1], *lags.shape) @ sizes)
-            total = total + np.concatenate(parts, axis=-1)
+                total[first : first + chunk] += answer(lags.ravel()).reshape(lags.shape) @ sizes
         return total
+
+    def superposed_above(
+        self, level: FloatArray, response: Response, time: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Answers of many sets to what lies above a level of each, as `in_contact` of the history less the level.
+
+        Parameters
+        ----------
+        level : FloatArray
+            (sets,).
+        response : Response
+            To a unit step, of as many sets.
+        time : FloatArray
+            Times (s), (n,).
+
+        Returns
+        -------
+        (FloatArray, FloatArray)
+            (sets, n), and which sets are answered, (sets,): not those that fall below their level again, or step.
+        """
+        t, above = self.time, self.value - level[:, None]
+        touching = above > 0.0
+        first = touching.argmax(axis=1)
+        rows, began = np.arange(level.size), np.maximum(first - 1, 0)
+        # Before its first contact a set may be anywhere below.
+        served = (touching | (np.arange(t.size) < first[:, None])).all(axis=1) & (np.diff(t) > 0.0).all()
+        if not served.any() or t.size < 2:
+            return np.zeros((level.size, time.size)), np.zeros(level.size, dtype=bool)
+        rate = self._slopes[np.minimum(began, t.size - 2)]
+        at_once = np.where(first == 0, above[:, 0], 0.0)
+        start = np.where(first == 0, t[0], t[first] - above[rows, first] / np.where(rate > 0.0, rate, 1.0))
+        total = rate[:, None] * response.ramp(time - start[:, None])
+        if at_once.any():
+            total += at_once[:, None] * response.step(time - t[0])
+        for when, change in zip(*self.bends, strict=True):
+            later = (when >= t[first]) & (when > t[0])
+            if later.any():
+                total += (later * change)[:, None] * response.ramp(time - when)
+        return total, served
 
 
 def followed(depth: FloatArray, time: FloatArray) -> Polyline:

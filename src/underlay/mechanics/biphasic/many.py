@@ -69,9 +69,10 @@ def punch_forces(
     thickness: FloatArray,
     drainage: str,
     depth: Polyline,
+    contact: FloatArray,
     time: FloatArray,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Forces of many layers under flat punches along one history.
+    """Forces of many layers under flat punches along one history, from contacts of their own on.
 
     Parameters
     ----------
@@ -82,7 +83,9 @@ def punch_forces(
     drainage : str
         One of `DRAINAGES`.
     depth : Polyline
-        The history of depths (m).
+        The history of depths (m), as recorded.
+    contact : FloatArray
+        Depths of contact in it (m), (sets,).
     time : FloatArray
         Times (s), (n,).
 
@@ -99,8 +102,8 @@ def punch_forces(
         a = radius[served]
         stiffness = 4.0 * own.shear_modulus / (1.0 - own.nu) * a
         response = table(eps[served], own.nu).scaled(stiffness[:, None], own.drainage_time(a)[:, None])
-        found[served] = depth.in_contact.superposed(response, time)
-        served[served] = ~comes_off(found[served])
+        found[served], answered = depth.superposed_above(contact[served], response, time)
+        served[served] = answered & ~comes_off(found[served])
     return found, served
 
 

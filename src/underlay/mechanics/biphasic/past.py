@@ -17,7 +17,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.biphasic.elastic_ends import ComplexArray
 from underlay.mechanics.biphasic.equations import edge_signs
-from underlay.mechanics.biphasic.surface import SurfaceKernel
+from underlay.mechanics.biphasic.surface import Sampled, SurfaceKernel
 from underlay.mechanics.biphasic.transfer import operational
 from underlay.mechanics.relaxation import Modes
 
@@ -81,12 +81,12 @@ class StepWeights:
         s = self._circle[2]
         left = np.ones_like(s) if self.modes is None else operational(self.modes, s)
         scaled = s / left * self.kernel.skeleton.A33
-        values = self.kernel.matrix(
-            np.tile(self.xi, s.size), np.repeat(scaled, self.xi.size), sealed=self.sealed
-        )
-        values = values.reshape(s.size, self.xi.size, 2, 2)
+        sampled = Sampled(self.xi, self.kernel.thickness)
+        xi = sampled.places(self.xi.size)
+        values = self.kernel.matrix(np.tile(xi, s.size), np.repeat(scaled, xi.size), sealed=self.sealed)
+        values = values.reshape(s.size, xi.size, 2, 2)
         values[:, :, 0] /= left[:, None, None]
-        return self._coefficients(values)
+        return np.asarray(sampled.read(self._coefficients(values), self.xi.size), dtype=np.float64)
 
     @cached_property
     def tails(self) -> FloatArray:

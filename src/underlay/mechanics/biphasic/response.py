@@ -131,11 +131,6 @@ class Response:
         """Response whose values are `factor` times these, with the table's times in the unit `unit`."""
         return replace(self, start=factor * self.start, end=factor * self.end, unit=unit)
 
-    @property
-    def sets(self) -> int:
-        """Number of sets of parameters."""
-        return len(self.fall) if self.fall.ndim > 1 else 1
-
     def step(self, time: FloatArray) -> FloatArray:
         """f after a unit step, (m,) or (sets, m) at times (m,); zero before it, `start` at zero."""
         t = np.asarray(time, dtype=np.float64) / self.unit

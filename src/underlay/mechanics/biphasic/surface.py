@@ -16,8 +16,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.biphasic.decaying import decaying
@@ -26,15 +28,22 @@ from underlay.mechanics.biphasic.material import Skeleton
 
 __all__ = [
     "BesselRule",
+    "Sampled",
     "SurfaceKernel",
     "WavenumberRule",
     "spherical_bessel",
 ]
 
+_Number = TypeVar("_Number", np.float64, np.complex128)
 # Orders above the last at which Miller's recurrence starts: at x = n + 1 the start is below 1e-17 of j_0.
 _ABOVE = 24
 # Below this argument the recurrences divide by next to nothing; j_n is its first two terms to 1e-17.
 _SMALL = 1e-4
+# From this wavenumber on, over 1/h and over the unit's inverse, what comes back from the base is weak, and the
+# kernel times a power of xi turns slowly: panels of this width in ln xi, of so many Chebyshev points, leave 8e-7
+# in the fall of any response (1e-3 of the kernel where s is nearly negative, which no response hears), in half the
+# time of all nodes.
+_SMOOTH, _PANEL, _PLACES = 20.0, 1.0, 12
 # Nodes solved at once: their matrices stay in the cache.
 _AT_ONCE = 4096
 # exp(-37) is the rounding of 1: a wave that comes back from the base with less is not felt.
@@ -176,6 +185,65 @@ class BesselRule:
     def odd(self) -> FloatArray:
         """Functions j_2n+1 of the water, (terms, nodes)."""
         return np.ascontiguousarray(self._all[1::2])
+
+
+class Sampled:
+    """The wavenumbers at which a kernel is asked for all nodes of a rule, and from there to the nodes.
+
+    Up to where the base is felt they are the nodes themselves; beyond, panels in ln xi of a few points each.
+
+    Parameters
+    ----------
+    nodes : FloatArray
+        Wavenumbers of the rule, (n,), increasing.
+    thickness : float
+        h, in the unit of length; inf for a half-space.
+    """
+
+    def __init__(self, nodes: FloatArray, thickness: float) -> None:
+        self._nodes = nodes
+        self._first = int(np.searchsorted(nodes, max(1.0, _SMOOTH / thickness)))
+        beyond = np.log(nodes[self._first :])
+        angles = np.pi * (np.arange(_PLACES) + 0.5) / _PLACES
+        inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(np.cos(angles), _PLACES - 1))
+        places, self._panels = [nodes[: self._first]], []
+        low = float(beyond[0]) if beyond.size else 0.0
+        panel = ((beyond - low) / _PANEL).astype(np.intp)
+        for number in range(int(panel[-1]) + 1 if beyond.size else 0):
+            x = 2.0 * (beyond[panel == number] - low) / _PANEL - 2 * number - 1
+            self._panels.append(np.polynomial.chebyshev.chebvander(x, _PLACES - 1) @ inverse)
+            places.append(np.exp(low + _PANEL * (number + 0.5 + 0.5 * np.cos(angles))))
+        self._places = np.concatenate(places)
+        self._ends = self._first + np.cumsum([0, *(len(rows) for rows in self._panels)])
+
+    def places(self, count: int) -> FloatArray:
+        """Wavenumbers to ask for the first `count` nodes."""
+        whole = int(np.searchsorted(self._ends, count))
+        return self._places[: min(count, self._first) + whole * _PLACES]
+
+    def read(self, values: NDArray[_Number], count: int) -> NDArray[_Number]:
+        """Kernels at the first `count` nodes, (..., count, 2, 2), from those at `places`, (..., places, 2, 2)."""
+        found = np.empty((*values.shape[:-3], count, 2, 2), dtype=values.dtype)
+        found[..., : self._first, :, :] = values[..., : min(count, self._first), :, :]
+        for number, rows in enumerate(self._panels):
+            first = int(self._ends[number])
+            last = min(int(self._ends[number + 1]), count)
+            if first >= last:
+                break
+            start = self._first + number * _PLACES
+            here = slice(start, start + _PLACES)
+            own = _even(self._places[here], values[..., here, :, :])
+            own = rows[: last - first] @ own.reshape(*own.shape[:-2], 4)
+            own = own.reshape(*own.shape[:-1], 2, 2)
+            found[..., first:last, :, :] = _even(1.0 / self._nodes[first:last], own)
+        return found
+
+
+def _even(xi: FloatArray, kernel: NDArray[_Number]) -> NDArray[_Number]:
+    """Kernels (..., n, 2, 2) with xi c11 and c22/xi in place of c11 and c22; with 1/xi, back."""
+    scale = np.ones((xi.size, 2, 2))
+    scale[:, 0, 0], scale[:, 1, 1] = xi, 1.0 / xi
+    return np.asarray(kernel * scale, dtype=kernel.dtype)
 
 
 @dataclass(frozen=True)

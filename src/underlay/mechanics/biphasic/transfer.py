@@ -26,7 +26,7 @@ from underlay.mechanics.biphasic.elastic_ends import ComplexArray, punch_factor
 from underlay.mechanics.biphasic.equations import as_drainage, galerkin
 from underlay.mechanics.biphasic.material import Skeleton
 from underlay.mechanics.biphasic.response import Response, invert
-from underlay.mechanics.biphasic.surface import BesselRule, SurfaceKernel, WavenumberRule
+from underlay.mechanics.biphasic.surface import BesselRule, Sampled, SurfaceKernel, WavenumberRule
 from underlay.mechanics.relaxation import Modes
 
 __all__ = [
@@ -199,15 +199,19 @@ class PunchTransfer:
         return float(self.reach * np.sqrt(abs(s)) + 40.0)
 
     def __call__(self, s: ComplexArray) -> ComplexArray:
-        """Khat at Laplace variables (c/a^2), (n,), on one grid of wavenumbers and in one call of the kernel."""
+        """Khat at Laplace variables (c/a^2), (n,), on one rule of wavenumbers and in one call of the kernel."""
         ends = [self.end(value) for value in s]
         basis = BesselRule(WavenumberRule(max(ends), points=self.points), self.terms)
+        sampled = Sampled(basis.rule.nodes, self.kernel.thickness)
         counts = [basis.rule.up_to(end) for end in ends]
-        xi = np.concatenate([basis.rule.nodes[:count] for count in counts])
-        at = np.repeat(s * self.skeleton.A33, counts)
-        kernel = self.kernel.matrix(xi, at, sealed=self.drainage == "sealed")
-        starts = np.cumsum([0, *counts])
-        parts = [kernel[low:high] for low, high in pairwise(starts)]
+        asked = [sampled.places(count) for count in counts]
+        sizes = [places.size for places in asked]
+        at = np.repeat(s * self.skeleton.A33, sizes)
+        kernel = self.kernel.matrix(np.concatenate(asked), at, sealed=self.drainage == "sealed")
+        starts = pairwise(np.cumsum([0, *sizes]))
+        parts = [
+            sampled.read(kernel[low:high], count) for (low, high), count in zip(starts, counts, strict=True)
+        ]
         return np.array([self._factor(part, basis) for part in parts])
 
     def _factor(self, kernel: ComplexArray, basis: BesselRule) -> complex:

@@ -82,5 +82,5 @@ def series_moment(x: FloatArray, power: float) -> FloatArray:
     """E[max(x - Z, 0)^m] for x from 12 on, m = `power`: x^m times sum_j binomial(m, 2 j) (2 j - 1)!!/x^(2 j)."""
     orders = np.arange(_TERMS)
     moments = 2.0**orders * special.gamma(orders + 0.5) / np.sqrt(np.pi)
-    series = x[..., None] ** (-2.0 * orders) @ (special.binom(power, 2 * orders) * moments)
-    return np.asarray(x**power * series, dtype=np.float64)
+    terms = special.binom(power, 2 * orders) * moments
+    return np.asarray(x**power * np.polynomial.polynomial.polyval(x**-2.0, terms), dtype=np.float64)

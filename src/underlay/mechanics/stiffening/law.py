@@ -129,11 +129,11 @@ class StiffLayer(OnLaw):
         return Place(depth / self.radius, depth / self.thickness, wide / self.thickness, wide / self.radius)
 
     def factor(self, place: Place) -> tuple[LogFactor, FloatArray]:
-        """N G F^c, and d ln G/ds."""
+        """N G F, and d ln G/ds."""
         stiff, in_limit = gent(place, self.medium, self.inverse_limit)
         found = neo_hookean(place, self.medium).times(stiff)
         if np.any(self.form):
-            found = found.times(form(place, self.medium).power(self.form))
+            found = found.times(form(place, self.medium, self.form)[0])
         return found, in_limit
 
     def force(self, linear: Linear, depth: FloatArray) -> FloatArray:
@@ -160,7 +160,7 @@ class StiffLayer(OnLaw):
         if name == "inverse_limit":
             return found.force * found.in_limit
         if name == "form":
-            return found.force * form(found.place, self.medium).log
+            return found.force * form(found.place, self.medium, self.form)[1]
         if not np.any(self.spread):
             return np.zeros_like(found.force)
         return found.stiffness / found.asked.slope * found.asked.in_spread / self.spread
@@ -203,7 +203,7 @@ class StiffLayer(OnLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class StiffeningLaw(ContactLaw):
-    """P(w) = P_linear(u) N G F^c at u, the depth that gradual contact makes of w.
+    """P(w) = P_linear(u) N G F at u, the depth that gradual contact makes of w.
 
     Parameters
     ----------
