@@ -24,8 +24,6 @@ def test_a_worker_answers_refuses_fails_dies_and_lives_on():
             first = worker.process_id
             with pytest.raises(WorkError, match="depth must be positive"):
                 await worker.call("refuse")
-            with pytest.raises(WorkError, match=r'use name = "exact" in \[solver\]'):
-                await worker.call("refuse_in_python")
             with pytest.raises(WorkError, match=r"fault of underlay \(ZeroDivisionError"):
                 await worker.call("break_down")
             assert worker.process_id == first

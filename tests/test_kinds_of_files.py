@@ -559,7 +559,7 @@ def test_columns_by_number(columns, separator, put):
 
 
 def test_a_number_without_a_unit_asks_for_it(put):
-    with pytest.raises(ul.InputError, match=r"columns=\{'depth': '2 \(um\)'\}"):
+    with pytest.raises(ul.InputError, match=r'columns = \{ depth = "2 \(um\)" \}'):
         ul.read(put(rows(TIME, DEPTH, FORCE)), columns={"depth": 2, "force": 3})
 
 

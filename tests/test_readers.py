@@ -601,7 +601,7 @@ def test_jpk_depth_is_that_of_the_tip_and_segments_say_what_they_are(keywords, m
 def test_jpk_without_a_calibration_asks_for_it(put):
     path = put(afm_files.jpk(calibrated=False))
     with pytest.raises(
-        ul.InputError, match=r"does not hold its calibration; give calibration=\{'spring_constant'"
+        ul.InputError, match=r"does not hold its calibration; give calibration = \{ spring_constant"
     ):
         ul.read(path)
 
@@ -690,7 +690,7 @@ def test_afm_workshop_keeps_its_own_calibration_beside_the_one_given(put):
 
 def test_ntmdt_takes_a_current_sensitivity(put):
     path = put(files.ntmdt())
-    with pytest.raises(ul.InputError, match=r"'60 nm/nA'"):
+    with pytest.raises(ul.InputError, match=r'"60 nm/nA"'):
         ul.read(path)
     with pytest.raises(ul.InputError, match="takes no sensitivity"):  # per volt would be wrong by 1e9
         ul.read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"})

@@ -24,9 +24,6 @@ class Tasks:
     def refuse(self, _tell):
         raise ul.InputError("depth must be positive")
 
-    def refuse_in_python(self, _tell):
-        raise ul.InputError("the series ends there; use solver='exact'")
-
     def break_down(self, _tell):
         raise ZeroDivisionError("division by zero")
 

@@ -279,6 +279,8 @@ class FitStep(Step):
     async def _hold_laws(self) -> None:
         """What both laws make of the curve where the handles are now; the picture of the curve stays."""
         told = await self.window.try_to(self.analysis.quick, "laws", self._contact, *self._range)
+        if self._look is None:
+            return  # another curve was opened meanwhile
         if isinstance(told, tuple):
             self._show_laws(*told)
         else:
