@@ -160,9 +160,10 @@ def foot_of(curve: Curve) -> Foot:
 
 
 def _end_of_foot(above: FloatArray, rise: int, peak: float) -> int:
-    """Return the index after the last point of the foot, which reaches up to 30, 60 or 100 % of the peak force.
+    """Return the index after the last point used to find contact: where the force reaches 30 % of its peak.
 
-    `above` is the force less the baseline (N), `rise` the index where it starts to rise.
+    It is 60 or 100 % if there are fewer than 24 points up to there. `above` is the force less the baseline (N),
+    `rise` the index where it starts to rise.
     """
     end = len(above)
     for share in _FOOT_SHARES:

@@ -93,7 +93,7 @@ def reach(count: int) -> float:
 
 
 def step_of(motion: FloatArray) -> float:
-    """Return the step of a motion that is quantised by a converter or the digits of a file; zero if it is not."""
+    """Return the step of a motion that a converter or the digits of a file have quantised; else zero."""
     jumps = np.abs(np.diff(motion))
     rests = jumps == 0.0
     if np.count_nonzero(rests) < _REPEATED * len(jumps) or rests.all():

@@ -236,7 +236,7 @@ def synthesize(
 def _force_noise(
     noise: NoiseModel, rng: np.random.Generator, contact: FloatArray, clock: FloatArray | None
 ) -> FloatArray:
-    """Draw the noise of the force reading (N), (n,), at contact forces (N), (n,), without noise of the depth."""
+    """Draw the noise of the force reading (N), (n,), for contact forces (N), (n,), without that of the depth."""
     drawn = noise.of_force()
     if drawn is None:
         return np.zeros_like(contact)

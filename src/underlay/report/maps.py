@@ -223,7 +223,7 @@ def of_map(table: pd.DataFrame) -> Population | str:
 
 
 def population_tables(result: Population | str) -> list[pd.DataFrame]:
-    """Return the table of the groups, then that of their ratios where there are any; empty for a sentence."""
+    """Return the tables of the groups and of their ratios, if any; none if `result` is a message."""
     if isinstance(result, str):
         return []
     return [group_table(result), *([comparison_table(result)] if result.comparisons else [])]

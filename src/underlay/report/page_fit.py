@@ -235,7 +235,7 @@ class FitPage:
         return headline(self.answers, self.fit.verdict, self.fit.curves, self._narrower())
 
     def sheet(self, *, opened: bool = False) -> str:
-        """Return all of the page below its title as HTML; `opened` shows the folded parts."""
+        """Return all of the fit's page below its title as HTML; `opened` shows the folded parts."""
         side = drawing(
             self.tests[0], self.fit.solver, "at the deepest point", assumed_inputs(self.fit.curves)
         )

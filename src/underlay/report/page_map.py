@@ -67,7 +67,7 @@ class MapPage:
 
     @cached_property
     def sites(self) -> pd.DataFrame:
-        """The table without the curves that a person refused by hand."""
+        """The map's table, a row per curve, without the curves that a person refused by hand."""
         return maps.without_refused(self.whole)
 
     @cached_property

@@ -55,7 +55,7 @@ class PosteriorPage:
         return document(f"{self._name()}: posterior of an indentation test", head, self.sheet(opened=opened))
 
     def sheet(self, *, opened: bool = False) -> str:
-        """Return all of the page below its title as HTML; `opened` shows the folded parts."""
+        """Return all of the posterior's page below its title as HTML; `opened` shows the folded parts."""
         post = self.posterior
         answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
         facts = [f"{path.name} · SHA-256 {sha256_of(path)}" for path in self.files]

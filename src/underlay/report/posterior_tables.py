@@ -66,7 +66,7 @@ def _span(low: float, high: float, kind: str) -> str:
 
 
 def prior_table(posterior: Posterior) -> pd.DataFrame:
-    """Return 95 % intervals of each parameter before and after the data, and how much they narrowed, as text."""
+    """Return 95 % intervals of each parameter before and after the data, and by how much they narrowed (text)."""
     rows = []
     for name, row in posterior.prior_comparison().iterrows():
         kind = kind_of(str(name))

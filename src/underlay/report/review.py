@@ -309,9 +309,9 @@ def _card(
 def _fitted(
     row: Mapping[Any, Any], curve: Curve, base: Scene, solver: Solver, file: SceneFile | None
 ) -> tuple[Small, float]:
-    """Return depth, force and fit of a fitted curve, and its misfit relative to the range of the force.
+    """Return depth, force and fit of a curve to draw, and its misfit relative to the range of the force.
 
-    The misfit is the root mean square of the residuals' means over 20 pieces of the curve.
+    The misfit is the root mean square, over 20 pieces of the curve, of the mean residual of a piece.
     """
     values = {
         path: float(row[path])

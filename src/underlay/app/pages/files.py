@@ -38,7 +38,7 @@ class FilesStep(Step):
         return str(len(self.analysis.folder.curve_files()) or "")
 
     def build(self) -> None:
-        """Build the upload area, the list of files, and an empty column for the selected file."""
+        """Build the upload area, the list of uploaded files, and an empty column for the selected one."""
         with ui.row().classes("columns"):
             with ui.column().classes("side"):
                 self._upload = (

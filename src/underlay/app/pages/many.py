@@ -178,7 +178,7 @@ class PopulationPart:
             ).tooltip("Mean over animals with its interval, spread between and within them, and a box plot")
 
     async def show(self, told: Overview) -> None:
-        """Offer the labels that the map has, and show the stored population."""
+        """Offer the map's columns of labels as units and groups, and show the stored population."""
         self._fitted.set_visibility(bool(told.sheet))
         before = await self._window.try_to(self._window.analysis.quick, "together")
         found, is_new = before if isinstance(before, tuple) else (None, True)

@@ -109,9 +109,10 @@ def _measured(result: Fit, curve: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _jumps(panel: Axes, law: ContactLaw, compliance: float, metre: float, newton: float) -> None:
-    """Draw arrows for the jump out of contact and the jump into it, at given depth, given load and as measured.
+    """Draw arrows for the jumps out of contact and into it.
 
-    `compliance` (m/N) is that of the instrument; `metre` and `newton` are the units of the axes in SI.
+    They are drawn for a given depth, a given load and, in between, this instrument with its `compliance` (m/N).
+    `metre` and `newton` are the units of the axes in SI.
     """
     held = [("depth given", 0.0, REFERENCE), ("load given", np.inf, ACCENT)]
     if compliance:
