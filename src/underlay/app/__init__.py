@@ -1,1 +1,1 @@
-"""`underlay app`: the browser page. It computes nothing itself: it calls what the command line calls."""
+"""`underlay app`: the browser page. It computes nothing itself: it calls the same functions as the commands."""

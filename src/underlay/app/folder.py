@@ -2,13 +2,12 @@
 
 ::
 
-    scene.toml       what was tested, what is fitted, which curve is looked at: `underlay fit --scene`
-    curves/          the files that were brought, unchanged
-    decisions.csv    which curves were set aside by hand, and why
-    results/         what was found, so that a reopened analysis shows it again
+    scene.toml       the test, what is fitted, and the selected curve: for `underlay fit --scene`
+    curves/          the files that the user uploaded, unchanged
+    decisions.csv    curves that were accepted or refused by hand, with reasons
+    results/         results, so that a reopened analysis shows them again
 
-Every file is written whole or not at all, and every name in it is made here: nothing that a page says is a
-path.
+Every file is written whole or not at all. Names of files are made here: no text from the browser is used as a path.
 """
 
 from __future__ import annotations
@@ -83,25 +82,25 @@ class AnalysisFolder:
 
     @property
     def name(self) -> str:
-        """Name of the folder, by which the page is found again."""
+        """Name of the folder, which is also part of the analysis' address in the browser."""
         return self.path.name
 
     @property
     def scene(self) -> Path:
-        """The scene file."""
+        """Path of the scene file."""
         return self.path / "scene.toml"
 
     @property
     def decisions(self) -> Path:
-        """What was accepted and refused by hand."""
+        """Path of the CSV with the curves accepted and refused by hand."""
         return self.path / "decisions.csv"
 
     def curve_files(self) -> list[Path]:
-        """Every file that was brought, by name."""
+        """Return the paths of all uploaded files, sorted."""
         return sorted(path for path in self.curves.iterdir() if path.is_file() and path.name[0] != ".")
 
     def curve_file(self, name: str) -> Path:
-        """The file of that name.
+        """Return the path of the uploaded file of that name.
 
         Raises
         ------
@@ -114,7 +113,9 @@ class AnalysisFolder:
         raise InputError(f"there is no curve {one_line(name, 80)!r} in this analysis")
 
     def add_curve(self, name: str, content: bytes) -> Path:
-        """Keep a file that was brought, under its own name where that is free and harmless.
+        """Store an uploaded file, under its own name where that is free and safe; return its path.
+
+        A file with the same content is not stored twice.
 
         Raises
         ------
@@ -140,47 +141,51 @@ class AnalysisFolder:
         return write_atomic(target, content)
 
     def remove_curve(self, name: str) -> None:
-        """Forget a file that was brought."""
+        """Delete an uploaded file."""
         self.curve_file(name).unlink()
 
     def scene_text(self) -> str:
-        """Text of the scene file, empty where there is none."""
+        """Return the text of the scene file; empty where there is none."""
         return read_text(self.scene, _TEXT) if self.scene.exists() else ""
 
     def write_scene(self, text: str) -> None:
-        """Keep the scene file."""
+        """Write the scene file."""
         write_atomic(self.scene, text)
 
     def result(self, name: str) -> Path:
-        """Where a result is kept.
+        """Return the path for a result of that file name.
 
         Raises
         ------
         InputError
-            If the name leads elsewhere.
+            If the name is no plain file name of the folder.
         """
         if name[:1] in ("", ".") or re.search(r"[/\\\0]", name):
             raise InputError(f"a result has a plain name; got {one_line(name, 80)!r}")
         return self.results / name
 
     def read_result(self, name: str) -> bytes | None:
-        """Content of a result, None where there is none."""
+        """Return the content of a result file; None where there is none."""
         path = self.result(name)
         return read_bytes(path, _ANY) if path.is_file() else None
 
     def result_files(
         self, stem: str, suffixes: Collection[str], made_by: Collection[str] = tuple(RESULTS)
     ) -> list[Path]:
-        """Results of a curve with these endings, by name; of some of `RESULTS` only where `made_by` says so."""
+        """Return the result files of a curve, sorted, with one of these suffixes (``".csv"``).
+
+        `made_by` limits them to files of some of the jobs in `RESULTS`: ``"found"`` (fit), ``"sampled"``,
+        ``"film"``.
+        """
         words = [word for made in made_by for word in RESULTS[made]]
         names = {f"{stem}.{word}{suffix}" for word in words for suffix in suffixes}
         return sorted(path for path in self.results.iterdir() if path.name in names)
 
 
 def stem_of(name: str, test: object = None) -> str:
-    """Return the beginning of the names of the results of a curve: its file, and its test where one is named.
+    """Return the common beginning of the names of a curve's result files: its file name and, if given, its test.
 
-    No two curves have the same: the ending of the file is in it, and no file that was brought has a ``~``.
+    No two curves share one: the suffix of the file is part of it, and uploaded files have no ``~`` in their names.
 
     Examples
     --------
@@ -191,7 +196,7 @@ def stem_of(name: str, test: object = None) -> str:
 
 
 def safe_name(name: str) -> str:
-    """Return the name of a file without what could lead elsewhere.
+    """Return a file name without folders, hidden-file dots, or characters special to a shell or a spreadsheet.
 
     Examples
     --------
@@ -205,25 +210,25 @@ def safe_name(name: str) -> str:
 
 
 def _cut(text: str, most: int) -> str:
-    """The beginning of a text that takes no more bytes."""
+    """Return the longest beginning of a text that takes at most that many bytes in UTF-8."""
     return text.encode("utf-8", "replace")[:most].decode("utf-8", "ignore")
 
 
 def analyses(home: Path) -> list[str]:
-    """Names of the analyses kept in a folder, the latest first."""
+    """Return the names of the analyses in a folder, the most recently changed first."""
     found = [path for path in home.iterdir() if _NAME.fullmatch(path.name) and (path / "curves").is_dir()]
     return [path.name for path in sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)]
 
 
 def described(analysis: Path) -> str:
-    """How many curves an analysis holds, and when it was worked on last."""
+    """Describe an analysis in a line: number of curves, and day and time of its last change."""
     count = sum(1 for path in (analysis / "curves").iterdir() if path.is_file())
     day = time.strftime("%d %b %H:%M", time.localtime(analysis.stat().st_mtime))
     return f"{count} curve{'' if count == 1 else 's'}, {day}"
 
 
 def new_analysis(home: Path) -> AnalysisFolder:
-    """Make the folder of a new analysis, named by day and number."""
+    """Make the folder of a new analysis in `home`, named by day and number: ``2026-03-01-1``."""
     day, number = time.strftime("%Y-%m-%d"), 1
     while (home / f"{day}-{number}").exists():
         number += 1
@@ -231,12 +236,15 @@ def new_analysis(home: Path) -> AnalysisFolder:
 
 
 def keep(folder: AnalysisFolder, stem: str, shown: Any) -> None:
-    """Write what the page shows, a dataclass of plain values, among the results under `stem` and its class."""
+    """Write a result that the page shows, a dataclass of plain values, as JSON.
+
+    The file is named by `stem` and the class of `shown`.
+    """
     write_atomic(folder.result(_name(stem, type(shown))), json.dumps(asdict(shown), indent=1))
 
 
 def kept(folder: AnalysisFolder, stem: str, kind: type[_Shown]) -> _Shown | None:
-    """Read what `keep` wrote for this class; None where nothing was, or the file is not what was written."""
+    """Read the result of this class that `keep` wrote; None where there is none or the file is not valid."""
     path = folder.result(_name(stem, kind))
     if not path.is_file():
         return None
@@ -248,7 +256,7 @@ def kept(folder: AnalysisFolder, stem: str, kind: type[_Shown]) -> _Shown | None
 
 
 def is_kept(folder: AnalysisFolder, stem: str, kind: type[object]) -> bool:
-    """Whether `keep` wrote this class for this curve."""
+    """Whether `keep` wrote a result of this class under this stem."""
     return folder.result(_name(stem, kind)).is_file()
 
 

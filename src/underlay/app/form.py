@@ -1,9 +1,9 @@
 """The form of a scene, made from the declarations that check a scene file.
 
-There is no second list of its keys: here stand only what the form calls its parts (`ADVANCED`, `BASES`) and
-which keys stand elsewhere on the page (`ELSEWHERE`). A `Draft` is a scene file on its way: sections, keys and
-the texts that stand for them. It knows no physics: what may stand where is said by `scene_keys`, and whether
-a whole is possible by `read_scene_file`.
+There is no second list of its keys: this module only names the parts of the form (`ADVANCED`, `BASES`) and the keys
+that are elsewhere on the page (`ELSEWHERE`). A `Draft` is a scene file that is being edited: its sections and keys,
+with values as text. It knows no physics: `scene_keys` declares what a key may hold, and `read_scene_file` whether
+the whole is a valid scene.
 """
 
 from __future__ import annotations
@@ -110,20 +110,20 @@ _MISSING = re.compile(r"^scene\.toml: \[([\w.]+)\] needs '(\w+)'$")
 
 @dataclass(frozen=True)
 class Field:
-    """One line of the form.
+    """One line of the form: a key of the scene file with its present value.
 
     Parameters
     ----------
     section : str
-        With its index, where there are several: ``"substrate.layers[0]"``.
+        Section of the scene file, with an index where there are several: ``"substrate.layers[0]"``.
     key : SceneKey
-        Its declaration.
+        Declaration of the key.
     text : str
-        What stands there now; empty for nothing.
+        Its present value as text; empty for none.
     assumed : bool
-        Whether it is a usual number that nobody touched or confirmed.
+        Whether the value is a usual one that the user neither entered nor confirmed.
     is_missing : bool
-        Whether the test is not complete without it.
+        Whether the scene is incomplete without it.
     """
 
     section: str
@@ -134,40 +134,40 @@ class Field:
 
     @property
     def path(self) -> str:
-        """By which the rest of the program knows it."""
+        """Path of the parameter, such as ``"layer.E"``."""
         return self.key.name if self.section == TOP else f"{self.section}.{self.key.name}"
 
     @property
     def label(self) -> str:
-        """What it is called."""
+        """Name of the field for people, capitalised."""
         words = label(self.path) if self.key.kind else self.key.name
         return start(self.key.name if words == self.path else words).replace("_", " ")
 
     @property
     def help(self) -> str:
-        """What it is, for whom the mouse rests on it; of a tip from outside what that declares."""
+        """Help text of the field: of ``help.toml`` where it has one, else the meaning that the key declares."""
         known, section = _HELP["test"], _INDEX.sub("", self.section)
         own = (f"{section}.{self.key.name}", self.key.name)
         return next((known[name] for name in own if name in known), self.key.meaning)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Units that may be picked; one empty text for a bare number."""
+        """Units to choose from; an empty string for a dimensionless number."""
         return KINDS[self.key.kind].units if self.key.kind else ()
 
     @property
     def required(self) -> bool:
-        """Whether the section needs it."""
+        """Whether the key has no default, so that the section needs it."""
         return not self.key.default
 
 
 class Draft:
-    """A scene file on its way: sections, keys, and texts that need not be complete or right yet.
+    """A scene file that is being edited: its values may be incomplete or wrong.
 
     Parameters
     ----------
     document : mapping
-        As TOML reads it.
+        Sections and keys as TOML reads them.
     """
 
     def __init__(self, document: Mapping[str, Any]) -> None:
@@ -177,7 +177,7 @@ class Draft:
 
     @classmethod
     def of(cls, text: str) -> Draft:
-        """Read the text of a scene file.
+        """Make a draft from the text of a scene file.
 
         Raises
         ------
@@ -188,13 +188,13 @@ class Draft:
             return cls(parse_toml(text))
 
     def text(self) -> str:
-        """Text of the scene file."""
+        """Return the scene file as TOML text."""
         # A key before all sections: TOML has no other place for it.
         whole = {"assumed": [], **self.document} | {"assumed": self.assumed}
         return document_text({key: value for key, value in whole.items() if value not in ({}, [])})
 
     def table(self, section: str) -> dict[str, Any]:
-        """The keys of a section, made if absent; those before any section under `TOP`."""
+        """Return the keys of a section, made if absent; section `TOP` holds the keys above all sections."""
         table = self.document
         for part in () if section == TOP else section.split("."):
             index, name = _INDEX.search(part), _INDEX.sub("", part)
@@ -205,14 +205,14 @@ class Draft:
         return table
 
     def get(self, section: str, key: str) -> str:
-        """What stands at a key, as text; empty for nothing."""
+        """Return the value at a key as text; empty for none."""
         value = self.peek(section).get(key, "")
         if isinstance(value, bool):
             return "true" if value else "false"
         return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
 
     def put(self, section: str, key: SceneKey, text: str) -> None:
-        """Write a text at a key, which is nobody's assumption from then on; an empty one removes the key."""
+        """Set a key from text and mark it as entered by the user; an empty text removes the key."""
         self.confirm(key.name if section == TOP else f"{section}.{key.name}")
         if not text.strip():
             self._take_out(section, key.name)
@@ -228,7 +228,10 @@ class Draft:
             table[key.name] = _value(text.strip(), key.kind)
 
     def _take_out(self, section: str, name: str) -> None:
-        """Remove a key, and an inner section of which nothing is left: an empty one would be no relaxation."""
+        """Remove a key, and its section where it is nested and now empty.
+
+        An empty section ``[layer.relaxation]``, for example, would be invalid.
+        """
         table = self.peek(section)
         table.pop(name, None)
         above, _, last = section.rpartition(".")
@@ -236,7 +239,11 @@ class Draft:
             self.peek(above).pop(last, None)
 
     def fields(self, section: str) -> list[Field]:
-        """The lines of a section, of the variant that it has now."""
+        """Return the lines of the form for a section.
+
+        Of keys that depend on a choice, such as the shape of the tip, only those of the present choice are
+        included.
+        """
         declared = [key for key in scene_keys() if key.section == _INDEX.sub("", section)]
         chosen_by = _CHOSEN_BY.get(section)
         variant = self.get(section, chosen_by) if chosen_by else ""
@@ -255,13 +262,13 @@ class Draft:
 
     @property
     def base(self) -> str:
-        """Which of the bases lies under the layer."""
+        """Key of `BASES` for what lies under the layer: ``"rigid"``, ``"elastic"`` or ``"none"``."""
         if "substrate" not in self.document:
             return "none"
         return "rigid" if self.peek("substrate").get("rigid") else "elastic"
 
     def choose_base(self, base: str) -> None:
-        """Put another base under the layer; layers between stay unless there is none."""
+        """Change what lies under the layer; intermediate layers are kept, except for ``"none"``."""
         between = self.peek("substrate").get("layers")
         self.document.pop("substrate", None)
         if base == "none":
@@ -274,12 +281,12 @@ class Draft:
 
     @property
     def between(self) -> list[str]:
-        """Sections of the layers between the one on top and the base."""
+        """Sections of the layers between the top layer and the base."""
         layers = self.peek("substrate").get("layers") or []
         return [f"substrate.layers[{number}]" for number in range(len(layers))]
 
     def add_layer(self) -> None:
-        """Put one more layer over the base."""
+        """Add a layer directly over the base, with values copied from the top layer and marked as assumed."""
         above = self.peek("layer")
         self.table("substrate").setdefault("layers", []).append(
             {
@@ -291,7 +298,7 @@ class Draft:
         self._assume([*self.assumed, *(f"{self.between[-1]}.{name}" for name in ("E", "nu", "thickness"))])
 
     def remove_layer(self, section: str) -> None:
-        """Take a layer out."""
+        """Remove the intermediate layer of that section."""
         there, assumed = self.between, self.assumed
         left = [name for name in there if name != section]
         self.table("substrate")["layers"] = [self.peek(name) for name in left]
@@ -307,7 +314,7 @@ class Draft:
             self.table("substrate").pop("layers")
 
     def set_axial(self, section: str, *, axial: bool) -> None:
-        """Make a material transversely isotropic, or isotropic again."""
+        """Make the material of a section transversely isotropic (`axial`), or isotropic again."""
         table = self.table(section)
         for name in (*_AXIAL, _RATIO):
             table.pop(name, None)
@@ -318,12 +325,12 @@ class Draft:
 
     @property
     def free(self) -> dict[str, dict[str, Any]]:
-        """What is fitted, by path, with its bounds and prior as texts."""
+        """Fitted parameters by path, each with its bounds and prior as texts."""
         free: dict[str, dict[str, Any]] = self.document["fit"]
         return free
 
     def peek(self, section: str) -> dict[str, Any]:
-        """The keys of a section as they are; none where there is no such section."""
+        """Return the keys of a section without making it; empty where there is no such section."""
         table: Any = self.document
         for part in () if section == TOP else section.split("."):
             index, name = _INDEX.search(part), _INDEX.sub("", part)
@@ -334,30 +341,34 @@ class Draft:
 
     @property
     def assumed(self) -> list[str]:
-        """Paths of numbers that stand in the test and nobody entered or confirmed."""
+        """Paths of the values that the user neither entered nor confirmed."""
         there = [(path, *path.rpartition(".")) for path in self.document.get("assumed", [])]
         return [path for path, section, _, name in there if self.get(section, name)]
 
     @property
     def assumptions(self) -> list[str]:
-        """Those of them that the fit takes as they stand: what is fitted only starts there."""
+        """Assumed values that are held fixed in the fit; a fitted parameter only starts at its value."""
         return [path for path in self.assumed if path not in self.free]
 
     @property
     def missing(self) -> list[str]:
-        """What the test is not complete without, in words."""
+        """Names for people of the values without which the scene is incomplete."""
         fields = [field for section in ("indenter", "layer") for field in self.fields(section)]
         return [label(field.path) for field in fields if field.is_missing]
 
     def confirm(self, path: str) -> None:
-        """Take a number for the user's own."""
+        """Mark the value at a path as the user's own, no longer assumed."""
         self._assume(known for known in self.assumed if known != path)
 
     def _assume(self, paths: Iterable[str]) -> None:
         self.document["assumed"] = list(dict.fromkeys(paths))
 
     def _is_missing(self, section: str, key: SceneKey) -> bool:
-        """Whether nothing stands where something must; the file of a curve may know the tip."""
+        """Whether a required number of indenter or layer has no value.
+
+        The curve's file may still state the tip's radius. The layer's thickness is required unless there is no
+        base.
+        """
         needed = not key.default or (section == "layer" and key.name == "thickness" and self.base != "none")
         return (
             needed and bool(key.kind) and not self.get(section, key.name) and section in ("indenter", "layer")
@@ -371,19 +382,19 @@ class Draft:
 
 
 def help_of(name: str) -> str:
-    """Return what a field of the page is, which is none of a test's, by its mark."""
+    """Return the help text of a field of the page by its name, for fields that are no key of the scene file."""
     return _HELP["page"].get(name) or _HELP["test"][name]
 
 
 def draft_from(text: str, files: Collection[str]) -> Draft:
-    """Return the scene of a text.
+    """Return the draft of a scene file's text, with its curve looked up among the analysis' own files.
 
     Parameters
     ----------
     text : str
-        Of a scene file.
+        Text of a scene file.
     files : collection of str
-        Names of the curves of the analysis; the scene may look at no other file.
+        Names of the curve files of the analysis; the scene may name no other.
 
     Raises
     ------
@@ -403,9 +414,9 @@ def draft_from(text: str, files: Collection[str]) -> Draft:
 
 
 def empty() -> Draft:
-    """Return the form as it begins: what only the user knows, radius, thickness and Poisson's ratio, is not there.
+    """Return the draft of a new analysis, without the values that only the user knows: radius, thickness, nu.
 
-    The layer's modulus is where a search starts, which the data then decide.
+    The layer's modulus is only the starting value of the fit.
     """
     return Draft(
         {
@@ -420,12 +431,12 @@ def empty() -> Draft:
 
 
 def preset(name: str) -> Draft:
-    """Return one of the tests to begin with, by the name of its file in ``presets``."""
+    """Return the draft of one of the prepared tests (`PRESETS`), by the name of its file in ``presets``."""
     return Draft.of(read_text(_FOLDER / f"{name}.toml", _KIND))
 
 
 def apart(text: str, units: tuple[str, ...]) -> tuple[str, str]:
-    """Return the number and the unit of a text; the middle one of `units` where it has none.
+    """Split a text into number and unit; where it has no unit, the middle one of `units` is returned.
 
     Examples
     --------
@@ -440,7 +451,7 @@ def apart(text: str, units: tuple[str, ...]) -> tuple[str, str]:
 
 
 def problem_with(text: str, key: SceneKey) -> str:
-    """Return what is wrong with a text for a key, in one sentence; empty if nothing is."""
+    """Return what is wrong with the text entered for a key, in one sentence; empty if it is valid."""
     if not text.strip():
         return ""
     if wrong := comma_problem(text) if key.kind or key.name in _ENDS else "":
@@ -464,7 +475,7 @@ def problem_with(text: str, key: SceneKey) -> str:
 
 
 def in_the_form(message: str) -> str:
-    """Return a message about a scene file in the words of the form.
+    """Rewrite a message about a scene file for users of the form; any other message is returned as it is.
 
     Examples
     --------
@@ -478,12 +489,12 @@ def in_the_form(message: str) -> str:
 
 
 def _parts(text: str) -> list[str]:
-    """What stands between commas; ``"0.4,"`` is a list of one."""
+    """Split a text at its commas; ``"0.4,"`` is a list of one."""
     return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def _value(text: str, kind: str) -> Any:
-    """A bare number for a dimensionless quantity, which a file writes without quotes."""
+    """Return a dimensionless number as a float, as a file writes it without quotes; any other value as text."""
     found = _AMOUNT.fullmatch(text)
     return float(found[1]) if kind == "dimensionless" and found is not None and not found[2] else text
 
@@ -495,7 +506,7 @@ def _parts_of(assumed: Any) -> list[Any]:
 
 
 def _flat(fit: Any) -> dict[str, dict[str, Any]]:
-    """What is fitted by whole paths, however the file nests them."""
+    """Return the entries of the section ``[fit]`` by full path, however the file nests them."""
     if not isinstance(fit, Mapping):
         raise InputError("[fit] must be a section")
     return {path: dict(entry) for path, entry in entries(fit)}

@@ -1,7 +1,7 @@
-"""Thickness of a map from its contact heights: how much deeper the tip met the bare substrate beside the sample.
+"""Layer thickness at each site of a map, from contact heights on the sample and on the bare substrate beside it.
 
-All curves must count depth from one zero, as a piezo or a stage does that stays where it is: then the height of a
-contact is a place in space, and two of them differ by the thickness.
+All curves must count depth from one common zero, as for a piezo or stage that is not moved in between. Then the
+depth reading of a contact is a height in space, and two of them differ by the thickness.
 """
 
 from __future__ import annotations
@@ -30,24 +30,25 @@ _LEAST_SINE = 0.017
 
 
 def thickness_from_heights(folder: AnalysisFolder, file: SceneFile, begins: str) -> str:
-    """Write the thickness under every curve into the labels, from how deep the bare substrate was met elsewhere.
+    """Write the layer thickness under every curve into the manifest, from contacts with the bare substrate.
 
-    The substrate is the plane through at least three curves on it where all curves have positions, else level. What
-    is said of an error is of the contact points alone.
+    The surface of the substrate is a plane through the contacts of at least three curves on it, if all curves have
+    positions and these are not on a line; otherwise it is taken as level. The stated error includes the contact
+    points alone.
 
     Parameters
     ----------
     folder : AnalysisFolder
-        The curves, and their positions where labels or files give some.
+        Holds the curves, and their positions where labels or files give some.
     file : SceneFile
-        How curves are read; the contact model shapes the foot of those on the sample.
+        How curves are read; its contact model is used to find the contact point of curves on the sample.
     begins : str
         Beginning of the names of the curves on the bare substrate.
 
     Returns
     -------
     str
-        What was found, in a sentence.
+        A sentence on the thicknesses found, for the page.
 
     Raises
     ------
@@ -98,7 +99,11 @@ def thickness_from_heights(folder: AnalysisFolder, file: SceneFile, begins: str)
 def _contact(
     folder: AnalysisFolder, file: SceneFile, name: str, row: Mapping[str, str], *, on_sample: bool
 ) -> tuple[float, float, tuple[float, ...]]:
-    """Height of a contact on the axis of the instrument, its standard uncertainty, and where it is (m)."""
+    """Return the height of a contact, its standard uncertainty, and its position (x, y), all in m.
+
+    The height is the depth reading from the zero that all curves share. The position comes from the labels, else
+    from the file; it is empty where neither has one.
+    """
     curve = read_whole(file, folder.curve_file(name))
     found = find_contact(curve, scene=file.draft if on_sample else None)
     labels = {
@@ -118,7 +123,10 @@ def _contact(
 
 
 def _terms(places: list[tuple[float, ...]], bare: np.ndarray) -> FloatArray:
-    """Columns of what the height of the substrate is made of: one, and x and y where they span a plane."""
+    """Return the design matrix (curves, 1 or 3) of the substrate's height: a constant and, for a plane, x and y.
+
+    `bare` marks the curves on the substrate; a plane needs at least three of them that are not on a line.
+    """
     level = np.ones((len(places), 1))
     # A plane has three corners.
     if bare.sum() < 3 or not all(places):

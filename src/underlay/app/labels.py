@@ -1,8 +1,7 @@
-"""Labels of the curves, such as animal and group, and the commas that people type.
+"""Labels of the curves, such as animal and group, and checks of the commas that people type.
 
-The labels are kept in a manifest of plain text, which `underlay map --manifest` reads as it is. A comma may
-stand between numbers or in one: what can be taken in two ways is found by `comma_problem` and refused by
-`pairs_of`.
+The labels are stored in a manifest of plain text, which `underlay map --manifest` reads as it is. A comma may
+separate numbers or be part of one: `comma_problem` finds ambiguous ones, and `pairs_of` refuses them.
 """
 
 from __future__ import annotations
@@ -43,7 +42,9 @@ _MOST_COLUMNS, _LONGEST = 200, 80
 
 
 def comma_problem(text: str, *, may_list: bool = True) -> str:
-    """Return what is wrong with the commas of a number, or of a list of numbers; empty if nothing is.
+    """Return what is wrong with the commas in a number, or a list of numbers; empty if nothing is.
+
+    Without `may_list`, any comma is wrong.
 
     Examples
     --------
@@ -62,12 +63,12 @@ def comma_problem(text: str, *, may_list: bool = True) -> str:
 
 
 def pairs_of(text: str) -> dict[str, str]:
-    """Return names and values of a text such as ``"depth = h (nm), force = F (mN)"``.
+    """Parse name and value pairs from a text such as ``"depth = h (nm), force = F (mN)"``.
 
     Raises
     ------
     InputError
-        If a part of it has no ``=``, or a number a comma: nothing is left out without a word.
+        If a part has no ``=``, or a number contains a comma.
     """
     wrong = comma_problem(text)
     if wrong:
@@ -85,7 +86,7 @@ def pairs_of(text: str) -> dict[str, str]:
 
 
 def read_labels(folder: AnalysisFolder) -> dict[str, dict[str, str]]:
-    """Cells of the manifest by file and column; a row for every curve, also where there is no manifest."""
+    """Return the cells of the manifest by file and column; every curve has a row, even without a manifest."""
     rows: dict[str, dict[str, str]] = {path.name: {} for path in folder.curve_files()}
     path = folder.path / "manifest.csv"
     if not path.exists():
@@ -102,13 +103,13 @@ def read_labels(folder: AnalysisFolder) -> dict[str, dict[str, str]]:
 
 
 def curves_on_sample(folder: AnalysisFolder) -> list[Path]:
-    """Files of the curves that are on the sample, none beside it."""
+    """Return the files of all curves except those marked as being on the bare substrate."""
     rows = read_labels(folder)
     return [path for path in folder.curve_files() if not rows[path.name].get(BARE)]
 
 
 def label_columns(folder: AnalysisFolder) -> list[str]:
-    """Names of the columns that some curve has a label in."""
+    """Return the columns of the manifest in which some curve has a label."""
     rows = read_labels(folder).values()
     return [
         name
@@ -118,7 +119,9 @@ def label_columns(folder: AnalysisFolder) -> list[str]:
 
 
 def set_label(folder: AnalysisFolder, files: list[str], column: str, label: str) -> None:
-    """Give curves a label; where any curve has one, those without are called by their own name.
+    """Set a label of curves in one column.
+
+    Where any curve has a label in it, curves without one get their file name as label.
 
     Raises
     ------
@@ -135,7 +138,7 @@ def set_label(folder: AnalysisFolder, files: list[str], column: str, label: str)
 
 
 def take_manifest(folder: AnalysisFolder, content: bytes) -> None:
-    """Keep a manifest that was brought; `fit_many` checks it against the curves.
+    """Store an uploaded manifest (CSV); `fit_many` checks it against the curves.
 
     Raises
     ------
@@ -151,7 +154,7 @@ def take_manifest(folder: AnalysisFolder, content: bytes) -> None:
 
 
 def write_labels(folder: AnalysisFolder, rows: dict[str, dict[str, str]]) -> None:
-    """Keep the cells of every curve, by file and column, as a manifest; none where no cell says anything."""
+    """Write the cells of every curve, by file and column, as a manifest; delete it where all cells are empty."""
     columns = list(dict.fromkeys(name for row in rows.values() for name in row))
     used = [name for name in columns if any(row.get(name) for row in rows.values())]
     path = folder.path / "manifest.csv"

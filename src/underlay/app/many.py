@@ -1,4 +1,4 @@
-"""Many curves: the map, decisions on single curves, and the population, by calls of the library."""
+"""Many curves on the page: the map, decisions by hand on single curves, and the population."""
 
 from __future__ import annotations
 
@@ -50,16 +50,16 @@ _TOGETHER = "population"
 
 
 def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
-    """Fit every curve of an analysis, and keep table, scene and journal among its results.
+    """Fit every curve of an analysis and write table, scene and journal among its results.
 
-    With the same files, labels and scene nothing is done again, and a run that was stopped goes on.
+    With the same files, labels and scene nothing is fitted again, and an interrupted run continues.
 
     Parameters
     ----------
     folder : AnalysisFolder
         The analysis.
     tell : callable
-        Given a `Progress` on the way.
+        Called with a `Progress` during the run.
     """
     text = _scene_of_all(folder)
     of = _fingerprint(folder, text)
@@ -92,7 +92,7 @@ def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
 
 
 def overview(folder: AnalysisFolder) -> Overview:
-    """The page of the map; empty where there is none."""
+    """Return the summary of the map for the page; an empty one where no map was made."""
     if not (folder.results / "map.csv").is_file():
         return Overview()
     table = judged_table(folder)
@@ -108,7 +108,10 @@ def overview(folder: AnalysisFolder) -> Overview:
 
 
 def _sites(table: pd.DataFrame) -> tuple[tuple[tuple[str, float, float], ...], Canvas | None]:
-    """Names and places of the curves, and the map of the first number to draw regions on; nothing without both."""
+    """Return name, x and y (m) of the curves, and a map of the first parameter on which regions can be drawn.
+
+    Empty and None where curves have no positions or nothing of the sample was fitted.
+    """
     columns = columns_to_draw(table)
     if not columns:
         return (), None
@@ -120,14 +123,14 @@ def _sites(table: pd.DataFrame) -> tuple[tuple[tuple[str, float, float], ...], C
 
 
 def map_is_old(folder: AnalysisFolder) -> bool:
-    """Whether files, labels or the test were changed since the map was begun; False where there is none."""
+    """Whether files, labels or scene were changed since the map was fitted; False where there is none."""
     if not (folder.results / "map.csv").is_file():
         return False
     return folder.read_result("map.of.txt") != _fingerprint(folder, _scene_of_all(folder)).encode()
 
 
 def judged_table(folder: AnalysisFolder) -> pd.DataFrame:
-    """Return the table of the map with what was decided by hand, and keep it as ``judged.csv``.
+    """Return the table of the map with the decisions by hand applied, and write it as ``judged.csv``.
 
     Raises
     ------
@@ -143,7 +146,7 @@ def judged_table(folder: AnalysisFolder) -> pd.DataFrame:
 
 
 def gallery(folder: AnalysisFolder, page: int) -> Gallery:
-    """Return one page of the curves, worst first, with what was decided of them."""
+    """Return one page (from 0) of the gallery of curves, worst first, with the decisions by hand."""
     if not (folder.results / "map.csv").is_file():
         return Gallery()
     cards, decided = _cards(folder), _decisions(folder).by_curve
@@ -155,14 +158,14 @@ def gallery(folder: AnalysisFolder, page: int) -> Gallery:
 
 
 def decide(folder: AnalysisFolder, names: Sequence[str], word: str, reason: str) -> None:
-    """Keep a decision on curves, on the disk when this returns.
+    """Store a decision by hand on curves; it is on the disk when this returns.
 
     Parameters
     ----------
     names : sequence of str
-        Curves, as the table of the map calls them.
+        Names of curves as in the table of the map.
     word : str
-        ``"accept"`` or ``"refuse"``; an empty one takes a decision back.
+        ``"accept"`` or ``"refuse"``; an empty one withdraws a decision.
     reason : str
         Why; a refusal needs one.
 
@@ -186,14 +189,14 @@ def decide(folder: AnalysisFolder, names: Sequence[str], word: str, reason: str)
 
 
 def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
-    """Say what the curves that were not refused tell of a population, and keep it.
+    """Estimate the population mean from the curves that were not refused, and store the result.
 
     Parameters
     ----------
     folder : AnalysisFolder
         The analysis, with a map.
     by : str
-        Column of the label by which curves belong together, such as the animal; empty for none.
+        Column that names the unit a curve belongs to, such as the animal; empty for none.
     group : str
         Column of the groups that are compared; empty for none.
 
@@ -212,7 +215,7 @@ def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
 
 
 def population_before(folder: AnalysisFolder) -> tuple[Together | None, bool]:
-    """The population that was told before, and whether map and decisions are still those it is of."""
+    """Return the stored population, if any, and whether map and decisions are unchanged since."""
     before = kept(folder, _TOGETHER, Together)
     return before, before is not None and before.of == _judged(folder)
 
@@ -225,14 +228,17 @@ def _parameter(folder: AnalysisFolder) -> str:
 
 
 def _decisions(folder: AnalysisFolder) -> Decisions:
-    """What was decided of curves that are in the map now."""
+    """Return the stored decisions by hand; none where there is no file."""
     if not folder.decisions.exists():
         return Decisions({})
     return read_decisions(folder.decisions)
 
 
 def _scene_of_all(folder: AnalysisFolder) -> str:
-    """The scene without what is of one curve only: its file, its range, its contact point."""
+    """Return the scene's text for all curves: without file, depth range and contact point of the selected curve.
+
+    The contact point is fitted for every curve.
+    """
     draft = Draft.of(folder.scene_text())
     for key in ("file", "test", "min_depth", "max_depth"):
         draft.table("curve").pop(key, None)
@@ -242,7 +248,7 @@ def _scene_of_all(folder: AnalysisFolder) -> str:
 
 
 def _manifest(folder: AnalysisFolder) -> Path | None:
-    """What is known of the curves of the map: the manifest, without rows of curves that are none of it."""
+    """Return the manifest of the map's curves; where some are on the bare substrate, one without their rows."""
     path = folder.path / "manifest.csv"
     rows = read_labels(folder)
     if not any(row.get(BARE) for row in rows.values()):
@@ -253,7 +259,7 @@ def _manifest(folder: AnalysisFolder) -> Path | None:
 
 
 def _fingerprint(folder: AnalysisFolder, scene: str) -> str:
-    """SHA-256 of all that decides the numbers of the map: scene, labels and curves."""
+    """Return the SHA-256 of everything that determines the map: scene, labels and curves."""
     manifest = _manifest(folder)
     parts = [scene, "" if manifest is None else sha256_of(manifest)]
     parts += [f"{path.name} {sha256_of(path)}" for path in folder.curve_files()]
@@ -261,14 +267,14 @@ def _fingerprint(folder: AnalysisFolder, scene: str) -> str:
 
 
 def _judged(folder: AnalysisFolder) -> str:
-    """SHA-256 of the map and of what was decided of it."""
+    """Return the SHA-256 of the map and of the decisions by hand."""
     files = (folder.results / "map.csv", folder.decisions)
     parts = [sha256_of(path) if path.is_file() else "" for path in files]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def _cards(folder: AnalysisFolder) -> list[Card]:
-    """Every card, made once after a map and kept beside it."""
+    """Return the gallery's entries for all curves, worst first; stored once made, until the map changes."""
     path = folder.results / "map.cards.json"
     of = folder.read_result("map.of.txt") or b""
     if path.is_file():

@@ -1,6 +1,6 @@
-"""Loaded last into the process whose forks are the page's workers: what it holds is never collected.
+"""Loaded last into the process from which the page's workers are forked: freezes its objects for the collector.
 
-A collection writes into every object that it looks at, and a fork gets a copy of its own of all that is
+A garbage collection writes into every object it visits, and a fork gets its own copy of each memory page that is
 written.
 """
 

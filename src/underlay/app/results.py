@@ -1,7 +1,7 @@
-"""What was found on one curve, its posterior, or a film, as the page shows it: words, tables, pictures.
+"""Results on one curve for the page: its fit, its posterior, or the moduli of a film.
 
-All of it is kept as plain files. The posterior is sampled with progress and a stop, and its chain goes on
-from there; a film is fitted by its contact stiffness S(h), as `underlay film` does.
+All results are written as plain files. Sampling reports progress, can be stopped, and continues from its stored
+chain; a film is fitted to its contact stiffness S(h), as by `underlay film`.
 """
 
 from __future__ import annotations
@@ -40,12 +40,18 @@ _UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on fro
 
 
 def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell) -> Found:
-    """Tell the numbers of a fit, then its whole page; keep it, with the files that `underlay fit` writes.
+    """Send the numbers of a fit to the page, then all of its report; write the files that `underlay fit` writes.
 
     Parameters
     ----------
+    folder : AnalysisFolder
+        The analysis; results of an earlier fit of the curve are deleted.
     tested : Snapshot
-        What the fit began with: the form may say something else by now.
+        The scene and curve that were fitted: the form may have changed since.
+    result : Fit
+        The fit.
+    tell : callable
+        Called with a `Found` twice: with the numbers alone, then with the pictures.
     """
     for old in folder.result_files(tested.stem, (".csv", ".json", ".png"), ("found",)):
         old.unlink()
@@ -62,7 +68,7 @@ def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell
 
 
 def _exact(known: Answer) -> list[str]:
-    """The numbers that are printed of a quantity: value, ends, and ends of the statistical part."""
+    """Return value, low and high end, and the ends of the statistical part (SI), with all digits."""
     numbers = (known.value, known.low, known.high, known.statistical.low, known.statistical.high)
     return [repr(float(number)) for number in numbers]
 
@@ -70,20 +76,20 @@ def _exact(known: Answer) -> list[str]:
 def sample_posterior(
     folder: AnalysisFolder, tested: Snapshot, curve: Curve, most: int, tell: Tell
 ) -> Sampled:
-    """Sample until the chain has converged, `most` steps are done or a stop was asked for; keep what came of it.
+    """Sample until the chain has converged, `most` steps are done or a stop was asked for; write the results.
 
     Parameters
     ----------
     folder : AnalysisFolder
-        Where the chain and the posterior are kept; a chain of the same test and `most` is gone on with.
+        Where chain and posterior are written; a chain of the same test and `most` is continued.
     tested : Snapshot
         The test that is sampled.
     curve : Curve
-        Its points.
+        The points to fit.
     most : int
-        Most steps of the chain.
+        Maximum number of steps.
     tell : callable
-        Given a `Progress` on the way.
+        Called with a `Progress` during the run.
     """
     file, stem, of = tested.file, tested.stem, tested.of
     chain = folder.result(f"{stem}.chain.h5")
@@ -115,13 +121,13 @@ def sample_posterior(
 
 
 def film_rows(table: pd.DataFrame) -> tuple[Row, ...]:
-    """Rows of `underlay film`, with every parameter called by its words."""
+    """Return the rows of `film_table` with parameters called by their names for people."""
     rows = table.assign(parameter=[label(name) for name in table["parameter"]]).to_dict("records")
     return tuple({str(key): str(value) for key, value in row.items()} for row in rows)
 
 
 def film_of(folder: AnalysisFolder, tested: Snapshot, base: str, modulus: str, ends: tuple[str, str]) -> Film:
-    """Fit the contact stiffness of the curve that is looked at.
+    """Fit the moduli of a film to the contact stiffness of the selected curve.
 
     Parameters
     ----------
@@ -130,11 +136,11 @@ def film_of(folder: AnalysisFolder, tested: Snapshot, base: str, modulus: str, e
     tested : Snapshot
         The test; its indenter is a cone.
     base : str
-        File of the test on a sample of known modulus with the same tip; empty for a perfect tip.
+        File of a test on a sample of known modulus with the same tip; empty for a perfect tip.
     modulus : str
         E / (1 - nu^2) of that sample, with its unit.
     ends : (str, str)
-        Shallowest and deepest depth that count, with units.
+        Shallowest and deepest depth that are fitted, with units.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""Who may speak to the page: the browser that was given the address, on this machine, and nobody else.
+"""Access control of the page: only the browser that was given the address, on this machine, may use it.
 
-A page of another site, open in the same browser, can send requests to 127.0.0.1 as well. So every request must
-name this host (a name of another site that was made to point here does not), must not come from another origin,
-and must carry the cookie that the one-time token of the address was exchanged for.
+A page of another site, open in the same browser, can send requests to 127.0.0.1 as well. So every request must name
+this host (a foreign name that resolves to this machine is refused), must not come from another origin, and must
+carry the cookie that the one-time token of the address was exchanged for.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ _ASK = "ask for a new address where underlay app was started\n"
 
 
 class Doorkeeper:
-    """Tokens that open the door once, and the cookies they were exchanged for.
+    """One-time access tokens, and the cookies they were exchanged for.
 
     Parameters
     ----------
     hosts : iterable of str
-        What the page may be called: ``"127.0.0.1:8123"``.
+        Allowed values of the Host header: ``"127.0.0.1:8123"``.
     cookie : str
-        Name of the cookie; ports share a browser's cookies, so it names the port.
+        Name of the cookie. It contains the port, as a browser sends cookies to all ports of a host.
     """
 
     def __init__(self, hosts: Iterable[str], cookie: str = "underlay") -> None:
@@ -58,13 +58,13 @@ class Doorkeeper:
         self._cookies: list[str] = []
 
     def new_token(self) -> str:
-        """Make a token; those before it that nobody used go on to open the door."""
+        """Make and return a token; earlier ones that were not used stay valid."""
         token = secrets.token_urlsafe(24)
         self._tokens = [*self._tokens[-_MOST_BROWSERS:], token]
         return token
 
     def spend(self, token: str) -> str | None:
-        """Exchange a token for the value of a cookie; None for one that is unknown or spent."""
+        """Exchange a token for the value of a new cookie; None for one that is unknown or was used."""
         known = next((one for one in self._tokens if hmac.compare_digest(one.encode(), token.encode())), None)
         if known is None:
             return None
@@ -74,7 +74,7 @@ class Doorkeeper:
         return value
 
     def knows(self, headers: Headers) -> bool:
-        """Whether a request carries a cookie that was given out."""
+        """Whether a request carries a valid cookie."""
         try:
             jar = SimpleCookie(headers.get("cookie", ""))
         except CookieError:
@@ -84,21 +84,21 @@ class Doorkeeper:
 
 
 class Guard:
-    """The first thing that every request and every socket meets.
+    """ASGI middleware that refuses requests and sockets which are not from the admitted browser.
 
     Parameters
     ----------
     app : ASGI application
-        What is behind it.
+        The application that it protects.
     keeper : Doorkeeper
-        Who is let in.
+        Tokens and cookies of those admitted.
     """
 
     def __init__(self, app: ASGIApp, keeper: Doorkeeper) -> None:
         self._app, self._keeper = app, keeper
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let a request through, or answer it here."""
+        """Pass a request on to the application, or answer it with a refusal."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -112,7 +112,7 @@ class Guard:
             await refusal(scope, receive, _with_headers(send))
 
     def _refusal(self, scope: Scope) -> Response | None:
-        """What is answered in place of the page; None where the request may pass."""
+        """Return the response that refuses a request; None where it may pass."""
         headers = Headers(scope=scope)
         if headers.get("host", "") not in self._keeper.hosts:
             return PlainTextResponse("this page answers on this machine only\n", 421)
@@ -131,7 +131,7 @@ class Guard:
         return None
 
     def _admission(self, scope: Scope) -> Response:
-        """Exchange the token of the address for a cookie, and take it out of the address."""
+        """Exchange the token in the address for a cookie and redirect to the bare address; refuse a bad token."""
         query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
         token = query.get("token", [""])[0]
         value = self._keeper.spend(token) if scope["type"] == "http" and scope["path"] == "/" else None

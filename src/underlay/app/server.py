@@ -1,4 +1,4 @@
-"""The server of the page: on this machine only, at an address that opens once."""
+"""The web server of the page: on this machine only, at an address with a one-time token."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def serve(folder: Path, port: int = 0, *, show: bool = True, tell: Callable[[str
     Parameters
     ----------
     folder : Path
-        Where the analyses are kept, made if absent.
+        Where the analyses are stored, made if absent.
     port : int
-        Of this machine; 0 takes a free one.
+        Port on this machine; 0 takes a free one.
     show : bool
         Open a browser.
     tell : callable
-        Given the address.
+        Called with the address.
 
     Raises
     ------
@@ -83,17 +83,17 @@ def serve(folder: Path, port: int = 0, *, show: bool = True, tell: Callable[[str
 
 
 def prepare(home: Home) -> None:
-    """Put pages and guard in place, before the server runs."""
+    """Register pages, access control and shutdown of `home` with the application, before the server runs."""
     app.add_middleware(Guard, keeper=home.keeper)
     app.on_shutdown(home.close)
     add_pages(home)
 
 
 def _open_browser(home: Home, port: int) -> None:
-    """Open a browser once the port listens, by way of a private file.
+    """Open a browser once the port answers, by way of a private file.
 
-    A command line can be read by every user of the machine: the address with its token stands in a file that only
-    this user may read, and only the file's name is handed to the browser.
+    Every user of the machine can see command lines: the address with its token is in a file that only this user may
+    read, and the browser is given only the file's name.
     """
     if not _listens(port):
         return
@@ -106,7 +106,7 @@ def _open_browser(home: Home, port: int) -> None:
 
 
 def _listens(port: int) -> bool:
-    """Whether the port answers within the time a start may take."""
+    """Wait until the port answers; return False if it does not within 30 s."""
     until = time.monotonic() + _LONGEST_START
     while time.monotonic() < until:
         with socket.socket() as probe:

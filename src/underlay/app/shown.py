@@ -1,7 +1,7 @@
-"""What the page shows of work that was done in another process: plain values, which travel through a pipe.
+"""Results that a worker process sends to the page: dataclasses of plain values, which can be pickled.
 
-Beside them stands what is said of a curve before anything is fitted to it: how it was read, how good it is
-(`quality_of`), and what its file says of the instrument (`facts_of`).
+With them are functions on a curve before its fit: its quality (`quality_of`), and what its file says of the
+instrument (`facts_of`).
 """
 
 from __future__ import annotations
@@ -52,20 +52,20 @@ _FACTS = (
 
 @dataclass(frozen=True)
 class Reading:
-    """How a file was read.
+    """How a curve file was read.
 
     Parameters
     ----------
     file : str
         Its name.
     format, instrument : str
-        In words; empty where the file says nothing.
+        Names for people; empty where the file says nothing.
     facts : mapping of str to str
-        Numbers of the instrument that the file holds, by their names.
+        Values of the instrument that the file holds, with units, by name.
     tests : tuple of Row
-        A row per test.
+        A row per test of the file.
     notes : tuple of str
-        What is wrong, or worth knowing.
+        Warnings and remarks of the reader.
     refused : str
         Why it could not be read; empty where it could.
     """
@@ -81,14 +81,14 @@ class Reading:
 
 @dataclass(frozen=True)
 class Law:
-    """What a contact law makes of a curve whose contact point is held.
+    """A contact model's curve and modulus at a given contact point, as drawn over a measured curve.
 
     Parameters
     ----------
     name, modulus : str
-        In words.
+        Name of the model, and the modulus it gives with its unit.
     colour, dashes : str
-        Of its line, as SVG has them.
+        SVG stroke and dash pattern of its line.
     line : tuple of (float, float)
         Depth and force readings (m, N).
     """
@@ -102,24 +102,24 @@ class Law:
 
 @dataclass(frozen=True)
 class Look:
-    """A curve before its fit.
+    """A curve before its fit, with the contact models at a trial contact point.
 
     Parameters
     ----------
     picture : Canvas
-        Of the curve, over which laws are drawn.
+        Picture of the curve, over which the models are drawn.
     contact, low, high : float
-        Depth readings (m) of the contact and of the ends of what is used.
+        Depth readings (m) of the contact point and of the ends of the fit range.
     extent : (float, float)
         Depth readings (m) at the ends of the curve.
     laws : tuple of Law
-        Of the scene, and of a half-space.
+        The model of the scene, and the half-space.
     quality : str
         Verdict on the curve.
     notes : tuple of str
-        What speaks against it, and what a law refused.
+        What speaks against the curve, and why a model could not be fitted.
     has_stiffness : bool
-        Whether its contact stiffness S(h) was measured, so that `underlay film` has something to fit.
+        Whether its contact stiffness S(h) was measured, which `underlay film` fits.
     """
 
     picture: Canvas
@@ -135,22 +135,22 @@ class Look:
 
 @dataclass(frozen=True)
 class Found:
-    """What came of a fit.
+    """Result of a fit.
 
     Parameters
     ----------
     stem : str
         Beginning of the names of its files.
     of : str
-        Fingerprint of the curve and scene that it is of.
+        Fingerprint (SHA-256) of the curve and scene that were fitted.
     scene : str
-        Text of that scene file, which repeats it.
+        Text of that scene file, which repeats the fit.
     values : mapping of str to list of str
-        What is printed of each quantity (SI): value, ends, ends of the statistical part.
+        Numbers of each quantity (SI): value, ends, ends of the statistical part.
     sheet : str
-        The page of the fit as HTML; its numbers and verdict alone until the pictures are drawn.
+        The report of the fit as HTML; numbers and verdict alone until the pictures are drawn.
     notes : tuple of str
-        What the reader of the file has to say.
+        Notes of the file reader.
     """
 
     stem: str
@@ -163,18 +163,18 @@ class Found:
 
 @dataclass(frozen=True)
 class Film:
-    """What the contact stiffness says of a film.
+    """Moduli of a film, fitted to its contact stiffness.
 
     Parameters
     ----------
     of : str
-        Fingerprint of the curve and scene that it is of.
+        Fingerprint (SHA-256) of the curve and scene that were fitted.
     notes : tuple of str
-        In words.
+        Sentences on scatter and bias of the moduli.
     table : tuple of Row
         A row per modulus.
     picture : str
-        Name of a file.
+        File name of the picture.
     """
 
     of: str
@@ -185,14 +185,14 @@ class Film:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a long task is.
+    """How far a long task has come.
 
     Parameters
     ----------
     done, total : int
-        Curves, or steps.
+        Numbers of curves, or of steps.
     words : str
-        Both in words, as the page shows them.
+        The same as a sentence for the page.
     """
 
     done: int
@@ -202,22 +202,22 @@ class Progress:
 
 @dataclass(frozen=True)
 class Overview:
-    """What was found on many curves.
+    """Summary of the map of many curves.
 
     Parameters
     ----------
     sheet : str
-        The page of the map as HTML; empty where nothing was fitted.
+        The report of the map as HTML; empty where nothing was fitted.
     labels : tuple of str
         Columns by which curves may be grouped.
     is_old : bool
         Whether files or scene were changed since.
     is_whole : bool
-        Whether the run came to its end.
+        Whether the run was completed.
     sites : tuple of (str, float, float)
-        Names of the curves that have a position, and where they lie (m).
+        Name and position (x, y in m) of the curves that have one.
     plan : Canvas, optional
-        The map to draw regions on, where there are positions.
+        Map on which regions can be drawn, where there are positions.
     """
 
     sheet: str = ""
@@ -237,15 +237,15 @@ class Card:
     name, verdict, reason : str
         As in the table of the map.
     numbers : tuple of str
-        What was found, in words.
+        Fitted parameters as text.
     misfit : str
-        In words.
+        Size of the misfit as text.
     picture : str
-        SVG element, made here.
+        SVG element, as made by `small_picture`.
     fitted : bool
         Whether there is a fit to accept.
     decision, why : str
-        "accept", "refuse" or nothing, and the reason.
+        ``"accept"``, ``"refuse"`` or empty, and the reason.
     """
 
     name: str
@@ -268,7 +268,7 @@ class Gallery:
     cards : tuple of Card
         Its curves.
     pages : int
-        How many pages there are.
+        Number of pages of the gallery.
     """
 
     cards: tuple[Card, ...] = ()
@@ -277,14 +277,14 @@ class Gallery:
 
 @dataclass(frozen=True)
 class Together:
-    """What many curves show of a population.
+    """The population that the curves of a map sample.
 
     Parameters
     ----------
     of : str
-        Fingerprint of the map and of what was decided by hand.
+        Fingerprint (SHA-256) of the map and the decisions by hand.
     by, group : str
-        Labels by which curves belong together, and what is compared; empty for none.
+        Columns of the units (such as animals) and of the compared groups; empty for none.
     sheet : str
         Sentences, pictures and tables as HTML.
     """
@@ -297,16 +297,16 @@ class Together:
 
 @dataclass(frozen=True)
 class Taken:
-    """What is taken away of a fit.
+    """Texts for download that repeat a fit, and whether results are out of date.
 
     Parameters
     ----------
     scene, script : str
-        Texts: the test as it was fitted, and Python that fits it again.
+        The scene file as it was fitted, and a Python script that fits it again.
     is_old : bool
-        Whether test or curve were changed since.
+        Whether scene or curve were changed since the fit.
     is_map_old : bool
-        Whether the curves, their labels or the test were changed since all were fitted.
+        Whether the curves, their labels or the scene were changed since the map was fitted.
     """
 
     scene: str
@@ -317,14 +317,14 @@ class Taken:
 
 @dataclass(frozen=True)
 class Sampled:
-    """A posterior.
+    """Result of sampling the posterior.
 
     Parameters
     ----------
     of : str
-        Fingerprint of the curve and scene that it is of.
+        Fingerprint (SHA-256) of the curve and scene that were sampled.
     sheet : str
-        The page of the posterior as HTML.
+        The report of the posterior as HTML.
     notes : tuple of str
         What to do where it did not converge, and what was assumed.
     """
@@ -335,7 +335,7 @@ class Sampled:
 
 
 def each_once(*messages: str) -> tuple[str, ...]:
-    """Each message once, in the order of their first."""
+    """Return the messages without duplicates, in the order of their first occurrence."""
     return tuple(dict.fromkeys(messages))
 
 
@@ -346,7 +346,7 @@ def quality_of(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:
 
 
 def facts_of(curve: Curve) -> dict[str, str]:
-    """What the file of a curve says of the instrument, in words."""
+    """Return the instrument's values that the file of a curve holds (spring constant, ...), as text by name."""
     found = {}
     for key, words, kind in _FACTS:
         value = curve.metadata.get(key)
@@ -356,7 +356,7 @@ def facts_of(curve: Curve) -> dict[str, str]:
 
 
 def printed_rows(table: pd.DataFrame) -> tuple[Row, ...]:
-    """Rows for a page: spans with their units as printed, what a file calls its tests as it does."""
+    """Return the rows of a table as text, with the micro sign in the units of depth and force (um as µm)."""
     return tuple(
         {str(key): printed(str(value)) if key in _SPANS else str(value) for key, value in row.items()}
         for row in table.to_dict("records")

@@ -1,7 +1,7 @@
-"""What the server keeps of an open analysis: its folder, the scene as it is written, and two processes.
+"""State of the page's server: the open analyses, each with its folder, its scene and two worker processes.
 
-A task works on a `Snapshot`, the test at one moment: what a task began with is what its results are of,
-whatever the form says since.
+A task works on a `Snapshot`, scene and curve at one moment: its results belong to these, even if the form is
+changed meanwhile.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ _CONTACT, _BOUNDS = "instrument.contact_depth", "bounds of the contact point"
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A scene and the curve that it looks at, as they were when this was made.
+    """A scene and its selected curve at one moment.
 
     Parameters
     ----------
     file : SceneFile
-        All that the scene says; its curve stands in the analysis.
+        The scene file, with its curve in the folder of the analysis.
     text : str
-        Of the scene file.
+        Its text.
     of : str
-        Fingerprint of what the text says, in whatever order, and of the curve.
+        Fingerprint (SHA-256) of curve and scene, independent of comments and the order of keys.
     """
 
     file: SceneFile
@@ -66,7 +66,7 @@ class Snapshot:
 
     @classmethod
     def now(cls, folder: AnalysisFolder) -> Snapshot:
-        """The test as the form and the files say it now; the scene file is read once."""
+        """Return the present scene and curve of an analysis."""
         text = folder.scene_text()
         if not text:
             raise InputError(_NOTHING)
@@ -74,7 +74,7 @@ class Snapshot:
 
     @classmethod
     def from_text(cls, folder: AnalysisFolder, text: str) -> Snapshot:
-        """The test of a text, with the curve of the analysis as it is now.
+        """Return the scene of a text, with its curve as it is in the analysis now.
 
         Raises
         ------
@@ -90,12 +90,12 @@ class Snapshot:
 
     @property
     def stem(self) -> str:
-        """Beginning of the names of its results."""
+        """Beginning of the names of its result files."""
         return stem_of("" if self.file.curve_path is None else self.curve_name, self.file.curve.get("test"))
 
     @property
     def curve_name(self) -> str:
-        """Name of the file that is looked at.
+        """File name of the selected curve.
 
         Raises
         ------
@@ -108,7 +108,7 @@ class Snapshot:
 
 
 def said(text: str) -> str:
-    """What the text of a scene file says, to compare: the same for other comments or another order of its keys."""
+    """Return the content of a scene file in a normal form: without comments, keys sorted; for comparison."""
     try:
         return json.dumps(parse_toml(text), sort_keys=True, default=str)
     except ValueError:
@@ -116,7 +116,7 @@ def said(text: str) -> str:
 
 
 def changed(before: str, after: str) -> str:
-    """What the second text of a scene file says otherwise, in words; empty for nothing.
+    """Name what differs between two texts of a scene file; ``"the test"`` for several changes, empty for none.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def changed(before: str, after: str) -> str:
 
 
 def _numbers(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Whatever a document says, by its path."""
+    """Return all values of a nested document by their dotted paths."""
     found: dict[str, Any] = {}
     for key, value in table.items():
         found |= _numbers(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
@@ -143,19 +143,19 @@ def _numbers(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
 
 
 class OpenAnalysis:
-    """One analysis that a browser looks at.
+    """One analysis that is open in a browser.
 
     Parameters
     ----------
     folder : AnalysisFolder
-        Its files: all there is to it, besides what can be made again.
+        Its files, which hold all of its state that cannot be computed again.
 
     Attributes
     ----------
     draft : Draft
-        The scene file; `keep` writes it.
+        The scene file as edited; `keep` writes it.
     quick, long : Worker
-        Processes for what answers at once, and for what takes its time.
+        Processes for tasks that answer at once, and for those that take long.
     """
 
     def __init__(self, folder: AnalysisFolder) -> None:
@@ -176,7 +176,7 @@ class OpenAnalysis:
             self.draft = empty()
 
     def keep(self, *, by_hand: bool = True) -> None:
-        """Write the scene file; what it said before can be had back where it was changed `by_hand`."""
+        """Write the scene file; a change `by_hand` can be undone."""
         before, text = self.folder.scene_text(), self.draft.text()
         what = changed(before, text) if before and by_hand else ""
         if what:
@@ -188,7 +188,7 @@ class OpenAnalysis:
         self.folder.write_scene(text)
 
     def step(self, *, back: bool) -> None:
-        """Undo the last change of the test, or do again what was undone last."""
+        """Undo the last change of the scene (`back`), or redo the one undone last."""
         source, target = (self._past, self._future) if back else (self._future, self._past)
         what, text = source.pop()
         target.append((what, self.folder.scene_text()))
@@ -197,13 +197,13 @@ class OpenAnalysis:
 
     @property
     def undone(self) -> tuple[str, str]:
-        """What would be undone, and done again, in words; empty for nothing."""
+        """Names of the changes that undo and redo would make; empty for none."""
         last = [steps[-1][0] if steps else "" for steps in (self._past, self._future)]
         return last[0], last[1]
 
     @property
     def lacks(self) -> str:
-        """What the test misses, in words; empty where it is complete."""
+        """What the scene still needs, or what is wrong with it, as a sentence; empty where it is valid."""
         try:
             scene_file_from_text(self.draft.text())
         except UnderlayError as error:
@@ -212,17 +212,17 @@ class OpenAnalysis:
 
     @property
     def curve_name(self) -> str:
-        """Name of the file that is looked at; empty where there is none."""
+        """File name of the selected curve; empty where there is none."""
         name = Path(self.draft.get("curve", "file")).name
         return name if any(path.name == name for path in self.folder.curve_files()) else ""
 
     @property
     def stem(self) -> str:
-        """Beginning of the names of the results of what is looked at; empty where nothing is."""
+        """Beginning of the names of the selected curve's result files; empty where no curve is selected."""
         return stem_of(self.curve_name, self.draft.get("curve", "test")) if self.curve_name else ""
 
     def pick(self, name: str, test: int = 1) -> None:
-        """Look at a curve from now on: with its own range and contact point, which are depths of no other curve."""
+        """Select a curve (test from 1), and restore its own depth range and contact point, if it has any."""
         path = self.folder.curve_file(name)
         before, curve = self.stem, self.draft.table("curve")
         curve["file"] = f"curves/{path.name}"
@@ -237,7 +237,7 @@ class OpenAnalysis:
         self.keep(by_hand=False)
 
     def remove(self, name: str) -> None:
-        """Forget a file and what was said of its depths; where it was looked at, another is from now on."""
+        """Delete a curve file with its depth range and contact point; if it was selected, select another."""
         looked_at = self.curve_name == name
         self.folder.remove_curve(name)
         # Every test of the file goes with it: the stem of the first is its name, of others that and a number.
@@ -254,7 +254,7 @@ class OpenAnalysis:
             self.keep(by_hand=False)
 
     def _take_handles(self) -> dict[str, Any]:
-        """Take what is of one curve only out of the scene."""
+        """Remove depth range and contact point, which belong to one curve, from the scene and return them."""
         handles = {}
         for section, key in _HANDLES:
             if key in self.draft.peek(section):
@@ -271,27 +271,27 @@ class OpenAnalysis:
             self.draft.free[_CONTACT] = handles[_BOUNDS]
 
     def open_window(self) -> int:
-        """Number of the window that holds the analysis from now on; one before it has lost it."""
+        """Return the number of a newly opened window, which replaces any earlier window on the analysis."""
         self.window += 1
         return self.window
 
     def close(self) -> None:
-        """End the processes."""
+        """End the worker processes."""
         self.quick.close()
         self.long.close()
 
 
 class Home:
-    """What one server keeps.
+    """State of one server: its analyses and its access control.
 
     Parameters
     ----------
     path : Path
         Folder of the analyses.
     keeper : Doorkeeper
-        Who is let in.
+        Tokens and cookies of those admitted.
     address : str
-        Of the page, without a token.
+        Address of the page, without a token.
     """
 
     def __init__(self, path: Path, keeper: Doorkeeper, address: str) -> None:
@@ -299,17 +299,17 @@ class Home:
         self._open: dict[str, OpenAnalysis] = {}
 
     def analysis(self, name: str) -> OpenAnalysis:
-        """Return the analysis of that name, read from its folder when it is first asked for."""
+        """Return the analysis of that name; it is read from its folder when first asked for."""
         if name not in self._open:
             self._open[name] = OpenAnalysis(AnalysisFolder(self.path / name))
         return self._open[name]
 
     def new_address(self) -> str:
-        """Address that opens the page once, for another browser."""
+        """Return an address with a new one-time token, for another browser."""
         return f"{self.address}/?token={self.keeper.new_token()}"
 
     def close(self) -> None:
-        """End every process."""
+        """End all worker processes."""
         for analysis in self._open.values():
             analysis.close()
 
@@ -324,7 +324,7 @@ SAMPLES: Mapping[str, tuple[str, str, tuple[str, str]]] = {
 
 
 def with_sample(folder: AnalysisFolder, scene: str) -> None:
-    """Put the curves and the test of a sample into an analysis."""
+    """Copy the curves, scene and manifest of an example (key of `SAMPLES`) into an analysis."""
     paths = samples(*SAMPLES[scene][2])
     brought = [folder.add_curve(path.name, read_bytes(path, _KIND)).name for path in paths]
     draft = Draft.of(read_text(sample(scene), _KIND))

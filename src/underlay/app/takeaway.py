@@ -1,4 +1,4 @@
-"""What is taken away from the page: the analysis as files that repeat it, a report, a spreadsheet."""
+"""Downloads from the page: the analysis as files that repeat it, a report, a spreadsheet."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _CRATE = "ro-crate-metadata.json"
 
 
 def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
-    """Return Python that repeats the fit of the page from ``scene.toml`` and the curve beside it.
+    """Return a Python script that repeats the fit from ``scene.toml`` and the curve in ``curves`` beside it.
 
     Parameters
     ----------
     curve_name : str
-        File of the curve, which stands under ``curves``.
+        File name of the curve.
     values : mapping of str to sequence of str
-        What the page prints, as `Found` has it; compared with what the script finds. Empty before there is a fit.
+        Numbers that the page shows (`Found.values`), which the script compares with its own. Empty before a fit.
     """
     shown = "".join(f"    {name!r}: ({', '.join(numbers)}),\n" for name, numbers in values.items())
     compare = (
@@ -67,12 +67,12 @@ def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
 
 
 def fitted_test(folder: AnalysisFolder, now: Snapshot) -> tuple[Found, Snapshot]:
-    """Return the fit of the curve that is looked at, and the test that it is of, whatever the form says since.
+    """Return the stored fit of the selected curve, and the scene and curve that were fitted.
 
     Raises
     ------
     InputError
-        If the curve was not fitted, or its file is another one by now.
+        If the curve was not fitted, or its file has changed since.
     """
     found = kept(folder, now.stem, Found)
     if found is None:
@@ -84,9 +84,9 @@ def fitted_test(folder: AnalysisFolder, now: Snapshot) -> tuple[Found, Snapshot]
 
 
 def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> bytes:
-    """Return the scene, the script, the curve and what was found of it, as a ZIP archive: an RO-Crate.
+    """Return scene, script, curve and results as a ZIP archive that is an RO-Crate (research object).
 
-    What is no result of this very test stays out: a posterior of another range, for example.
+    Results of another test, such as a posterior of another depth range, are left out.
     """
     curve = folder.curve_file(tested.curve_name)
     members = {
@@ -108,7 +108,7 @@ def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> 
 
 
 def crate(tested: Snapshot, members: Collection[str]) -> bytes:
-    """Describe the files of an archive as a research object (RO-Crate 1.1, https://w3id.org/ro/crate/1.1)."""
+    """Return the JSON that describes the files of an archive (RO-Crate 1.1, https://w3id.org/ro/crate/1.1)."""
     software = {"@id": "#underlay", "@type": "SoftwareApplication", "name": "underlay", "version": VERSION}
     parts = [
         {
@@ -139,7 +139,7 @@ def crate(tested: Snapshot, members: Collection[str]) -> bytes:
 
 
 def _moved(content: bytes, places: Mapping[Path, str]) -> bytes:
-    """Name files in a table or in JSON by where they stand in the archive: who takes it has no such folders."""
+    """Replace absolute paths in a table or in JSON by the place of the file in the archive, given by `places`."""
     for path, name in places.items():
         for known in dict.fromkeys((str(path.resolve()), str(path.absolute()), str(path))):
             for written in (json.dumps(known)[1:-1], known):
@@ -154,13 +154,13 @@ def workbook_of(result: Fit) -> bytes:
 
 
 def map_workbook(folder: AnalysisFolder) -> bytes:
-    """Return the Excel file of the map, with what was decided by hand and the test that was fitted."""
+    """Return the Excel file of the map, with the decisions by hand and the scene that was fitted."""
     scene = (folder.read_result("map.scene.toml") or b"").decode()
     return excel_bytes(judged_table(folder), settings={"scene": scene[:30_000]})
 
 
 def report_page(folder: AnalysisFolder, result: Fit, stem: str) -> bytes:
-    """Return the page that `underlay report` makes of a fit."""
+    """Return the report of a fit as HTML, as `underlay report` makes it."""
     return read_bytes(report(result, folder.results / f"{stem}.report.html"), _KIND)
 
 

@@ -1,6 +1,6 @@
-"""The tasks of a process beside the page: reading, drawing, fitting. Each is a call of the library.
+"""The tasks of a worker process beside the page: reading, drawing, fitting. Each calls the library.
 
-Results are plain values, so that they travel through a pipe: texts, numbers, and the bytes of pictures.
+Results are plain values (text, numbers, bytes of pictures), so that they can be sent between processes.
 """
 
 from __future__ import annotations
@@ -66,7 +66,9 @@ _Of = TypeVar("_Of", Film, Found, Sampled)
 
 
 class Analyst:
-    """The tasks on one analysis; what was read last is remembered.
+    """The tasks on one analysis; the curve read last and the last fit are kept in memory.
+
+    Every public method is a task. Its last argument is a function to send intermediate results to the page.
 
     Parameters
     ----------
@@ -80,7 +82,7 @@ class Analyst:
         self._fit: tuple[str, Fit] | None = None
 
     def read(self, name: str, _tell: Tell) -> Reading:
-        """Read a file as the scene says, and say how."""
+        """Read a curve file with the options of the scene, and report on it."""
         path = self._folder.curve_file(name)
         stated = self._stated()
         options = {key: stated[key] for key in _READING if key in stated}
@@ -101,7 +103,7 @@ class Analyst:
         )
 
     def curve(self, name: str, test: int, _tell: Tell) -> tuple[bytes, bytes]:
-        """Draw a curve of a file: force against indentation, and its segments against time."""
+        """Draw a curve (test from 1) as PNG: force against indentation, and its segments against time."""
         stated = self._stated()
         options = {key: stated[key] for key in _READING if key in stated}
         read = read_all(self._folder.curve_file(name), **options)[test - 1]
@@ -115,7 +117,7 @@ class Analyst:
         return drawn(force), drawn(plots.segments(whole))
 
     def scene(self, _tell: Tell) -> bytes:
-        """Draw the test to scale, at the depth of the curve or of a default."""
+        """Draw the test to scale as PNG, at the largest depth of the curve or at a default."""
         file = read_scene_file(self._folder.scene)
         curve = self._readable(file)
         if curve is not None:
@@ -134,7 +136,10 @@ class Analyst:
         view: tuple[float, float] | None,
         _tell: Tell,
     ) -> Look:
-        """Draw the curve with both laws at a contact point; where none is given, at the one that is found."""
+        """Draw the curve with the models of scene and half-space at a contact point, by default the detected one.
+
+        `contact`, `low` and `high` (contact point, fit range) and the ends of `view` are depth readings (m).
+        """
         file = read_scene_file(self._folder.scene)
         curve = self._curve(file)
         low = float(file.curve.get("min_depth", -np.inf)) if low is None else low
@@ -160,13 +165,16 @@ class Analyst:
         )
 
     def laws(self, contact: float, low: float, high: float, _tell: Tell) -> tuple[tuple[Law, ...], list[str]]:
-        """Both laws at a contact point and what they say of it, without a picture: while a handle is moved."""
+        """Return the models of scene and half-space at a contact point, and warnings, while a handle is dragged.
+
+        `contact`, `low` and `high` (contact point, fit range) are depth readings (m).
+        """
         return self._laws(read_scene_file(self._folder.scene), contact, low, high)[:2]
 
     def _laws(
         self, file: SceneFile, contact: float, low: float, high: float
     ) -> tuple[tuple[Law, ...], list[str], Curve]:
-        """Both laws, what is said of them, and the points they are fitted to."""
+        """Return the models of scene and half-space, their warnings, and the points they are fitted to."""
         curve = self._curve(file)
         try:
             with gathered_warnings() as told:
@@ -188,7 +196,7 @@ class Analyst:
         return tuple(laws), [*refused, *told], held.used
 
     def fit(self, tell: Tell) -> Found:
-        """Fit the curve as the scene says; what is there already is told on the way."""
+        """Fit the selected curve as the scene says; `tell` gets the numbers before the pictures are drawn."""
         tested = Snapshot.now(self._folder)
         with gathered_warnings():
             problem = self._problem(tested)
@@ -198,62 +206,65 @@ class Analyst:
         return tell_found(self._folder, tested, result, tell)
 
     def before(self, kind: type[_Of], _tell: Tell) -> tuple[_Of | None, bool]:
-        """A result of this kind that was found on the curve before, and whether it is of the scene as it is now."""
+        """Return the selected curve's stored result of this class, if any, and whether the scene is unchanged."""
         tested = Snapshot.now(self._folder)
         found = kept(self._folder, tested.stem, kind)
         return found, found is not None and found.of == tested.of
 
     def film(self, base: str, modulus: str, low: str, high: str, _tell: Tell) -> Film:
-        """Fit the contact stiffness of the curve."""
+        """Fit the moduli of a film to the contact stiffness of the selected curve; see `film_of`."""
         return film_of(self._folder, Snapshot.now(self._folder), base, modulus, (low, high))
 
     def sample(self, most: int, tell: Tell) -> Sampled:
-        """Sample the posterior of the curve."""
+        """Sample the posterior of the selected curve, with at most `most` steps."""
         tested = Snapshot.now(self._folder)
         return sample_posterior(self._folder, tested, self._part(tested), most, tell)
 
     def fit_all(self, tell: Tell) -> Overview:
-        """Fit every curve."""
+        """Fit every curve of the analysis; see `run_map`."""
         return many.run_map(self._folder, tell)
 
     def overview(self, _tell: Tell) -> Overview:
-        """Say what was found on all curves."""
+        """Return the summary of the map."""
         return many.overview(self._folder)
 
     def gallery(self, page: int, _tell: Tell) -> Gallery:
-        """One page of the curves, worst first."""
+        """Return one page (from 0) of the gallery of curves, worst first."""
         return many.gallery(self._folder, page)
 
     def decide(self, names: list[str], word: str, reason: str, _tell: Tell) -> None:
-        """Keep a decision on curves; see `underlay.app.many.decide`."""
+        """Store a decision by hand on curves; see `underlay.app.many.decide`."""
         many.decide(self._folder, names, word, reason)
 
     def labels(self, _tell: Tell) -> dict[str, dict[str, str]]:
-        """Labels of every curve, by file and column."""
+        """Return the labels of every curve, by file and column."""
         return read_labels(self._folder)
 
     def set_label(self, files: list[str], column: str, label: str, _tell: Tell) -> None:
-        """Give curves a label in a column such as animal or group."""
+        """Set a label of curves in a column such as animal or group."""
         set_label(self._folder, files, column, label)
 
     def thickness(self, begins: str, _tell: Tell) -> str:
-        """Set the thickness under every curve by how deep others met the bare substrate; say what it is."""
+        """Set the thickness under every curve from contacts on the bare substrate, and describe it in a sentence.
+
+        `begins` is the beginning of the names of the curves on the bare substrate.
+        """
         return thickness_from_heights(self._folder, read_scene_file(self._folder.scene), begins)
 
     def take_manifest(self, content: bytes, _tell: Tell) -> None:
-        """Keep a manifest that was brought, with its labels."""
+        """Store an uploaded manifest (CSV) with labels of the curves."""
         take_manifest(self._folder, content)
 
     def population(self, by: str, group: str, _tell: Tell) -> Together:
-        """Say what all curves tell of a population."""
+        """Estimate the population mean from all curves; see `show_population`."""
         return many.show_population(self._folder, by, group)
 
     def together(self, _tell: Tell) -> tuple[Together | None, bool]:
-        """What all curves told of a population before, and whether map and decisions are still the same."""
+        """Return the stored population, if any, and whether map and decisions are unchanged since."""
         return many.population_before(self._folder)
 
     def taken(self, _tell: Tell) -> Taken:
-        """What is taken away: of the fit, whatever the form says since; without one, of the test as it is."""
+        """Return scene and script for download: of the stored fit, or of the present scene where there is none."""
         now = Snapshot.now(self._folder)
         found = kept(self._folder, now.stem, Found)
         is_map_old = many.map_is_old(self._folder)
@@ -263,34 +274,34 @@ class Analyst:
         return Taken(found.scene, script, found.of != now.of, is_map_old)
 
     def archive(self, _tell: Tell) -> bytes:
-        """The analysis as files that repeat it, in a ZIP archive."""
+        """Return the analysis as a ZIP archive of files that repeat it."""
         return takeaway.analysis_archive(self._folder, *self._of_fit())
 
     def excel(self, _tell: Tell) -> bytes:
-        """The fit as an Excel file."""
+        """Return the Excel file of the fit."""
         return takeaway.workbook_of(self._fitted(self._of_fit()[1]))
 
     def excel_of_all(self, _tell: Tell) -> bytes:
-        """The map as an Excel file."""
+        """Return the Excel file of the map."""
         return takeaway.map_workbook(self._folder)
 
     def report(self, _tell: Tell) -> bytes:
-        """The fit as a page."""
+        """Return the report of the fit as HTML."""
         tested = self._of_fit()[1]
         return takeaway.report_page(self._folder, self._fitted(tested), tested.stem)
 
     def _of_fit(self) -> tuple[Found, Snapshot]:
-        """The fit of the curve that is looked at, and the test that it is of.
+        """Return the stored fit of the selected curve, and the scene and curve that were fitted.
 
         Raises
         ------
         InputError
-            If there is none, or its curve is another one by now.
+            If there is none, or the curve's file has changed since.
         """
         return takeaway.fitted_test(self._folder, Snapshot.now(self._folder))
 
     def _fitted(self, tested: Snapshot) -> Fit:
-        """The fit of a test; made again where this process did not make it."""
+        """Return the fit of a snapshot; it is fitted again unless it is the one in memory."""
         if self._fit is None or self._fit[0] != tested.of:
             self._fit = (tested.of, least_squares_fit(self._problem(tested)))
         return self._fit[1]
@@ -301,11 +312,11 @@ class Analyst:
         return problem_from(tested.file, self._part(tested).with_metadata(scene_path=str(scene)))
 
     def _part(self, tested: Snapshot) -> Curve:
-        """What of the curve is fitted, taken as every command takes it: a loading that left an imprint says so."""
+        """Return the part of the curve that is fitted, chosen as every command chooses it."""
         return read_for(tested.file, self._folder.curve_file(tested.curve_name))
 
     def _stated(self) -> dict[str, Any]:
-        """What the scene says of how files are read; nothing while it is not complete."""
+        """Return the section ``[curve]`` of the scene file; empty while the scene is not valid."""
         if not self._folder.scene.exists():
             return {}
         try:
@@ -314,7 +325,7 @@ class Analyst:
             return {}
 
     def _curve(self, file: SceneFile) -> Curve:
-        """The curve that the scene names, read again only if the file or the way of reading changed."""
+        """Return the curve that the scene names; it is read again only if file or reading options changed."""
         if file.curve_path is None:
             raise InputError("bring a file first, and pick the curve to look at")
         path = self._folder.curve_file(file.curve_path.name)
@@ -325,7 +336,7 @@ class Analyst:
         return self._read[1]
 
     def _readable(self, file: SceneFile) -> Curve | None:
-        """The curve that the scene names; None where there is none, or it cannot be read."""
+        """Return the curve that the scene names; None where there is none, or it cannot be read."""
         if file.curve_path is None:
             return None
         try:
@@ -334,7 +345,10 @@ class Analyst:
             return None
 
     def _deepest(self, file: SceneFile) -> float:
-        """Depth reading (m) to which a test is drawn: of its curve, of ``[simulate]``, else a default."""
+        """Return the depth reading (m) at which a test is drawn.
+
+        It is the largest of the curve, else that of ``[simulate]``, else a default for the scene.
+        """
         curve = self._readable(file)
         if curve is not None:
             return float(curve.depth.max())
@@ -344,12 +358,12 @@ class Analyst:
 
 
 def _said(model: str) -> str:
-    """What people call a model."""
+    """Return the name for people of a contact model."""
     return "layer on substrate" if model == "layer and base" else model
 
 
 def _first_contact(curve: Curve, file: SceneFile) -> float:
-    """The contact of the scene where it says one, else what is found on the curve."""
+    """Return the contact point (depth reading, m) that the scene states, else the one detected on the curve."""
     if _CONTACT in file.stated:
         return file.draft.instrument.contact_depth
     try:

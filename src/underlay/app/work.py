@@ -1,10 +1,10 @@
-"""Work in a process of its own, so that the page stays alive: with progress, a stop, and a message if it dies.
+"""Tasks in a worker process, so that the page keeps responding: with progress, a stop, and a message if it dies.
 
-What a process can do are the methods of one object that lives in it and remembers what it has read and fitted
-(`underlay.app.tasks`). Each method gets, as its last argument, a function that sends what is there already.
+The tasks are the methods of one object that lives in the process and remembers what it has read and fitted
+(`underlay.app.tasks`). The last argument of each method is a function that sends intermediate results.
 
-Where the system allows it, processes are forks of one that has loaded what they need and does nothing else: they
-share its memory and are there at once. Elsewhere each loads for itself.
+On Linux, workers are forked from an idle process that has the needed modules loaded: they share its memory and
+start at once. Elsewhere each worker loads the modules itself.
 """
 
 from __future__ import annotations
@@ -41,18 +41,18 @@ _SAID, _DONE, _REFUSED, _FAILED = "said", "done", "refused", "failed"
 
 
 class WorkError(UnderlayError):
-    """What a process could not do, in one sentence for people."""
+    """A task failed, was refused or was stopped; the message is one sentence for people."""
 
 
 class Worker:
-    """A process that does one task after another; started when first asked, and again after it was stopped.
+    """A process that does one task after another; started at the first call, and again after it was stopped.
 
     Parameters
     ----------
     made_by : str
         Module and class, ``"underlay.app.tasks:Analyst"``, whose methods are the tasks; loaded in the process only.
-    arguments : tuple
-        For the class; plain values.
+    *arguments : Any
+        Arguments of the class; plain values.
     """
 
     def __init__(self, made_by: str, *arguments: Any) -> None:
@@ -71,11 +71,11 @@ class Worker:
 
     @property
     def process_id(self) -> int | None:
-        """Number that the system gives the process; None where there is none."""
+        """Id of the process in the operating system; None where there is none."""
         return None if self._process is None else self._process.pid
 
     async def call(self, task: str, *arguments: Any, heard: Tell | None = None) -> Any:
-        """Do a task and return its result; what it tells on the way goes to `heard`.
+        """Run a task by name and return its result; its intermediate results are passed to `heard`.
 
         Raises
         ------
@@ -108,7 +108,7 @@ class Worker:
         return await asyncio.get_running_loop().run_in_executor(self._waiting, what, *arguments)
 
     def ask_to_stop(self) -> None:
-        """Have a task that tells how far it is end there, with what it has."""
+        """Make a task that sends progress end at its next report, with the results so far."""
         if self._process is None:
             self._stopped = True
         elif self.is_busy and self._connection is not None:
@@ -116,7 +116,7 @@ class Worker:
                 self._connection.send(_STOPPED)
 
     def stop(self) -> None:
-        """End the process, whatever it is doing; the next call starts another."""
+        """Kill the process, whatever it is doing; the next call starts another."""
         self._stopped = True
         if self._process is not None:
             self._process.kill()
@@ -124,7 +124,7 @@ class Worker:
             self._process = None
 
     def close(self) -> None:
-        """End the process for good."""
+        """Kill the process; later calls are refused."""
         self._closed = True
         self.stop()
 
@@ -163,7 +163,7 @@ class Worker:
 
 
 def load_ahead() -> None:
-    """Begin to load what processes need, where they are forks of one that has it; returns at once."""
+    """Start the process from which workers are forked (Linux only), which loads their modules; returns at once."""
     if _START != "forkserver":
         return
     from multiprocessing.forkserver import ensure_running  # noqa: PLC0415  there is none on Windows
@@ -180,7 +180,7 @@ def _context() -> Any:
 
 
 def _serve(connection: Connection, made_by: str, arguments: tuple[Any, ...]) -> None:
-    """Do what is asked until the parent is gone."""
+    """Run tasks sent through `connection`, in the worker process, until the parent process is gone."""
     # Ctrl-C reaches the whole group of processes; the parent decides what ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -198,7 +198,7 @@ def _serve(connection: Connection, made_by: str, arguments: tuple[Any, ...]) -> 
 
 
 def _teller(connection: Connection) -> Tell:
-    """What a task tells through; when a stop was asked for meanwhile it raises what Ctrl-C raises."""
+    """Return the function by which a task sends results; it raises KeyboardInterrupt if a stop was asked for."""
 
     def tell(value: Any) -> None:
         connection.send((_SAID, value))

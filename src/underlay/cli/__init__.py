@@ -1,4 +1,4 @@
-"""The command line: thin commands over the library; `main` is the entry point."""
+"""The command line: commands that call the library; `main` is the entry point."""
 
 from underlay.cli.app import main
 

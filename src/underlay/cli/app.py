@@ -1,4 +1,4 @@
-"""The commands by name, and what happens when one of them fails."""
+"""The application with its commands by name, and the error message where one of them fails."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _whole(
         typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version."),
     ] = False,
 ) -> None:
-    """Take the options that go before any command."""
+    """Declare the options that precede any command."""
 
 
 for group, commands in _GROUPS.items():
@@ -70,7 +70,7 @@ for group, commands in _GROUPS.items():
 
 
 def main() -> None:
-    """Run the command line; bad input ends with one line and exit code 2, never a traceback."""
+    """Run the command line; invalid input ends with a one-line message and exit code 2, never a traceback."""
     try:
         with noted(), without_empty_folders():
             app()

@@ -1,4 +1,4 @@
-"""`underlay benchmark`: how right a contact law, a fit or another program is, on curves whose truth is known."""
+"""`underlay benchmark`: accuracy of a contact model, a fit or another program on curves whose truth is known."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def benchmark(
 ) -> None:
     """Score the accuracy of a fit, a contact model or another program on the open benchmark.
 
-    Thirty made curves with their truth: six kinds of sample, five worlds of noise. Without --solver and --program
-    the whole model of each scene is fitted. A law is compared with the exact contact problem and with finite
-    elements too.
+    Thirty synthetic curves with known truth: six kinds of sample, each with five kinds of noise. Without --solver
+    and --program the whole model of each scene is fitted. A contact model is also compared with the exact contact
+    problem and with finite elements.
 
     Example: `underlay benchmark --kind elastic`
 
@@ -75,7 +75,7 @@ def benchmark(
 
 
 def _say_reasons(scores: Scores) -> None:
-    """Each reason why there is no estimate, once."""
+    """Print each reason why a curve has no estimate, once."""
     reasons = [f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason]
     for reason in dict.fromkeys(reasons):
         say(reason)

@@ -1,4 +1,4 @@
-"""What the commands print: lines, tables on a terminal, files written, warnings."""
+"""Output of the commands: lines, tables on a terminal, files written, warnings."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ _LONG = 40
 
 
 def say(text: str) -> None:
-    """Print a line of text for people; words in it are never taken for markup."""
+    """Print lines of text; no part of it is interpreted as markup."""
     Console(highlight=False).print("\n".join(map(one_line, text.split("\n"))), markup=False, soft_wrap=True)
 
 
 def say_error(text: str, steps: Sequence[str] = ()) -> None:
-    """Print one line to standard error, and one for each command that comes next."""
+    """Print an error as one line on standard error, and each of `steps`, a next command, as a further line."""
     told = one_line(" ".join(text.split()))
     for each in (f"underlay: {told}", *(f"Next step: {one_line(step)}" for step in steps)):
         Console(stderr=True, highlight=False).print(each, markup=False, soft_wrap=True)
 
 
 def say_table(frame: pd.DataFrame, title: str) -> None:
-    """Print a table; numbers to the right, words to the left, an index of names as the first column."""
+    """Print a table: numbers right-aligned, text left-aligned; an index of names becomes the first column."""
     import pandas as pd
 
     if not pd.api.types.is_integer_dtype(frame.index):
@@ -77,13 +77,13 @@ def _cell(value: object) -> str:
 
 
 def write_out(folder: Path | None, files: Mapping[str, pd.DataFrame | Callable[[], Axes]]) -> None:
-    """Write tables as CSV, and pictures that are drawn for it, and say so; nothing without a folder."""
+    """Write tables and pictures into a folder by `write_all`, and print their paths; nothing without a folder."""
     for written in [] if folder is None else write_all(folder, files):
         say(f"wrote {written}")
 
 
 def write_all(folder: Path, files: Mapping[str, pd.DataFrame | Callable[[], Axes]]) -> list[Path]:
-    """Write tables as CSV, and pictures that are drawn for it; return where they are."""
+    """Write files into a folder by name: tables as CSV, functions as the pictures they draw; return the paths."""
     from underlay._csv import csv_text
     from underlay._files import write_atomic
     from underlay.report.plots import save
@@ -96,7 +96,10 @@ def write_all(folder: Path, files: Mapping[str, pd.DataFrame | Callable[[], Axes
 
 @contextmanager
 def noted() -> Iterator[None]:
-    """Print our own warnings as notes, each once, where a command does not gather them for later."""
+    """Print this package's warnings as notes, each once, inside a ``with`` block; other warnings as usual.
+
+    Not those that a command collects by itself to print them after its result.
+    """
     said: set[str] = set()
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
@@ -113,6 +116,6 @@ def noted() -> Iterator[None]:
 
 
 def say_warnings(texts: list[str]) -> None:
-    """Print each warning once."""
+    """Print each of the warnings once, as a note."""
     for text in dict.fromkeys(texts):
         say(f"note: {text}")

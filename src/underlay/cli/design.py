@@ -1,7 +1,7 @@
-"""Commands that look ahead: `plan`, `identify`, `effects`, `accuracy`, `simulate`.
+"""Commands on a test before it is made: `plan`, `identify`, `effects`, `accuracy`, `simulate`.
 
-What a command takes a test to be comes from its options, a measured curve, the scene file, else a default that is
-printed: a scene alone says neither how deep the tip goes nor how noisy the force is.
+A scene alone says neither how deep the tip goes nor how noisy the force is: these come from the options, a measured
+curve, the scene file, or else a default, which is printed.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def plan(
 ) -> None:
     """Recommend a tip radius and a depth, by the expected standard error of a parameter.
 
-    The scene file says the specimen as expected, [fit] what will be unknown, [noise] or a curve how well is
-    read.
+    The scene file describes the expected specimen, its [fit] section what will be unknown, and [noise] or a
+    measured curve the noise of the force.
 
     Example: `underlay plan scene.toml --parameter layer.E --max-depth "200 um"`
     """
@@ -277,8 +277,8 @@ def simulate(
 ) -> None:
     """Make a curve from a scene, with the noise that --noise and its [noise] section name, and no other.
 
-    The depths are those of the scene's [simulate] section, else a default that is said. Beside the CSV stands a
-    JSON file with the truth.
+    The depths are those of the scene's [simulate] section, else a default that is printed. The true parameters are
+    written to a JSON file beside the CSV.
 
     Example: `underlay simulate scene.toml --output curve.csv --seed 1`
 
@@ -303,7 +303,7 @@ def simulate(
 
 
 def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate: str | None) -> ul.Curve:
-    """The curve of a scene file with what the options change."""
+    """Make the curve of a scene file, with noise, instrument offsets and sampling rate of the options."""
     from underlay._arrays import positive
     from underlay.scene.instrument import Instrument
     from underlay.scene.noise import Noise
@@ -339,14 +339,14 @@ def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate:
 
 
 def _kinds(declared: type) -> dict[str, str]:
-    """Names that an option takes, with the kind of each: the quantities that a class declares."""
+    """Return the names that an option takes, each with its kind of quantity, as a dataclass declares them."""
     from underlay.quantities import field_quantities
 
     return {name: known.kind for name, known in field_quantities(declared).items()}
 
 
 def _noise_model(kind: type[NoiseModel], numbers: Mapping[str, float]) -> NoiseModel | None:
-    """The noise model of what is not zero; none of nothing."""
+    """Return the noise model with the given parameters that are not zero (SI); None if there are none."""
     if not numbers:
         return None
     if set(numbers) == {"correlation_time"}:
@@ -367,7 +367,7 @@ def _command(
 
 
 def measured_curve(file: SceneFile, option: Path | None) -> ul.Curve | None:
-    """Read the curve of --curve, else the one that the scene file names; None if there is neither."""
+    """Read the curve given by --curve, else the one that the scene file names; None if there is neither."""
     from underlay.inference.from_files import read_for
 
     path = option if option is not None else file.curve_path
@@ -375,7 +375,10 @@ def measured_curve(file: SceneFile, option: Path | None) -> ul.Curve | None:
 
 
 def deepest_point(file: SceneFile, option: str | None, curve: ul.Curve | None = None) -> float:
-    """Deepest point since contact (m): of the option, the curve, [simulate], else a default that is said.
+    """Return the largest indentation (m), from the contact point.
+
+    It is that of the option ``--max-depth``, else of the curve, else of [simulate], else a default, which is
+    printed.
 
     Raises
     ------
@@ -408,7 +411,7 @@ def deepest_point(file: SceneFile, option: str | None, curve: ul.Curve | None = 
 
 
 def doubt_depth(scene: ul.Scene, depth: float) -> None:
-    """Warn where a depth since contact (m) is more than the layer's thickness."""
+    """Warn where an indentation (m) exceeds the layer's thickness."""
     from underlay.mechanics.contact_law import DeeperThanLayer
 
     doubt = DeeperThanLayer.of(depth, scene.layer.thickness)
@@ -417,7 +420,7 @@ def doubt_depth(scene: ul.Scene, depth: float) -> None:
 
 
 def expected_noise(file: SceneFile, deepest: float, curve: ul.Curve | None = None) -> NoiseModel:
-    """Noise of [noise], else what the curve scatters, else a default that is said."""
+    """Return the noise of [noise], else the scatter of the curve, else 1 % of the largest force, with a note."""
     import numpy as np
 
     from underlay.inference.model.members import scatter
@@ -445,7 +448,10 @@ def expected_noise(file: SceneFile, deepest: float, curve: ul.Curve | None = Non
 
 
 def expected_depths(file: SceneFile, deepest: float) -> SimulatedDepths:
-    """Depth readings of [simulate], else a ramp that begins before contact."""
+    """Return the depth readings of [simulate], else a ramp to the largest indentation `deepest` (m).
+
+    The ramp has 200 points, a quarter of them before contact.
+    """
     from underlay.scene.scene_file import SimulatedDepths
 
     if file.simulate is not None:

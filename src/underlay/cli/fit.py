@@ -1,4 +1,4 @@
-"""Commands that make numbers of one curve: `fit`, `demo`, `compare`, `film`, `sample`."""
+"""Commands on one curve: `fit`, `demo`, `compare`, `film`, `sample`."""
 
 from __future__ import annotations
 
@@ -79,7 +79,10 @@ def fit(
 
 
 def show_fit(result: ul.Fit, name: str, *, details: bool = False) -> None:
-    """Print what a fit found: number, verdict, next step; with `details` all that stands behind it."""
+    """Print the result of a fit: numbers, verdict, next step; with `details` all further tables.
+
+    `name` is that of the curve, for the titles.
+    """
     from underlay.report.screen import fit_lines
 
     say("")
@@ -90,7 +93,7 @@ def show_fit(result: ul.Fit, name: str, *, details: bool = False) -> None:
 
 
 def _show_details(result: ul.Fit, name: str) -> None:
-    """Budget, parameters, correlations, what the instrument found, the contact law."""
+    """Print budget, parameters, correlations, comparison with the instrument's modulus, and the contact model."""
     from underlay.report.adhesion_tables import adhesion_frame, halfspace_of
     from underlay.report.labels import is_of_the_sample, label
     from underlay.report.limits import advice, rivals
@@ -179,7 +182,7 @@ def compare(curve: CurveFile, scene: SceneOption = None, output: OutputFolder = 
 
 
 def _laws_shown(laws: Comparison) -> pd.DataFrame:
-    """The table in units for people, without standard errors: those are in the file."""
+    """Return the comparison of contact models in units for people, without standard errors (the file has them)."""
     from underlay.quantities import path_of
     from underlay.scene.parameters import kind_of
     from underlay.units import human_unit
@@ -210,7 +213,8 @@ def film(
 ) -> None:
     """Fit the contact stiffness S(h) of a film that was indented plastically; the scene's indenter is a cone.
 
-    What [fit] frees of layer and substrate is fitted. Without a calibration the tip is taken as perfect.
+    The parameters of layer and substrate that [fit] lists are fitted. Without a calibration the tip is taken as
+    perfect.
 
     Example: `underlay film oxide.xls --scene film.toml --calibration silicon.xls --known-modulus "165 GPa"`
     """
@@ -262,9 +266,9 @@ def sample(
 ) -> None:
     """Sample the posterior of the free parameters; each needs a prior or bounds in the scene file.
 
-    A baseline and its slope without any are given weak ones, which is said.
+    A baseline and its slope get wide bounds where they have none, with a note.
 
-    With --output the chain is kept step by step, so that an interrupted run continues with --resume.
+    With --output the chain is stored step by step, so that an interrupted run continues with --resume.
 
     Example: `underlay sample curve.csv --scene scene.toml --output results --max-steps 400`
     """

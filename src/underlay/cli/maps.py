@@ -142,12 +142,12 @@ def map_curves(
 
 
 def _levels(folders: str | None) -> tuple[str, ...]:
-    """What the folders stand for, outermost first."""
+    """Return the labels that the levels of folders give, outermost first, from ``"group/animal"``."""
     return tuple(folders.split("/")) if folders else ()
 
 
 def _require_elsewhere(excel: Path, curves: Path, folders: str | None) -> None:
-    """Refuse an Excel file among the curves: a workbook may be a curve, and the next run would list it as one."""
+    """Raise an error if the Excel file would lie among the curves, where the next run would read it as one."""
     above = excel.resolve().parents[len(_levels(folders)) :]
     if above and above[0] == curves.resolve():
         raise InputError(
@@ -156,7 +156,7 @@ def _require_elsewhere(excel: Path, curves: Path, folders: str | None) -> None:
 
 
 def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: ul.Solver) -> Path:
-    """Write the table of a map as an Excel file, with the scene file line by line."""
+    """Write the table of a map as an Excel file, with solver and scene file in its settings; return its path."""
     from underlay._door import read_text
     from underlay.scene.scene_file import SCENE_FILE
 
@@ -167,7 +167,7 @@ def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: ul.Solver
 
 
 def _show(table: pd.DataFrame) -> None:
-    """Print what was found: counts, the spread of every parameter, the failures."""
+    """Print the short text of a map, and up to ten failed curves with their reasons."""
     from underlay.report.screen import map_lines
 
     for text in map_lines(table):
@@ -215,10 +215,10 @@ def population(
     excel: ExcelFile = None,
     details: Details = False,
 ) -> None:
-    """Mean and spread over animals, with intervals that allow for sites of one animal that are alike.
+    """Mean and spread over animals, with intervals that allow for the similarity of sites on one animal.
 
-    Labels come from columns of the map's manifest (animal, group, joint, ...) or from its folders
-    (`underlay map --folders group/animal`).
+    Labels come from columns of the map's manifest (animal, group, joint, ...) or from its folders (`underlay map
+    --folders group/animal`).
 
     Example: `underlay population map.csv --by animal --group treatment`
     """

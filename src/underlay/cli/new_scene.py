@@ -1,4 +1,4 @@
-"""A starter scene file: what a measured curve says is filled in; the rest is marked and must be given."""
+"""A starter scene file: values that a curve's file states are filled in; all others are marked as to be given."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _LINES, _LETTERS = 6, 90
 
 
 def unread_scene(file: Path, name: str, reason: str) -> str:
-    """Return the text of a scene file for a file that could not be read, with what was seen of it.
+    """Return the text of a starter scene file for a curve file that could not be read, with its first lines.
 
     Parameters
     ----------
     file : path
-        The file.
+        The curve file.
     name : str
-        What the scene calls it.
+        Its path as the scene file names it.
     reason : str
         Why it could not be read.
     """
@@ -63,7 +63,7 @@ def _unread(file: Path, name: str, reason: str) -> Iterator[str]:
 
 
 def _seen(file: Path) -> Iterator[str]:
-    """First lines of a text, each as one printable line; none of another file."""
+    """Yield the first lines of a text file, each made printable; nothing for a binary file."""
     from underlay.data.readers._source import load, unpack
     from underlay.data.readers._text import lines_of
     from underlay.errors import UnderlayError
@@ -77,10 +77,10 @@ def _seen(file: Path) -> Iterator[str]:
 
 
 def new_scene(curve: Curve, name: str) -> str:
-    """Return the text of a scene file for a curve that was read from a file of the given name.
+    """Return the text of a starter scene file for a curve; `name` is the path of its file, as the scene names it.
 
-    Every number that the file of the curve says stands in it; where it says none stands ``TODO``, which a
-    scene file refuses until it is replaced.
+    Every value that the curve's file states is filled in; all others are ``TODO``, which a scene file refuses until
+    it is replaced.
     """
     return "\n".join(_lines(curve, name)) + "\n"
 
@@ -118,7 +118,10 @@ def _lines(curve: Curve, name: str) -> Iterator[str]:
 
 
 def _sample(known: Mapping[str, Any], length: str, pressure: str) -> Iterator[str]:
-    """The sections of the tip and the sample, in units of the size of the test."""
+    """Yield the lines of the sections on tip, layer and substrate.
+
+    `known` is the metadata of the curve; `length` and `pressure` are units that suit the size of the test.
+    """
     from underlay.scene.scene_file import PLACE
 
     yield "[indenter]"
@@ -174,7 +177,7 @@ def _number(known: Mapping[str, Any], key: str) -> float | None:
 
 
 def _quoted(text: str) -> str:
-    """Return `text` as a TOML string: a file's name is data."""
+    """Return `text` as a quoted and escaped TOML string."""
     escaped = "".join(
         f"\\u{ord(letter):04x}" if not letter.isprintable() or letter in '"\\' else letter for letter in text
     )

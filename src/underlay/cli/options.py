@@ -1,9 +1,9 @@
-"""Arguments that several commands share, spelled once, and the folder that results go into.
+"""Arguments and options that several commands share, and the output folder.
 
-Options of the form NAME=VALUE may be repeated: ``--noise force="2 uN" --noise relative=0.5%``. The solver by
-which a command looks at a scene comes from its options, else from the scene file. What would fail after the
-work fails before it: the folder is made before a command computes, and gone if nothing was written, and
---excel is refused where it could not be met.
+Options of the form NAME=VALUE may be repeated: ``--noise force="2 uN" --noise relative=0.5%``. The solver comes
+from the options, else from the scene file. What would fail after a computation is checked before it: the output
+folder is made first, and removed again if nothing was written; --excel is refused where the file could not be
+written.
 """
 
 from __future__ import annotations
@@ -75,16 +75,16 @@ Rtol = Annotated[
 
 
 def scene_for(scene: Path | None, curves: Path, command: str) -> Path:
-    """Return the scene file that was named, or refuse in words, with the command that comes next.
+    """Return the scene file that was given; without one, raise an error that names the next command.
 
     Parameters
     ----------
     scene : Path or None
-        As it was asked for.
+        The value of ``--scene``.
     curves : Path
         What is to be fitted: a file, or a folder for the command ``map``.
     command : str
-        The command that was given.
+        Name of the command.
 
     Raises
     ------
@@ -119,16 +119,16 @@ def _words(command: str, path: Path) -> str:
 
 
 def named_quantities(option: str, given: Iterable[str], kinds: Mapping[str, str]) -> dict[str, float]:
-    """Read the values of an option that may be repeated.
+    """Parse the values of a repeatable option of the form NAME=VALUE.
 
     Parameters
     ----------
     option : str
-        As it is spelled, e.g. ``"--noise"``.
+        Its spelling, e.g. ``"--noise"``.
     given : iterable of str
-        What was written, each ``NAME=VALUE``.
+        Its values, each ``NAME=VALUE``.
     kinds : mapping of str to str
-        Kind of quantity of each name there is.
+        Allowed names, each with its kind of quantity.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def named_quantities(option: str, given: Iterable[str], kinds: Mapping[str, str]
     Raises
     ------
     InputError
-        If one is not written so, its name is unknown, or it is given twice.
+        If a value has another form, its name is unknown, or it is given twice.
     UnitError
         If a unit is missing, unknown or of another kind.
     """
@@ -169,12 +169,12 @@ def _quoted(example: str) -> str:
 
 
 def wanted_solver(stated: Solver, name: str | None, rtol: float | None) -> Solver:
-    """Return the solver of the options, else that of the scene file.
+    """Return the solver of that name, else the one the scene file states, with relative tolerance `rtol` if given.
 
     Raises
     ------
     InputError
-        If there is none of that name, or it takes no --rtol.
+        If there is none of that name, or it has no tolerance to set.
     """
     from underlay.mechanics.solvers import as_solver
 
@@ -193,7 +193,7 @@ _made: ContextVar[list[Path] | None] = ContextVar("made", default=None)
 
 
 def _ready_folder(path: Path | None) -> Path | None:
-    """Make an output folder, so that a command that cannot write fails before it computes.
+    """Make the output folder of the option ``--output``, so that a command that cannot write fails at the start.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def _ready_folder(path: Path | None) -> Path | None:
 
 @contextmanager
 def without_empty_folders() -> Iterator[None]:
-    """Take away what `_ready_folder` made and nothing was written into, as after input that is refused."""
+    """Remove, after a ``with`` block, folders that `_ready_folder` made and that are empty, as after an error."""
     token = _made.set([])
     try:
         yield
@@ -225,7 +225,7 @@ def without_empty_folders() -> Iterator[None]:
 
 
 def _require_excel(path: Path | None) -> Path | None:
-    """Refuse, before the work, a file that could not be written after it.
+    """Check before the computation that the Excel file can be written after it; return its path.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Commands that share a result: `report`, one page or an executed notebook, and `cite`."""
+"""Commands that share a result: `report` (a page or an executed notebook) and `cite`."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def report(
 
     Example: `underlay report curve.csv --scene scene.toml --output report.html`
 
-    What `underlay sample` kept (.npz) holds its scene and curve: name it alone.
+    A posterior saved by `underlay sample` (.npz) contains its scene and curve: name it alone.
 
     Example: `underlay report curve.csv --scene scene.toml --notebook my_analysis.ipynb`
     """
@@ -88,7 +88,7 @@ def report(
 
 
 def _fitted(asked: _Asked) -> ul.Fit:
-    """The fit of a curve by a scene file, which a record of it must equal."""
+    """Fit the curve by the scene file; raise an error if a .fit.json was given whose values differ."""
     problem = ul.load_problem(*_curve_and_scene(asked))
     if asked.record is not None:
         _check_curve(asked.record, problem)
@@ -106,7 +106,7 @@ def _of_posterior(asked: _Asked, output: Path, how: Mapping[str, Any]) -> Path:
 
 
 class _Record(NamedTuple):
-    """What a .fit.json says of where it came from."""
+    """Contents of a .fit.json: its path, curve and scene files, SHA-256 of the points, and fitted values (SI)."""
 
     path: Path
     curve: Path
@@ -116,7 +116,7 @@ class _Record(NamedTuple):
 
 
 class _Asked(NamedTuple):
-    """The results by what they are."""
+    """The files given to `report`, sorted by what they are."""
 
     curve: Path | None
     scene: Path | None
@@ -157,7 +157,7 @@ def _read_record(path: Path) -> _Record:
 
 
 def _check_curve(record: _Record, problem: ul.Problem) -> None:
-    """Refuse a record whose curve is no longer what was fitted: its page would show another fit."""
+    """Raise an error if the curve has changed since the .fit.json was written: the page would show another fit."""
     from underlay.inference.least_squares.provenance import curve_hash
 
     if curve_hash(problem.curves[0]) != record.data_sha256:
@@ -165,7 +165,7 @@ def _check_curve(record: _Record, problem: ul.Problem) -> None:
 
 
 def _check_values(record: _Record, found: ul.Fit) -> None:
-    """Refuse a record whose scene is no longer the one that was fitted."""
+    """Raise an error if the fit differs from the .fit.json, as after a change of the scene file."""
     for name, value in record.values.items():
         same = name in found.values and abs(found.values[name] - value) <= _SAME * abs(value)
         if not same:
@@ -176,7 +176,7 @@ def _check_values(record: _Record, found: ul.Fit) -> None:
 
 
 def _sampled_files(asked: _Asked) -> tuple[Path, Path] | None:
-    """Curve and scene file named beside a posterior; None where neither is."""
+    """Return the curve and scene file given with a posterior; None where neither is."""
     if asked.curve is None and asked.scene is None:
         return None
     if asked.curve is None:
@@ -195,7 +195,7 @@ def _curve_and_scene(asked: _Asked) -> tuple[Path, Path]:
 
 
 def _write_notebook(asked: _Asked, table: Path | None, target: Path) -> None:
-    """Write the executed notebook of a curve, a posterior or a map; files are named from where it stands."""
+    """Write the executed notebook of a curve, a posterior or a map; it names files relative to its own folder."""
     from underlay.report.notebook import write_notebook
 
     if target.suffix != ".ipynb":

@@ -152,7 +152,7 @@ def _list_formats() -> None:
 
 
 def _plug_ins() -> list[dict[str, str]]:
-    """Every reader, indenter and solver that another package adds, and why one cannot be used."""
+    """Return a row for every reader, indenter and solver of another package: name, package, and why if unusable."""
     from underlay.data.readers import FORMATS, plugged_readers
     from underlay.mechanics.indenters import plugged_indenters
     from underlay.mechanics.solvers import plugged_solvers
@@ -169,7 +169,7 @@ def _plug_ins() -> list[dict[str, str]]:
 
 
 def _chosen(curves: list[ul.Curve], test: int | None, file: Path) -> list[tuple[int, ul.Curve]]:
-    """The tests asked for, with their numbers from 1."""
+    """Return the test with that number (from 1), or all tests of the file, each with its number."""
     if test is None:
         return list(enumerate(curves, start=1))
     if not 1 <= test <= len(curves):

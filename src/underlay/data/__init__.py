@@ -1,1 +1,1 @@
-"""Measured and made curves: reading, contact point, segments, and whether they can be fitted."""
+"""Measured and synthetic curves: reading, contact point, segments, and whether they can be fitted."""

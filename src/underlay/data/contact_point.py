@@ -1,13 +1,13 @@
-"""Where the indenter first touches: three estimators of the contact depth, each with an uncertainty.
+"""The depth reading at which the indenter first touches: three estimators, each with an uncertainty.
 
-* ``foot``: the baseline turns into the foot of a contact law with free stiffness.
-* ``change-point``: the baseline turns into a parabola with free coefficients; no contact law.
-* ``threshold``: the depth of the last passage through 3 standard deviations of the noise, carried back by
-  the rise that follows to where it starts.
+* ``foot``: a baseline, followed from the contact depth on by a contact law with a fitted factor.
+* ``change-point``: a baseline, followed by a parabola with two fitted coefficients; no contact law.
+* ``threshold``: the last depth at which the force passes 3 standard deviations of the noise, extrapolated back
+  along the rise that follows to where it starts.
 
-The first two scan the contact depth and solve for the linear coefficients at every depth tried, so nothing
-has to be started or to converge; the uncertainty is the curvature of the sum of squares, widened for
-correlated residuals. That of the foot also holds that its law may be the wrong one (`with_a_doubtful_shape`).
+The first two try contact depths on a grid and solve a linear least-squares problem at each, so they need no
+starting values and cannot fail to converge; the uncertainty follows from the curvature of the sum of squares,
+widened for correlated residuals. That of ``foot`` also allows for a wrong contact law (`with_a_doubtful_shape`).
 Forces below the baseline right before the rise (adhesion) are left out of these fits.
 """
 
@@ -99,7 +99,7 @@ class ContactEstimate:
 
 
 def power_law(exponent: float) -> Shape:
-    """Shape of a half-space's contact: depth since contact to the power `exponent`; its factor is fitted."""
+    """Return the shape of a half-space contact: indentation to the power `exponent`, times a fitted factor."""
 
     def shape(pressed: FloatArray) -> tuple[FloatArray, ...]:
         return (pressed**exponent,)
@@ -108,7 +108,7 @@ def power_law(exponent: float) -> Shape:
 
 
 def shape_of(law: ContactLaw) -> Shape:
-    """Shape of a contact law: its force (N) at depths since contact (m), scaled by a factor that is fitted."""
+    """Return the shape of a contact law: its force (N) at indentations (m), times a factor that is fitted."""
 
     def shape(pressed: FloatArray) -> tuple[FloatArray, ...]:
         return (np.asarray(law.force(pressed)),)
@@ -121,9 +121,9 @@ def _parabola(pressed: FloatArray) -> tuple[FloatArray, ...]:
 
 
 class Points(NamedTuple):
-    """Points of a foot that are fitted, and means of neighbouring ones for the coarse scan.
+    """Points near contact that are fitted (m, N), and their means over blocks of neighbours for the coarse scan.
 
-    Depth (m) and force (N), (n,), without the points pulled below the baseline, and thinned.
+    They are thinned, without those below the baseline; `depth` and `force` have shape (n,).
     """
 
     depth: FloatArray
@@ -132,36 +132,36 @@ class Points(NamedTuple):
 
     @classmethod
     def of(cls, foot: Foot) -> Points:
-        """Points of a foot."""
+        """Select the points to fit from the part of a curve near contact."""
         x, force = _fitted_points(foot)
         return cls(x, force, _in_blocks(x, force))
 
 
 class Scanned(NamedTuple):
-    """What a scan found: the estimate, and the residuals (N) of the best shape at the foot's points (n,)."""
+    """Result of `scan`: the estimate, and the residuals (N) of its fit at the fitted points (n,)."""
 
     estimate: ContactEstimate
     residual: FloatArray
 
 
 def scan(method: str, foot: Foot, points: Points, shape: Shape) -> Scanned | None:
-    """Find the contact depth with the least sum of squares: coarse on block means, then fine on all points.
+    """Find the contact depth with the smallest sum of squares: coarse on block means, then fine on all points.
 
     Parameters
     ----------
     method : str
-        Name of the estimator, which the estimate bears.
+        Name of the estimator, for the estimate.
     foot : Foot
-        Its baseline is adjusted with the rest where it was measured, else kept.
+        Baseline and beginning of the rise. A measured baseline is fitted with the rest, an assumed one held fixed.
     points : Points
-        Points of that foot.
+        The points of `foot` to fit.
     shape : Shape
-        What the force is made of after contact.
+        Functions of the indentation, with fitted factors, that make up the force after contact.
 
     Returns
     -------
     Scanned or None
-        None if no contact depth gives a rise, or the sum of squares has no bottom between the depths tried.
+        None if no contact depth gives a rising force, or the sum of squares has no minimum among the depths tried.
     """
     x, force, blocks = points
     low, high = _earliest(foot, points), x[-2]
@@ -191,7 +191,10 @@ def scan(method: str, foot: Foot, points: Points, shape: Shape) -> Scanned | Non
 
 
 def change_point(foot: Foot, points: Points) -> ContactEstimate | None:
-    """Contact where the baseline turns into a parabola, its error widened for a foot that is no parabola."""
+    """Estimate contact as the change from baseline to parabola; None if there is none.
+
+    Its error is widened for a rise that is no parabola.
+    """
     scanned = scan("change-point", foot, points, _parabola)
     if scanned is None:
         return None
@@ -201,13 +204,14 @@ def change_point(foot: Foot, points: Points) -> ContactEstimate | None:
 
 
 def with_a_doubtful_shape(foot: Foot, points: Points, shape: Shape, scanned: Scanned) -> float:
-    """Standard error (m) of the foot's contact where its law may rise with another power of the depth.
+    """Return the standard error (m) of the ``foot`` estimate, allowing for a contact law with a wrong exponent.
 
-    A foot's own error is that of its law, which has a thickness or a modulus yet to be found: on a thin layer it
-    was eight times too small. So the law is right with even odds, or its exponent off by a normal deviate of
-    `_EXPONENT_OFF`; the curve weighs the two (the ratio of the density of no change after and before the curve:
-    Dickey 1971, Ann. Math. Stat. 42, 204), and the error is the mean square distance of the truth from the
-    estimate over both.
+    The error that `scan` gives assumes that the contact law is right, although thickness and modulus are yet to be
+    found: on a thin layer it was eight times too small. Here the law is right with a prior probability of one half;
+    otherwise its exponent differs by a normal deviate of standard deviation `_EXPONENT_OFF`. The curve weighs the
+    two by their posterior odds (the density of no change after over that before the curve: Dickey 1971, Ann. Math.
+    Stat. 42, 204), and the returned error is the root mean square distance of the contact from the estimate under
+    both.
     """
     x, force, _ = points
     contact, residual = scanned
@@ -245,31 +249,34 @@ def with_a_doubtful_shape(foot: Foot, points: Points, shape: Shape, scanned: Sca
 
 
 def _inverse(normal: FloatArray) -> FloatArray:
-    """Inverse of a symmetric matrix, zero along directions that it does not have."""
+    """Return the pseudo-inverse of a symmetric matrix (k, k)."""
     values, vectors = np.linalg.eigh(normal)
     kept = np.abs(values) > _SINGULAR * np.abs(values).max()
     return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].T)
 
 
 def _earliest(foot: Foot, points: Points) -> float:
-    """Depth reading (m) of the first contact that a scan tries."""
+    """Return the smallest depth reading (m) that a scan tries as contact."""
     return float(points.depth[0] - (0.0 if foot.has_baseline else BEFORE * np.ptp(points.depth)))
 
 
 def _read_off(shape: Shape, deepest: float) -> Shape:
-    """The same shape, read off a table: what lies between two of its points is off by 1e-6 of the whole."""
+    """Return a shape interpolated in a table up to `deepest` (m), to 1e-6 of its largest value."""
     depths = np.linspace(0.0, deepest, _TABLE)
     columns = shape(depths)
     return lambda pressed: tuple(np.interp(pressed, depths, column) for column in columns)
 
 
 def _steps(low: float, high: float, count: int) -> FloatArray:
-    """Contact depths from `low` to `high`, evenly."""
+    """Return `count` evenly spaced contact depths (m) from `low` to `high`."""
     return np.asarray(low + (high - low) / (count - 1) * np.arange(count))
 
 
 def _lowest(tried: FloatArray, sums: FloatArray) -> float | None:
-    """Contact depth at the bottom of the parabola through the least of the sums (t,) and its neighbours."""
+    """Return the contact depth (m) at the minimum of the parabola through three sums of squares.
+
+    They are the smallest and its neighbours; `tried` and `sums` are (t,). None where no sum is finite.
+    """
     at = int(np.argmin(sums))
     if not np.isfinite(sums[at]):
         return None
@@ -281,14 +288,17 @@ def _lowest(tried: FloatArray, sums: FloatArray) -> float | None:
 
 
 def _in_blocks(x: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means of neighbouring points, in at most so many blocks that a step of the coarse scan holds two."""
+    """Return the means of depth (m) and force (N) over at most 80 blocks of neighbouring points.
+
+    A step of the coarse scan holds two blocks.
+    """
     starts = np.linspace(0, len(x), min(_BLOCKS, len(x)), endpoint=False).astype(np.intp)
     sizes = np.diff(starts, append=len(x))
     return np.add.reduceat(x, starts) / sizes, np.add.reduceat(force, starts) / sizes
 
 
 def _fitted_points(foot: Foot) -> tuple[FloatArray, FloatArray]:
-    """Points of the foot without those pulled below the baseline, thinned."""
+    """Return depth (m) and force (N) of the points near contact, thinned, without those below the baseline."""
     kept = (
         foot.force >= -SIGNIFICANT * foot.noise if foot.noise > 0.0 else np.ones(len(foot.force), dtype=bool)
     )
@@ -298,7 +308,10 @@ def _fitted_points(foot: Foot) -> tuple[FloatArray, FloatArray]:
 
 
 def _columns(x: FloatArray, contacts: FloatArray, shape: Shape) -> list[FloatArray]:
-    """What the shape is made of, each (t, n + 1) for contact depths (t,): the last point is one before contact."""
+    """Return the functions that make up the force, each (t, n + 1), for t contact depths at n points.
+
+    The last column is of a point before contact.
+    """
     pressed = np.maximum(np.append(x, -np.inf) - contacts[:, np.newaxis], 0.0)
     return [column.reshape(pressed.shape) for column in shape(pressed.ravel())]
 
@@ -306,10 +319,10 @@ def _columns(x: FloatArray, contacts: FloatArray, shape: Shape) -> list[FloatArr
 def _solve(
     x: FloatArray, force: FloatArray, contacts: FloatArray, shape: Shape, foot: Foot
 ) -> tuple[FloatArray, FloatArray]:
-    """Residuals (t, n) of the best linear coefficients for each contact depth (t,), and the rises they give (t,).
+    """Fit the factors of the shape for each contact depth (t,): residuals (t, n), and rise of the force (N), (t,).
 
-    By modified Gram-Schmidt: a column that is a multiple of those before it has nothing left and takes no part. A
-    baseline that was measured is adjusted with the rest, by taking the means away; one that was assumed is kept.
+    By modified Gram-Schmidt orthogonalisation; a column that is linearly dependent on those before it takes no
+    part. A measured baseline is fitted with the rest, by subtracting means; an assumed one is held fixed.
     """
     n = len(x)
     residual = (force - force.mean() if foot.has_baseline else force)[np.newaxis]
@@ -339,7 +352,7 @@ def _solve(
 
 
 def _products(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Scalar products (t,) over the points; of what is the same for all, (1, n), too."""
+    """Return the scalar products (t,) of rows over the points; either may have a single row, (1, n)."""
     return np.asarray(np.einsum("ti,ti->t", one, other))
 
 
@@ -350,12 +363,12 @@ def _sums_of_squares(
 
 
 def _sums(residuals: FloatArray, rises: FloatArray) -> FloatArray:
-    """Sums of squares (t,), infinite where the force would fall."""
+    """Return the sums of squares (t,); infinite where the fitted force would fall with depth."""
     return np.where(rises > 0.0, _products(residuals, residuals), np.inf)
 
 
 def _widening(residual: FloatArray) -> float:
-    """Factor on the variance for residuals correlated as a first-order process."""
+    """Return the factor on the variance for residuals correlated as a first-order autoregressive process."""
     power = float(residual @ residual)
     if power <= 0.0 or len(residual) < 3:
         return 1.0
@@ -372,8 +385,8 @@ class ContactPoint:
     Parameters
     ----------
     depth, uncertainty : float
-        By the estimator `method` (m). The uncertainty of a foot's holds that its law may rise with another power,
-        that of others the scatter of all estimators.
+        Depth reading at contact and its standard error (m), by `method`. The error of ``foot`` allows for a contact
+        law with another exponent, that of the others includes the scatter between all estimators.
     method : str
         One of `METHODS`.
     estimates : tuple of ContactEstimate
@@ -397,23 +410,23 @@ class ContactPoint:
 
     @property
     def scatter(self) -> float:
-        """Standard deviation (m) of all estimates: large where there is more to see than a contact."""
+        """Standard deviation (m) between the estimators: large where they do not see one plain contact."""
         return float(np.std([estimate.depth for estimate in self.estimates]))
 
 
 def find_contact(
     curve: Curve, method: str = "auto", *, scene: Scene | None = None, exponent: float = 1.5
 ) -> ContactPoint:
-    """Estimate the depth reading at which the indenter touches.
+    """Estimate the depth reading at which the indenter first touches.
 
     Parameters
     ----------
     curve : Curve
-        With its approach, if it has one.
+        The curve, with its approach before contact if it was recorded.
     method : str
         One of `METHODS`; "auto" takes the first that gives an estimate.
     scene : Scene, optional
-        Its contact law shapes the foot. Without it the foot is a power law.
+        Its contact law is fitted after contact. Without it a power law is.
     exponent : float
         Exponent of that power law: 1.5 for a ball, 2 for a cone, 1 for a flat punch.
 
@@ -447,23 +460,23 @@ def find_contact(
 
 
 def reach_of(foot: Foot) -> float:
-    """Depth (m) to which a law must be known to shape a foot."""
+    """Return the indentation (m) up to which a contact law is needed to fit the part of a curve near contact."""
     return (1.0 + BEFORE) * float(np.ptp(foot.depth))
 
 
 def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, exponent: float) -> ContactPoint:
-    """Estimate the contact of a curve of which the foot is already found; see `find_contact`.
+    """Estimate the contact depth where `foot_of` was already called for the curve; see `find_contact`.
 
     Parameters
     ----------
     foot : Foot
         The baseline and the beginning of the rise.
     law : ContactLaw or None
-        Shapes the foot, as deep as `reach_of` says; without one a power law does.
+        Contact law to fit, valid up to `reach_of`; without one a power law is fitted.
     method : str
         One of `METHODS`; "auto" takes the first that gives an estimate.
     exponent : float
-        Of that power law.
+        Exponent of that power law.
 
     Raises
     ------
@@ -508,7 +521,10 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
 
 
 def _threshold(foot: Foot, exponent: float) -> ContactEstimate | None:
-    """Depth of the passage through the threshold, less the depth a power law needs to reach it."""
+    """Estimate contact from the depth where the force passes 3 standard deviations of the noise.
+
+    The indentation that a power law needs for that force is subtracted. None where the force never passes.
+    """
     level = SIGNIFICANT * foot.noise
     x, force = foot.depth, foot.force
     if foot.rise >= len(x):

@@ -1,8 +1,8 @@
-"""A measured or made curve: depth, force, time and segments in SI, read-only, with where they came from.
+"""A measured or synthetic curve: depth, force, time and segments in SI, read-only, with their origin.
 
-A `Curve` never changes: what selects points or adds to its metadata returns a new one, so that arrays can be
-shared between the steps of an analysis. `Metadata` holds what is known of it, its file and what was done to
-it, as plain values that can be written to JSON and sent to other processes.
+A `Curve` is immutable: methods that select points or add metadata return a new one, so that arrays can be shared
+between the steps of an analysis. `Metadata` holds what is known of its file and of how it was processed, as plain
+values that can be written to JSON and sent to other processes.
 """
 
 from __future__ import annotations
@@ -120,29 +120,28 @@ class Curve:
     Parameters
     ----------
     depth : array_like (n,)
-        Depth reading, growing into the sample (m). Its zero is the instrument's; the contact is found or
-        fitted.
+        Depth reading (m), growing into the sample. Its zero is arbitrary; the contact point is found or fitted.
     force : array_like (n,)
-        Force, positive in compression (N).
+        Force (N), positive in compression.
     time : array_like (n,), optional
         Time (s).
     segment : array_like (n,) of str, optional
-        ``"loading"``, ``"hold"`` or ``"unloading"`` for each point. Without it the motion decides, where
-        it is asked for.
+        ``"loading"``, ``"hold"`` or ``"unloading"`` for each point. Without it `segments` finds them from the
+        motion.
     metadata : mapping, optional
-        What is known of the curve: name, file, hash, reader, rules of sign, units found, ...
+        What is known of the curve: name, file, hash, reader, sign conventions, units of the file, ...
     truth : mapping, optional
-        For a synthetic curve, the numbers it was made from.
+        For a synthetic curve, the true parameters it was made from.
     columns : mapping of str to array_like (n,), optional
-        What else a file says point by point, SI; NaN where it says nothing. Of an averaged curve:
-        ``depth_scatter``, ``force_scatter`` (standard deviations over the tests, the noise), and
-        ``contact_stiffness`` (N/m) with ``contact_stiffness_scatter``, as far as they were measured.
+        Further columns of a file (SI), NaN where it has no value. For an averaged curve: ``depth_scatter``,
+        ``force_scatter`` (standard deviations over the tests, the noise), and ``contact_stiffness`` (N/m) with
+        ``contact_stiffness_scatter``, as far as they were measured.
 
     Raises
     ------
     CurveError
-        If lengths differ, a column does not hold numbers, or a segment has another name. NaN are allowed
-        here, so that a bad file can be looked at; `check_fittable` refuses them.
+        If lengths differ, a column does not hold numbers, or a segment has another name. NaN is allowed here, so
+        that a faulty file can be inspected; `check_fittable` refuses it.
 
     Examples
     --------
@@ -184,7 +183,7 @@ class Curve:
 
     @classmethod
     def from_frame(cls, frame: pd.DataFrame) -> Curve:
-        """Make a curve of a table with columns depth (m), force (N) and, if there, time (s) and segment.
+        """Make a curve from a table with columns depth (m), force (N) and, optionally, time (s) and segment.
 
         Raises
         ------
@@ -205,7 +204,7 @@ class Curve:
         )
 
     def to_frame(self) -> pd.DataFrame:
-        """Return a table with the columns depth (m), force (N), time (s), segment and others, as far as known."""
+        """Return a table with columns depth (m), force (N) and, as far as known, time (s), segment and others."""
         columns: dict[str, Any] = {"depth": self.depth.copy(), "force": self.force.copy()}
         if self.time is not None:
             columns["time"] = self.time.copy()
@@ -217,7 +216,7 @@ class Curve:
         return frame
 
     def select(self, which: slice | ArrayLike) -> Curve:
-        """Return the curve of some points.
+        """Return a curve of some of the points.
 
         Parameters
         ----------
@@ -239,16 +238,16 @@ class Curve:
         return self._noted("metadata", self._about.updated(**values))
 
     def with_truth(self, truth: Mapping[str, Any]) -> Curve:
-        """Return the curve with the numbers it was made from."""
+        """Return the curve with the true parameters it was made from, by path."""
         return replace(self, truth=truth)
 
     def segments(self) -> NDArray[np.str_]:
-        """Label of every point, (n,): the file's own, else from the motion of the depth."""
+        """Return the label of every point, (n,): from the file, else from the motion of the depth."""
         return self._by_motion if self.segment is None else self.segment
 
     @property
     def _about(self) -> Metadata:
-        """The metadata as what they are since the curve was made."""
+        """The metadata, as the `Metadata` into which they are converted when the curve is made."""
         return self.metadata if isinstance(self.metadata, Metadata) else Metadata(self.metadata)
 
     @cached_property
@@ -258,22 +257,22 @@ class Curve:
         return labels
 
     def loading(self) -> Curve:
-        """Return the points where the indenter goes in."""
+        """Return the points where the indenter moves into the sample."""
         return self._part(LOADING)
 
     def hold(self) -> Curve:
-        """Return the points where the indenter rests."""
+        """Return the points where the indenter is held."""
         return self._part(HOLD)
 
     def unloading(self) -> Curve:
-        """Return the points where the indenter comes back."""
+        """Return the points where the indenter is withdrawn."""
         return self._part(UNLOADING)
 
     def way_in(self) -> Curve:
-        """Return the points where the indenter goes in; of a curve that only comes back, those from its end.
+        """Return the loading points; of a curve that is all unloading, its points in reverse order.
 
-        An elastic sample presses back as hard on the way out as on the way in, so what looks for the contact
-        or judges a loading curve can read an unloading one backwards.
+        An elastic sample gives the same force on unloading as on loading, so what looks for the contact or judges a
+        loading curve can read an unloading one backwards.
         """
         labels = self.segments()
         if len(self) and (labels == UNLOADING).all():
@@ -281,21 +280,21 @@ class Curve:
         return self.loading()
 
     def equilibrium(self, share: float = 0.1) -> Curve:
-        """Return the equilibrium points of a stepwise relaxation test as a curve of their own.
+        """Return the equilibrium points of a stepwise relaxation test as a curve, one point per hold.
 
         Each point is the mean over the last part of a hold; see `equilibrium_points`. The metadata hold
-        ``force_standard_error`` (N), ``drift`` (N over that part) and ``stationary``, one value per point,
-        and a note where a hold was still relaxing.
+        ``force_standard_error`` (N), ``drift`` (N over that part) and ``stationary``, one value per point, and a
+        note where a hold was still relaxing.
 
         Parameters
         ----------
         share : float
-            Last part of each hold that is averaged.
+            Last part of each hold that is averaged, as a fraction of its duration.
 
         Raises
         ------
         CurveError
-            If the curve holds nowhere after going in.
+            If the curve has no hold after loading.
         """
         points = equilibrium_points(self.depth, self.force, self.time, self.segments(), share=share)
         restless = [number for number, still in enumerate(points.stationary, start=1) if not still]
@@ -320,13 +319,13 @@ class Curve:
         return self._of(here, _picked(self.depth, here), one_label(label, int(np.count_nonzero(here))))
 
     def _noted(self, name: str, value: Any) -> Curve:
-        """Return the same points with another value of a field that says something of them."""
+        """Return the same points with another value of one field, such as the metadata, without checking it."""
         noted = object.__new__(type(self))
         noted.__dict__.update(self.__dict__, **{name: value})
         return noted
 
     def _of(self, index: Any, depth: FloatArray, segment: NDArray[np.str_] | None) -> Curve:
-        """Return the curve of the points at `index`, whose depth and labels these are."""
+        """Return the curve of the points at `index`, given their depth (m) and segment labels."""
         return replace(
             self,
             depth=depth,
@@ -338,16 +337,16 @@ class Curve:
 
 
 def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdrawn: bool = False) -> None:
-    """Refuse a curve that no contact law can be fitted to.
+    """Raise an error for a curve that no contact law can be fitted to.
 
     Parameters
     ----------
     curve : Curve
         The points that would be fitted, usually ``curve.loading()``.
     contact_depth : float, optional
-        Depth reading (m) beyond which there is contact, where it is known and not fitted.
+        Depth reading (m) at contact, where it is known and not fitted.
     withdrawn : bool, default False
-        Whether the tip may be withdrawn all along, as a sample that sticks is fitted.
+        Whether a curve of withdrawal alone is allowed, as for fits with adhesion.
 
     Raises
     ------
@@ -419,14 +418,14 @@ def _column(values: ArrayLike, name: str, length: int | None = None) -> FloatArr
 
 
 def _picked(values: FloatArray, index: Any) -> FloatArray:
-    """Some of the values, in memory of their own that nobody can write to."""
+    """Return the values at `index` as a read-only copy."""
     picked = np.array(values[index]) if isinstance(index, slice) else np.asarray(values[index])
     picked.flags.writeable = False
     return picked
 
 
 def _is_settled(values: ArrayLike) -> TypeGuard[FloatArray]:
-    """Whether these are numbers that stand in memory which nobody can write to."""
+    """Whether the values are a float64 array whose memory is read-only, which need not be copied."""
     if not isinstance(values, np.ndarray) or values.dtype != np.float64 or values.flags.writeable:
         return False
     owner: object = values.base  # an array, or a buffer of somebody else's
@@ -451,7 +450,7 @@ def _labels(values: ArrayLike, length: int) -> NDArray[np.str_]:
 
 
 def recorded(curve: Curve) -> str:
-    """Return instrument, software, date and time as the file writes them; empty where it says none of it.
+    """Return instrument, software, date and time from the file's header in one line; empty if all are missing.
 
     Examples
     --------

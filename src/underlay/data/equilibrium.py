@@ -1,7 +1,7 @@
 """Equilibrium points of stepwise stress-relaxation tests.
 
-Cartilage and gels are fitted at equilibrium (or instantaneously), not in between. A point is the mean over
-the last part of each hold, with its standard error and a check that the force had come to rest.
+Cartilage and gels are fitted with their equilibrium (or instantaneous) modulus. An equilibrium point is the mean
+over the last part of a hold, with its standard error and a check that the force had stopped relaxing.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ _MARGIN = 0.02
 
 @dataclass(frozen=True)
 class EquilibriumPoints:
-    """One point per hold.
+    """The equilibrium points of a test, one per hold.
 
     Parameters
     ----------
     depth, force, time : ndarray (m,)
         Means over the last part of each hold (m, N, s); time is None if the curve has none.
     force_standard_error : ndarray (m,)
-        Of the mean force (N), widened for correlated readings.
+        Standard error of the mean force (N), widened for correlated readings.
     drift : ndarray (m,)
         Change of the force over the averaged part (N).
     stationary : tuple of bool
-        Whether the force had come to rest.
+        Whether the force had stopped changing, up to 1 % or its noise.
     """
 
     depth: FloatArray
@@ -60,7 +60,7 @@ def equilibrium_points(
     *,
     share: float = 0.1,
 ) -> EquilibriumPoints:
-    """Average the end of each hold.
+    """Average depth and force over the end of each hold that follows loading.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ def equilibrium_points(
     segment : ndarray (n,) of str
         Labels of its points.
     share : float
-        Last part of each hold that is averaged, in time (in points where there is none, or it goes back); the very
-        end is left out.
+        Fraction of each hold that is averaged, at its end, in time; in points where there is no time or it is not
+        increasing. The last 2 % of a hold are left out.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def equilibrium_points(
 
 
 def _holds_after_loading(segment: NDArray[np.str_]) -> list[tuple[int, int]]:
-    """First index and end of each hold that follows a loading."""
+    """Return the first index and the end (exclusive) of each hold that follows a loading."""
     edges = np.flatnonzero(segment[1:] != segment[:-1]) + 1
     bounds = [0, *edges.tolist(), len(segment)]
     return [

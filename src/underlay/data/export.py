@@ -1,7 +1,7 @@
-"""Curves written to CSV, JSON and HDF5 files that `read` takes back.
+"""Write curves to CSV, JSON and HDF5 files that `read` reads back.
 
-Each file is written whole or not at all. Numbers have all their digits, in SI, with the unit in the header.
-Metadata and truth travel along, so what is read back knows where it came from.
+Each file is written whole or not at all. Numbers are written with all their digits, in SI, with the unit in the
+header. Metadata and true parameters are included, so the origin of a curve is kept.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ _JSON_TEXT = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 
 def curve_csv(curve: Curve, comments: Iterable[str] = ()) -> str:
-    """Return `curve` as comma-separated text with names and units in the header.
+    """Return a curve as comma-separated text for people, to seven digits, with names and units in the header.
 
     Parameters
     ----------
     curve : Curve
         What to write: time (where there is one), depth, force and segment.
     comments : iterable of str
-        Lines written above the header behind ``#``.
+        Lines written above the header, each after ``#``.
     """
     columns: list[tuple[str, list[str]]] = []
     for name, kind, values in (
@@ -104,9 +104,9 @@ def write_curves(curves: Curve | Sequence[Curve], path: str | os.PathLike[str]) 
 
 
 def write_json(content: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
-    """Write a record of plain values, such as results with their units and provenance, atomically.
+    """Write a mapping of plain values, such as results with their units and provenance, as JSON, atomically.
 
-    NaN and infinity have no place in JSON and become null.
+    NaN and infinity, which JSON does not have, become null.
 
     Raises
     ------
@@ -126,9 +126,9 @@ def _json_bytes(content: Any) -> bytes:
 
 
 def _json_comment(content: Any) -> str:
-    """Return JSON for a comment line of a table: one line of ASCII, no text of which holds a separator.
+    """Return JSON for a comment line of a CSV: one line of ASCII, with commas and semicolons in texts escaped.
 
-    A spreadsheet splits a comment as it splits any line; no piece of a text may begin a cell.
+    A spreadsheet splits comment lines too: no part of a text may become a cell of its own.
     """
     text = _json_text(content, ascii_only=True)
     return _JSON_TEXT.sub(lambda word: word[0].replace(",", "\\u002c").replace(";", "\\u003b"), text)
@@ -238,9 +238,10 @@ _NUMBERS = {
 
 
 def restored(curve: Curve, about: Any) -> Curve:
-    """Add to a curve what its file says about the curve it was exported from.
+    """Return a curve that was read from an exported file, with metadata, truth and columns that the file stores.
 
-    A file is not trusted: what is not of its kind is left out.
+    `about` is the parsed JSON of the file, which is not trusted: entries of a wrong type are left out. The
+    provenance of the original file is kept in the metadata under ``origin``.
     """
     if not isinstance(about, dict):
         return curve

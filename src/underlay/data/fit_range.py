@@ -1,4 +1,4 @@
-"""The points of a curve within a fit range: where force and depth since contact pass its ends."""
+"""The points of a curve within a fit range, given by force above the baseline or by indentation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["in_range"]
 
 
 class _Zero(NamedTuple):
-    """Where a curve begins: contact point (m) and force without contact (N), and its largest depth and force."""
+    """Origin and size of a curve: contact point (m), force without contact (N), largest indentation and force."""
 
     contact: float
     baseline: float
@@ -28,22 +28,22 @@ class _Zero(NamedTuple):
 
 
 def in_range(curve: Curve, wanted: FitRange, scene: Scene, contact_depth: float | None = None) -> Curve:
-    """Return the points of a part of a curve within a range.
+    """Return the points of a loading or unloading curve within a fit range.
 
-    Depths count from contact, forces from the baseline before it. A range is one piece of the way in: it begins
-    where the curve stays above its lower end and stops where it first passes the upper one, so that noise cuts no
-    holes into it.
+    Depths count from contact, forces from the baseline before it. The points are consecutive in depth: from where
+    the curve stays above the lower end of the range to where it first passes the upper one, so that noise leaves no
+    gaps.
 
     Parameters
     ----------
     curve : Curve
-        One way: in, or back.
+        Loading alone, or unloading alone.
     wanted : FitRange
         The range.
     scene : Scene
-        Its thickness and radius are what multiples are of.
+        Gives the thickness and radius for ranges that are multiples of these.
     contact_depth : float, optional
-        Depth reading at contact (m), where it is known; else `find_contact` says it.
+        Depth reading at contact (m), where it is known; otherwise `find_contact` estimates it.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def _zero(curve: Curve, scene: Scene, contact_depth: float | None) -> _Zero:
 
 
 def _limit(mark: Mark, scene: Scene, zero: _Zero) -> float:
-    """The end of a range as a force (N) above the baseline or a depth (m) since contact."""
+    """Return an end of the range as a force (N) above the baseline or an indentation (m), as `mark.of` says."""
     if mark.of in ("force", "depth"):
         return mark.value * (zero.largest if mark.of == "force" else zero.deepest)
     if mark.of == "length":

@@ -1,9 +1,8 @@
-"""The foot of a curve: the baseline in front of contact and the beginning of the rise.
+"""The foot of a curve, from which contact is estimated: the baseline before contact and the beginning of the rise.
 
-It decides where contact is. What counts as the rise is the *last* climb of the force out of the baseline
-before the peak, so a dip by adhesion or a bump in front of it is not taken for contact. The baseline is a
-line fitted in front of the rise, near enough that a bent baseline (drag, interference of light) is straight
-there.
+The rise is taken as the *last* time before the peak that the force leaves the baseline, so that a dip by adhesion
+or a bump in front of it is not taken for contact. The baseline is a line fitted in front of the rise, close enough
+to it that a curved baseline (drag, interference of light) is straight there.
 """
 
 from __future__ import annotations
@@ -51,12 +50,12 @@ _RESOLUTION = 1e-9
 
 @dataclass(frozen=True)
 class Approach:
-    """The points of a curve up to its peak force, rests in between and retreats left out.
+    """The loading points of a curve up to its peak force, without holds in between and retreats.
 
     Parameters
     ----------
     depth, force : ndarray (n,)
-        In order of time (m, N); the last point has the peak force.
+        Depth readings (m) and forces (N) in order of time; the last point has the peak force.
     """
 
     depth: FloatArray
@@ -65,20 +64,20 @@ class Approach:
 
 @dataclass(frozen=True)
 class Foot:
-    """The part of a curve that decides where contact is.
+    """The part of a curve from which contact is estimated: baseline and beginning of the rise.
 
     Parameters
     ----------
     depth, force : ndarray (n,)
-        Points from the baseline to some way up the rise; force less the baseline (m, N).
+        Depth readings (m), and forces less the baseline (N), from the baseline to some way up the rise.
     rise : int
-        Index of the first point after the last passage through the threshold.
+        Index of the first point after the force last passes the noise threshold.
     baseline, baseline_slope : float
-        The line in front of the rise, ``baseline + baseline_slope * depth`` (N, N/m).
+        Line in front of the rise, ``baseline + baseline_slope * depth`` (N, N/m).
     noise : float
         Standard deviation of the force about it (N).
     has_baseline : bool
-        Whether the curve has a stretch in front of contact at all.
+        Whether the curve has points in front of contact to which the line was fitted.
     peak : float
         Peak force above the baseline (N).
     dip : float
@@ -97,14 +96,14 @@ class Foot:
 
 
 def approach_of(curve: Curve) -> Approach:
-    """Points of a curve up to its peak force while the indenter goes in, after any rest at the start.
+    """Return the loading points of a curve up to its peak force, including a hold at the start.
 
-    A curve that holds an unloading and nothing else is read backwards; see `Curve.way_in`.
+    A curve that is all unloading is read backwards; see `Curve.way_in`.
 
     Raises
     ------
     CurveError
-        If the curve cannot be fitted or never goes in.
+        If the curve cannot be fitted or has no loading.
     """
     check_fittable(curve)
     labels = curve.segments()
@@ -122,7 +121,7 @@ def approach_of(curve: Curve) -> Approach:
 
 
 def foot_of(curve: Curve) -> Foot:
-    """Find the baseline and the rise of a curve.
+    """Find the baseline of a curve and where its force begins to rise from it.
 
     Raises
     ------
@@ -161,7 +160,11 @@ def foot_of(curve: Curve) -> Foot:
 
 
 def _end_of_foot(above: FloatArray, rise: int, peak: float) -> int:
-    """Index after the last point of the foot."""
+    """Return the index after the last point used to find contact: where the force reaches 30 % of its peak.
+
+    It is 60 or 100 % if there are fewer than 24 points up to there. `above` is the force less the baseline (N),
+    `rise` the index where it starts to rise.
+    """
     end = len(above)
     for share in _FOOT_SHARES:
         high = np.flatnonzero(above[rise:] >= share * peak)
@@ -174,7 +177,11 @@ def _end_of_foot(above: FloatArray, rise: int, peak: float) -> int:
 
 
 def _baseline(x: FloatArray, force: FloatArray) -> tuple[tuple[float, float], float, bool]:
-    """Line in front of the rise, noise about it, and whether there is such a stretch."""
+    """Fit the line in front of the rise.
+
+    Returns the line (value, slope) in N and N/m, the noise about it (N), and whether there are enough points in
+    front of contact; without them the first points are taken as a constant baseline.
+    """
     start = median(force[: max(3, len(force) // 10)])
     below = np.flatnonzero(force < start + _TENTH * (force[-1] - start))
     tenth = int(below[-1]) if below.size else 0
@@ -202,7 +209,10 @@ def _baseline(x: FloatArray, force: FloatArray) -> tuple[tuple[float, float], fl
 
 
 def _snap(force: FloatArray, rise: float) -> int | None:
-    """Index of the last point before the force snaps down in front of the rise; None where it does not."""
+    """Return the index of the last point before the force drops suddenly in front of the rise; None if it does not.
+
+    `rise` is the height of the rise (N).
+    """
     width = max(1, len(force) // _SNAP_WITHIN)
     if len(force) < _BASELINE_POINTS + 2 * width:
         return None
@@ -219,10 +229,10 @@ def _snap(force: FloatArray, rise: float) -> int | None:
 
 
 def converter_noise(force: FloatArray) -> float:
-    """Standard deviation (N) that the steps of a converter or of few digits make: step / sqrt(12), Bennett 1948.
+    """Return the standard deviation (N) of rounding by a converter or few digits: step / sqrt(12), Bennett 1948.
 
-    Zero where the readings do not come in steps. Repeated readings alone are no sign: no force in front of contact
-    is written as one value.
+    Zero where the readings are not in steps. Repeated readings alone do not show steps: many files have one single
+    value for no force.
     """
     extent = float(np.ptp(force))
     if len(force) < _FEWEST_LEVELS or not extent > 0.0:
@@ -238,12 +248,15 @@ def converter_noise(force: FloatArray) -> float:
 
 
 def _refuse_going_back(curve: Curve) -> None:
-    """Refuse a curve whose depth goes back while its force rises: its lever bends more than it travels.
+    """Raise an error for a curve whose depth decreases while its force rises.
+
+    The cantilever then seems to bend more than it is moved, as with a wrong sensitivity.
 
     Raises
     ------
     CurveError
-        With how much more, where the spring constant is known or told by the noise that depth and force share.
+        The message states by how much more, if the spring constant is known or follows from the noise that depth
+        and force share.
     """
     # Up to the largest force in order of time: such a motion may be called a way out.
     end = int(np.argmax(curve.force)) + 1
@@ -279,7 +292,10 @@ def _refuse_going_back(curve: Curve) -> None:
 
 
 def _shared_stiffness(x: FloatArray, force: FloatArray) -> float | None:
-    """Spring constant (N/m) by the noise of a deflection, which stands in the force and, turned, in the depth."""
+    """Estimate the spring constant (N/m) from the noise that depth and force share; None if they share none.
+
+    Noise of a deflection enters the force (N), (n,), and, with the opposite sign, the depth `x` (m), (n,).
+    """
     depth, push = np.diff(x, 2), np.diff(force, 2)
     shared, own, other = float(depth @ push), float(push @ push), float(depth @ depth)
     if not own * other > 0.0 or shared >= 0.0 or shared * shared < _SHARED * own * other:
@@ -288,7 +304,10 @@ def _shared_stiffness(x: FloatArray, force: FloatArray) -> float | None:
 
 
 def _robust_line(x: FloatArray, y: FloatArray, *, sloped: bool) -> tuple[tuple[float, float], FloatArray]:
-    """Line through most points: those far off (adhesion, bumps) are left out, three times over."""
+    """Fit a line to most points, leaving out outliers (adhesion, bumps) in up to four passes.
+
+    Returns (value, slope), with slope zero unless `sloped`, and the residuals of all points (n,).
+    """
     kept: NDArray[np.bool_] = np.ones(len(x), dtype=bool)
     line = (0.0, 0.0)
     residual = y
@@ -310,14 +329,14 @@ def _robust_line(x: FloatArray, y: FloatArray, *, sloped: bool) -> tuple[tuple[f
 
 
 def _scatter(values: FloatArray) -> float:
-    """Standard deviation, from the median absolute deviation unless most values are equal."""
+    """Return the standard deviation from the median absolute deviation; the plain one if most values are equal."""
     spread = float(1.4826 * median(np.abs(values - median(values))))
     # A coarse converter repeats one value; half of them equal would count as no noise at all.
     return spread if spread > 0.0 else float(np.std(values))
 
 
 def _sample_noise(force: FloatArray) -> float:
-    """Standard deviation of white noise, from second differences, which a smooth rise does not enter."""
+    """Return the standard deviation of white noise (N) from second differences, which a smooth rise leaves out."""
     if len(force) < 4:
         return 0.0
     return _scatter(np.diff(force, 2)) / float(np.sqrt(6.0))

@@ -1,7 +1,7 @@
 """Can this curve be fitted, and what speaks against it? A verdict with reasons, before any fit.
 
 ``good``: nothing speaks against it. ``doubtful``: a fit is possible and should be looked at. ``refused``: no
-contact law can be fitted, and why.
+contact law can be fitted; the reasons say why.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ _BEYOND_SEARCH = 3.0
 
 @dataclass(frozen=True)
 class Quality:
-    """Verdict on a curve.
+    """Verdict on a curve before a fit.
 
     Parameters
     ----------
@@ -83,9 +83,9 @@ class Quality:
     reasons : tuple of str
         One line each; empty for a good curve.
     contact : ContactPoint or None
-        Where contact was found.
+        Contact point that was found.
     exponent, exponent_uncertainty, expected_exponent : float
-        Of force against depth beyond contact, its standard error, and what the scene (or a ball on a
+        Exponent of force against indentation, its standard error, and the exponent that the scene (or a ball on a
         half-space) gives; NaN where there is none.
     signal_to_noise : float
         Peak force over the noise; NaN where there is no contact.
@@ -100,7 +100,7 @@ class Quality:
     signal_to_noise: float = float("nan")
 
     def require(self) -> None:
-        """Raise the reason if the curve was refused.
+        """Raise an error with the reasons if the curve was refused.
 
         Raises
         ------
@@ -117,15 +117,15 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
     Parameters
     ----------
     curve : Curve
-        As it was read.
+        The curve as it was read.
     scene : Scene, optional
-        What it would be fitted with: gives the expected exponent and the shape of the indenter. Without it
-        a ball on a half-space is assumed.
+        The scene it would be fitted with: gives the expected exponent and the shape of the indenter. Without it a
+        ball on a half-space is assumed.
 
     Returns
     -------
     Quality
-        Never raises for a bad curve; see `Quality.require`.
+        The verdict. A bad curve raises no error here; see `Quality.require`.
     """
     require_given(curve, "curve", Curve)
     if "equilibrium_share" in curve.metadata:
@@ -157,7 +157,7 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
 
 
 def _of_steps(curve: Curve) -> Quality:
-    """Judge the means of the holds of a test in steps: there is no foot and no way in to look at."""
+    """Judge the equilibrium points of a stepwise test: they have no baseline and no continuous loading to check."""
     if not (curve.force > 0.0).any():
         return Quality(REFUSED, ("no contact: no hold of the test has a force",))
     order = np.argsort(curve.depth)
@@ -172,10 +172,9 @@ def _of_steps(curve: Curve) -> Quality:
 
 
 def _law(scene: Scene | None, foot: Foot, loading: Curve) -> ContactLaw | None:
-    """The scene's law, as deep as the foot and the way in ask for, or the foot alone.
+    """Return the scene's contact law up to the largest depth of the loading, or at least of its part near contact.
 
-    None without a scene, and where the law does not reach that deep: then a power law of its shape does, and the
-    fit will say so itself.
+    None without a scene, and where the law is not valid that deep: then a power law takes its place.
     """
     if scene is None:
         return None
@@ -191,7 +190,7 @@ def _law(scene: Scene | None, foot: Foot, loading: Curve) -> ContactLaw | None:
 
 
 class _Exponents(NamedTuple):
-    """Exponent of force against depth, its standard error, and the one expected."""
+    """Exponent of force against indentation, its standard error, and the expected one."""
 
     found: float
     uncertainty: float
@@ -200,7 +199,7 @@ class _Exponents(NamedTuple):
 
 @dataclass(frozen=True)
 class _Beyond:
-    """Loading points beyond contact: depth from contact (m), force above the baseline (N)."""
+    """Loading points after contact: indentation (m) and force above the baseline (N), both (n,)."""
 
     depth: FloatArray
     force: FloatArray
@@ -222,7 +221,10 @@ def _refuse_nothing_beyond(beyond: _Beyond) -> None:
 
 
 def _refuse_failed_search(curve: Curve, contact: ContactPoint) -> None:
-    """Refuse a test in air: the search for contact before it failed, and the force stayed as small."""
+    """Raise an error for a test in air, by the record of the instrument's search for contact.
+
+    Its search stopped below the force that was asked for, and the test's own force stayed as small.
+    """
     asked = curve.metadata.get("search_criterion")
     reached = curve.metadata.get("search_reached")
     if asked is None or reached is None or reached >= 0.9 * asked:
@@ -291,7 +293,7 @@ def _doubts(
 
 
 def _flat_top(loading: Curve, deepest: float) -> Iterator[str]:
-    """Say when the force stays at its largest while the indenter goes in, as of a detector at its end."""
+    """Yield a doubt if the force stays at its maximum while the depth grows, as of a saturated detector."""
     top = loading.force >= loading.force.max() - _TOP * float(np.ptp(loading.force))
     first = len(top) - int(np.argmin(top[::-1])) if not top.all() else 0
     count, went = len(top) - first, float(np.ptp(loading.depth[first:])) if first < len(top) else 0.0
@@ -304,7 +306,7 @@ def _flat_top(loading: Curve, deepest: float) -> Iterator[str]:
 
 
 def _risen_holds(curve: Curve, peak: float, noise: float) -> Iterator[str]:
-    """Say when the force rises while the depth is held: a sample relaxes."""
+    """Yield a doubt if the force rises while the depth is held: a real sample relaxes."""
     labels = one_of_each(curve.segments())
     if not (labels == HOLD).any() or len(labels) != len(curve):
         return
@@ -327,7 +329,7 @@ def _risen_holds(curve: Curve, peak: float, noise: float) -> Iterator[str]:
 
 
 def _stickiness(curve: Curve, contact: ContactPoint, beyond: _Beyond, peak: float) -> Iterator[str]:
-    """Propose adhesion where the force dips, on the way in beyond contact or anywhere on the way out."""
+    """Yield a doubt, with adhesion as remedy, if the force falls below the baseline in loading or unloading."""
     dip = -float(beyond.force.min())
     if dip > _ADHESION * peak:
         yield (
@@ -355,7 +357,7 @@ def _about_exponent(exponent: float, expected: float) -> str:
 
 
 def _exponent(loading: Curve, contact: ContactPoint) -> tuple[float, float]:
-    """Slope of log force against log depth, and what the uncertain contact depth makes of it."""
+    """Return the slope of log force against log indentation, and its error by that of the contact depth."""
     best = _slope(_Beyond.of(loading, contact))
     if not np.isfinite(best):
         return best, np.inf
@@ -373,14 +375,14 @@ def _slope(beyond: _Beyond) -> float:
 
 
 def _slope_of(x: FloatArray, y: FloatArray) -> float:
-    """Slope of the straight line through points (n,) by least squares."""
+    """Return the slope of the least-squares line through points with coordinates `x` and `y`, (n,)."""
     x = x - x.mean()
     squares = float(x @ x)
     return float(x @ y) / squares if squares > 0.0 else float("nan")
 
 
 def _ways_in(curve: Curve, beyond: _Beyond) -> list[FloatArray]:
-    """Forces of every way in, apart where the indenter had come back in between."""
+    """Return the forces (N) of each loading, split where the indenter was withdrawn in between."""
     labels = one_of_each(curve.segments())
     out = np.flatnonzero(labels == UNLOADING)
     # Noise of the depth alone makes no cycles.
@@ -391,7 +393,7 @@ def _ways_in(curve: Curve, beyond: _Beyond) -> list[FloatArray]:
 
 
 def _largest_fall(force: FloatArray) -> float:
-    """Largest drop of the force below its running maximum, smoothed over a few points."""
+    """Return the largest drop of the force (N) below its running maximum, after smoothing over a few points."""
     width = max(1, len(force) // 50)
     total = np.cumsum(np.concatenate(([0.0], force)))
     smooth = (total[width:] - total[:-width]) / width
@@ -399,7 +401,7 @@ def _largest_fall(force: FloatArray) -> float:
 
 
 def _expected_exponent(scene: Scene | None, law: ContactLaw | None, beyond: _Beyond) -> float:
-    """Exponent of the scene's own law over the same depths; 1.5 without a scene."""
+    """Return the exponent of the scene's own contact law over the same depths; 1.5 without a scene."""
     if scene is None:
         return 1.5
     if scene.adhesion is not None:
@@ -421,7 +423,7 @@ def _shape_exponent(indenter: Indenter | None) -> float:
 
 
 def _shape_doubts(curve: Curve, scene: Scene | None, deepest: float) -> Iterator[str]:
-    """Say when a ball is pressed so deep that its paraboloid does not stand for it."""
+    """Yield a doubt if a ball is pressed so deep that a paraboloid does not approximate it."""
     indenter = None if scene is None else scene.indenter
     radius = curve.metadata.get("indenter_radius") if indenter is None else indenter.curvature_radius
     if radius is None or (indenter is not None and indenter.power_law is not indenter):
@@ -440,7 +442,7 @@ def _shape_doubts(curve: Curve, scene: Scene | None, deepest: float) -> Iterator
 
 
 def _ball_against_paraboloid(ratio: float) -> float:
-    """Relative difference of their forces on a half-space at a depth over radius: no modulus enters."""
+    """Return the relative difference of force between ball and paraboloid on a half-space, at depth over radius."""
     depth, ball = np.array([ratio]), Sphere(1.0)
     force, rounded = (
         tip.halfspace_force(depth, tip.halfspace_radius(depth)) for tip in (ball, ball.power_law)

@@ -1,4 +1,4 @@
-"""Where the sample curves are: inside the installed package, or in the tree it was built from."""
+"""Paths of the sample curves: in the installed package, or in the source tree."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _FOLDERS = (_PACKAGE / "data_samples", _PACKAGE.parents[1] / "data_samples")
 
 
 def sample(name: str) -> Path:
-    """Return the path of a sample file.
+    """Return the path of a sample file, by its name in the folder ``data_samples``.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def sample(name: str) -> Path:
 
 
 def samples(folder: str, ending: str) -> list[Path]:
-    """Return the sample files of a folder whose names end so, in order.
+    """Return the sample files of a folder whose names end in `ending`, sorted.
 
     Raises
     ------

@@ -1,13 +1,13 @@
 """Segments of a test from its motion: loading, hold, unloading.
 
 The motion is replaced by the polyline that stays within a tolerance of it (Douglas & Peucker 1973,
-doi:10.3138/FM57-6770-U75U-7727, here splitting the worst piece first). Each piece of the polyline then moves
-or rests, by its speed against the speed at which most of the travel is done. A polyline needs no uniform
-sampling, and a tolerance above what keeps a motion from being smooth makes it blind to that: noise
-(`noise_of`, `reach`), vibration (`wobble_of`) and the stairs of few digits (`step_of`).
+doi:10.3138/FM57-6770-U75U-7727, here splitting the piece with the largest deviation first). Each piece of the
+polyline is then moving or at rest, by its speed relative to the speed at which most of the travel is done. A
+polyline needs no uniform sampling, and a suitable tolerance makes it insensitive to noise (`noise_of`, `reach`),
+vibration (`wobble_of`) and quantisation (`step_of`).
 
-Depth alone does not tell the holds of a stiff sample from its slow ways in and out; where there is a force,
-that it changes together with the depth does (`segments_from_motion`).
+Depth alone cannot distinguish the holds of a stiff sample from its slow loading and unloading; a force can, as
+there it changes together with the depth (`segments_from_motion`).
 """
 
 from __future__ import annotations
@@ -78,22 +78,22 @@ _MAX_PIECES, _LOOKED_AT = 10_000, 300_000_000
 
 
 def noise_of(motion: FloatArray) -> float:
-    """Standard deviation of white noise, from second differences: a smooth motion leaves none."""
+    """Return the standard deviation of white noise in a motion (n,), from second differences."""
     second = np.diff(motion, 2)
     return float(1.4826 * median(np.abs(second)) / np.sqrt(6.0))
 
 
 def reach(count: int) -> float:
-    """How far noise takes readings off a line, in its standard deviations, at most.
+    """Return the largest deviation of noisy readings from a line, in standard deviations, for `count` readings.
 
-    The largest of n is at sqrt(2 ln n), and the line itself ends on the largest of an earlier piece. With four in
-    its place, ramps of 24,000 readings with 0.5 % of noise fell into hundreds of pieces.
+    The largest of n deviates is at sqrt(2 ln n), and the line itself may end on such a reading, hence twice that.
+    With a constant of four, ramps of 24,000 readings with 0.5 % of noise were split into hundreds of pieces.
     """
     return 2.0 * float(np.sqrt(2.0 * np.log(count)))
 
 
 def step_of(motion: FloatArray) -> float:
-    """Step of a motion that goes in stairs, as the digits of a file or a converter make them; else zero."""
+    """Return the step of a motion that a converter or the digits of a file have quantised; else zero."""
     jumps = np.abs(np.diff(motion))
     rests = jumps == 0.0
     if np.count_nonzero(rests) < _REPEATED * len(jumps) or rests.all():
@@ -103,7 +103,7 @@ def step_of(motion: FloatArray) -> float:
 
 
 def moving_mean(motion: FloatArray, width: int) -> FloatArray:
-    """Mean over `width` points about each, with the ends held."""
+    """Return the mean over `width` points about each point, (n,), with the end values repeated beyond the ends."""
     before = width // 2
     padded = np.pad(motion, (before, width - 1 - before), mode="edge")
     total = np.cumsum(np.concatenate(([0.0], padded)))
@@ -112,10 +112,10 @@ def moving_mean(motion: FloatArray, width: int) -> FloatArray:
 
 
 def wobble_of(heights: FloatArray) -> float:
-    """Height of the largest reversal that is vibration and not a step of the test.
+    """Return the height of the largest reversal that is vibration and not part of the test.
 
-    Reversals of a test are a good part of its range, those of vibration are small and many; a gap by a
-    factor of three between the two kinds tells them apart. Zero if there is no such gap.
+    `heights` are the corners of the motion. Reversals of a test are a good part of its range, those of vibration
+    are small and many; a gap by a factor of three separates them. Zero if there is no such gap.
     """
     directions = np.sign(np.diff(heights))
     turns = np.flatnonzero(directions[1:] != directions[:-1]) + 1
@@ -131,18 +131,19 @@ def wobble_of(heights: FloatArray) -> float:
 def segments_from_motion(
     motion: FloatArray, time: FloatArray | None = None, force: FloatArray | None = None
 ) -> NDArray[np.str_]:
-    """Label every point of a motion.
+    """Label every point of a motion as loading, hold or unloading.
 
-    A stiff sample comes back so little that its unloading is as slow as a hold, and a slow loading after a fast
-    approach is too; what tells them apart is that depth and force change together, which no hold does: under
-    constant load the depth alone creeps in, and at constant depth it does not change.
+    A stiff sample recovers so little that its unloading is as slow as a hold, and a slow loading after a fast
+    approach is too. The force tells them apart: in loading and unloading it changes together with the depth, which
+    it does not in a hold: under constant load the depth alone creeps, and at constant depth it does not change.
 
     Parameters
     ----------
     motion : ndarray (n,)
         Depth, or better the position of the actuator, growing into the sample (m).
     time : ndarray (n,), optional
-        Time (s); the sample number serves without it, and where it goes back, as where each segment starts at zero.
+        Time (s). Without it, or where it decreases, as when every segment starts at zero, the index of the
+        reading is used.
     force : ndarray (n,), optional
         Force, positive in compression (N).
 
@@ -196,7 +197,7 @@ def segments_from_motion(
 def _together(
     force: FloatArray, motion: FloatArray, corners: list[int], tolerance: float
 ) -> NDArray[np.bool_]:
-    """Whether force and motion change together, both up or both down, over each piece."""
+    """Return for each piece between corners whether force and motion both rise or both fall, beyond noise."""
     whole = max(float(np.ptp(force)), np.finfo(float).tiny)
     pressed, moved = np.diff(force[corners]) / whole, np.diff(motion[corners])
     clear = max(_CHANGE, _NOISE * noise_of(force) / whole)
@@ -204,7 +205,10 @@ def _together(
 
 
 def _end_holds(labels: NDArray[np.str_], clock: FloatArray, force: FloatArray) -> None:
-    """End each hold where the force lets go: a stiff sample does not come back at once by what the depth tells."""
+    """Correct `labels` in place: a hold ends where the force begins to fall towards the unloading.
+
+    The depth of a stiff sample shows the unloading only later.
+    """
     ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
     bounds = [0, *ends.tolist(), len(labels)]
     for first, turn, last in zip(bounds, bounds[1:], bounds[2:], strict=False):
@@ -219,9 +223,10 @@ def _end_holds(labels: NDArray[np.str_], clock: FloatArray, force: FloatArray) -
 
 
 def _split_holds(labels: NDArray[np.str_], clock: FloatArray, motion: FloatArray, force: FloatArray) -> None:
-    """Take the cycles of a stiff sample out of a hold: the force falls and rises by much, the depth by little.
+    """Correct `labels` in place: find load cycles of a stiff sample within a hold.
 
-    Under a held depth the force falls too, but the depth does not go back with it.
+    In a cycle the force falls and rises by much and the depth by little with it; at a held depth the force may fall
+    too, but the depth does not decrease with it.
     """
     ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
     noise, rough, stairs = noise_of(motion), noise_of(force), step_of(force) > 0.0
@@ -255,7 +260,7 @@ def _split_holds(labels: NDArray[np.str_], clock: FloatArray, motion: FloatArray
 
 
 def _go_together(x: FloatArray, y: FloatArray) -> bool:
-    """Whether two columns are nearly proportional, to a constant."""
+    """Whether two columns (n,) are nearly proportional, up to a constant."""
     if len(x) < _FEWEST:
         return False
     x, y = x - x.mean(), y - y.mean()
@@ -265,21 +270,21 @@ def _go_together(x: FloatArray, y: FloatArray) -> bool:
 def against_motion(
     labels: NDArray[np.str_], depth: FloatArray, time: FloatArray | None, force: FloatArray
 ) -> tuple[NDArray[np.str_], tuple[str, ...]]:
-    """Labels of a file, and those of the motion where it goes in by much while the file says it holds.
+    """Return a file's segment labels, corrected where it calls a hold what is clearly loading by the motion.
 
     Parameters
     ----------
     labels : ndarray (n,) of str
-        As the file says them.
+        Labels of the file.
     depth, force : ndarray (n,)
-        In SI.
+        Depth (m) and force (N).
     time : ndarray (n,), optional
-        In s.
+        Time (s).
 
     Returns
     -------
     tuple
-        Labels (n,), and a note for each hold in which the motion decided.
+        Labels (n,), and a note for each hold that was corrected.
     """
     extent, whole = float(np.ptp(depth)), float(np.ptp(force))
     found, notes = labels, []
@@ -303,12 +308,12 @@ def against_motion(
 
 
 def goes_back(time: FloatArray) -> bool:
-    """Whether a clock was set back between two of its readings."""
+    """Whether the time decreases between two readings."""
     return bool((time[1:] < time[:-1]).any())
 
 
 def one_label(label: str, count: int) -> NDArray[np.str_]:
-    """Return the same label for so many points, kept once, read-only: written out, a million take 36 MB."""
+    """Return a read-only array (count,) of the same label, stored once: a million copies would take 36 MB."""
     once = np.array(label, dtype="<U9")
     once.flags.writeable = False
     # What `np.broadcast_to` makes, in a twentieth of its time.
@@ -316,12 +321,12 @@ def one_label(label: str, count: int) -> NDArray[np.str_]:
 
 
 def one_of_each(labels: NDArray[np.str_]) -> NDArray[np.str_]:
-    """Return the labels, or the one that all of them are where `one_label` made them: (n,) or (1,)."""
+    """Return labels as they are, (n,), or a single one, (1,), if they were made by `one_label`."""
     return labels[:1] if labels.strides == (0,) else labels
 
 
 def runs_of(labels: NDArray[np.str_]) -> list[tuple[int, int, str]]:
-    """First index, end and label of each run of one label, in order."""
+    """Return first index, end (exclusive) and label of each run of equal labels, in order."""
     one = one_of_each(labels)
     ends = [0, *(np.flatnonzero(one[1:] != one[:-1]) + 1).tolist(), len(labels)]
     return [
@@ -334,7 +339,7 @@ def runs_of(labels: NDArray[np.str_]) -> list[tuple[int, int, str]]:
 def label_pieces(
     depth: FloatArray, starts: NDArray[np.intp], known: Mapping[int, str] | None = None
 ) -> NDArray[np.str_]:
-    """Label pieces of a curve that a file marks, each as a whole.
+    """Label the pieces into which a file divides a curve, each as a whole.
 
     Parameters
     ----------
@@ -343,12 +348,12 @@ def label_pieces(
     starts : ndarray (m + 1,) of int
         First index of each piece, and n.
     known : mapping of int to str, optional
-        Label of the piece that starts at an index, where the file says it.
+        Labels that the file gives, by the first index of the piece.
 
     Returns
     -------
     ndarray (n,) of str
-        Labels; a piece the file does not name is loading if it ends deeper than it starts, else unloading.
+        Labels; a piece without one in `known` is loading if it ends deeper than it starts, else unloading.
     """
     labels: NDArray[np.str_] = np.empty(len(depth), dtype="<U9")
     for first, last in itertools.pairwise(starts):
@@ -358,7 +363,7 @@ def label_pieces(
 
 
 def _only_loads(motion: FloatArray, time: FloatArray | None) -> bool:
-    """Whether the motion goes on and on, at no time slowly: most curves hold nothing else."""
+    """Whether the motion increases throughout and never slowly, as in most curves: then all of it is loading."""
     speed = motion[1:] - motion[:-1]
     if speed.min() <= 0.0:
         return False
@@ -371,12 +376,18 @@ def _only_loads(motion: FloatArray, time: FloatArray | None) -> bool:
 
 
 def _corners(splits: Iterable[tuple[float, int]], count: int) -> list[int]:
-    """Indices of the corners of a polyline through so many points, in order."""
+    """Return the indices of a polyline's corners, in order, with both ends of the `count` points.
+
+    `splits` are (deviation, index), as of `_splits`.
+    """
     return sorted({0, count - 1, *(index for _, index in splits)})
 
 
 def _splits(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[tuple[float, int]]:
-    """Corners (miss, index) of a polyline within `tolerance` of the motion, as the worst miss splits a piece."""
+    """Return (deviation, index) of the corners of a polyline within `tolerance` of the motion.
+
+    The piece with the largest deviation is split first, at the point where it deviates most.
+    """
     splits: list[tuple[float, int]] = []
     worst: list[tuple[float, int, int, int]] = []
 
@@ -415,7 +426,11 @@ def _pieces(
     together: NDArray[np.bool_] | None,
     width: int,
 ) -> list[tuple[int, int, str]]:
-    """First index, last index and label of each piece between corners; `width` points were averaged."""
+    """Return first index, last index and label of each piece between corners.
+
+    `together` says for each piece whether force and motion change together; `width` is the number of points over
+    which the motion was averaged.
+    """
     ends = np.array(corners)
     run = np.diff(clock[ends])
     rise = np.diff(motion[ends])
@@ -450,13 +465,13 @@ def _pieces(
 
 
 def _is_turn(labels: NDArray[np.str_]) -> bool:
-    """Whether the middle one of three pieces rests between a way in and a way out, or out and in."""
+    """Whether the middle one of three pieces is a hold between loading and unloading, in either order."""
     before, here, after = labels
     return bool(here == HOLD and {str(before), str(after)} == {LOADING, UNLOADING})
 
 
 def _speed_of_travel(speed: FloatArray, travel: FloatArray) -> float:
-    """Speed at or above which half of the travel is done."""
+    """Return the speed at or above which half of the travel is done, from speed and travel of each piece."""
     order = np.argsort(speed)[::-1]
     done = np.cumsum(travel[order])
     chosen = speed[order][int(np.searchsorted(done, 0.5 * done[-1]))]

@@ -1,7 +1,7 @@
-"""Whether depth grows into the sample and force is positive in compression, and how a curve is turned.
+"""Sign conventions of curves: depth must grow into the sample and force be positive in compression.
 
-Here nothing is turned unasked: a reversed curve gets a note, or is refused with the key of a scene file that
-turns it.
+No sign is changed unasked: a curve with reversed signs gets a note, or is refused with the key of a scene file that
+reverses them.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ _FEWEST = 8
 
 
 def flipped(curve: Curve, columns: Iterable[str]) -> Curve:
-    """Return the curve with the sign of ``"depth"``, ``"force"`` or both turned.
+    """Return the curve with the sign of ``"depth"``, ``"force"`` or both reversed.
 
-    Segments that were told from a motion that is now the other way round change places.
+    Where the segment labels follow from the depth as it was before, loading and unloading are exchanged.
     """
     turned = {name: -getattr(curve, name) for name in columns}
     if not turned:
@@ -65,29 +65,28 @@ def flipped(curve: Curve, columns: Iterable[str]) -> Curve:
 
 
 def require_signs(curve: Curve) -> None:
-    """Refuse a curve whose depth or force has the wrong sign.
+    """Raise an error for a curve whose depth or force has the wrong sign.
 
-    The first motion of a test goes into the sample and the force rises over it. Depth falling while the force
-    rises, force falling while the depth rises, or both falling from no force at all are each one way in which
-    a file has the other convention.
+    The first motion of a test goes into the sample and the force rises over it. A file has the opposite sign if its
+    depth falls while the force rises, its force falls while the depth rises, or both fall from zero force.
 
     Raises
     ------
     CurveError
-        Names the column and the key of a scene file that turns it.
+        Names the column and the key of a scene file that reverses it.
     """
     if found := _reversed(curve):
         raise CurveError(_told(curve, *found))
 
 
 def reversed_columns(curve: Curve) -> tuple[str, ...]:
-    """Names of the columns whose signs look reversed; () of nearly every curve."""
+    """Return the names of the columns (``"depth"``, ``"force"``) whose signs look reversed; mostly none."""
     found = None if _plainly_right(curve) else _reversed(curve)
     return () if found is None else found[0]
 
 
 def sign_note(curve: Curve) -> tuple[str, ...]:
-    """Return a note of signs that look reversed, or (); `flipped` takes it off."""
+    """Return a note on columns whose signs look reversed, or an empty tuple; `flipped` removes the note."""
     if _plainly_right(curve) or not (found := _reversed(curve)):
         return ()
     return (f"{_NOTE} {' and '.join(found[0])}{_NOTE_END}",)
@@ -98,13 +97,16 @@ def _without_note(notes: Iterable[str]) -> tuple[str, ...]:
 
 
 def _plainly_right(curve: Curve) -> bool:
-    """Whether the force is farthest from where it began above it, and deeper: as of nearly every curve."""
+    """Whether the reading whose force differs most from the first one has a larger force and a larger depth."""
     farthest = int(np.abs(curve.force - curve.force[0]).argmax())
     return bool(curve.force[farthest] > curve.force[0] and curve.depth[farthest] > curve.depth[0])
 
 
 def _reversed(curve: Curve) -> tuple[tuple[str, ...], float, FloatArray] | None:
-    """Columns whose sign is wrong, the change of the force (N) over the first motion and its depths (m)."""
+    """Return the columns with the wrong sign, change of force (N) over the first motion, and its depths (m), (n,).
+
+    None where the signs are right or cannot be told.
+    """
     depth, force = curve.depth, curve.force
     if len(curve) < _FEWEST or not (np.isfinite(depth).all() and np.isfinite(force).all()):
         return None
@@ -128,7 +130,10 @@ def _reversed(curve: Curve) -> tuple[tuple[str, ...], float, FloatArray] | None:
 
 
 def _begins_flat(depth: FloatArray, force: FloatArray, change: float) -> bool:
-    """Whether both fall from air: a contact that is withdrawn is stiffest at first, one that is made at last."""
+    """Whether force and depth, both falling, begin out of contact: the force then changes little at first.
+
+    A contact that is withdrawn is stiffest at first, one that is made is stiffest last.
+    """
     travel = (depth - depth[0]) / (depth[-1] - depth[0])
     early = force[(travel >= _EARLY - _ABOUT) & (travel <= _EARLY + _ABOUT)]
     at_first = force[travel <= _ABOUT]
@@ -136,10 +141,10 @@ def _begins_flat(depth: FloatArray, force: FloatArray, change: float) -> bool:
 
 
 def _first_motion(curve: Curve) -> slice | None:
-    """The first run of points that goes one way over a good part of the depth.
+    """Return the first run of points that moves in one direction over a good part of the depth.
 
-    The file's own labels say where a run ends, not which way it goes: they may be of the other sign. Where none of
-    them goes one way (one label for the way in and out), the motion says it.
+    None if there is none. The file's labels say where runs end, but not their direction, as their sign may be
+    reversed too. Where they do not separate loading from unloading, the labels from the motion are used.
     """
     told = curve.segment
     labels = curve.segments() if told is None else told
@@ -150,7 +155,7 @@ def _first_motion(curve: Curve) -> slice | None:
 
 
 def _first_long(depth: FloatArray, labels: NDArray[np.str_]) -> slice | None:
-    """The first run of one label that moves, and over a good part of the depth."""
+    """Return the first run of one label, other than hold, over a good part of the depth; None if there is none."""
     one = one_of_each(labels)
     ends = [0, *(np.flatnonzero(one[1:] != one[:-1]) + 1).tolist(), len(labels)]
     extent = float(depth.max() - depth.min())
@@ -162,13 +167,13 @@ def _first_long(depth: FloatArray, labels: NDArray[np.str_]) -> slice | None:
 
 
 def _ends(force: FloatArray) -> tuple[float, float]:
-    """Medians of the first and the last tenth (N)."""
+    """Return the medians of the first and the last tenth of the force (N)."""
     tenth = max(3, len(force) // 10)
     return median(force[:tenth]), median(force[-tenth:])
 
 
 def _change(force: FloatArray) -> float:
-    """Change of the force (N) from the beginning to the end; zero where it is not one that goes on to the end."""
+    """Return the change of the force (N) from beginning to end; zero if it is small or stops before the end."""
     tenth = max(3, len(force) // 10)
     (start, end), before = _ends(force), median(force[-2 * tenth : -tenth])
     change = end - start

@@ -1,10 +1,10 @@
-"""Curves made from a scene: `simulate` as a perfect reading, `synthesize` with noise and disturbances.
+"""Synthetic curves of a scene: `simulate` without noise, `synthesize` with noise and disturbances.
 
-Both keep their truth, the numbers they were made from. The order is that of an instrument: the tip goes to
-its depth, the contact answers with a force, the instrument adds its baseline, then come noise, drift and
-outliers, and the load cell rounds last. Every effect is off unless named. Each draws from a stream of its
-own, spawned from the seed, so switching one on or off leaves the others bit for bit as they were. Contact
-offset, tilted baseline and compliance belong to the scene's instrument.
+Both keep the true parameters they were made from. The order is that of an instrument: the tip goes to its depth,
+the contact gives a force, the instrument adds its baseline; then come noise, drift and outliers, and the load cell
+rounds last. Every effect is off unless given. Each draws from a random stream of its own, spawned from the seed, so
+that switching one on or off leaves the others unchanged. Contact offset, tilted baseline and compliance belong to
+the scene's instrument.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ class Disturbances(Part):
 
     @property
     def numbers(self) -> dict[str, float]:
-        """The four numbers by name (SI)."""
+        """Drift, quantisation, outliers and outlier_sd by name (SI)."""
         return {name: getattr(self, name) for name in field_quantities(type(self))}
 
     def on(self, force: FloatArray, clock: FloatArray | None, rng: np.random.Generator) -> FloatArray:
-        """Return the force reading (N), (n,), disturbed; `clock` (s), (n,), is what a drift needs.
+        """Return force readings (N), (n,), with the disturbances; `clock` (s), (n,), is needed for drift.
 
         Raises
         ------
@@ -107,7 +107,7 @@ def simulate(
     force: ArrayLike | None = None,
     solver: AnySolver = "auto",
 ) -> Curve:
-    """Make the curve a perfect reading of a scene would give.
+    """Make the curve that an ideal instrument would read of a scene, without noise.
 
     Parameters
     ----------
@@ -125,14 +125,14 @@ def simulate(
     Returns
     -------
     Curve
-        With ``truth``, every parameter of the scene by its path.
+        Its ``truth`` holds every parameter of the scene by path.
 
     Raises
     ------
     InputError
         If depth, force or time cannot be used.
     RangeError
-        If the law cannot reach the deepest point.
+        If the law is not valid up to the deepest point.
     """
     require_given(scene, "scene", Scene)
     if depth is None:
@@ -164,7 +164,7 @@ def synthesize(
     disturbances: Disturbances | None = None,
     solver: AnySolver = "auto",
 ) -> Curve:
-    """Make a measured-looking curve of a scene, with its truth.
+    """Make a curve of a scene as a real instrument would read it, with noise and disturbances.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def synthesize(
 def _force_noise(
     noise: NoiseModel, rng: np.random.Generator, contact: FloatArray, clock: FloatArray | None
 ) -> FloatArray:
-    """Noise of the force reading (N), (n,); what disturbs the depth acts on the depth itself."""
+    """Draw the noise of the force reading (N), (n,), for contact forces (N), (n,), without that of the depth."""
     drawn = noise.of_force()
     if drawn is None:
         return np.zeros_like(contact)

@@ -1,9 +1,9 @@
-"""What the way out of a curve says: its lowest force, of adhesion, and the imprint that a sharp tip has left.
+"""Information from the unloading of a curve: its lowest force, by adhesion, and signs of plastic deformation.
 
-An elastic contact springs back along the curve it went in by. Three readings (`Imprint`) say how far a test
-is from that: how far the way out from the deepest point lies beyond the way in; the stiffness at which the
-sample springs back, over the slope of the loading curve (one where it is elastic); and the exponent of the
-loading, which a cone has as 2 either way.
+An elastic contact unloads along its loading curve. Three readings (`Imprint`) say how far a test is from that: by
+how much the unloading curve lies beyond the loading curve at low force; the unloading stiffness over the slope of
+the loading curve (one where it is elastic); and the exponent of the loading, which is 2 for a cone, elastic or
+plastic.
 """
 
 from __future__ import annotations
@@ -38,17 +38,18 @@ _MAD = 1.4826 / 2.0**0.5
 
 @dataclass(frozen=True)
 class Imprint:
-    """Signs that a test has deformed its sample for good.
+    """Signs that a test has deformed its sample plastically.
 
     Parameters
     ----------
     residual : float
-        How far the way out lies beyond the way in where a tenth of the force is left, over the largest depth; NaN
-        without a way out.
+        Distance in depth of the unloading from the loading curve at a tenth of the largest force, over the largest
+        indentation; NaN without unloading.
     stiffening : float
-        Median of S / (dP/dh) over the upper half of the loading; NaN without a measured stiffness.
+        Median over the upper half of the loading of the contact stiffness S over the slope dP/dh of force against
+        indentation; NaN without a measured stiffness.
     exponent : float
-        d ln P / d ln h over the same.
+        Exponent d ln P / d ln h of force P against indentation h over the same part.
     """
 
     residual: float
@@ -57,7 +58,7 @@ class Imprint:
 
     @property
     def reason(self) -> str:
-        """Why no elastic law of the loading holds, in words; empty where nothing speaks against one."""
+        """Why no elastic contact law fits the loading, as a sentence; empty where there is no such sign."""
         said = []
         if self.residual > _LEFT:
             said.append(f"the way out lies {100.0 * self.residual:.0f} % of the depth beyond the way in")
@@ -69,14 +70,19 @@ class Imprint:
 
 
 def imprint_of(curve: Curve, contact_depth: float = 0.0) -> Imprint:
-    """Read the signs of plasticity from a whole test.
+    """Look for signs of plastic deformation in a whole test.
 
     Parameters
     ----------
     curve : Curve
-        With its unloading, or with the column ``contact_stiffness``.
+        A curve with its unloading, or with the column ``contact_stiffness``.
     contact_depth : float, default 0
         Depth reading at contact (m).
+
+    Returns
+    -------
+    Imprint
+        All NaN where the loading is too short.
     """
     way_in = curve.loading()
     nothing = Imprint(math.nan, math.nan, math.nan)
@@ -99,13 +105,16 @@ def imprint_of(curve: Curve, contact_depth: float = 0.0) -> Imprint:
 
 
 def _way_out(curve: Curve) -> Curve:
-    """The readings on the way out from the deepest point: of a test of several cycles, the last and farthest."""
+    """Return the unloading points after the deepest point: of several cycles, the last and deepest."""
     going = curve.segments() == UNLOADING
     return curve.select(going & (np.arange(len(curve)) > int(np.argmax(curve.depth))))
 
 
 def _residual(way_in: Curve, way_out: Curve, deepest: float, largest: float) -> float:
-    """How far the way out lies beyond the way in at a low force, over the largest depth; NaN if it ends before."""
+    """Return how much deeper unloading is than loading at a tenth of the largest force, as a share of the depth.
+
+    `deepest` (m) and `largest` (N) are the largest indentation and force; NaN if the unloading ends before.
+    """
     low = _LOW * largest
     if len(way_out) < _FEWEST or not (way_out.force < low).any():
         return math.nan
@@ -114,7 +123,10 @@ def _residual(way_in: Curve, way_out: Curve, deepest: float, largest: float) -> 
 
 
 def _stiffening(way_in: Curve, upper: NDArray[np.bool_], slope: FloatArray) -> float:
-    """Median of the measured stiffness over the slope of the loading curve (N/m), (n,)."""
+    """Return the median of the measured contact stiffness over the loading slope (N/m), at the points `upper`.
+
+    NaN where no stiffness was measured.
+    """
     if "contact_stiffness" not in way_in.columns:
         return math.nan
     ratio = way_in.columns["contact_stiffness"][upper] / slope
@@ -123,7 +135,7 @@ def _stiffening(way_in: Curve, upper: NDArray[np.bool_], slope: FloatArray) -> f
 
 
 class Lowest(NamedTuple):
-    """The lowest point of a way out: depth (m), force (N), and the scatter of the force there (N)."""
+    """The lowest point of an unloading: depth reading (m), force (N), and the scatter of the force there (N)."""
 
     depth: float
     force: float
@@ -131,15 +143,15 @@ class Lowest(NamedTuple):
 
 
 def remembering_withdrawal(part: Curve, whole: Curve) -> Curve:
-    """Return a part of `whole` with the lowest point of the way out of `whole` in its metadata."""
+    """Return `part` with the lowest point of the unloading of `whole`, from which it was cut, in its metadata."""
     lowest = _of_the_points(whole)
     return part if lowest is None else part.with_metadata(**{_KEY: tuple(lowest)})
 
 
 def lowest_of(curve: Curve) -> Lowest | None:
-    """Lowest point of a curve's way out, or of that of the curve it is a part of; None where it has none.
+    """Return the lowest point of a curve's unloading, or that of the curve it is a part of; None if there is none.
 
-    A curve that only comes back has none either: its force is judged as it stands.
+    None too for a curve that is all unloading: its force is judged directly.
     """
     kept = curve.metadata.get(_KEY)
     return Lowest(*kept) if kept is not None else _of_the_points(curve)

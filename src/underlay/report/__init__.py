@@ -1,4 +1,4 @@
-"""What people look at: results as sentences, tables, pictures, pages and files."""
+"""Results for people: as sentences, tables, pictures, pages and files."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Tables and sentences on a contact that sticks: pull-off, jumps, and what the half-space's formula would say."""
+"""Tables and sentences on an adhesive contact: pull-off, jumps, and the comparison with the half-space formula."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ _HELD = {
 
 
 def adhesion_frame(result: Fit) -> pd.DataFrame:
-    """Return what follows from the adhesion of each curve, as numbers; empty where nothing sticks.
+    """Return numbers that follow from the fitted adhesion of each curve, a row each; empty without adhesion.
+
+    They are the pull-off force (force control), the pull-off depth (depth control) and the contact radius at no
+    load.
 
     Returns
     -------
@@ -54,7 +57,12 @@ def adhesion_frame(result: Fit) -> pd.DataFrame:
 
 
 def adhesion_table(result: Fit, curve: int = 0) -> pd.DataFrame:
-    """Return what follows from the adhesion of one curve, as text: pull-off, jumps, and the half-space's 3/2."""
+    """Return the quantities derived from one curve's fitted adhesion, one row each, as text.
+
+    The first rows are pull-off force, pull-off depth and the contact radius at zero load, with 95 % intervals; the
+    last two are depth, force and contact radius at which the tip comes off and right after it jumps into contact,
+    given the compliance of the instrument. `curve` counts from 0.
+    """
     scene = result.scenes[curve]
     rows = []
     for known in adhesive_estimates(result, curve):
@@ -81,7 +89,10 @@ def adhesion_table(result: Fit, curve: int = 0) -> pd.DataFrame:
 
 
 def halfspace_of(result: Fit, curve: int = 0) -> str:
-    """Return `halfspace_sentence` for the pull-off force that a fit states of a curve; empty where none sticks."""
+    """Return `halfspace_sentence` for one curve's fitted pull-off force; empty without adhesion.
+
+    `curve` counts from 0.
+    """
     force = next((known.value for known in adhesive_estimates(result, curve)), math.nan)
     path = "adhesion.work"
     own = next((name for name in (path, f"{path}[{curve}]") if name in result.names), "")
@@ -90,9 +101,11 @@ def halfspace_of(result: Fit, curve: int = 0) -> str:
 
 
 def halfspace_sentence(scene: Scene, pull_off_force: float) -> str:
-    """Say what work of adhesion the formula 3/2 pi R w of the half-space would read from a pull-off force (N).
+    """Say what work of adhesion w the half-space (JKR) formula 3/2 pi R w gives for a pull-off force (N).
 
-    Empty on a half-space, for a tip that is neither paraboloid nor sphere, and without JKR.
+    The sentence compares it with the work of adhesion in `scene`, where the layer is in the model; R is the radius
+    of the tip. Empty for a scene without a substrate, for a tip that is neither paraboloid nor sphere, and for
+    adhesion models other than JKR.
     """
     radius, adhesion = scene.parameters.get("indenter.radius"), scene.adhesion
     rounded = scene.indenter.shape in ("paraboloid", "sphere")

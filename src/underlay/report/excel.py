@@ -1,8 +1,7 @@
 """Results as one Excel file: results, settings, curves, depths and groups, each a sheet.
 
-The rows are numbers, with all that says what they are of and how they were found, so that a fit can be
-repeated. In the file nothing that came from another file is a formula or a link: every cell is written by its
-kind, and no text is looked at for what it might mean.
+The sheets hold numbers, and everything that is needed to repeat a fit. Cells are written by the type of their
+value, and no text is interpreted: nothing that came from another file can become a formula or a link.
 """
 
 from __future__ import annotations
@@ -70,7 +69,7 @@ _VERSION = pd.DataFrame({"setting": ["underlay", "units"], "value": [VERSION, "S
 
 
 def excel_library() -> ModuleType:
-    """Import what writes Excel files.
+    """Import and return ``xlsxwriter``, the library that writes Excel files.
 
     Raises
     ------
@@ -86,8 +85,8 @@ def excel_library() -> ModuleType:
 def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
     """Return the bytes of an Excel file with one sheet per table, in order.
 
-    Numbers are numbers, words are words; an infinite end of an interval is the word ``open`` and what is not known
-    an empty cell.
+    Numbers are written as numbers and text as text; an infinite end of an interval becomes the word ``open``, and a
+    missing value an empty cell.
 
     Raises
     ------
@@ -119,7 +118,7 @@ def _fill(sheet: Any, table: pd.DataFrame, head: Any) -> None:
 
 
 def _write(sheet: Any, row: int, column: int, value: Any) -> None:
-    """Write one cell by its kind: no text is looked at for what it might mean."""
+    """Write one cell by the type of its value: text is never interpreted as a number, formula or link."""
     if isinstance(value, bool):
         sheet.write_boolean(row, column, value)
     elif isinstance(value, Real):
@@ -139,16 +138,16 @@ def _width(name: str, values: list[Any]) -> float:
 
 
 def result_rows(result: Fit) -> pd.DataFrame:
-    """Return one row per fitted parameter with all that says what it is of and how it was found.
+    """Return one row per fitted parameter: its value, the curve it belongs to, and how it was fitted.
 
     Returns
     -------
     pandas.DataFrame
-        The columns of `fit_table`; then ``verdict`` and ``reasons``; of the curve, where the parameter is one
-        curve's: ``curve``, ``contact point (m)`` with its interval, ``fitted from (m)`` and ``fitted to (m)``
-        (depth readings), ``points``, ``thickness (m)``, ``indenter``, ``radius (m)``, ``Poisson's ratio``; and
-        ``solver``, ``file``, its ``SHA-256``, ``underlay`` (version). A parameter that several curves share has
-        those of the curves that all have in common.
+        The columns of `fit_table`; then ``verdict``, ``reasons`` and ``cause``; of the curve: ``curve``, ``contact
+        point (m)`` with its interval, ``fitted from (m)`` and ``fitted to (m)`` (depth readings), ``points``,
+        ``thickness (m)``, ``indenter``, ``radius (m)``, ``Poisson's ratio``; and ``solver``, ``file``, its
+        ``SHA-256``, ``underlay`` (version). For a parameter that several curves share, a column is empty where the
+        curves differ.
     """
     table = fit_table(result)
     told = [_about(result, number) for number in range(len(result.curves))]
@@ -164,7 +163,7 @@ def result_rows(result: Fit) -> pd.DataFrame:
 
 
 def _about(result: Fit, number: int) -> dict[str, Any]:
-    """Everything that a row says of one curve."""
+    """Return the columns of `result_rows` that describe one curve (counted from 0), by name, in SI units."""
     curve, scene = result.curves[number], result.scenes[number]
     record = result.provenance["curves"][number]
     own = _CONTACT if len(result.curves) == 1 or _CONTACT in result.names else f"{_CONTACT}[{number}]"
@@ -197,7 +196,10 @@ def _about(result: Fit, number: int) -> dict[str, Any]:
 
 
 def _common(told: list[dict[str, Any]]) -> dict[str, Any]:
-    """What all curves have in common, by column; empty in columns where they differ."""
+    """Return per column the value that all curves share, and None where they differ.
+
+    `told` holds one mapping of column name to value for each curve.
+    """
     return {
         key: value if all(_same(value, other[key]) for other in told) else None
         for key, value in told[0].items()
@@ -210,7 +212,10 @@ def _same(first: Any, second: Any) -> bool:
 
 
 def _setting_rows(result: Fit) -> pd.DataFrame:
-    """Return all that repeats a fit, one setting a row: scenes as text, priors, noise, solver, files, versions."""
+    """Return all settings that repeat a fit, a row each (``setting``, ``value``).
+
+    They are the scenes as text, priors, noise, solver, files and versions.
+    """
     problem, record = result.problem, result.provenance
     rows: list[tuple[str, str]] = [("solver", _solver(result.solver))]
     rows += [(f"free: {name}", repr(prior)) for name, prior in problem.priors.items()]
@@ -232,7 +237,7 @@ def _solver(solver: Solver) -> str:
 
 
 def _noise(given: Any) -> str:
-    """The noise as it was stated; one per curve if several were."""
+    """Write the noise as the user stated it, for each curve where several were stated; `given` may be None."""
     if given is None:
         return "not stated: what the residuals show is allowed for"
     if isinstance(given, NoiseModel):
@@ -253,7 +258,7 @@ def _of_curve(curve: Curve, record: dict[str, Any]) -> Iterator[tuple[str, str]]
 
 
 def _curve_rows(result: Fit, most: int) -> pd.DataFrame:
-    """Return the points of every curve with what the fit makes of them (SI), at most about `most` rows in all."""
+    """Return the points of every curve with fit, residual and noise (SI); thinned to about `most` rows in all."""
     step = max(1, -(-sum(len(curve) for curve in result.curves) // most))
     parts = []
     for number, (curve, residual, sigma) in enumerate(
@@ -283,13 +288,13 @@ def write_excel(
     path : path
         Ends in ``.xlsx``.
     *results : Fit, DataFrame, PointwiseModulus or Population
-        Fits, or the table of `fit_many`; and what was made of them. Sheets: ``results`` (parameters with unit,
-        interval, verdict, contact point, range, thickness), ``settings`` (scene, priors, noise, solver, files,
-        versions: all that repeats the fit), ``curves`` (points with fit and residual, of more than 100,000 every
-        so many; of a map its files), ``depths`` (`pointwise_modulus`), ``groups``, ``ratios`` and ``left out``
-        (`population`), as far as there is something for them.
+        Fits, or one table of `fit_many`; with them moduli at each depth and one population. Sheets, as far as there
+        is something for them: ``results`` (parameters with unit, interval, verdict, contact point, range,
+        thickness), ``settings`` (scene, priors, noise, solver, files, versions: all that repeats the fit),
+        ``curves`` (points with fit and residual, thinned above 100,000; for a map its files), ``depths``
+        (`pointwise_modulus`), ``groups``, ``ratios`` and ``left out`` (`population`).
     settings : mapping of str to str, optional
-        More rows of the sheet ``settings``, first: what was asked, by whom.
+        Further rows, name and value, to write first in the sheet ``settings``.
 
     Returns
     -------
@@ -316,7 +321,7 @@ def excel_bytes(*results: _Reported, settings: Mapping[str, str] | None = None) 
 
 
 def excel_sheets(*results: _Reported, settings: Mapping[str, str] | None = None) -> dict[str, pd.DataFrame]:
-    """Return the tables of such a file by the name of their sheet; see `write_excel`.
+    """Return the tables that `write_excel` writes, by the name of their sheet.
 
     Raises
     ------

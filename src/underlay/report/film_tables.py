@@ -1,6 +1,6 @@
-"""The moduli of a film by its contact stiffness: their table, what they stand on, and the files of them.
+"""Young's moduli of a film and its substrate, fitted to contact stiffness against depth: tables, notes and files.
 
-`write_film` leaves in a folder the moduli, what was measured at each depth, and the picture.
+`write_film` writes the moduli, the measured values at each depth, and the picture into a folder.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _UNITS = {
 
 
 def film_table(found: StiffnessFit) -> pd.DataFrame:
-    """Return a row for each fitted number, with its interval, as text."""
+    """Return a row for each fitted number, as text: value, 95 % interval, change for 1 % more contact area."""
     rows = []
     for name, value in found.values.items():
         low, high, kind = found.low[name], found.high[name], kind_of(name)
@@ -60,9 +60,10 @@ def film_moduli(found: StiffnessFit) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where the file says no scatter),
-        ``unit``, ``1 % more area (%)``, ``left of the trend (%)``, ``fitted from (m)``, ``fitted to (m)``,
-        ``depths``, ``curve`` and ``underlay`` (version).
+        ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where the file states no scatter),
+        ``unit``, ``1 % more area (%)`` (change of the value for 1 % more contact area), ``left of the trend (%)``
+        (scatter about the fitted trend with depth), ``fitted from (m)``, ``fitted to (m)``, ``depths`` (their
+        number), ``curve`` and ``underlay`` (version).
     """
     rows = []
     for name, value in found.values.items():
@@ -87,13 +88,16 @@ def film_moduli(found: StiffnessFit) -> pd.DataFrame:
 
 
 def film_by_depth(found: StiffnessFit) -> pd.DataFrame:
-    """Return the table of a film, a row for each depth, with the unit in each name."""
+    """Return the table of stiffnesses and moduli, a row per depth (SI), with the unit in each column name."""
     units = {name: f"{name} ({unit})" for name, unit in _UNITS.items()}
     return found.table.rename(columns=units)
 
 
 def film_notes(found: StiffnessFit, *, perfect: bool) -> list[str]:
-    """Return how well the trend with depth is explained, and what the moduli stand on."""
+    """Return sentences on the scatter about the fitted trend with depth and, for a `perfect` cone, on its bias.
+
+    A real tip is blunter than the perfect cone, so the modulus found with it is too large.
+    """
     left = f"left of the trend with depth: {100.0 * found.scatter:.1f} % over {len(found.table)} depths"
     worn = (
         "the tip is taken as a perfect cone; a worn one is blunter, which makes the modulus too large: add a "
@@ -103,7 +107,7 @@ def film_notes(found: StiffnessFit, *, perfect: bool) -> list[str]:
 
 
 def write_film(found: StiffnessFit, folder: Path, stem: str) -> list[Path]:
-    """Write both tables and the picture of a film; return the files."""
+    """Write both tables (CSV) and the picture (PNG) of a film; return the paths of the three files."""
     return [
         write_atomic(folder / f"{stem}.film.csv", csv_text(film_moduli(found))),
         write_atomic(folder / f"{stem}.film.depths.csv", csv_text(film_by_depth(found))),

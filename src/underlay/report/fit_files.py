@@ -1,4 +1,4 @@
-"""The files that a fit leaves in a folder: its table, its full result, its pictures, and the modulus by depth."""
+"""The files that a fit writes into a folder: its table, its full result, its pictures, and the modulus by depth."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _ROWS = 10
 
 
 def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:
-    """Return the modulus depth by depth of every curve of a fit, or in words why there is none."""
+    """Return for every curve of a fit the modulus at each depth or, as text, the reason why there is none."""
     found: list[PointwiseModulus | str] = []
     for curve in range(len(result.curves)):
         try:
@@ -41,7 +41,10 @@ def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:
 
 
 def pointwise_sentence(found: PointwiseModulus | str) -> str:
-    """Say at how many depths the modulus is that of the fit, and what the half-space's formula makes of it."""
+    """Say at how many depths the modulus read there agrees with the fit's, and what a half-space would give.
+
+    `found` is the modulus at each depth, or the reason why there is none.
+    """
     if isinstance(found, str):
         return f"Not read depth by depth: {found}."
     layer, bare = found.apparent, found.apparent_halfspace
@@ -62,7 +65,10 @@ def pointwise_sentence(found: PointwiseModulus | str) -> str:
 
 
 def pointwise_table(found: PointwiseModulus) -> pd.DataFrame:
-    """Return ten of the depths, as text: the modulus with the layer and by the half-space, with intervals."""
+    """Return the modulus at ten of the depths, as text with intervals: from the force and from the slope.
+
+    Where the scene has a layer, columns with the modulus by the half-space formula are added.
+    """
     unit, metre = human_unit(float(found.depth[-1]), "length")
     length = printed_unit(unit)
     name, pascal = human_unit(float(found.apparent.expected[-1]), "pressure")
@@ -89,9 +95,10 @@ def _cell(curve: ModulusCurve, n: int, pascal: float) -> str:
 
 
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
-    """Write the table, the full result and the pictures of a fit; return the files.
+    """Write the table (CSV), the full result (JSON) and the pictures of a fit; return the paths of the files.
 
-    A curve that was measured beyond loading gets a picture of its segments.
+    They begin with `stem`. What is written depends on the scene: relaxation, drainage and adhesion have pictures of
+    their own. A curve that was measured beyond loading gets a picture of its segments.
     """
     # Not loaded by a page, which needs the words and tables of this module alone.
     from underlay.report.excel import result_rows  # noqa: PLC0415  see above

@@ -1,7 +1,7 @@
-"""The Python that executes a report: ``python -m underlay.report.kernel FOLDER -f CONNECTION``.
+"""The Python process that executes a report's notebook: ``python -m underlay.report.kernel FOLDER -f CONNECTION``.
 
-It is started in an empty folder of its own and works in FOLDER, where the notebook and its files are. Nothing
-that lies there is imported or read as a setting.
+It is started in an empty folder and works in FOLDER, where the notebook and its files are. No module in FOLDER is
+imported, and no file there is read as a setting.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ __all__ = ["main"]
 
 
 def main(words: list[str]) -> None:
-    """Serve the cells of one notebook.
+    """Run the Jupyter kernel that executes one notebook, until it is ended.
 
     Parameters
     ----------
     words : list of str
-        The folder to work in, then what the kernel itself is told.
+        The folder to work in, then the arguments of the kernel.
     """
     folder, *told = words
     os.chdir(folder)

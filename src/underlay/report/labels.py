@@ -1,4 +1,4 @@
-"""What parameters are called in a sentence and in a formula."""
+"""Names of parameters for people: in a sentence and in a formula."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PATHS = re.compile(
 def label(name: str) -> str:
     """Return what a parameter is called in a sentence: ``"layer.E[1]"`` -> ``"layer modulus (curve 2)"``.
 
-    ``"layer.E.stderr"``, a column of a map, is the ``"standard error of the layer modulus"``.
+    A column of a map such as ``"layer.E.stderr"`` gives ``"standard error of the layer modulus"``.
     """
     if name.endswith(".stderr"):
         return f"standard error of the {label(name.removesuffix('.stderr'))}"
@@ -33,7 +33,7 @@ def label(name: str) -> str:
 
 
 def labelled(text: str) -> str:
-    """Return `text` with parameters called by their words: ``"layer.E is ..."`` -> ``"layer modulus is ..."``."""
+    """Return `text` with each parameter path replaced by its name: ``"layer.E is"`` -> ``"layer modulus is"``."""
     return _PATHS.sub(lambda found: label(found[0]), text)
 
 
@@ -48,17 +48,17 @@ def _words(path: str) -> str:
 
 
 def _part(place: str) -> str:
-    """What a part is called: ``"layer"``; ``"substrate.layers[0]"`` is layer 2, from the top."""
+    """Name the part of a scene that a path leads to: ``"layer"``; ``"substrate.layers[0]"`` -> ``"layer 2"``."""
     whole, _, inner = place.partition(".")
     number = _INDEX.search(inner)
     return f"layer {int(number[1]) + 2}" if number else whole
 
 
 def symbol(name: str) -> str:
-    """Return the letter of a parameter in a formula (TeX); its path where it has none.
+    """Return the letter of a parameter in TeX, or its path in upright type where it has none.
 
-    The substrate's letters carry a 2, as the paper's do, those of a list its number, and those of a single curve
-    that of the curve.
+    Letters of the substrate have the subscript 2, entries of a list their number as subscript, and parameters of a
+    single curve the curve's number as superscript.
     """
     path, curve = path_of(name), curve_of(name)
     letter, number = declared(path).symbol, _INDEX.search(path)
@@ -72,10 +72,10 @@ def symbol(name: str) -> str:
 
 
 def is_of_the_sample(name: str) -> bool:
-    """Return whether a parameter is one of the specimen or the tip, not of the instrument or its noise."""
+    """Return whether a parameter describes specimen, tip or adhesion, not the instrument, noise or model error."""
     return not name.startswith(("discrepancy.", "instrument.", "lever.", "noise."))
 
 
 def start(text: str) -> str:
-    """Return `text` as it begins a sentence."""
+    """Return `text` with a capital first letter, as it begins a sentence."""
     return text[:1].upper() + text[1:]

@@ -1,9 +1,9 @@
-"""What a result leaves open, and what speaks against it, in sentences.
+"""Sentences on what a result leaves undetermined, and on what speaks against it.
 
-Left open are other optima that explain the data as well (`rivals`), numbers that only a second test would fix
-(`advice`), and whether a face is bonded or free to slip (`bonds_sentences`). Against a result speak its curve
-(`quality_doubts`), and what the reader of the file, the fit and the laws report (`reservations`).
-`distinct_scenes` groups the curves of a joint fit, so that a report draws and lists each scene once.
+Undetermined are: which of several optima holds (`rivals`), parameters that only a second test would fix (`advice`),
+and whether a face is bonded or free to slip (`bonds_sentences`). Against a result speak doubts about its curve
+(`quality_doubts`) and warnings of the file reader, the fit and the contact laws (`reservations`). `distinct_scenes`
+groups the curves of a joint fit, so that a report draws and lists each scene once.
 """
 
 from __future__ import annotations
@@ -48,18 +48,18 @@ _LITTLE, _MUCH = 2.0, 10.0
 
 @dataclass(frozen=True)
 class DistinctScene:
-    """A scene and the curves that were measured on it.
+    """One of the different scenes of a joint fit, with the curves that were measured on it.
 
     Parameters
     ----------
     scene : Scene
-        With the instrument of the curve that went deepest.
+        The scene, with the instrument of the curve that went deepest.
     curves : tuple of int
         Numbers of the curves, from 1.
     reading : float
-        Deepest depth reading (m) of that curve.
+        Largest depth reading (m) of that curve.
     label : str
-        ``"curve 2"``, ``"curves 1 and 3"``; empty where there is no other scene.
+        ``"curve 2"``, ``"curves 1 and 3"``; empty if all curves have the same scene.
     """
 
     scene: Scene
@@ -69,12 +69,12 @@ class DistinctScene:
 
     @property
     def deepest(self) -> float:
-        """How deep the tip went since contact (m); zero where it never touched."""
+        """Largest indentation of the deepest curve, from its contact point (m); zero where it never touched."""
         return max(self.reading - self.scene.instrument.contact_depth, 0.0)
 
 
 def distinct_scenes(scenes: Sequence[Scene], curves: Sequence[Curve]) -> tuple[DistinctScene, ...]:
-    """Group curves by indenter, layer, substrate and compliance; contact point and baseline may differ.
+    """Group curves whose scenes agree in all but contact point and baseline of the instrument.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def rivals(result: Fit) -> list[str]:
 
 
 def advice(result: Fit) -> list[str]:
-    """Return one sentence per parameter of the sample that stays open: which second tip would fix it.
+    """Return a sentence for each parameter of the sample with an open interval: which second tip would fix it.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def advice(result: Fit) -> list[str]:
 
 
 def rival_name(place: int) -> str:
-    """Return what the optimum at this place of `Fit.alternatives` is called: ``"second"``."""
+    """Return the ordinal of an entry of `Fit.alternatives` (from 0) among all optima: ``"second"`` for entry 0."""
     return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 2}th"
 
 
@@ -169,7 +169,7 @@ def _rival_sentence(result: Fit, other: Alternative, name: str) -> str:
 
 
 def bonds_sentences(told: BondComparison) -> list[str]:
-    """Return what each bond gives, and which the data speak for.
+    """Return two sentences: the fit for each bond (bonded, slipping), and which of them the data support by AIC.
 
     Examples
     --------
@@ -205,12 +205,12 @@ def _spoken_for(difference: float) -> str:
 
 
 def quality_doubts(problem: Problem, *, require: bool = True) -> list[str]:
-    """Return what speaks against each curve before it is fitted.
+    """Return the reasons to doubt each curve that `check_quality` finds before a fit, each once.
 
     Raises
     ------
     CurveError
-        If it is required that each curve shows a contact, and one does not, with the reason.
+        If `require` is true and a curve shows no contact; the message says why.
     """
     doubts: list[str] = []
     for curve, scene in zip(problem.curves, problem.base_scenes, strict=True):
@@ -222,9 +222,9 @@ def quality_doubts(problem: Problem, *, require: bool = True) -> list[str]:
 
 
 def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
-    """Return what the reader, the fit and the laws have to say, in that order.
+    """Return the notes of the file reader, then the warnings of the fit, then `notes`.
 
-    A second optimum is not among it: it stands beside the headline.
+    The warning of a second optimum is left out: reports state it beside the headline.
     """
     reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
 

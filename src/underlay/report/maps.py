@@ -1,6 +1,6 @@
-"""A map of many curves, and the population that it is of, in words and tables for people.
+"""Words and tables for people on a map of many curves, and on the population (animals, groups) it samples.
 
-`table` is the result of `fit_many`, or what `read_map` read, in SI.
+`table` is the result of `fit_many`, or of `read_map`, a row per curve in SI units.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ _WHOSE, _GROUP = "animal", "group"
 
 
 def sample_parameters(table: pd.DataFrame) -> list[str]:
-    """Fitted parameters of layer, substrate and adhesion, and where the tip comes off."""
+    """Return the columns of fitted parameters of layer, substrate and adhesion, then those of the pull-off."""
     fitted = [
         name for name in fitted_names(table.columns) if name.startswith(("layer.", "substrate.", "adhesion."))
     ]
@@ -75,12 +75,12 @@ def sample_parameters(table: pd.DataFrame) -> list[str]:
 
 
 def has_positions(table: pd.DataFrame) -> bool:
-    """Whether some sites have a position."""
+    """Whether at least one site has a position (finite ``x`` and ``y``)."""
     return {"x", "y"} <= set(table.columns) and bool((table["x"].notna() & table["y"].notna()).any())
 
 
 def columns_to_draw(table: pd.DataFrame) -> list[str]:
-    """Columns of which there is a map: what was fitted of the sample, and its error."""
+    """Return the parameter columns of the sample to draw as maps by position; empty without positions."""
     if not has_positions(table):
         return []
     columns = [name for name in sample_parameters(table) if name in table.columns]
@@ -88,14 +88,18 @@ def columns_to_draw(table: pd.DataFrame) -> list[str]:
 
 
 def errors_in_words(table: pd.DataFrame) -> str:
-    """Say what the ± of a curve in a map stands for: the whole uncertainty, or white noise alone."""
+    """Say what the ± of a curve in the map stands for.
+
+    That is the whole uncertainty at 95 % where the table has it, otherwise the standard error from white noise
+    alone.
+    """
     if not any(str(column).endswith(".stat.low") for column in table.columns):
         return "± of a curve is the standard error of white noise alone; without --quick it is what a fit prints."
     return "± of a curve is at 95 %, statistical and systematic parts together, as of a single fit."
 
 
 def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per fitted parameter of the sample: median, spread between sites, median error; text."""
+    """Return a row per parameter of the sample, as text: median and spread of the sites, median standard error."""
     rows = []
     for name in sample_parameters(table):
         values = table[name].to_numpy(dtype=float)
@@ -120,7 +124,10 @@ def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _instrument_cells(table: pd.DataFrame, name: str) -> dict[str, str]:
-    """Cells on what the instrument itself found of a parameter, for the same Poisson's ratio; none without it."""
+    """Return cells with the median value that the instrument itself reported for a parameter, and our deviation.
+
+    Both are for the same Poisson's ratio; empty where the table lacks them.
+    """
     columns = [f"{name}.instrument", f"{name}.difference_percent"]
     if not set(columns) <= set(table.columns) or not table[columns].notna().all(axis=1).any():
         return {}
@@ -132,7 +139,7 @@ def _instrument_cells(table: pd.DataFrame, name: str) -> dict[str, str]:
 
 
 def decision_words(table: pd.DataFrame) -> str:
-    """Say in a sentence how many curves a person accepted and refused; nothing where none was judged."""
+    """Say in a sentence how many curves a person accepted and refused by hand; empty where none was judged."""
     decided = _decisions(table)
     if decided.empty:
         return ""
@@ -146,7 +153,10 @@ def decision_words(table: pd.DataFrame) -> str:
 
 
 def decision_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the curves of which a person decided, each with what and why."""
+    """Return the curves that a person accepted or refused by hand, each with the reason, as text.
+
+    More than 50 are counted in a last row.
+    """
     decided = _decisions(table)
     rows = [
         {"curve": str(row["name"]), "decision": str(row["decision"]), "why": _words(row["decision_reason"])}
@@ -168,7 +178,7 @@ def _words(cell: object) -> str:
 
 
 def failure_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the curves without a fit, each with its reason."""
+    """Return the curves without a fit, each with the reason, as text; more than 50 are counted in a last row."""
     failed = table[table["status"] != FITTED]
     rows = [
         {"curve": str(name), "reason": str(reason)}
@@ -180,7 +190,7 @@ def failure_table(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: str) -> pd.DataFrame:
-    """Return what a map came from: hashes of files, how many curves, versions, and the given facts.
+    """Return where a map came from, as text: hashes of files, number of curves, versions, and the given facts.
 
     Raises
     ------
@@ -194,7 +204,7 @@ def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: 
 
 
 def of_map(table: pd.DataFrame) -> Population | str:
-    """Return the population of a map's first parameter, by animal; or in words why there is none."""
+    """Return the population of a map's first parameter, with animals as units; or a sentence why there is none."""
     parameters = sample_parameters(table)
     if _WHOSE not in table.columns or not parameters:
         return (
@@ -213,14 +223,18 @@ def of_map(table: pd.DataFrame) -> Population | str:
 
 
 def population_tables(result: Population | str) -> list[pd.DataFrame]:
-    """Tables of the groups and of their ratios, as far as there are any."""
+    """Return the tables of the groups and of their ratios, if any; none if `result` is a message."""
     if isinstance(result, str):
         return []
     return [group_table(result), *([comparison_table(result)] if result.comparisons else [])]
 
 
 def group_table(result: Population) -> pd.DataFrame:
-    """One row per group: how many, the mean to go by, the other way to it, the spreads."""
+    """Return a row per group as text: counts, mean with interval by two methods, spreads, error of a curve.
+
+    One method has priors, the other none; `Group.leads_plain` says which gives the column ``mean``, and the other
+    stands in ``beside it``.
+    """
     kind = kind_of(result.parameter)
     rows = []
     for name, group in result.groups.items():
@@ -238,7 +252,10 @@ def group_table(result: Population) -> pd.DataFrame:
 
 
 def comparison_table(result: Population) -> pd.DataFrame:
-    """One row per pair of groups: their ratio with its interval, and the other way to it."""
+    """Return a row per pair of groups as text: the ratio of their means with interval, by two methods.
+
+    One method has priors, the other none. The last column is the probability that the ratio exceeds 1.
+    """
     return pd.DataFrame(
         [
             {
@@ -253,7 +270,7 @@ def comparison_table(result: Population) -> pd.DataFrame:
 
 
 def means_in_words(result: Population) -> Iterator[tuple[str, str, str]]:
-    """Yield name, mean with its interval, and of how many it is, group by group."""
+    """Yield for each group its name, its mean with interval, and the numbers of units and curves, all as text."""
     for name, group in result.groups.items():
         units = f"{group.units} {result.by[0]}s, " if result.by else ""
         mean = interval_text(group.mean, group.low, group.high, kind_of(result.parameter))
@@ -261,7 +278,10 @@ def means_in_words(result: Population) -> Iterator[tuple[str, str, str]]:
 
 
 def population_lines(result: Population) -> list[str]:
-    """The short text of a population: means first, one verdict, one next step, the spreads."""
+    """Return the short text of a population, by lines.
+
+    First come the means, then ratios to the first group, the verdict with cause and next step, and the spreads.
+    """
     name, lines = name_of(result.parameter)[0], list[str]()
     for called, mean, of in means_in_words(result):
         scale = "" if lines else "; 95 %, geometric mean"
@@ -285,13 +305,13 @@ def population_lines(result: Population) -> list[str]:
 
 
 def shared_error_words(result: Population) -> str:
-    """What inputs and model may add to every curve alike."""
+    """Write the 95 % systematic error (inputs and model) that shifts all curves alike, in per cent."""
     share = 100.0 * 1.96 * result.shared_error
     return f"± {share:.2g} % on all curves alike, by inputs and model (95 %)"
 
 
 def population_verdict(result: Population) -> Advice:
-    """Return whether the means can be used, with likely cause and next step where not."""
+    """Return the verdict on whether the means can be used, with likely cause and next step where they cannot."""
     level = result.by[0] if result.by else "animal"
     wide = {
         name: math.sqrt(one.high / one.low) if one.low else math.inf for name, one in result.groups.items()
@@ -313,7 +333,10 @@ def population_verdict(result: Population) -> Advice:
 
 
 def _more_units(result: Population, group: Group, level: str, most: int = 30) -> str:
-    """How many units of the same spread would give a useful interval, and which."""
+    """Say how many units (animals, say) would narrow a group's interval to a factor of 2, and to what.
+
+    Their spread is taken as that of the group. `level` names a unit; above `most` units the number is not stated.
+    """
     from underlay.inference.population.result import Variance  # noqa: PLC0415  as above
 
     variance = group.plain_mean.variance
@@ -334,7 +357,7 @@ def _more_units(result: Population, group: Group, level: str, most: int = 30) ->
 
 
 def _spread_in_words(spread: Spread) -> str:
-    """Return ``"24 % (9 to 56)"``, or an upper limit where there may be none."""
+    """Write a relative spread with its interval: ``"24 % (9 to 56)"``; ``"under 30 %"`` where it may be zero."""
     low, middle, high = (
         f"{float(f'{100.0 * end:.2g}'):g}" for end in (spread.low, spread.median, spread.high)
     )
@@ -348,7 +371,10 @@ def _ratio(ratio: float, low: float, high: float) -> str:
 
 
 def _beside(found: Group | Comparison, written: Callable[[Triple], str]) -> str:
-    """Return the interval that is not the one to go by, and what tells them apart."""
+    """Write the mean or ratio by the method that is not the leading one: with priors, or without a prior.
+
+    `written` makes text of value and interval ends.
+    """
     if found.leads_plain:
         return f"with priors {written(found.modelled)}"
     return "-" if math.isnan(found.plain[1]) else f"without a prior {written(found.plain)}"

@@ -1,4 +1,4 @@
-"""The methods paragraph of a fit, with its references, ready to paste."""
+"""A paragraph on a fit for the methods section of a paper, with its references."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def references(fit: Fit) -> list[Work]:
 
 
 def cited_works(used: Mapping[str, str]) -> list[Work]:
-    """Return the works to cite of an analysis.
+    """Return the works to cite for an analysis.
 
     Parameters
     ----------
@@ -91,7 +91,10 @@ def listed(names: Sequence[str]) -> str:
 def methods_paragraph(
     fit: Fit, by_depth: PointwiseModulus | None = None, half_space: Fit | None = None
 ) -> str:
-    """Return what was done and found, in sentences for the methods section of a paper."""
+    """Return a paragraph for the methods section of a paper: model, parameters, numbers with uncertainty.
+
+    `by_depth` (modulus at each depth) and `half_space` (the fit without the substrate) add a sentence each.
+    """
     sentences = [_model(fit), _parameters(fit), *_numbers(fit)]
     if by_depth is not None and (trend := by_depth_words(by_depth)):
         sentences.append(f"Read from the force at each depth the modulus was {trend}.")
@@ -138,7 +141,7 @@ def _parameters(fit: Fit) -> str:
 
 
 def _numbers(fit: Fit) -> list[str]:
-    """One sentence per number of the sample; of the first where its uncertainty comes from."""
+    """Return one sentence per number of the sample; the first one also states the sources of its uncertainty."""
     found = [fit.answer(name) for name in told_names(fit)]
     return [_number(known, whole=place == 0) for place, known in enumerate(found)]
 

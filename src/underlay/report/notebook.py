@@ -1,11 +1,11 @@
-"""Notebooks to go on from: made from templates, and executed.
+"""Jupyter notebooks that a user can continue from: made from templates, and executed.
 
-A template is a page of Markdown. Each fenced block that starts with three backticks and ``python`` becomes a
-code cell; what stands between two of them becomes a Markdown cell.
+A template is a page of Markdown. Each fenced block that starts with three backticks and ``python`` becomes a code
+cell; the text between two of them becomes a Markdown cell.
 
-A placeholder such as ``${title}`` stands for data. Because the cells are there before the data come, no data
-can begin or end one. In code a placeholder becomes the literal of its value, in Markdown one line of words
-without markup.
+A placeholder such as ``${title}`` stands for data. The template is split into cells before placeholders are filled,
+so that no data can begin or end a cell. In code a placeholder becomes the Python literal of its value, in Markdown
+one line of text without markup.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ _NOT_HANDED_ON = frozenset({"PYTHONSTARTUP", "PYTHONINSPECT"})
 
 
 class Cell(NamedTuple):
-    """One cell: its source, and whether that is code."""
+    """One cell of a notebook: its source, and whether that is code (otherwise Markdown)."""
 
     source: str
     code: bool = False
 
 
 def report_library(name: str) -> ModuleType:
-    """Import one of the libraries of the extra ``report``.
+    """Import and return one of the libraries of the extra ``report``, by its module name.
 
     Raises
     ------
@@ -60,16 +60,21 @@ def report_library(name: str) -> ModuleType:
 
 
 def write_notebook(template: str, values: Mapping[str, str], path: Path) -> Path:
-    """Fill a template, run it where it will stand, and write it with its outputs.
+    """Fill a template, run it in the folder of `path`, and write it there with its outputs.
 
     Parameters
     ----------
     template : str
-        As in `filled`.
+        Name of a file in ``templates``, without its ending.
     values : mapping of str to str
         What its placeholders stand for; ``title`` is also the title of the notebook.
     path : Path
-        The notebook.
+        The notebook file (``.ipynb``) to write.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
@@ -83,7 +88,7 @@ def write_notebook(template: str, values: Mapping[str, str], path: Path) -> Path
 
 
 def filled(template: str, values: Mapping[str, str]) -> tuple[Cell, ...]:
-    """Return the cells of a template, filled.
+    """Return the cells of a template with its placeholders filled.
 
     Parameters
     ----------
@@ -103,7 +108,7 @@ def filled(template: str, values: Mapping[str, str]) -> tuple[Cell, ...]:
 
 
 def make_notebook(cells: tuple[Cell, ...], title: str) -> Any:
-    """Return cells as a notebook, not executed, of which `title` is a part of its metadata.
+    """Return cells as an ``nbformat`` notebook, not executed; `title` goes into its metadata.
 
     Raises
     ------
@@ -122,7 +127,7 @@ def make_notebook(cells: tuple[Cell, ...], title: str) -> Any:
 
 
 def _cells(text: str) -> Iterator[Cell]:
-    """Split a template; what is between two fences may be empty."""
+    """Split the text of a template into Markdown and code cells, in turn; a Markdown cell may be empty."""
     end = 0
     for fence in _FENCE.finditer(text):
         yield Cell(text[end : fence.start()].strip())
@@ -160,7 +165,11 @@ def execute(notebook: Any, folder: Path) -> Any:
 
 
 def _environment(own: str, folder: Path) -> dict[str, str]:
-    """Environment of the kernel: the caller's, but nothing that lies in a folder of data is imported or run."""
+    """Return the environment variables of the kernel: the caller's, made safe against files in a folder of data.
+
+    `own` is the kernel's temporary folder, `folder` that of the notebook. No file of a data folder is imported or
+    run.
+    """
     theirs = {name: value for name, value in os.environ.items() if name not in _NOT_HANDED_ON}
     return theirs | {
         "PYTHONPATH": os.pathsep.join(import_path(folder)),
@@ -173,10 +182,10 @@ def _environment(own: str, folder: Path) -> dict[str, str]:
 
 
 def import_path(folder: Path) -> list[str]:
-    """Search path of this process, so that the kernel imports the same packages, without folders of data.
+    """Return the import path of this process without folders of data, for a kernel to import the same packages.
 
-    Left out are `folder`, the working directory, that of the script that runs, and relative entries: a
-    ``pandas.py`` that lies beside a curve is not pandas. The folder underlay was loaded from comes last.
+    Left out are `folder`, the working directory, that of the running script, and relative entries: a ``pandas.py``
+    beside a curve must not be imported as pandas. The folder underlay was loaded from comes last.
     """
     script = getattr(sys.modules.get("__main__"), "__file__", None)
     data = {folder.resolve(), Path.cwd().resolve()} | ({Path(script).resolve().parent} if script else set())
@@ -187,7 +196,10 @@ def import_path(folder: Path) -> list[str]:
 
 
 def _kernel_manager(own: str, folder: Path) -> Any:
-    """Manager of a kernel of this very Python: an installed kernel named python3 may be another one's."""
+    """Return a manager that starts the kernel with this very Python; an installed "python3" kernel may be another.
+
+    `own` is the kernel's temporary folder, `folder` that of the notebook.
+    """
     manager = report_library("jupyter_client.manager")
     spec = report_library("jupyter_client.kernelspec")
     command = [sys.executable, "-m", "underlay.report.kernel", os.fspath(folder), "-f", "{connection_file}"]

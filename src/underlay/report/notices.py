@@ -1,8 +1,4 @@
-"""Words of the library and of files on their way to people: warnings kept for a result, text inside Markdown.
-
-`gathered_warnings` keeps warnings until the result that they belong to is shown; `markdown_text` shows words of
-unknown origin as they are.
-"""
+"""Warnings that are held back until a result is shown, and text of unknown origin inside Markdown."""
 
 from __future__ import annotations
 
@@ -24,14 +20,14 @@ _MATHEMATICS = re.compile(r"[$\\]+")
 
 
 def markdown_text(text: object, longest: int | None = None) -> str:
-    """Return `text` as one line of Markdown that shows it as it is: no markup, no link, no formula.
+    """Return `text` as one line of Markdown that shows it literally: no markup, no link, no formula.
 
     Parameters
     ----------
     text : object
-        Words from a file or a name.
+        Text from a file, or a name.
     longest : int, optional
-        As in `one_line`.
+        Number of characters to which it is cut; as in `one_line`.
     """
     plain = _MARKS.sub(lambda mark: f"&#{ord(mark[0])};", one_line(text, longest))
     return _MATHEMATICS.sub(lambda mark: f"`{mark[0]}`", plain)
@@ -39,7 +35,10 @@ def markdown_text(text: object, longest: int | None = None) -> str:
 
 @contextmanager
 def gathered_warnings() -> Iterator[list[str]]:
-    """Collect our own warnings while something is worked out, to show them after its result."""
+    """Collect this package's warnings inside a ``with`` block into the list it gives; others are raised after it.
+
+    The list is filled when the block ends.
+    """
     texts: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UnderlayWarning)

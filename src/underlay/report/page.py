@@ -1,6 +1,6 @@
-"""What a page is made of: words, tables and pictures as HTML that shows everything that was read as text.
+"""Building blocks of HTML reports: text, tables, pictures; text from files is escaped, never read as markup.
 
-A page is one file: pictures inside, no script, nothing fetched.
+A page is one file: pictures are embedded, there is no script, and nothing is fetched.
 """
 
 from __future__ import annotations
@@ -45,18 +45,18 @@ Detail = tuple[str, str, list[str]]
 
 
 def words(text: object) -> str:
-    """Return any words as one line of HTML that shows them as they are, units as they are printed."""
+    """Return a text as one line of escaped HTML, with units in their printed form (um as µm)."""
     return html.escape(printed(one_line(text)))
 
 
 def tag(name: str, *inner: str, kind: str = "") -> str:
-    """Return an element around pieces of HTML; `kind` is its class."""
+    """Return the HTML element `name` around pieces of HTML; `kind` is its class attribute."""
     attribute = f' class="{kind}"' if kind else ""
     return f"<{name}{attribute}>{''.join(inner)}</{name}>"
 
 
 def table(frame: pd.DataFrame) -> str:
-    """Return a table of texts as HTML; an index of names is its first column."""
+    """Return a table of texts as HTML; an index that is not of integers becomes the first column."""
     named = not pd.api.types.is_integer_dtype(frame.index)
     heads = [*(["" if frame.columns.name is None else frame.columns.name] if named else []), *frame.columns]
     rows = [tag("tr", *(f'<th scope="col">{words(head)}</th>' for head in heads))]
@@ -67,20 +67,29 @@ def table(frame: pd.DataFrame) -> str:
 
 
 def figure(ax: Axes, name: str, alt: str, title: str = "", caption: str = "", kind: str = "") -> str:
-    """Return a picture with its caption; `name` tells it from others of the page, `alt` is what a reader hears."""
+    """Return axes as an HTML figure with inline SVG, its title and caption.
+
+    `name` makes the SVG's ids unique on the page, `alt` is the text for screen readers, `kind` the class attribute.
+    """
     under = tag("figcaption", f"<b>{words(title)}</b> ", words(caption)) if title or caption else ""
     return tag("figure", inline_svg(ax, name, alt), under, kind=kind)
 
 
 def pixels(ax: Axes, alt: str, title: str = "") -> str:
-    """Return a picture of thousands of marks, which as lines would be heavy."""
+    """Return axes as an HTML figure with an embedded PNG: smaller than SVG for thousands of marks.
+
+    `alt` is the text for screen readers.
+    """
     data = base64.b64encode(drawn(ax)).decode("ascii")
     image = f'<img src="data:image/png;base64,{data}" alt="{html.escape(alt)}">'
     return tag("figure", image, tag("figcaption", words(title)) if title else "")
 
 
 def number_block(title: str, number: str, unit: str, under: str, kind: str = "") -> str:
-    """Return a number of the headline as HTML: its name above it, both parts of its uncertainty below."""
+    """Return one number of the headline as HTML: `title` above it, `under` (its uncertainty) below.
+
+    `kind` adds classes, such as ``"grey"`` for a number that is not to be used.
+    """
     value = tag("div", words(number), f" <small>{words(unit)}</small>", kind="v")
     return tag(
         "div",
@@ -97,9 +106,9 @@ def verdict_block(word: str, reason: str, cause: str = "", step: str = "", more:
     Parameters
     ----------
     word : str
-        ``"good"``, ``"check"`` or ``"reject"``: gives colour and shape.
+        ``"good"``, ``"check"`` or ``"reject"``: sets colour and symbol.
     reason, cause, step, more : str
-        Why; the likely cause, the next step and one further sentence, each left out where empty.
+        The reason; then the likely cause, the next step and one further sentence, each left out where empty.
     """
     shape = f'<i aria-hidden="true">{_SHAPES.get(word, "")}</i> '
     clause = reason[:1].upper() + reason[1:]
@@ -112,7 +121,10 @@ def verdict_block(word: str, reason: str, cause: str = "", step: str = "", more:
 
 
 def details(parts: Iterable[Detail], *, opened: bool = False) -> str:
-    """Return what is folded behind the page as HTML; parts without a block are left out."""
+    """Return the parts that are folded below the page as HTML; parts without blocks are left out.
+
+    `opened` shows them unfolded, as for print.
+    """
     state = " open" if opened else ""
     folded = [
         f"<details{state}><summary>{words(title)} <span>{words(note)}</span></summary>{''.join(blocks)}</details>"
@@ -123,18 +135,21 @@ def details(parts: Iterable[Detail], *, opened: bool = False) -> str:
 
 
 def style_of(*parts: str) -> str:
-    """Return the style of a page: its ``colours``, the ``frame`` of a sheet of paper, the ``sheet`` itself."""
+    """Return the CSS of a page, put together from its files by name.
+
+    The files are ``colours``, ``frame`` (a sheet of paper) and ``sheet`` (what is on it).
+    """
     folder = resources.files("underlay.report") / "templates" / "page"
     return "".join((folder / f"{part}.css").read_text(encoding="utf-8") for part in parts)
 
 
 def today() -> str:
-    """Return the day that a page is made."""
+    """Return today's date (UTC) as ISO text, for the head of a page."""
     return datetime.now(UTC).date().isoformat()
 
 
 def document(title: str, *blocks: str) -> str:
-    """Return the whole page."""
+    """Return a complete HTML document with `title` and the given blocks of HTML as its body."""
     style = style_of("colours", "frame", "sheet")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'

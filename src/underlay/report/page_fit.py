@@ -1,4 +1,4 @@
-"""The page of a fit: what was found on one sheet, everything else folded behind it."""
+"""The report page of a fit: results on one sheet, all further tables and pictures folded below it."""
 
 from __future__ import annotations
 
@@ -85,7 +85,11 @@ def sized(millimetres: tuple[float, float], draw: Callable[[Axes], object]) -> A
 
 
 def drawing(test: DistinctScene, solver: Solver, where: str, assumed: Iterable[str] = ()) -> str:
-    """Return the test to scale as HTML, without axes: its numbers are in the caption, and which are `assumed`."""
+    """Return the test drawn to scale as an HTML figure; its caption gives the numbers and which are `assumed`.
+
+    `where` says in the caption at which state the test is drawn, e.g. "at the deepest point"; `assumed` holds
+    parameter paths that no one measured.
+    """
     ax = sized(_DRAWING, lambda panel: plots.scene(test.scene, depth=test.reading, solver=solver, ax=panel))
     size = ax.get_title()
     ax.set_title("")
@@ -113,7 +117,7 @@ def _thickness(layer: Layer) -> str:
 
 
 def masthead(day: str, name: str, about: str) -> str:
-    """Return the head of a page: its day, its title, and a line on what it is of."""
+    """Return the head of a page as HTML: its date, its title, and a line on what was tested."""
     return (
         f"<header><span><b>underlay</b> indentation report</span><span>{words(day)}</span></header>"
         f'<h1>{words(name)}</h1><p class="sub">{words(about)}</p>'
@@ -121,9 +125,9 @@ def masthead(day: str, name: str, about: str) -> str:
 
 
 def headline(answers: list[Answer], verdict: Advice, curves: Iterable[Curve] = (), more: str = "") -> str:
-    """Return the numbers, each with both parts of its uncertainty, beside verdict, cause, next step and `more`.
+    """Return the headline as HTML: up to three numbers with uncertainty, and the verdict with cause and next step.
 
-    What nobody measured of the tests of these `curves` is named.
+    `more` is a further sentence under the verdict. Inputs of `curves` that no one measured are named there.
     """
     assumed = assumed_words(assumed_inputs(curves))
     more = f"{more} Assumed: {assumed}.".strip() if assumed else more
@@ -135,7 +139,11 @@ def headline(answers: list[Answer], verdict: Advice, curves: Iterable[Curve] = (
 
 
 def _number(known: Answer, place: int, verdict: str) -> str:
-    """One number as people copy it; grey, and without an uncertainty, where the model was rejected."""
+    """Return one number of the headline as HTML, in the form to copy.
+
+    It is grey and without an uncertainty where the model is rejected. `place` is its rank: numbers after the first
+    are set smaller.
+    """
     title, letter = name_of(known.name)
     second = " second" if place else ""
     if verdict == "reject":
@@ -151,7 +159,7 @@ def _number(known: Answer, place: int, verdict: str) -> str:
 
 
 def _one_end(known: Answer, letter: str) -> str:
-    """``"h > 1.1 mm (95 %)"``; nothing is known where both ends are open."""
+    """Write the finite end of a half-open interval: ``"h > 1.1 mm (95 %)"``; a phrase where both ends are open."""
     for sign, end in ((">", known.low), ("<", known.high)):
         if math.isfinite(end):
             limit = format_quantity(end, kind_of(path_of(known.name)))
@@ -160,7 +168,7 @@ def _one_end(known: Answer, letter: str) -> str:
 
 
 def footer(*facts: str, command: str = "") -> str:
-    """Return the foot of a page: where it comes from, and the command that repeats it."""
+    """Return the foot of a page as HTML: provenance (`facts`), versions, and the command to repeat the result."""
     own = [*facts, f"underlay {VERSION}", f"Python {platform.python_version()}"]
     again = f" · same numbers again: <code>{words(command)}</code>" if command else ""
     return tag("footer", words(" · ".join(fact for fact in own if fact)), again)
@@ -168,16 +176,16 @@ def footer(*facts: str, command: str = "") -> str:
 
 @dataclass
 class FitPage:
-    """The page of a fit.
+    """The report page of a fit.
 
     Parameters
     ----------
     fit : Fit
-        What is shown.
+        The result to show.
     day : str
-        When the page is made.
+        Date on the page.
     command : str
-        What repeats it; empty where there is none.
+        Command line that repeats the fit; empty where there is none.
     """
 
     fit: Fit
@@ -186,12 +194,12 @@ class FitPage:
 
     @cached_property
     def answers(self) -> list[Answer]:
-        """Numbers of the sample."""
+        """Parameters of the sample, each with value, interval and uncertainty budget."""
         return [self.fit.answer(name) for name in told_names(self.fit)]
 
     @cached_property
     def by_depth(self) -> list[PointwiseModulus | str]:
-        """E by depth of every curve, or why there is none."""
+        """Modulus at each depth of every curve, or the reason why there is none."""
         found: list[PointwiseModulus | str] = []
         for curve in range(len(self.fit.curves)):
             try:
@@ -202,32 +210,32 @@ class FitPage:
 
     @cached_property
     def half_space(self) -> Fit | None:
-        """The half-space's best fit of the same curve."""
+        """Best fit of the same curve by the half-space formula; None where it does not apply."""
         return half_space_fit(self.fit)
 
     @cached_property
     def tests(self) -> tuple[DistinctScene, ...]:
-        """What was tested, each scene once."""
+        """The different scenes of the fit, each with its curves."""
         return distinct_scenes(self.fit.scenes, self.fit.curves)
 
     @property
     def name(self) -> str:
-        """Title of the page: the name of the first curve, and how many more there are."""
+        """Title of the page: the name of the first curve, and the number of further ones."""
         more = len(self.fit.curves) - 1
         name = str(self.fit.curves[0].metadata.get("name") or "one curve")
         return f"{name} and {more} more" if more else name
 
     def html(self, *, opened: bool = False) -> str:
-        """The page; `opened` with what is folded behind it."""
+        """Return the page as an HTML document; `opened` shows the folded parts."""
         head = masthead(self.day, self.name, self._about())
         return document(f"{self.name}: indentation report", head, self.sheet(opened=opened))
 
     def head(self) -> str:
-        """The numbers and the verdict, which are there before the pictures."""
+        """Return numbers and verdict as HTML, which can be shown before the pictures are drawn."""
         return headline(self.answers, self.fit.verdict, self.fit.curves, self._narrower())
 
     def sheet(self, *, opened: bool = False) -> str:
-        """What stands under the masthead."""
+        """Return all of the fit's page below its title as HTML; `opened` shows the folded parts."""
         side = drawing(
             self.tests[0], self.fit.solver, "at the deepest point", assumed_inputs(self.fit.curves)
         )
@@ -252,7 +260,7 @@ class FitPage:
         return f"{tested} · {listed(kinds)}, {deep} deep{time} · {points} points"
 
     def _narrower(self) -> str:
-        """What would narrow the first number."""
+        """Say which assumed input, if stated, would narrow the first number; empty unless the verdict is good."""
         if self.fit.verdict != "good" or not self.answers:
             return ""
         rows = [
@@ -432,7 +440,7 @@ class FitPage:
 
 
 def _effects_of(test: DistinctScene, solver: Solver) -> pd.DataFrame:
-    """The ledger of effects without what they cost: times differ from run to run."""
+    """Return the table of effects at the deepest point without computing times, which differ from run to run."""
     return effects_table(test.scene, test.deepest, solver).drop(columns="adds to the time")
 
 

@@ -1,4 +1,4 @@
-"""The page of a map: what its sites say on one sheet, tables folded behind it."""
+"""The report page of a map: a summary of its sites on one sheet, tables folded below it."""
 
 from __future__ import annotations
 
@@ -48,16 +48,16 @@ _MANY, _NUMBERS = 2000, 2
 
 @dataclass
 class MapPage:
-    """The page of a map.
+    """The report page of a map.
 
     Parameters
     ----------
     whole : DataFrame
         What `fit_many` returned.
     day, command : str
-        When the page is made, and what repeats it.
+        Date on the page, and the command line that repeats the map.
     files : sequence of path
-        Files whose hashes it states.
+        Files whose SHA-256 the page states.
     """
 
     whole: pd.DataFrame
@@ -67,12 +67,12 @@ class MapPage:
 
     @cached_property
     def sites(self) -> pd.DataFrame:
-        """The table without what a person refused."""
+        """The map's table, a row per curve, without the curves that a person refused by hand."""
         return maps.without_refused(self.whole)
 
     @cached_property
     def parameters(self) -> list[str]:
-        """Numbers of the sample that some site has."""
+        """Parameters of the sample with a finite value at one site or more."""
         names = maps.sample_parameters(self.sites)
         return [name for name in names if np.isfinite(self.sites[name].to_numpy(dtype=float)).any()]
 
@@ -82,7 +82,7 @@ class MapPage:
         return int(np.count_nonzero(self.sites["status"].to_numpy() == FITTED))
 
     def html(self, *, opened: bool = False) -> str:
-        """The page; `opened` with what is folded behind it."""
+        """Return the page as an HTML document; `opened` shows the folded parts."""
         name = self.files[0].name if self.files else "all sites"
         about = f"{len(self.whole)} curves, {self.fitted} fitted"
         head = masthead(self.day, f"A map of indentation tests: {name}", about)
@@ -93,7 +93,11 @@ class MapPage:
         )
 
     def sheet(self, *, together: str = "", opened: bool = False, drawn: bool = True) -> str:
-        """What stands under the masthead: `together` is of a population, the map is `drawn` or not."""
+        """Return all of the page below its title as HTML.
+
+        `together` is the HTML of the population (`together_block`), `drawn` adds the map by position, and `opened`
+        shows the folded parts.
+        """
         numbers = [self._number(name, place) for place, name in enumerate(self.parameters[:_NUMBERS])]
         facts = [f"{path.name} · SHA-256 {sha256_of(path)}" for path in self.files]
         blocks = [
@@ -174,14 +178,14 @@ class MapPage:
 
 
 def together_block(found: Population | str, curves: pd.DataFrame, label: str) -> str:
-    """Return what the sites say together as HTML: means and verdict, the population's picture and its tables.
+    """Return the summary of the population as HTML: means and verdict, pictures and tables.
 
     Parameters
     ----------
     found : Population or str
-        The population, or in words why there is none.
+        The population, or a sentence on why there is none.
     curves : DataFrame
-        The map; where it has the column `label`, a box plot by it stands beside the population.
+        The map; where it has the column `label`, a box plot by it is added.
     label : str
         Column by which the curves are grouped.
     """

@@ -1,4 +1,4 @@
-"""The page of a posterior: its numbers and pictures on one sheet, tables folded behind it."""
+"""The report page of a posterior: numbers and pictures on one sheet, tables folded below it."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ _MISSING = (
 
 @dataclass
 class PosteriorPage:
-    """The page of a posterior.
+    """The report page of a posterior.
 
     Parameters
     ----------
     posterior : Posterior
-        What is shown.
+        The result to show.
     day, command : str
-        When the page is made, and what repeats it.
+        Date on the page, and the command line that repeats the sampling.
     files : sequence of path
-        Files whose hashes it states.
+        Files whose SHA-256 the page states.
     """
 
     posterior: Posterior
@@ -50,12 +50,12 @@ class PosteriorPage:
     files: Sequence[Path] = ()
 
     def html(self, *, opened: bool = False) -> str:
-        """The page; `opened` with what is folded behind it."""
+        """Return the page as an HTML document; `opened` shows the folded parts."""
         head = masthead(self.day, f"{self._name()}: posterior", self._about())
         return document(f"{self._name()}: posterior of an indentation test", head, self.sheet(opened=opened))
 
     def sheet(self, *, opened: bool = False) -> str:
-        """What stands under the masthead."""
+        """Return all of the posterior's page below its title as HTML; `opened` shows the folded parts."""
         post = self.posterior
         answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
         facts = [f"{path.name} · SHA-256 {sha256_of(path)}" for path in self.files]

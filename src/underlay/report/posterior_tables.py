@@ -24,10 +24,11 @@ _ONE_UNIT = 1e-3
 
 
 def posterior_table(posterior: Posterior) -> pd.DataFrame:
-    """Return one row per parameter and derived quantity as text: answer, draws' intervals, what the data told.
+    """Return one row per parameter and derived quantity as text: value, intervals of the draws, convergence.
 
-    The value and its interval are those that `fit` prints, with the statistical part of the draws; of a posterior
-    that was kept without its problem they are the draws' own.
+    The column ``data`` says how much the data narrowed the prior. The value and its interval are those that `fit`
+    prints, with the draws' statistical part; of a posterior that was stored without its problem they are median and
+    95 % interval of the draws.
     """
     rows = []
     for name, row in posterior.summary(derived=True).iterrows():
@@ -49,7 +50,7 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
 
 
 def _stated(posterior: Posterior, name: str, row: pd.Series) -> tuple[float, float, float]:
-    """Value and ends (SI) of the answer, or of the draws where there is none."""
+    """Return value, low and high end (SI) of `Posterior.answer`; without a problem, those of the draws."""
     if posterior.problem is None:
         return float(row["median"]), float(row["hdi95_low"]), float(row["hdi95_high"])
     known = posterior.answer(name)
@@ -65,7 +66,7 @@ def _span(low: float, high: float, kind: str) -> str:
 
 
 def prior_table(posterior: Posterior) -> pd.DataFrame:
-    """Return each parameter before and after the test, and what the data told, as text."""
+    """Return 95 % intervals of each parameter before and after the data, and by how much they narrowed (text)."""
     rows = []
     for name, row in posterior.prior_comparison().iterrows():
         kind = kind_of(str(name))
@@ -81,7 +82,7 @@ def prior_table(posterior: Posterior) -> pd.DataFrame:
 
 
 def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
-    """Return how the sampling went, as text."""
+    """Return the diagnostics of the sampling, a row each, as text: convergence, effective draws, errors."""
     d = posterior.diagnostics
     judged = {"draws": "weighted, then resampled; a chain begun from them agrees"} if d.weighted else {}
     kept = "of the chain that judges" if d.weighted else f"{d.burn_in} dropped, {_every(d.thin)} kept"
@@ -115,7 +116,10 @@ def _every(thin: int) -> str:
 
 
 def _errors(posterior: Posterior) -> str:
-    """Monte Carlo errors of the quantiles of each parameter, in standard deviations."""
+    """Write the Monte Carlo errors of each parameter's quantiles (2.5, 50, 97.5 %).
+
+    They are in units of its posterior standard deviation.
+    """
     told = "; ".join(
         f"{label(name)} {', '.join(f'{error:.2f}' for error in errors)}"
         for name, errors in posterior.diagnostics.quantile_errors.items()
@@ -124,7 +128,7 @@ def _errors(posterior: Posterior) -> str:
 
 
 def _weighted(posterior: Posterior) -> dict[str, str]:
-    """What weighted draws of the same posterior say, and the evidence that they give."""
+    """Return rows on the importance-sampling check of the posterior, and on the log evidence it gives."""
     found, evidence = posterior.diagnostics.importance, posterior.log_evidence
     if found is None:
         return {"weighted draws": "none"}

@@ -1,7 +1,6 @@
-"""How a file was read, as a table: tests, points, spans in units for people, segments.
+"""A table of how a file was read: tests, points, spans in units for people, segments.
 
-`beyond_loading` finds what was measured besides the points that were used: a report shows it, though it was
-not fitted.
+`beyond_loading` finds a curve's whole measurement, of which often the loading alone is fitted.
 """
 
 from __future__ import annotations
@@ -25,13 +24,16 @@ __all__ = ["beyond_loading", "format_name", "reading_table"]
 
 
 def beyond_loading(part: Curve) -> Curve | None:
-    """Return the whole curve of which `part` was taken, if it holds more than loading and its file is there."""
+    """Return the whole curve that `part` was cut from, if it has points beyond loading; otherwise None.
+
+    It is read again from the curve's file: also None where the file is no longer there.
+    """
     whole = whole_curve(part)
     return whole if whole is not None and (whole.segments() != LOADING).any() else None
 
 
 def format_name(curve: Curve) -> str:
-    """Return the name of the format a curve was read in, with what it is of: ``"mach1 (Biomomentum ...)"``."""
+    """Return the name and description of the file format a curve was read in: ``"mach1 (Biomomentum ...)"``."""
     name = str(curve.metadata["format"])
     described = next((entry.description for entry in all_formats() if entry.name == name), "")
     return name + (f" ({described})" if described else "")

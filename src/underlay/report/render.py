@@ -1,4 +1,4 @@
-"""Reports: a result as one page, HTML or PDF."""
+"""`report`: write a result as one page, HTML or PDF."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def report(
 ) -> Path:
     """Write a report: one self-contained A4 page as HTML, or as PDF.
 
-    On the page stand the number with both parts of its uncertainty, the verdict with cause and next step, the curve
-    with fit and residuals, E by depth, the uncertainty budget, the test to scale, a methods paragraph with citation
-    and where all of it comes from. Everything else is folded behind it. The same result gives the same bytes on the
+    The page shows the number with both parts of its uncertainty, the verdict with cause and next step, the curve
+    with fit and residuals, E by depth, the uncertainty budget, the test to scale, a methods paragraph with
+    citation, and the provenance. Everything else is folded below it. The same result gives the same bytes on the
     same day.
 
     Parameters
@@ -59,15 +59,15 @@ def report(
     path : path, default "report.html"
         The page; where it ends in ``.pdf`` the PDF alone is written.
     problem : Problem, optional
-        What was sampled, for a posterior that does not hold it: one from an older file, say.
+        The problem that was sampled, for a posterior that does not contain it, such as one from an older file.
     pdf : bool, default False
-        Write a PDF beside the HTML page, too; it is printed by a headless Chromium.
+        Also write a PDF with the name of the HTML page; it is printed by a headless Chromium.
     details : bool, default False
-        Unfold what stands behind the page, also in print.
+        Unfold the parts below the page, also in print.
     command : str, optional
-        What repeats the result on the command line, for the page to say.
+        Command line that repeats the result, for the page to state.
     files : sequence of path, optional
-        Files that a posterior or a map was read from; their hashes stand on the page.
+        Files that a posterior or a map was read from; the page states their hashes.
 
     Returns
     -------
@@ -95,7 +95,10 @@ def report(
 
 
 def _page(result: Any, problem: Problem | None, origin: tuple[str, list[Path]]) -> Any:
-    """The page of a result."""
+    """Return the page object (FitPage, MapPage or PosteriorPage) for the type of `result`.
+
+    `origin` is the command line that repeats it, and the files to list.
+    """
     day = today()
     if isinstance(result, Fit):
         from underlay.report.page_fit import FitPage  # noqa: PLC0415  pictures of what is reported alone
@@ -116,13 +119,13 @@ def _page(result: Any, problem: Problem | None, origin: tuple[str, list[Path]]) 
 
 
 def _is_posterior(result: object) -> bool:
-    """Whether it is a posterior: where nothing was sampled, the module is not loaded."""
+    """Return whether `result` is a Posterior, without importing the module of the class."""
     module = sys.modules.get("underlay.inference.sampling.posterior")
     return module is not None and isinstance(result, module.Posterior)
 
 
 def require_same_parameters(posterior: Posterior, problem: Problem) -> None:
-    """Refuse a problem that is not the one that was sampled.
+    """Raise an error for a problem whose free parameters are not those of the posterior.
 
     Raises
     ------
@@ -136,7 +139,7 @@ def require_same_parameters(posterior: Posterior, problem: Problem) -> None:
 
 
 def page_path(path: str | os.PathLike[str]) -> Path:
-    """Return `path` as a place where a page can be written.
+    """Return `path` as an absolute path, checked to be one that a report can be written to.
 
     Raises
     ------
@@ -153,7 +156,7 @@ def page_path(path: str | os.PathLike[str]) -> Path:
 
 
 def _browser() -> str:
-    """Path of a Chromium.
+    """Return the path of an installed Chromium or Chrome.
 
     Raises
     ------
@@ -171,7 +174,7 @@ def _browser() -> str:
 
 
 def _printed(html: str, target: Path, browser: str) -> Path:
-    """Print a page to a PDF file."""
+    """Print an HTML page to a PDF file by a headless browser; return `target`."""
     with tempfile.TemporaryDirectory(prefix="underlay-", ignore_cleanup_errors=True) as folder:
         source, made = write_atomic(Path(folder) / "page.html", html), Path(folder) / "page.pdf"
         # Root has no sandbox to go into; the page has no script and fetches nothing.

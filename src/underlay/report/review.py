@@ -1,7 +1,7 @@
 """A gallery of the curves of a map, worst first, to accept or refuse by hand: pages without a script, and a CSV.
 
-The pages hold hundreds of curves, each with its fit and what is left over, so a picture is a few kilobytes of
-SVG made here (`small_picture`), not by the library of the other pictures.
+The pages hold hundreds of curves, each with fit and residuals, so a picture is a few kilobytes of SVG made here
+(`small_picture`) rather than by matplotlib.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _LONGEST_REASON = 600
 
 
 class Small(NamedTuple):
-    """What a small picture shows.
+    """Data of a small picture: one curve with its fit.
 
     Parameters
     ----------
@@ -74,7 +74,10 @@ class Small(NamedTuple):
 
 
 def small_picture(curve: Small, alt: str) -> str:
-    """Return one curve as an SVG element; `alt`, which must be escaped already, is what a reader hears."""
+    """Return one curve, with fit and residuals where it has a fit, as an SVG element.
+
+    `alt` is the text for screen readers and must be escaped already.
+    """
     shown = np.isfinite(curve.depth) & np.isfinite(curve.force)
     deepest = float(curve.depth[shown].max(initial=0.0))
     if math.isfinite(curve.contact):
@@ -148,20 +151,20 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 @dataclass(frozen=True)
 class Card:
-    """One curve of the gallery.
+    """One curve of the gallery: its verdict, its numbers as text and its picture.
 
     Parameters
     ----------
     name, verdict, reason : str
-        As in the table.
+        As in the table of the map.
     numbers : tuple of str
-        What was found, in words.
+        Fitted parameters as text.
     misfit : float
-        Root mean square of what the fit leaves over, averaged over pieces, as a share of the range of the force.
+        Root mean square of the residuals, averaged over pieces of the curve, relative to the range of the force.
     picture : str
         SVG element.
     decision : str
-        What was decided by hand, in words; empty for nothing.
+        Decision by hand as text; empty for none.
     """
 
     name: str
@@ -174,7 +177,7 @@ class Card:
 
     @property
     def badness(self) -> tuple[int, float]:
-        """What sorts the gallery: the verdict, then how far the fit is from the curve."""
+        """Key that sorts the gallery worst first: rank of the verdict, then minus the misfit."""
         return _ORDER.get(self.verdict, 1), -(self.misfit if math.isfinite(self.misfit) else math.inf)
 
 
@@ -189,19 +192,19 @@ def write_review(
     leave_out: Sequence[Path] = (),
     per_page: int = 60,
 ) -> list[Path]:
-    """Write a gallery of the curves of a map, worst first, and a CSV for what is decided of them.
+    """Write a gallery of the curves of a map, worst first, and a CSV to enter decisions on them.
 
     Parameters
     ----------
     table : DataFrame
         What `fit_many` returned.
     curves, scene, options
-        As `fit_many` was given them. Of the options solver and folders matter.
+        The arguments that `fit_many` had. Of the options only solver and folders matter.
     folder : path
         Where ``review.html`` (and ``review-2.html``, ... as needed) and ``decisions.csv`` are written. The
         pages open offline and hold no script. `read_decisions` reads the CSV back.
     decisions : Decisions, optional
-        What was decided already: it is shown, and kept in the CSV.
+        Earlier decisions, which are shown and written into the CSV.
     leave_out : sequence of Path
         Files of the folder that are no curves, such as the manifest.
     per_page : int, default 60
@@ -247,7 +250,7 @@ def review_cards(
     decisions: Decisions | None = None,
     leave_out: Sequence[Path] = (),
 ) -> list[Card]:
-    """Return what a gallery shows of every curve, worst first; see `write_review`.
+    """Return the gallery's entries, one per curve, worst first; parameters as in `write_review`.
 
     Raises
     ------
@@ -306,7 +309,10 @@ def _card(
 def _fitted(
     row: Mapping[Any, Any], curve: Curve, base: Scene, solver: Solver, file: SceneFile | None
 ) -> tuple[Small, float]:
-    """What is drawn of a fitted curve, and the root mean square of its misfit over the range of the force."""
+    """Return depth, force and fit of a curve to draw, and its misfit relative to the range of the force.
+
+    The misfit is the root mean square, over 20 pieces of the curve, of the mean residual of a piece.
+    """
     values = {
         path: float(row[path])
         for path in base.parameters

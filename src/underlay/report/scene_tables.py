@@ -1,4 +1,4 @@
-"""Tables of scenes: the numbers of each, and the ledger of its effects."""
+"""Tables of scenes: the numbers of each, and the effects that it includes or leaves out."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LISTED = 6
 
 
 def scene_table(*scenes: Scene) -> pd.DataFrame:
-    """Return scenes, one row per number: part, quantity, and the value in each of them."""
+    """Return the numbers of scenes as text, a row each: part, quantity, and a column of values per scene."""
     tables = [_scene_rows(scene) for scene in scenes]
     if len(tables) == 1:
         return tables[0]
@@ -78,7 +78,10 @@ def _layer_rows(part: str, layer: Layer) -> list[dict[str, str]]:
 
 
 def number_rows(part: str, owner: Any) -> list[dict[str, str]]:
-    """Return the numbers of one part of a scene as rows: part, quantity, value."""
+    """Return the numbers of a part of a scene as rows of text: part, quantity, value.
+
+    `owner` is the part's dataclass, such as an indenter; empty for anything else, such as a rigid base.
+    """
     if not is_dataclass(owner):
         return []
     rows = []
@@ -99,12 +102,12 @@ def number_rows(part: str, owner: Any) -> list[dict[str, str]]:
 
 
 def effects_table(scene: Scene, deepest: float, solver: AnySolver = "auto") -> pd.DataFrame:
-    """Return the ledger of effects at `deepest` (m) since contact, as text; see `Scene.effects`."""
+    """Return how much each effect changes the force at indentation `deepest` (m), as text; see `Scene.effects`."""
     return ledger_in_words(scene.effects(deepest, solver=solver))
 
 
 def ledger_in_words(ledger: pd.DataFrame) -> pd.DataFrame:
-    """Return a ledger of effects, as `Scene.effects` makes it, as text."""
+    """Return the table that `Scene.effects` makes (size and cost of each effect) as text."""
     rows = [
         {
             "effect": str(row["effect"]),

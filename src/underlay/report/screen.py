@@ -1,7 +1,8 @@
-"""The short text of a result: number first, one verdict, one next step; at most twelve lines of eighty columns.
+"""The short text of a result: numbers first, one verdict, one next step; at most twelve lines of eighty columns.
 
-Every surface prints these numbers: a value and its expanded uncertainty at 95 %, both ending at the same
-digit, two digits of uncertainty; a range where one arm is far longer; an inequality where an end is open.
+Commands, pages and reports print numbers in one form: a value and its expanded uncertainty at 95 %, both rounded to
+the same decimal, two digits of uncertainty; a range where the interval is lopsided; an inequality where it has one
+open end.
 """
 
 from __future__ import annotations
@@ -86,7 +87,7 @@ _SHORT = {
 
 
 def line(name: str, text: str) -> str:
-    """Return one line: a name in the left column, or above where it is long, and what is said of it, broken."""
+    """Return `name` in the left column and `text`, wrapped, in the right one; a long name has a line of its own."""
     if len(name) >= _LEFT:
         return f"{name}\n{line('', text)}"
     folded = textwrap.wrap(text, _WIDTH - _LEFT, break_long_words=False, break_on_hyphens=False) or [""]
@@ -95,7 +96,10 @@ def line(name: str, text: str) -> str:
 
 # --- one number ---------------------------------------------------------------------------------------------
 class _Written(NamedTuple):
-    """One number in its parts: ``"0.617 ± 0.037"``, ``"MPa"``, ``"95 %"``, ``"0.009"``, ``"0.036"``."""
+    """The parts of a printed number: ``"0.617 ± 0.037"``, ``"MPa"``, ``"95 %"``, ``"0.009"``, ``"0.036"``.
+
+    The last two are half widths of the statistical and systematic parts, in the same unit.
+    """
 
     number: str
     unit: str
@@ -105,7 +109,7 @@ class _Written(NamedTuple):
 
 
 def written(known: Answer) -> _Written:
-    """Return a number with its interval, whose ends must be closed, in the parts that are printed."""
+    """Return the printed parts of a number and its interval, whose ends must both be finite."""
     unit, factor = human_unit(known.value, kind_of(path_of(known.name)))
     own = [
         _two_digits(max(known.value - part.low, part.high - known.value) / factor)
@@ -116,7 +120,7 @@ def written(known: Answer) -> _Written:
 
 
 def _with_ends(value: float, low: float, high: float) -> str:
-    """``"0.617 ± 0.037"``; ``"0.62 (0.52 to 0.81)"`` where an arm is much longer."""
+    """Write a value with its interval: ``"0.617 ± 0.037"``, or ``"0.62 (0.52 to 0.81)"`` where it is lopsided."""
     arms = value - low, high - value
     if max(arms) <= _LOPSIDED * min(arms):
         decimals = _decimals(max(arms))
@@ -128,12 +132,15 @@ def _with_ends(value: float, low: float, high: float) -> str:
 
 
 def _misread(ends: Iterable[float], decimals: int) -> bool:
-    """Whether an end is off by a quarter with so many decimals: 0.00 for 0.0048."""
+    """Whether rounding to so many decimals changes an end by more than a quarter: 0.00 for 0.0048."""
     return any(abs(round(end, decimals) - end) > 0.25 * abs(end) for end in ends)
 
 
 def interval_text(value: float, low: float, high: float, kind: str) -> str:
-    """Write a number (SI) with its interval: ``"0.420 ± 0.020 MPa"``, ``"1.5 mm (> 1.1 mm)"``."""
+    """Write a value (SI) with its interval: ``"0.420 ± 0.020 MPa"``, or ``"1.5 mm (> 1.1 mm)"`` for an open end.
+
+    `kind` is the kind of quantity, such as ``"pressure"``.
+    """
     if math.isfinite(low) and math.isfinite(high):
         unit, factor = human_unit(value, kind)
         return f"{_with_ends(value / factor, low / factor, high / factor)} {unit}".rstrip()
@@ -141,10 +148,10 @@ def interval_text(value: float, low: float, high: float, kind: str) -> str:
 
 
 def answer_text(known: Answer, *, parts: bool = True) -> str:
-    """``"0.617 ± 0.037 MPa (95 %; stat 0.009, syst 0.036)"``.
+    """Write a fitted number with its uncertainty: ``"0.617 ± 0.037 MPa (95 %; stat 0.009, syst 0.036)"``.
 
-    ``"0.62 (0.52 to 0.81) MPa"`` where an arm is much longer, ``"not determined by this curve (> 1.1 mm)"`` where
-    an end is open.
+    The text is ``"0.62 (0.52 to 0.81) MPa"`` where the interval is lopsided, and ``"not determined by this curve (>
+    1.1 mm)"`` where it has an open end. Without `parts` the brackets with level and parts are left out.
     """
     if known.is_open:
         return f"not determined by this curve{_one_end(known.low, known.high, kind_of(path_of(known.name)))}"
@@ -154,14 +161,14 @@ def answer_text(known: Answer, *, parts: bool = True) -> str:
 
 
 def _one_end(low: float, high: float, kind: str) -> str:
-    """The one end that is known, in brackets; empty without."""
+    """Write the one finite end (SI) of an interval in brackets, ``" (> 1.1 mm)"``; empty where there is none."""
     if math.isfinite(low):
         return f" (> {format_quantity(low, kind)})"
     return f" (< {format_quantity(high, kind)})" if math.isfinite(high) else ""
 
 
 def _decimals(width: float) -> int:
-    """Decimals that show two digits of a width."""
+    """Return the number of decimals that show two digits of a width; 3 for zero or an infinite one."""
     return max(0, 1 - math.floor(math.log10(width))) if 0.0 < width < math.inf else 3
 
 
@@ -170,7 +177,7 @@ def _two_digits(width: float) -> str:
 
 
 def _answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
-    """One line a number of the sample; without an uncertainty where the model was rejected."""
+    """Yield one line per number of the sample; without an uncertainty where the model was rejected."""
     for known in answers:
         name, symbol = name_of(known.name)
         text = (
@@ -183,7 +190,7 @@ def _answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
 
 
 def name_of(parameter: str) -> tuple[str, str]:
-    """Short name and letter of a quantity: ``("Layer modulus 2", "E")`` of the second curve's."""
+    """Return short name and letter of a parameter: ``"layer.E[1]"`` -> ``("Layer modulus 2", "E")``."""
     short, curve = _SHORT.get(path_of(parameter)), curve_of(parameter)
     if short is None:
         return start(label(parameter)), _letter(parameter)
@@ -191,7 +198,7 @@ def name_of(parameter: str) -> tuple[str, str]:
 
 
 def _letter(name: str) -> str:
-    """Letter of a quantity in plain text: E, h, nu."""
+    """Return the letter of a parameter in plain text, such as E, h or nu; ``"value"`` where it has none."""
     path = path_of(name)
     letter = {"layer.thickness": "h", "substrate.E": "Es"}.get(path) or path.rpartition(".")[2]
     return letter if declared(path).label and len(letter) < 8 else "value"
@@ -199,7 +206,7 @@ def _letter(name: str) -> str:
 
 # --- a verdict ----------------------------------------------------------------------------------------------
 def verdict_lines(verdict: Advice) -> Iterator[str]:
-    """The verdict; cause and next step where there are."""
+    """Yield the line of the verdict, then those of its likely cause and the next step where it has them."""
     yield line("Verdict", f"{verdict.word}: {labelled(verdict.reason)}")
     if verdict.cause:
         yield line("Likely cause", labelled(verdict.cause))
@@ -208,7 +215,7 @@ def verdict_lines(verdict: Advice) -> Iterator[str]:
 
 
 def next_step(verdict: Advice) -> str:
-    """The next step in words, with the key of the scene file where it is one."""
+    """Return the next step as text, with the key and value to write into the scene file where it is a setting."""
     if not verdict.setting:
         return labelled(verdict.next)
     path, value = verdict.setting
@@ -219,12 +226,12 @@ def next_step(verdict: Advice) -> str:
 
 # --- a budget -----------------------------------------------------------------------------------------------
 def source_words(source: str) -> str:
-    """What a source of a budget is called."""
+    """Return the name for people of a source of uncertainty: ``"spring_constant"`` -> ``"spring constant"``."""
     return _SOURCES.get(source) or (label(source) if "." in source else source)
 
 
 def _budget_words(known: Answer) -> tuple[str, str]:
-    """The largest sources, and which of them nobody stated; empty where there are none."""
+    """Return the largest sources of a number's uncertainty, and a note on those assumed; either may be empty."""
     rows = [row for row in known.contributions if row.share >= _SMALL][:_NAMED]
     told = [
         f"{100.0 * row.share:.0f} % {source_words(row.source)}{'*' if row.origin == 'assumed' else ''}"
@@ -243,7 +250,10 @@ def _budget_lines(known: Answer) -> Iterator[str]:
 
 
 def budget_table(known: Answer) -> pd.DataFrame:
-    """The whole budget of one number as text: source, origin, input, what it moves the number by, its variance."""
+    """Return the uncertainty budget of a number as text, a row per source.
+
+    Columns: source, origin, uncertainty of the input, by how much it moves the number, share of the variance.
+    """
     kind = kind_of(path_of(known.name))
 
     def moves(row: Contribution) -> str:
@@ -265,12 +275,12 @@ def budget_table(known: Answer) -> pd.DataFrame:
 
 
 def assumed_inputs(curves: Iterable[Curve]) -> list[str]:
-    """Numbers of the tests that nobody measured, by their paths: a usual value stands in their place."""
+    """Return paths of the scene's inputs for which a usual value was taken, as no one measured them."""
     return list(dict.fromkeys(path for curve in curves for path in curve.metadata.get("assumed", ())))
 
 
 def assumed_words(paths: Iterable[str]) -> str:
-    """Say that the values of these numbers are nobody's measurement; empty where there are none."""
+    """Say that these inputs (paths) have usual values rather than measured ones; empty for no paths."""
     named = ", ".join(map(label, paths))
     return f"{named}: usual values, not measured; enter yours" if named else ""
 
@@ -282,7 +292,7 @@ def _assumed_lines(fit: Fit) -> Iterator[str]:
 
 # --- a fit --------------------------------------------------------------------------------------------------
 def fit_lines(fit: Fit) -> list[str]:
-    """The short text of a fit."""
+    """Return the short text of a fit, by lines: numbers, verdict, next step, modulus by depth, uncertainty."""
     answers = [fit.answer(name) for name in told_names(fit)]
     verdict = fit.verdict
     lines = [*_answer_lines(answers, verdict), *_relaxation(fit), *_adhesion(fit), *verdict_lines(verdict)]
@@ -294,7 +304,10 @@ def fit_lines(fit: Fit) -> list[str]:
 
 
 def told_names(fit: Fit) -> list[str]:
-    """Numbers of the sample, each once: a relaxing layer by its moduli, a joint fit by every curve's."""
+    """Return the names of the sample's fitted and derived parameters, each once, derived ones first.
+
+    The moduli of a relaxing layer replace its ``layer.E`` and relaxation parameters.
+    """
     names = [name for name in (*fit.names, *fit.derived) if is_of_the_sample(name)]
     derived = {path_of(name).rpartition(".")[2] for name in fit.derived}
     if "instantaneous_modulus" in derived:
@@ -303,7 +316,7 @@ def told_names(fit: Fit) -> list[str]:
 
 
 def _relaxation(fit: Fit) -> Iterator[str]:
-    """Fractions and times of a Prony series in one line."""
+    """Yield one line with fractions and relaxation times of a Prony series; nothing for other models."""
     relaxation = fit.scene.layer.relaxation
     if isinstance(relaxation, Prony):
         shares = ", ".join(f"{100.0 * share:.0f} %" for share in relaxation.fractions)
@@ -332,7 +345,10 @@ def _by_depth(fit: Fit) -> Iterator[str]:
 
 
 def by_depth_words(found: PointwiseModulus) -> str:
-    """The modulus read from each depth: its range, and whether it is constant; empty where too few depths tell."""
+    """Write the range of the modulus read at each depth, and whether it is constant, rising or falling.
+
+    Empty where fewer than three depths have an interval.
+    """
     curve = found.apparent
     known = np.isfinite(curve.modulus) & np.isfinite(curve.low) & np.isfinite(curve.high)
     if known.sum() < 3:
@@ -350,7 +366,7 @@ def by_depth_words(found: PointwiseModulus) -> str:
 
 
 def _range(least: float, most: float) -> str:
-    """``"0.611 to 0.620 MPa"``; one number where three digits are the same."""
+    """Write two moduli (Pa): ``"0.611 to 0.620 MPa"``; one number where both are the same to three digits."""
     unit, factor = human_unit(most, "pressure")
     decimals = max(0, 2 - math.floor(math.log10(most / factor)))
     low, high = f"{least / factor:.{decimals}f}", f"{most / factor:.{decimals}f}"
@@ -358,7 +374,11 @@ def _range(least: float, most: float) -> str:
 
 
 def half_space_fit(fit: Fit) -> Fit | None:
-    """Fit the same curve by the half-space's formula; None where no base is declared, or the formula has no say."""
+    """Fit the same curve by the half-space formula (no substrate), for comparison.
+
+    None for a joint fit, for a scene without a substrate, with adhesion, relaxation, drainage or a history, where
+    the layer's modulus is not fitted, and where the fit fails.
+    """
     problem = fit.problem
     alone = len(problem.members) == 1 and fit.scene.substrate is not None and fit.scene.memory is None
     if not alone or "layer.E" not in fit.names or fit.scene.adhesion is not None:
@@ -373,7 +393,7 @@ def half_space_fit(fit: Fit) -> Fit | None:
 
 
 def half_space_words(fit: Fit, own: Fit) -> str:
-    """Say what the half-space's formula, fitted as `own`, makes of the curve of `fit`."""
+    """Say by how much the modulus of the half-space fit `own` deviates from that of `fit`, and why."""
     value = own.values["layer.E"]
     change = 100.0 * (value / fit.answer("layer.E").value - 1.0)
     if abs(change) < 1.0:
@@ -389,14 +409,17 @@ def _half_space(fit: Fit) -> Iterator[str]:
 
 
 def written_line(paths: Sequence[object], folder: object, stem: str) -> str:
-    """Where the files are: one line."""
+    """Return one line on where the written files are: folder, common stem of their names, and their endings."""
     endings = " ".join(sorted({str(path).rpartition(stem)[2] for path in paths}))
     return line("Written", f"{folder}/{stem} ({endings})")
 
 
 # --- a posterior --------------------------------------------------------------------------------------------
 def posterior_lines(posterior: Posterior) -> list[str]:
-    """The short text of a posterior that was sampled here: the same numbers as a fit's, and how they were drawn."""
+    """Return the short text of a posterior, by lines: numbers as of a fit, verdict, budget, and the sampling.
+
+    It must hold the fit it was sampled from (`posterior.statement`).
+    """
     verdict = posterior.verdict
     answers = [posterior.answer(name) for name in told_names(posterior.statement.fit)]
     lines = [*_answer_lines(answers, verdict), *verdict_lines(verdict)]
@@ -412,7 +435,7 @@ def posterior_lines(posterior: Posterior) -> list[str]:
 
 
 def _sampling(told: SamplingDiagnostics) -> str:
-    """How many independent draws there are of the number with the fewest; why not, where they are not enough."""
+    """Write the smallest number of effective samples of any parameter; where not converged, the reason."""
     if not told.converged or not told.effective:
         return told.reason
     chains = f", R-hat {max(told.rhat):.3f}" if told.rhat else ""
@@ -421,7 +444,7 @@ def _sampling(told: SamplingDiagnostics) -> str:
 
 # --- a map --------------------------------------------------------------------------------------------------
 def map_lines(table: pd.DataFrame) -> list[str]:
-    """The short text of a map: medians, one curve's uncertainty, verdicts."""
+    """Return the short text of a map, by lines: median of each number, uncertainty of one curve, verdicts."""
     fitted = table[table["status"] == "fitted"]
     lines: list[str] = []
     for name in (name for name in fitted_names(table.columns) if is_of_the_sample(name)):
@@ -440,9 +463,9 @@ def map_lines(table: pd.DataFrame) -> list[str]:
 
 
 def quartiles(curves: pd.DataFrame, name: str) -> tuple[str, str, str, float]:
-    """Return the median and the middle half of a number of many curves, their unit, and its SI value.
+    """Return median and interquartile range over the curves of a column as text, their unit, and its value in SI.
 
-    ``("0.99 MPa", "0.91 to 1.11 MPa", "MPa", 1e6)``
+    For example ``("0.99 MPa", "0.91 to 1.11 MPa", "MPa", 1e6)``.
     """
     values = curves[name].to_numpy(dtype=float)
     low, middle, high = (
@@ -473,6 +496,6 @@ def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
 
 
 def _half_widths(fitted: pd.DataFrame, name: str) -> FloatArray:
-    """Half of the intervals (SI) of every curve; infinite where an end is open, which a table leaves empty."""
+    """Return half the interval width of every curve (SI); infinite where an end is missing in the table."""
     low, high = fitted[[f"{name}.low", f"{name}.high"]].to_numpy(dtype=float).T
     return np.where(np.isnan(low) | np.isnan(high), np.inf, 0.5 * (high - low))

@@ -1,8 +1,8 @@
-"""Tables of a result for people: every number in the unit of its size.
+"""Tables of a result for people: every number in a unit that suits its size.
 
-Numbers side by side share units where that helps to compare them: zero has no unit of its own and takes the
-one of what stands beside it (`amounts`). Beside the tables of a fit are those of what accuracy costs, one
-line per method, with times as multiples of a known one's (`accuracy_summary`, `answer_summary`).
+Numbers side by side share units where that helps to compare them: zero takes the unit of the largest number beside
+it (`amounts`). `accuracy_summary` and `answer_summary` are tables of the accuracy and cost of solution methods, one
+row per method, with times relative to that of a simple known one.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _STRONG, _BADLY = 0.9, 0.05
 
 
 def amounts(values: Sequence[float], kind: str) -> list[str]:
-    """Return SI values in units of their sizes, those that are zero in the unit of the largest.
+    """Return SI values of one kind of quantity as text, each in a unit of its size; zeros in that of the largest.
 
     Examples
     --------
@@ -76,19 +76,19 @@ def amounts(values: Sequence[float], kind: str) -> list[str]:
 
 
 def span(low: float, high: float, kind: str) -> str:
-    """Return two SI values in one unit, so small that the larger is ten or more: ``"-15.8 to 124 um"``."""
+    """Write two SI values in one unit, small enough that the larger is one or more: ``"-15.8 to 124 um"``."""
     unit, factor = human_unit(0.1 * max(abs(low), abs(high)), kind)
     return f"{low / factor + 0.0:.4g} to {high / factor + 0.0:.4g} {unit}".rstrip()
 
 
 def with_units(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of SI numbers as text with units, for reading; the numbers stay in the table that was given.
+    """Return a copy of a table of SI numbers as text with units, for reading.
 
     Parameters
     ----------
     table : pandas.DataFrame
         With a row per parameter, such as ``posterior.summary()``, or a column per parameter, such as what
-        `fit_many` returns. What is no number of a parameter stays as it is, rounded to four digits.
+        `fit_many` returns. Other numbers are written with four digits, other values as they are.
 
     Examples
     --------
@@ -109,7 +109,10 @@ def with_units(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _kind(name: str) -> str | None:
-    """Kind of quantity of a parameter, or of what a column says of one; None for any other name."""
+    """Return the kind of quantity of a table's row or column named after a parameter; None for any other name.
+
+    Suffixes such as ``.low`` or ``.stderr`` are ignored.
+    """
     for suffix in _SUFFIXES:
         name = name.removesuffix(suffix)
     path = path_of(name)
@@ -134,10 +137,10 @@ def fit_table(result: Fit) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where open), the ends of both
-        parts of it, ``unit``, its larger half in per cent of the value, ``at bound``. Where the file of the curve
-        says what the instrument found: ``instrument's own``, in the same unit and for the same Poisson's ratio, and
-        by how much ours ``differs`` (per cent).
+        ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where open), the ends of its
+        statistical and systematic parts, ``unit``, the larger half width in per cent of the value, ``at bound``.
+        Where the file of the curve states the instrument's own modulus: ``instrument's own``, in the same unit and
+        for the same Poisson's ratio, and by how much ours ``differs`` from it (per cent).
     """
     told = result.instrument_moduli
     rows = []
@@ -168,7 +171,7 @@ def fit_table(result: Fit) -> pd.DataFrame:
 
 
 def correlated_pairs(result: Fit) -> pd.DataFrame:
-    """Return the pairs of parameters whose correlation is above 0.9 in size, strongest first."""
+    """Return a row per pair of parameters whose correlation exceeds 0.9 in absolute value, strongest first."""
     rows = [
         {"parameters": f"{first} and {second}", "correlation": value}
         for first, second, value in _strong_pairs(result)
@@ -177,7 +180,7 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
 
 
 def _strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
-    """Pairs of parameters whose correlation is above 0.9 in size, strongest first."""
+    """Return name, name and correlation of pairs with correlation above 0.9 in absolute value, strongest first."""
     frame = result.correlations
     matrix, names = frame.to_numpy(), [str(name) for name in frame.columns]
     pairs = [
@@ -190,7 +193,9 @@ def _strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
 
 
 def known_together(result: Fit) -> list[tuple[str, str, float]]:
-    """Return pairs of strongly correlated parameters that are badly known apart, and well once one is known.
+    """Return strongly correlated pairs of parameters of which each would be well known if the other were given.
+
+    Their standard errors (of the logarithm) exceed 0.05, and would be below it with the other parameter fixed.
 
     Returns
     -------
@@ -209,9 +214,9 @@ def known_together(result: Fit) -> list[tuple[str, str, float]]:
 
 
 def interval_table(result: Fit) -> pd.DataFrame:
-    """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
+    """Return one row per fitted parameter, as text: name, value with 95 % interval, prior.
 
-    Another optimum the data hardly reject has a column of its own.
+    Each further optimum that the data hardly reject has a column of its own.
     """
     told = result.instrument_moduli
     rows = []
@@ -237,7 +242,7 @@ def interval_table(result: Fit) -> pd.DataFrame:
 
 
 def steps_table(steps: Sequence[Step]) -> pd.DataFrame:
-    """Return one row per step from an instrument's number to ours, as text: what was changed, and by how much."""
+    """Return one row per step from the instrument's modulus to ours, as text: change made, modulus, its change."""
     rows = []
     for before, step in zip([None, *steps], steps, strict=False):
         change = "" if before is None else f"{100.0 * (step.modulus / before.modulus - 1.0):+.2f} %"
@@ -271,7 +276,7 @@ def _prior_text(result: Fit, name: str, kind: str) -> str:
 
 
 def diagnostics_table(result: Fit) -> pd.DataFrame:
-    """Return how well and how the fit was reached, and what the residuals look like, as text."""
+    """Return diagnostics of a fit as text: verdict, noise, chi-square, AIC, contact law, minimiser, residuals."""
     s = result.statistics
     which_law = "contact law" if len(result.curves) == 1 else "contact law, of the curve where it errs most"
     rows = {
@@ -302,7 +307,7 @@ def diagnostics_table(result: Fit) -> pd.DataFrame:
 
 
 def _noise_text(noise: NoiseModel) -> str:
-    """Every number of a noise model that is not zero, by its declared name."""
+    """Write the nonzero parameters of a noise model with their names: ``"force noise 1 nN"``; else ``"none"``."""
     numbers = numbers_of(noise, "noise")
     parts = [
         f"{label(path)} {format_quantity(number.value, number.quantity.kind)}"
@@ -313,7 +318,7 @@ def _noise_text(noise: NoiseModel) -> str:
 
 
 def reservations_table(result: Fit) -> pd.DataFrame:
-    """Return what to beware of, one row each: what the reader of the file said, then the curves, then the fit."""
+    """Return the reservations about a fit, one row each: from the file reader, then the curves, then the fit."""
     rows = [
         {"from": "reading the file", "reservation": str(note)}
         for curve in result.curves
@@ -326,7 +331,7 @@ def reservations_table(result: Fit) -> pd.DataFrame:
 
 
 def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: str) -> pd.DataFrame:
-    """Return what the result came from: the given facts, hashes of files, versions, as text.
+    """Return where a result came from, as text: hashes of files and points, versions, and the given facts.
 
     Parameters
     ----------
@@ -358,7 +363,7 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
 
 
 def source_rows(files: Iterable[str]) -> dict[str, str]:
-    """Return rows for `facts_table`: hashes of files, and versions of what computed."""
+    """Return rows for `facts_table`: the SHA-256 of each file, and the versions of packages and system."""
     rows = {f"file {name}": f"SHA-256 {sha256_of(name)}" for name in files}
     own = {"python": platform.python_version(), "system": platform.platform(terse=True)}
     versions = version_record(("underlay", "numpy", "scipy", "pandas")) | own
@@ -366,25 +371,26 @@ def source_rows(files: Iterable[str]) -> dict[str, str]:
 
 
 def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
-    """Make a table whose first column labels the rows; what came from a file is one printable line in it."""
+    """Make a table of text from rows; its first column becomes the index. Each text is made one printable line."""
     frame = pd.DataFrame([{name: printed(one_line(text)) for name, text in row.items()} for row in rows])
     # The first column's name goes beside the others': pandas would give the index a header row of its own.
     return frame.set_index(frame.columns[0]).rename_axis(index=None, columns=frame.columns[0])
 
 
 def facts_table(rows: Mapping[str, str]) -> pd.DataFrame:
-    """Make a table of one value per row."""
+    """Make a table with one row per name and a single column ``value``."""
     return labelled_table([{"": name, "value": text} for name, text in rows.items()])
 
 
 def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the result of `accuracy_cost` in the columns people read, closest method first.
+    """Return errors and times of contact laws (from `accuracy_cost`) in columns for people, most accurate first.
 
     Returns
     -------
     pandas.DataFrame
-        ``law``, ``error`` (largest relative error of the force), ``cold (us)``, ``cold (x)`` and ``held (x)``
-        (time over that of the explicit formula), ``best`` (nothing is both closer and faster, from cold).
+        ``law``; ``error`` (largest relative error of the force); ``cold (us)``, the time with the law built anew;
+        ``cold (x)`` and ``held (x)``, that time and the one with the law already built, relative to the explicit
+        formula; ``best`` (no other law is both more accurate and faster, from cold).
     """
     answered = table[table["error"].notna()]
     return pd.DataFrame(
@@ -400,13 +406,14 @@ def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the result of `answer_cost` in the columns people read, closest modulus first.
+    """Return errors and times of fits with each contact law (from `answer_cost`) in columns for people, best first.
 
     Returns
     -------
     pandas.DataFrame
-        ``law``; ``E (%)``, the error of the modulus with the thickness known, and ``fit (x)``, its time over that
-        of lmfit's Hertz fit; ``E, free h (%)``, ``h (%)`` and ``fit, free h (x)``, the thickness fitted too.
+        ``law``; ``E (%)``, the error of the modulus with known thickness, and ``fit (x)``, the time of the fit
+        relative to lmfit's Hertz fit; ``E, free h (%)``, ``h (%)`` and ``fit, free h (x)``, the same with modulus
+        and thickness both fitted.
     """
     ordered = table.sort_values("E_error", key=abs, ignore_index=True)
     return pd.DataFrame(
@@ -422,7 +429,7 @@ def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _method_label(row: pd.Series[Any]) -> str:
-    """Name of a method with what distinguishes it: ``"explicit 4"``, ``"exact 1e-06 (4 nodes)"``."""
+    """Name a method with its settings: ``"explicit 4"`` (form, order), ``"exact 1e-06 (4 nodes)"`` (tolerance)."""
     method, form, order, rtol, nodes = (row[key] for key in ("method", "form", "order", "rtol", "nodes"))
     if form:
         return f"{form} {order:.0f}"

@@ -1,1 +1,1 @@
-"""The page that the browser shows, step by step."""
+"""The steps of the browser page, one module each."""

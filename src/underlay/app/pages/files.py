@@ -1,4 +1,4 @@
-"""Step 1: bring files, and see how each was read."""
+"""Step 1: upload curve files, and see how each was read."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ _CALIBRATION = {"spring_constant": "Spring constant", "sensitivity": "Deflection
 
 
 class FilesStep(Step):
-    """The files of an analysis and how they are read."""
+    """The curve files of an analysis, and how they are read."""
 
     title = "Curves"
     help = "Bring curve files, and see how each was read"
 
     @property
     def state(self) -> str:
-        """How many there are."""
+        """Number of files, as text; empty for none."""
         return str(len(self.analysis.folder.curve_files()) or "")
 
     def build(self) -> None:
-        """Build the place to drop files, the list, and room for how one was read."""
+        """Build the upload area, the list of uploaded files, and an empty column for the selected one."""
         with ui.row().classes("columns"):
             with ui.column().classes("side"):
                 self._upload = (
@@ -62,12 +62,12 @@ class FilesStep(Step):
             self._reading = ui.column().classes("main")
 
     async def show(self) -> None:
-        """List the files again."""
+        """List the files again, and show the selected one."""
         self._show_list()
         await self._show_reading()
 
     def _failed(self) -> None:
-        """Say that an upload failed, and make ready for the next one: a list that holds it would take no other."""
+        """Report that an upload failed, and reset the upload area, which would otherwise accept no further file."""
         self._upload.reset()
         self.window.complain(FOLDER_DROPPED)
 
@@ -152,7 +152,7 @@ class FilesStep(Step):
                 self._drawn(*pictures)
 
     def _drawn(self, force: bytes, time: bytes) -> None:
-        """Show force against indentation; segments against time behind it."""
+        """Show two pictures (PNG): force against indentation and, folded below, both against time by segment."""
         with self._picture:
             ui.image(data_address(force)).classes("picture").props('alt="force against indentation"')
             with ui.expansion("Against time, with its segments").props("dense").classes("wide"):
@@ -186,7 +186,10 @@ class FilesStep(Step):
             await self._pick(self.analysis.curve_name, int(event.selection[0]["test"]))
 
     def _how(self, told: Reading) -> None:
-        """What the scene says of reading, for files that do not say it themselves."""
+        """Build the fields on how the file is read: format, calibration, signs and columns.
+
+        They are kept in the scene file, for files that do not state them.
+        """
         draft = self.analysis.draft
         known = draft.peek("curve")
         with ui.expansion("Read it differently", value=bool(told.refused)).props("dense").classes("wide"):
@@ -237,7 +240,7 @@ class FilesStep(Step):
         await self._read_as("calibration", known | ({key: text} if text else {}))
 
     async def _pair(self, key: str, text: str) -> None:
-        """Take over names and values, or say what is wrong with them and leave them as they are."""
+        """Set a key of ``[curve]`` from name and value pairs, or report what is wrong and leave it unchanged."""
         try:
             pairs = pairs_of(text)
         except InputError as error:

@@ -1,6 +1,6 @@
-"""Step 3: the curve with its contact point and fit range, both laws at once; then the fit and what it says.
+"""Step 3: the curve with contact point and fit range, both contact models drawn over it; then the fit.
 
-Of a curve with continuous stiffness it offers the fit of a film as well (`FilmPart`).
+For a curve with measured contact stiffness the fit of a film is offered as well (`FilmPart`).
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ GREEN, GREY = "#009e73", "#404040"
 
 
 def _stroke(law: Law) -> str:
-    """How the line of a law looks, for SVG."""
+    """Return the SVG attributes of a contact model's line."""
     return f'fill="none" stroke="{law.colour}" stroke-width="2.5" stroke-dasharray="{law.dashes}"'
 
 
 class FilmPart:
-    """Fields and outcome of the fit of a film, for curves of a test with continuous stiffness.
+    """Fields and result of the fit of a film, for curves with measured contact stiffness.
 
     Parameters
     ----------
     window : Window
-        Where it is shown.
+        The browser window it belongs to.
     """
 
     def __init__(self, window: Window) -> None:
@@ -77,7 +77,7 @@ class FilmPart:
         return helped(ui.input(words, placeholder=example), mark).props("outlined dense").classes("field")
 
     async def show(self, *, has_stiffness: bool) -> None:
-        """Offer it for curves that have a stiffness, with what was found before."""
+        """Show the fields, and any stored result, if the curve has a measured stiffness; else hide them."""
         self._whole.set_visibility(has_stiffness)
         self._place.clear()
         if not has_stiffness:
@@ -89,7 +89,7 @@ class FilmPart:
         await self._show_kept()
 
     async def _show_kept(self) -> None:
-        """Show what was found of the curve that is looked at, and whether the test is still the same."""
+        """Show the stored result of the selected curve, and whether the scene has changed since."""
         before = await self._window.try_to(self._window.analysis.quick, "before", Film)
         if isinstance(before, tuple) and before[0] is not None:
             self._shown(before[0], is_old=not before[1])
@@ -116,14 +116,14 @@ class FilmPart:
 
 
 class FitStep(Step):
-    """The curve with its handles, and the fit."""
+    """The curve with handles for contact point and fit range, and the fit."""
 
     title = "Fit"
     help = "Set contact point and range on the curve, fit it, and see the number with its uncertainty"
 
     @property
     def state(self) -> str:
-        """Whether this curve is fitted."""
+        """The word "fitted" if the selected curve has a stored fit, else empty."""
         stem = self.analysis.stem
         return "fitted" if stem and is_kept(self.analysis.folder, stem, Found) else ""
 
@@ -141,7 +141,7 @@ class FitStep(Step):
         self._moved = 0.0
 
     def build(self) -> None:
-        """Build picture, sliders, the button, and room for what is found."""
+        """Build picture, sliders and button, and empty columns for results."""
         self._empty = ui.column()
         with ui.row().classes("columns") as self._whole:
             with ui.column().classes("main"):
@@ -198,7 +198,7 @@ class FitStep(Step):
         self._film = FilmPart(self.window)
 
     async def show(self) -> None:
-        """Look at the curve as the scene says."""
+        """Show the selected curve with contact point and range of the scene, and its stored fit."""
         there = bool(self.analysis.curve_name) and not self.analysis.lacks
         self._whole.set_visibility(there)
         self._outcome.allow(allowed=there)
@@ -220,7 +220,7 @@ class FitStep(Step):
         self._look = self._view = None
 
     def _show_way(self) -> None:
-        """Say what is missing for a fit, and where it is entered."""
+        """Say what is missing for a fit, with a button to the step where it is entered."""
         missing = self.analysis.draft.missing
         what = f"Needed: {', '.join(missing)}." if missing else self.analysis.lacks
         says, step, words = (
@@ -234,7 +234,7 @@ class FitStep(Step):
             ui.button(words, on_click=lambda: self.window.go(step)).props("unelevated no-caps")
 
     async def _turn(self, turn: int) -> None:
-        """Look at the curve before or after this one; the first follows the last."""
+        """Select the next (1) or previous (-1) curve, in a cycle."""
         names = [path.name for path in self.analysis.folder.curve_files()]
         if self.window.holds and names:
             self.analysis.pick(names[(names.index(self.analysis.curve_name) + turn) % len(names)])
@@ -247,7 +247,7 @@ class FitStep(Step):
         await self._zoom(0.8 if event.args["up"] else 1.25, self._depth(at))
 
     async def _zoom(self, factor: float, about: float | None = None) -> None:
-        """Show less or more of the curve about a depth, or the contact point; all of it for a factor of 0."""
+        """Scale the visible depth range by a factor about a depth reading (m), by default contact; 0 shows all."""
         if self._look is None:
             return
         low, high = self._view or self._look.extent
@@ -256,7 +256,7 @@ class FitStep(Step):
         await self._follow(redraw=True)
 
     def _show_from(self, low: float, high: float, *, whole: bool = False) -> None:
-        """Have this part of the curve seen, within its ends."""
+        """Set the visible range (depth readings, m), within the ends of the curve."""
         first, last = self._known().extent
         span = min(max(high - low, 10.0 * (last - first) / _STEPS), last - first)
         low = min(max(low, first), last - span)
@@ -277,7 +277,7 @@ class FitStep(Step):
         self._show_laws(look.laws, [] if first else look.notes)
 
     async def _hold_laws(self) -> None:
-        """What both laws make of the curve where the handles are now; the picture of the curve stays."""
+        """Compute and show both contact models for the present handles, without drawing the curve again."""
         told = await self.window.try_to(self.analysis.quick, "laws", self._contact, *self._range)
         if self._look is None:
             return  # another curve was opened meanwhile
@@ -325,7 +325,7 @@ class FitStep(Step):
         return self._look
 
     async def _slid(self) -> None:
-        """Take over what the sliders say, unless they only follow."""
+        """Take contact point and range from the sliders, unless these were moved by the program."""
         if self._look is None:
             return
         low, high = self._look.extent
@@ -346,7 +346,7 @@ class FitStep(Step):
             await self._follow()
 
     async def _drag(self, event: events.MouseEventArguments) -> None:
-        """Move the handle that mouse or finger took."""
+        """Move the handle nearest to where the pointer was pressed, or the visible range if none is near."""
         if self._look is None:
             return
         at, picture = self._depth(event.image_x), self._look.picture
@@ -384,7 +384,10 @@ class FitStep(Step):
         self._overlay()
 
     async def _follow(self, *, redraw: bool = False) -> None:
-        """Draw both laws for where the handles are now; while they are worked out, only the last place counts."""
+        """Update the contact models for the present handles.
+
+        While they are computed, intermediate positions are skipped. With `redraw` the curve is drawn again too.
+        """
         self._redraw = self._redraw or redraw
         if not redraw:
             self._moved = time.monotonic()
@@ -405,7 +408,7 @@ class FitStep(Step):
             self._looking = False
 
     async def _rested(self) -> None:
-        """Draw the curve again where nothing was moved for a moment."""
+        """Draw the curve again once the handles have not been moved for a moment."""
         if not self._held and time.monotonic() - self._moved >= _REST:
             self._rest.deactivate()
             await self._follow(redraw=True)
@@ -422,7 +425,7 @@ class FitStep(Step):
         )
 
     def _overlay(self) -> None:
-        """Draw the handles, and say where they are."""
+        """Draw handles and contact models over the curve, and write the positions of the handles."""
         picture = self._known().picture
         top, bottom = picture.top, picture.bottom
         low, high, contact = (self._pixel(depth) for depth in (*self._range, self._contact))
@@ -450,7 +453,7 @@ class FitStep(Step):
         self._range_words.set_text(printed(span(low, high, "length")))
 
     def _lines(self, picture: Canvas) -> str:
-        """The laws over the curve, within the axes."""
+        """Return the contact models' lines as SVG, clipped to the axes."""
         wide, high = picture.right - picture.left, picture.bottom - picture.top
         across, up = wide / (picture.high - picture.low), high / (picture.ceiling - picture.floor)
         drawn = ""
@@ -464,7 +467,7 @@ class FitStep(Step):
         return f"<svg {place}>{drawn}</svg>"
 
     def _write(self) -> None:
-        """Write contact and range into the scene."""
+        """Write contact point and fit range into the scene file."""
         draft, (begin, end_) = self.analysis.draft, self._known().extent
         draft.table("instrument")["contact_depth"] = f"{self._contact!r} m"
         margin = (end_ - begin) / _STEPS
@@ -479,7 +482,7 @@ class FitStep(Step):
         self._outcome.is_old()
 
     def _fill_in(self) -> None:
-        """Free the contact point over the whole curve, where no more is said of it than that it is free."""
+        """Let the contact point be fitted within the ends of the curve, unless the scene says otherwise."""
         draft = self.analysis.draft
         if (
             self._look is not None

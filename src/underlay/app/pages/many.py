@@ -1,7 +1,8 @@
-"""Step 4: all curves: the map, the gallery with what is decided by hand, groups and the population.
+"""Step 4: all curves: the map, the gallery with decisions by hand, groups and the population.
 
-The gallery shows the worst curves first, to accept or refuse them (`GalleryPart`); labels say whose the
-curves are, and what they say together (`PopulationPart`); boxes on the map name regions (`RegionPart`).
+The gallery shows the worst curves first, to accept or refuse them (`GalleryPart`); labels assign curves to animals
+and groups, from which the population mean is estimated (`PopulationPart`); boxes drawn on the map name regions
+(`RegionPart`).
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ _MANY_OLD = "Curves, labels or the test were changed since: fit all curves again
 
 
 class GalleryPart:
-    """A page of curves and what is decided of them.
+    """A page of the gallery of curves, with buttons to accept or refuse each.
 
     Parameters
     ----------
     window : Window
-        Where it is shown.
+        The browser window it belongs to.
     decided : callable
         Called after every decision.
     """
@@ -50,7 +51,7 @@ class GalleryPart:
         self._place = ui.element("div").classes("gallery")
 
     async def show(self) -> None:
-        """Show the page again, where something of it changed: a button must not vanish under the hand."""
+        """Show the page of the gallery again, but only if it changed: no button should move while it is pressed."""
         gallery: Gallery | None = await self._window.ask(self._window.analysis.quick, "gallery", self._page)
         if gallery == self._shown:
             return
@@ -134,14 +135,14 @@ class GalleryPart:
 
 
 class PopulationPart:
-    """Labels of curves and the population picture.
+    """Fields for the labels of curves, and the population.
 
     Parameters
     ----------
     window : Window
-        Where it is shown.
+        The browser window it belongs to.
     place : column
-        Where what the curves show together appears.
+        Where the summary of the population is shown.
     """
 
     def __init__(self, window: Window, place: ui.column) -> None:
@@ -177,7 +178,7 @@ class PopulationPart:
             ).tooltip("Mean over animals with its interval, spread between and within them, and a box plot")
 
     async def show(self, told: Overview) -> None:
-        """Offer the labels that the map has, and show what was found before."""
+        """Offer the map's columns of labels as units and groups, and show the stored population."""
         self._fitted.set_visibility(bool(told.sheet))
         before = await self._window.try_to(self._window.analysis.quick, "together")
         found, is_new = before if isinstance(before, tuple) else (None, True)
@@ -196,7 +197,7 @@ class PopulationPart:
                 sheet(found.sheet)
 
     async def _show_labels(self) -> None:
-        """Say how many files each label has."""
+        """Show for each column of labels how many files have each label."""
         rows = await self._window.try_to(self._window.analysis.quick, "labels")
         self._known.clear()
         if not isinstance(rows, dict):
@@ -221,7 +222,7 @@ class PopulationPart:
         await self.name(self._files(), str(self._column.value), str(self._label.value or ""))
 
     async def name(self, files: list[str], column: str, label: str) -> None:
-        """Give curves a label."""
+        """Set a label of curves in a column."""
         if self._window.holds:
             answer = await self._window.try_to(self._window.analysis.quick, "set_label", files, column, label)
             await self._tell(answer, f"{len(files)} files are of {column} {label}; fit all curves again")
@@ -252,14 +253,14 @@ class PopulationPart:
 
 
 class HeightPart:
-    """Thickness from contact heights, where some curves are on the bare substrate beside the sample.
+    """Fields for thickness from contact heights, where some curves are on the bare substrate beside the sample.
 
     Parameters
     ----------
     window : Window
-        Where it is shown.
+        The browser window it belongs to.
     told : callable
-        Called when the labels have it.
+        Called when the thicknesses are in the manifest.
     """
 
     def __init__(self, window: Window, told: Callable[[], Awaitable[None]]) -> None:
@@ -291,14 +292,14 @@ class HeightPart:
 
 
 class RegionPart:
-    """The map of the curves: a click opens a curve, a box drawn over some gives them the name of a region.
+    """The map of the curves: a click opens a curve, a box drawn around some names them as a region.
 
     Parameters
     ----------
     window : Window
-        Where it is shown.
+        The browser window it belongs to.
     named : callable
-        Called with the files in a box and the name that they are given.
+        Called with the files in a box and the name of the region.
     """
 
     def __init__(self, window: Window, named: Callable[[list[str], str], Awaitable[None]]) -> None:
@@ -320,7 +321,7 @@ class RegionPart:
                 ui.button("Name region", on_click=self._set).props("outline no-caps").mark("region-set")
 
     def show(self, told: Overview) -> None:
-        """Show the map, where curves have positions."""
+        """Show the map where curves have positions, else hide it."""
         self._told, self._inside = told, []
         self._whole.set_visibility(told.plan is not None)
         self._ask.set_visibility(False)
@@ -334,7 +335,7 @@ class RegionPart:
         return plan.left + across * (plan.right - plan.left), plan.bottom - up * (plan.bottom - plan.top)
 
     async def _draw(self, event: events.MouseEventArguments) -> None:
-        """Begin, stretch or end a box; what is hardly one is a click."""
+        """Start, resize or finish a box with the pointer; a box of a few pixels counts as a click."""
         here = (event.image_x, event.image_y)
         if event.type == "pointerdown":
             self._began = here
@@ -363,25 +364,25 @@ class RegionPart:
 
 
 def open_curve(window: Window, name: str) -> None:
-    """Look at a curve of the analysis, in the step of the fit."""
+    """Select a curve and go to the step of the fit."""
     if window.holds and any(path.name == name for path in window.analysis.folder.curve_files()):
         window.analysis.pick(name)
         window.go("Fit")
 
 
 class ManyStep(Step):
-    """All curves of an analysis."""
+    """The step on all curves of an analysis."""
 
     title = "Map"
     help = "Fit every curve by itself, look at each, and compare animals, groups and regions"
 
     @property
     def state(self) -> str:
-        """Whether the curves are fitted."""
+        """The word "fitted" if there is a map, else empty."""
         return "fitted" if (self.analysis.folder.results / "map.csv").is_file() else ""
 
     def build(self) -> None:
-        """Build the button, and room for what is found."""
+        """Build the button, and empty columns for map, population and gallery."""
         with ui.row().classes("actions"):
             self._working = Working(self.window, "Fit all curves", self._go, mark="fit-all")
             self._count = ui.label().classes("quiet")
@@ -399,7 +400,7 @@ class ManyStep(Step):
         self._gallery = GalleryPart(self.window, self._decided)
 
     async def show(self) -> None:
-        """Show what was found before."""
+        """Show the stored map, and what is needed to fit it."""
         folder, lacks = self.analysis.folder, self.analysis.lacks
         count = len(curves_on_sample(folder))
         beside = len(folder.curve_files()) - count

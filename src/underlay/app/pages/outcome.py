@@ -1,4 +1,4 @@
-"""What a fit found, as the page that `underlay report` writes."""
+"""The result of a fit on the page, as `underlay report` writes it."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _OLD = "The test, the contact point or the range was changed since: press Fit ag
 
 
 class Outcome:
-    """What came of a fit.
+    """The button that fits, and the result of the fit.
 
     Parameters
     ----------
     window : Window
-        Where it is shown.
+        The browser window it belongs to.
     prepare : callable
         Called before a fit, to complete the scene.
     """
@@ -37,11 +37,11 @@ class Outcome:
         self._place = ui.column().classes("wide outcome")
 
     def allow(self, *, allowed: bool) -> None:
-        """Offer the fit, or not."""
+        """Show or hide the button."""
         self._actions.set_visibility(allowed)
 
     async def show(self) -> None:
-        """Show what was found before."""
+        """Show the stored fit of the selected curve, unless a newer one is running."""
         turns = self._turns
         before = await self._window.try_to(self._window.analysis.quick, "before", Found)
         if turns != self._turns or self._fitting:
@@ -53,7 +53,7 @@ class Outcome:
             self._old.set_visibility(not before[1])
 
     def is_old(self) -> None:
-        """Say that what is shown is of another test."""
+        """Show the note that the scene has changed since the shown result."""
         self._old.set_visibility(bool(self._place.default_slot.children))
 
     async def _go(self) -> None:
@@ -84,7 +84,7 @@ class Outcome:
 
 
 def plain_table(rows: tuple[Row, ...]) -> None:
-    """Show rows of text."""
+    """Show rows of text as a table."""
     if not rows:
         return
     columns = [{"name": key, "label": key, "field": key, "align": "left"} for key in rows[0]]

@@ -1,4 +1,4 @@
-"""Addresses of the page: the list of analyses, and a page for each, with its steps from left to right."""
+"""Addresses of the page: the list of analyses, and a page for each with its five steps."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ _CSS = FileKind("the style of the page", 1_000_000, "install underlay again")
 
 
 class AnalysisPage:
-    """The page of an analysis in one window.
+    """The page of an analysis in one browser window.
 
     Parameters
     ----------
     home : Home
-        The server it belongs to.
+        State of the server.
     analysis : OpenAnalysis
-        What is shown.
+        The analysis to show.
     """
 
     def __init__(self, home: Home, analysis: OpenAnalysis) -> None:
@@ -51,7 +51,7 @@ class AnalysisPage:
         self._steps = [kind(self.window) for kind in kinds]
 
     async def build(self) -> None:
-        """Build the whole page and show the step that is next."""
+        """Build the whole page, and show the first step that is not complete."""
         self._head()
         analysis = self.window.analysis
         first = self._steps[0 if not analysis.curve_name else 1 if analysis.lacks else 2]
@@ -95,7 +95,7 @@ class AnalysisPage:
             ).tooltip("Gives an address that opens this page in another browser of this machine")
 
     def _kept(self) -> None:
-        """Say behind each step how far it is, and on the buttons what they undo, or do again."""
+        """Update the state of each step in its title, and on the buttons what undo and redo would change."""
         for number, (step, name) in enumerate(self._names.items(), start=1):
             name.props["label"] = f"{number}  {step.title}   {step.state}".rstrip()
             name.update()
@@ -120,7 +120,7 @@ class AnalysisPage:
 
 
 def add_pages(home: Home) -> None:
-    """Add the pages of a server."""
+    """Register the start page and the page of an analysis with the server."""
     own = read_text(Path(__file__).parent / "page.css", _CSS)
     # What a report looks like on paper, within its place on the page.
     style = f"{style_of('colours')}{own}.sheet {{{style_of('sheet')}}}"
@@ -143,12 +143,12 @@ def add_pages(home: Home) -> None:
 
 
 class StartPage:
-    """The way to a new analysis, from files or with sample data, and the analyses that were begun.
+    """The start page: begin an analysis from files or sample data, or open a recent one.
 
     Parameters
     ----------
     home : Home
-        The server it belongs to.
+        State of the server.
     """
 
     def __init__(self, home: Home) -> None:

@@ -1,8 +1,7 @@
-"""Step 2: the test as a form with its drawing to scale, what is fitted, and the scene as text.
+"""Step 2: the test as a form with a drawing to scale, what is fitted, and the scene as text.
 
-The form is made from the scene's declarations (`underlay.app.form`). `FreeTable` has a line for each number
-of the test, with its bounds and what is known of it before. `SceneText` is for what the form has no field
-for: all that a scene file can say can be said there.
+The form is made from the scene's declarations (`underlay.app.form`). `FreeTable` has a line for each parameter,
+with its bounds and prior. `SceneText` takes the scene file as text, for what the form has no field for.
 """
 
 from __future__ import annotations
@@ -65,22 +64,22 @@ def amount(
     kind: str,
     assumed: tuple[str, Callable[[], Awaitable[None]]] | None = None,
 ) -> ui.input:
-    """A number and its unit, side by side.
+    """Build the field of a number with the selection of its unit; return the field.
 
     Parameters
     ----------
     words, stated : str
-        What it is called, and what stands there now.
+        Label of the field, and its present text.
     units : sequence of str
-        Units that may be picked.
+        Units to choose from.
     wrong : callable
-        Says in words what is wrong with a text; empty if nothing is.
+        Returns what is wrong with a text, as a sentence; empty if it is valid.
     put : callable
-        Called with a text that is not wrong.
+        Called with a valid text.
     kind : str
-        Classes of the pair.
+        CSS classes of field and unit.
     assumed : (str, callable), optional
-        Of a number that nobody entered: mark of the button by which it is taken for one's own, and what that does.
+        For a number that the user did not enter: mark of the button that confirms it, and what the button calls.
     """
     many = "," in stated
     number, unit = (stated, "") if many else apart(stated, tuple(units))
@@ -112,12 +111,12 @@ def amount(
 
 
 class FreeTable:
-    """The numbers of the test that may be fitted.
+    """The list of parameters that may be fitted.
 
     Parameters
     ----------
     window : Window
-        Where it is shown.
+        The browser window it belongs to.
     changed : callable
         Called after every change.
     """
@@ -128,7 +127,7 @@ class FreeTable:
         self._place = ui.column().classes("wide free")
 
     def show(self) -> None:
-        """List the numbers again."""
+        """List the parameters again."""
         free = self._window.analysis.draft.free
         known = self._numbers()
         usual = [
@@ -147,7 +146,7 @@ class FreeTable:
                         self._line(path, known[path])
 
     def _numbers(self) -> dict[str, float]:
-        """Numbers of the scene by path; of one that is not complete, what is fitted already."""
+        """Return the parameters of the scene by path (SI); if it is not valid, those already fitted, as 1."""
         try:
             file = scene_file_from_text(self._window.analysis.draft.text())
             known = {
@@ -217,7 +216,7 @@ class FreeTable:
 
 
 def _wide_bounds(path: str, value: float) -> dict[str, str | float]:
-    """Bounds far from a number that is positive by nature; none for others."""
+    """Return bounds a factor of 1000 around a positive number, 0 to 0.5 for nu, none for any other."""
     kind = kind_of(path)
     if path.endswith("nu"):
         return {"min": 0.0, "max": 0.5}
@@ -230,19 +229,19 @@ def _wide_bounds(path: str, value: float) -> dict[str, str | float]:
 
 
 def _key_of(kind: str) -> SceneKey:
-    """A declaration of a number of this kind."""
+    """Return the declaration of a key for a number of this kind of quantity."""
     return next(key for key in scene_keys() if key.section == "fit")._replace(kind=kind)
 
 
 class SceneText:
-    """The text of the scene file, to be changed by hand.
+    """The scene file as text, for editing.
 
     Parameters
     ----------
     window : Window
-        Where it is shown.
+        The browser window it belongs to.
     changed : callable
-        Called when another text was taken.
+        Called when an edited text was accepted.
     """
 
     def __init__(self, window: Window, changed: Callable[[], Awaitable[None]]) -> None:
@@ -254,7 +253,7 @@ class SceneText:
             ui.button("Use this text", on_click=self._use).props("outline no-caps").mark("use-text")
 
     async def _use(self) -> None:
-        """Take the text over, or say what is wrong with it and leave the scene as it is."""
+        """Use the edited text as the scene, or report what is wrong and leave the scene unchanged."""
         analysis = self._window.analysis
         files = [path.name for path in analysis.folder.curve_files()]
         try:
@@ -269,21 +268,21 @@ class SceneText:
 
 
 class SceneStep(Step):
-    """The form of the scene."""
+    """The step with the form of the scene."""
 
     title = "Test"
     help = "Say what was tested: tip, layer, what lies under it, and what is fitted"
 
     @property
     def state(self) -> str:
-        """How many numbers are needed, or assumed."""
+        """How many numbers are still needed, or are assumed, as text; empty for none."""
         draft = self.analysis.draft
         if self.analysis.lacks:
             return f"{len(draft.missing)} needed" if draft.missing else "not complete"
         return f"{len(draft.assumptions)} assumed" if draft.assumptions else ""
 
     def build(self) -> None:
-        """Build the samples to begin with, and room for form and drawing."""
+        """Build the buttons for prepared tests, and empty columns for form and drawing."""
         with ui.row().classes("columns"):
             with ui.column().classes("side wider"):
                 with ui.row().classes("presets"):
@@ -301,7 +300,7 @@ class SceneStep(Step):
                 self._free = FreeTable(self.window, self._changed)
 
     async def show(self) -> None:
-        """Build the form of the scene as it is, and draw it."""
+        """Build the form of the present scene, and draw it."""
         draft, self._lacks = self.analysis.draft, bool(self.analysis.lacks)
         self._form.clear()
         with self._form:
@@ -356,7 +355,7 @@ class SceneStep(Step):
         helped(axial.props("dense"), "axial")
 
     def _fields(self, section: str) -> None:
-        """The fields of a section; of a layer what every test needs, the others behind it."""
+        """Build the fields of a section; for a layer the less common ones are folded."""
         fields = self.analysis.draft.fields(section)
         usual = [field for field in fields if not self._is_layer(section) or field.key.name in _OF_A_LAYER]
         more = [field for field in fields if field not in usual]
@@ -411,7 +410,7 @@ class SceneStep(Step):
             await self.show()
 
     async def _begin(self, name: str) -> None:
-        """Begin with a sample; the curve that is looked at stays."""
+        """Replace the scene by a prepared test; the selected curve and how it is read are kept."""
         before = self.analysis.draft.peek("curve")
         kept: dict[str, Any] = {key: before[key] for key in _OF_THE_FILE if key in before}
         self.analysis.draft = preset(name)
@@ -446,7 +445,7 @@ class SceneStep(Step):
             await self._draw()
 
     async def _draw(self) -> None:
-        """Draw the scene, or say what it lacks."""
+        """Draw the scene, or say what is missing."""
         missing = self.analysis.draft.missing
         if missing and self.analysis.lacks:
             drawn: object = f"Needed: {', '.join(missing)}. Enter them, and the test is drawn here to scale."
@@ -462,7 +461,7 @@ class SceneStep(Step):
 
 
 def _drop_others(draft: Draft, section: str) -> None:
-    """Take out what belongs to another shape or model than the one that was chosen."""
+    """Remove the keys of a section that do not belong to the chosen shape or model."""
     table = draft.table(section)
     known = {field.key.name for field in draft.fields(section)}
     for name in [name for name in table if name not in known and not isinstance(table[name], dict)]:

@@ -1,4 +1,4 @@
-"""What the steps of the page share: the window they are in, and a long task with its buttons and progress."""
+"""What the steps of the page share: the browser window, and a long task with its buttons and progress."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ _Element = TypeVar("_Element", bound=ui.element)
 
 
 def complain(message: str) -> None:
-    """Say what is wrong, until it is read."""
+    """Show an error message until it is closed."""
     ui.notify(message, type="negative", timeout=0, close_button="OK", multi_line=True)
 
 
 class Window:
-    """A browser's window on an analysis; the one that was opened last holds it.
+    """A browser window on an analysis; only the window opened last may change the analysis.
 
     Parameters
     ----------
     analysis : OpenAnalysis
-        What is shown.
+        The analysis it shows.
 
     Attributes
     ----------
     go : callable
-        Shows the step of a title.
+        Shows the step of a given title.
     kept : callable
-        Called when the test was written.
+        Called after the scene was written.
     """
 
     complain = staticmethod(complain)
@@ -51,14 +51,14 @@ class Window:
 
     @property
     def holds(self) -> bool:
-        """Whether no other window took the analysis since; says so where one did."""
+        """Whether this is the window opened last, which may change the analysis; shows a message if not."""
         if self.analysis.window == self._number:
             return True
         self.complain("This analysis was opened in another window. Reload the page to go on here.")
         return False
 
     async def ask(self, worker: Worker, task: str, *arguments: Any, heard: Tell | None = None) -> Any:
-        """Have a process do something; None, and a message, where it could not."""
+        """Run a task in a worker process and return its result; if it fails, show the message and return None."""
         try:
             return await worker.call(task, *arguments, heard=heard)
         except WorkError as error:
@@ -66,14 +66,17 @@ class Window:
             return None
 
     async def try_to(self, worker: Worker, task: str, *arguments: Any) -> Any:
-        """Have a process do something; where it could not, why, as a text."""
+        """Run a task in a worker process and return its result; if it fails, return the message."""
         try:
             return await worker.call(task, *arguments)
         except WorkError as error:
             return str(error)
 
     def keep(self, *, by_hand: bool = True) -> bool:
-        """Write the scene file, if this window still holds the analysis; what was done `by_hand` can be undone."""
+        """Write the scene file if this window may change the analysis, and return whether it was written.
+
+        A change `by_hand` can be undone.
+        """
         if not self.holds:
             return False
         try:
@@ -86,12 +89,12 @@ class Window:
 
 
 class Step(ABC):
-    """One step of an analysis.
+    """One step of an analysis: a tab of the page.
 
     Parameters
     ----------
     window : Window
-        Where it is shown.
+        The browser window it belongs to.
     """
 
     title = help = ""
@@ -101,60 +104,60 @@ class Step(ABC):
 
     @property
     def analysis(self) -> OpenAnalysis:
-        """What is shown."""
+        """The analysis that the window shows."""
         return self.window.analysis
 
     @property
     def state(self) -> str:
-        """How far it is, in a word or two behind its name."""
+        """State of the step in a word or two, shown after its title."""
         return ""
 
     @abstractmethod
     def build(self) -> None:
-        """Build what does not change."""
+        """Build the fixed elements of the step, once."""
 
     @abstractmethod
     async def show(self) -> None:
-        """Bring what is shown up to date."""
+        """Update the contents of the step."""
 
 
 def helped(element: _Element, mark: str) -> _Element:
-    """Give a field the mark by which it is found, and its help where the mouse rests."""
+    """Give an element its mark, by which tests find it, and the help text of that name as a tooltip; return it."""
     element.mark(mark).props["title"] = help_of(mark)
     return element
 
 
 def data_address(picture: bytes) -> str:
-    """Return a picture as a ``data:`` address, which holds it."""
+    """Return a PNG picture as a ``data:`` URL."""
     return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
 
 
 def message_list(texts: Iterable[str], kind: str = "note") -> None:
-    """Show sentences one under the other; their words are text, never markup."""
+    """Show sentences one below the other, as text that is never read as markup; `kind` is their CSS class."""
     for text in texts:
         ui.label(text).classes(kind)
 
 
 def sheet(page: str) -> None:
-    """Show a page of a report; it is made here, and every word in it is escaped there."""
+    """Show a report's HTML, which was made by this package with all text escaped."""
     ui.html(page, sanitize=False).classes("sheet wide").mark("sheet")
 
 
 class Working:
-    """The buttons of a long task.
+    """The start and stop buttons and the progress bar of a long task.
 
     Parameters
     ----------
     window : Window
-        Where they are shown.
+        The browser window they belong to.
     words : str
-        On the button.
+        Text of the start button.
     begin : callable
-        Called when it is pressed.
+        Called when the start button is pressed.
     mark : str
-        By which a test finds the button; the one that stops has ``stop-`` before it.
+        Mark by which tests find the start button; that of the stop button is ``stop-`` and this.
     heard : callable, optional
-        Given what the task tells that is no progress.
+        Called with intermediate results of the task, other than progress.
     """
 
     def __init__(
@@ -176,7 +179,7 @@ class Working:
         self._working(on=False)
 
     async def run(self, task: str, *arguments: Any) -> Any:
-        """Do a task of the long kind, one at a time; None where it could not be done."""
+        """Run a task in the process for long tasks, one at a time, and return its result; None where it fails."""
         if not self._window.holds:
             return None
         long = self._window.analysis.long
@@ -201,7 +204,7 @@ class Working:
         self._words.set_text(value.words)
 
     def _halt(self) -> None:
-        """Ask for an end, with what there is by then; asked again, or where nothing is told, end it at once."""
+        """Ask the task to stop with the results so far; pressed again, or without progress, kill it."""
         long = self._window.analysis.long
         if self._asked or self._bar.props.get("indeterminate"):
             long.stop()
@@ -212,7 +215,7 @@ class Working:
         self._words.set_text("stopping, with what is there ...")
 
     def allow(self, *, allowed: bool) -> None:
-        """Whether it may begin."""
+        """Enable or disable the start button."""
         self._allowed = allowed
         self._go.set_enabled(allowed)
 

@@ -1,4 +1,4 @@
-"""Step 5: exports, and the posterior."""
+"""Step 5: downloads, and the posterior."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
 
 
 class TakeAwayStep(Step):
-    """Downloads and the posterior."""
+    """The step with downloads and the posterior."""
 
     title = "Export"
     help = "The report page, spreadsheets, pictures, the posterior, and what repeats the fit"
 
     def build(self) -> None:
-        """Build the buttons, and room for scene, script and posterior."""
+        """Build the buttons, and empty columns for scene, script and posterior."""
         with ui.row().classes("columns"):
             with ui.column().classes("side wider"):
                 ui.label("This fit").classes("heading")
@@ -72,7 +72,7 @@ class TakeAwayStep(Step):
                     self._script = ui.code("", language="python").classes("wide code").mark("script")
 
     async def show(self) -> None:
-        """Show scene and script as they are now, and what was sampled before."""
+        """Show scene and script for download, and the stored posterior."""
         await self._show_posterior()
         folder, stem = self.analysis.folder, self.analysis.stem
         is_fitted = bool(stem) and is_kept(folder, stem, Found)
@@ -119,7 +119,7 @@ class TakeAwayStep(Step):
         await self.show()
 
     async def _show_posterior(self) -> None:
-        """Show what was sampled before."""
+        """Show the stored posterior of the selected curve."""
         before = await self.window.try_to(self.analysis.quick, "before", Sampled)
         self._posterior.clear()
         if not isinstance(before, tuple) or before[0] is None:

@@ -1,7 +1,7 @@
-"""Pictures: each function takes ``ax=`` (or makes one), draws, and returns the axes; none shows a window.
+"""Pictures: each function draws into ``ax=`` (or makes axes) and returns the axes; none opens a window.
 
-The functions are those of `__init__.pyi`. Each is loaded when it is first asked for: a picture of a fit loads
-neither populations nor what they compute with.
+The functions are those of `__init__.pyi`. Each module is loaded when one of its functions is first used: a picture
+of a fit does not load the code for populations.
 """
 
 import sys
@@ -13,9 +13,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 class _Pictures(ModuleType):
-    """The package, whose pictures are functions although the files that draw them have their names.
+    """Module type of this package, which keeps functions from being replaced by modules of the same name.
 
-    Loading such a file would set it as an attribute of this module, in place of the function.
+    Python sets a loaded submodule as an attribute of its package, in place of the function.
     """
 
     def __setattr__(self, name: str, value: object) -> None:

@@ -1,6 +1,6 @@
-"""Pictures of what accuracy costs: the error of force, answer and posterior against the time they take.
+"""Pictures of accuracy against cost: the error of force, modulus and posterior over the time they take.
 
-The names of methods stand in a column beside their points: one look instead of a legend.
+The names of methods are written in a column beside their points, in place of a legend.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _NAMED, _NAMED_AUTO = (1e-1, 1e-2, 1e-4, 1e-6, 1e-10), 1e-4
 def label_points(
     drawn: Axes, x: Sequence[float], y: Sequence[float], names: Sequence[str], colours: Sequence[str]
 ) -> None:
-    """Write the names of points (x, y) in a column on the right of logarithmic axes, whose limits make room."""
+    """Write the names of points (x, y) in a column at the right of logarithmic axes, and set limits to fit."""
     low, high = np.log(drawn.dataLim.intervalx)
     width = max(high - low, 1.0) / (_COLUMN - 2.0 * _MARGIN)
     drawn.set_xlim(np.exp(low - _MARGIN * width), np.exp(low + (1.0 - _MARGIN) * width))
@@ -83,7 +83,7 @@ def label_points(
 
 
 def _apart(heights: FloatArray) -> FloatArray:
-    """Heights (n,), ascending, moved as little as keeps them apart and inside the axes."""
+    """Move ascending heights (n,), shares of the axes, as little as needed to keep labels apart and inside."""
     placed, apart = heights.astype(float), min(_APART, 0.96 / max(len(heights) - 1, 1))
     for _ in range(_PASSES):
         close = np.diff(placed) < apart - 1e-6
@@ -104,14 +104,14 @@ def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None =
     table : pandas.DataFrame
         What `accuracy_cost` returned.
     times : str, default "cold"
-        ``"cold"``, from the materials to the forces, or ``"held"``, with the law there already.
+        ``"cold"``, time from the materials to the forces, or ``"held"``, time with a contact law already built.
     ax : matplotlib Axes, optional
         Where to draw.
 
     Returns
     -------
     matplotlib Axes
-        Every method has its name beside it; the line is the front of those that none beats in both.
+        Methods are named beside their points; the line is the Pareto front, whose methods none beats in both.
     """
     if times not in ("cold", "held"):
         raise InputError(f"times must be 'cold' or 'held'; got {times!r}")
@@ -128,7 +128,7 @@ def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None =
 
 
 def answer_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
-    """Draw the result of `answer_cost`: what modulus and thickness are off by, against the time of the fit.
+    """Draw the result of `answer_cost`: errors of modulus and thickness against the time of the fit.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def answer_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib Axes
-        Full marks are the modulus, the thickness known; open ones the thickness, fitted beside it.
+        Full marks: modulus, with known thickness; open marks: thickness, fitted together with the modulus.
     """
     known = table.copy()
     known["x"], known["y"] = known["ratio"], known["E_error"].abs().clip(lower=_FLOOR_OF_ANSWERS)
@@ -169,7 +169,7 @@ def posterior_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib Axes
-        The band is what the reference cannot tell. Chains that ended by themselves are one mark.
+        The band is the error of the reference itself. Chains that converged before their limit share one mark.
     """
     by_steps = table[table["way"] == "emcee"].sort_values("steps")
     ended = by_steps["error"].duplicated(keep=False)
@@ -204,7 +204,7 @@ def what_accuracy_costs(
     *,
     title: str = "",
 ) -> Figure:
-    """Draw force, answer and posterior side by side, at the width of a page.
+    """Draw the pictures of `accuracy_cost`, `answer_cost` and `posterior_cost` side by side, at page width.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def what_accuracy_costs(
 
 
 def _draw(drawn: Axes, known: pd.DataFrame) -> None:
-    """Marks of all methods, and the names of those that tell their family apart."""
+    """Draw the marks of all methods, and the names of the most telling ones of each family."""
     colours = _colours(known)
     for colour, x, y in zip(colours, known["x"], known["y"], strict=True):
         drawn.plot(x, y, "o", ms=3.5, color=colour)
@@ -257,7 +257,7 @@ def _colours(known: pd.DataFrame) -> list[str]:
 
 
 def _names(known: pd.DataFrame) -> list[str]:
-    """Name of each row; empty where a neighbour of its family says it too."""
+    """Return the name of each row's method; empty for those that lie between named ones of their family."""
     names = []
     for method, form, order, rtol in known[["method", "form", "order", "rtol"]].itertuples(index=False):
         if form:
@@ -276,7 +276,7 @@ def _auto(rtol: float) -> str:
 
 
 def _published(method: str) -> str:
-    """``"garcia2018"`` as people write it."""
+    """Return the name of a published formula for people: ``"garcia2018"`` -> ``"Garcia 2018"``."""
     head, _, tail = method.partition("-")
     letters = head.rstrip("0123456789")
     return f"{letters.capitalize()} {head[len(letters) :]}" + (f", {tail}" if tail else "")

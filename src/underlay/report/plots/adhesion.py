@@ -1,4 +1,4 @@
-"""The picture of a contact that sticks: all its states against depth, the stable ones, and its jumps."""
+"""The picture of an adhesive contact: all its equilibrium states against depth, the stable ones, and its jumps."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def adhesion(
     solver: AnySolver = "auto",
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the states of a contact that sticks, against the depth of the tip.
+    """Draw the equilibrium states of an adhesive contact (force against depth of the tip), and its jumps.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def adhesion(
     curve : int, default 0
         Which curve of a joint fit.
     max_depth : float, optional
-        Largest depth (m); where the load is twice the pull-off force, or the curve ends.
+        Largest depth (m); by default that at twice the pull-off force, or the end of the curve if that is less.
     solver : Solver or str, default "auto"
         Which contact law, for a scene.
     ax : matplotlib Axes, optional
@@ -54,7 +54,7 @@ def adhesion(
     Raises
     ------
     InputError
-        If nothing sticks in the scene.
+        If the scene has no adhesion.
     """
     fitted = hasattr(subject, "scenes")
     scene: Scene = subject.scenes[curve] if fitted else subject  # type: ignore[union-attr,assignment]
@@ -89,7 +89,7 @@ def adhesion(
 
 
 def _depth_worth_drawing(scene: Scene, solver: AnySolver) -> float:
-    """Depth (m) at a load of twice the pull-off force: the law is asked deeper until it bears that."""
+    """Return the depth (m) at a load of twice the pull-off force; the law is extended until it reaches that."""
     law = scene.contact_law(0.0, solver=solver)
     load, depth = _LOADS * law.pull_off_force, max(abs(law.pull_off_depth), law.max_depth)
     while depth == 0.0 or float(law.force(law.max_depth)) < load:
@@ -99,7 +99,7 @@ def _depth_worth_drawing(scene: Scene, solver: AnySolver) -> float:
 
 
 def _measured(result: Fit, curve: int) -> tuple[np.ndarray, np.ndarray]:
-    """Depth of the tip (m) and contact force (N) of the points of a curve, thinned."""
+    """Return depth of the tip (m) and contact force (N) of the points of a curve, thinned."""
     measured, scene = result.curves[curve], result.scenes[curve]
     instrument = scene.instrument
     force = measured.force - instrument.baseline - instrument.baseline_slope * measured.depth
@@ -109,7 +109,11 @@ def _measured(result: Fit, curve: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _jumps(panel: Axes, law: ContactLaw, compliance: float, metre: float, newton: float) -> None:
-    """Arrows from where a contact ends to where the tip goes, and from the first touch into it."""
+    """Draw arrows for the jumps out of contact and into it.
+
+    They are drawn for a given depth, a given load and, in between, this instrument with its `compliance` (m/N).
+    `metre` and `newton` are the units of the axes in SI.
+    """
     held = [("depth given", 0.0, REFERENCE), ("load given", np.inf, ACCENT)]
     if compliance:
         held.insert(1, ("this instrument", compliance, PURPLE))

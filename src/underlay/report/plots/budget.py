@@ -1,4 +1,4 @@
-"""The picture of an uncertainty budget: what each source alone does to a number."""
+"""The picture of an uncertainty budget: how far each source alone moves a number."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _BESIDE: dict[str, Any] = {
 
 
 def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
-    """Draw how far each source alone moves a number, the larger side, at the confidence of the answer.
+    """Draw as bars how far each source of uncertainty alone moves a number, at the level of its interval.
 
     Parameters
     ----------
@@ -56,11 +56,12 @@ def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib Axes
+        Of a lopsided effect the larger side is drawn.
 
     Raises
     ------
     InputError
-        If an end of the answer is open: there is no width to share out.
+        If an end of the interval is open: then there is no budget.
     """
     if answer.is_open:
         raise InputError(f"{answer.name} is not determined: there is no budget to draw")
@@ -101,10 +102,10 @@ def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
 
 
 def _named(row: Contribution) -> str:
-    """A source with its size, in lines that fit beside the bars."""
+    """Return the name and size of a source of uncertainty, wrapped to fit beside the bars."""
     return "\n".join(textwrap.wrap(f"{source_words(row.source)} {row.size}".strip(), _LETTERS))
 
 
 def _short(value: float) -> str:
-    """Two digits, and no exponent."""
+    """Write a number with two digits, without an exponent."""
     return f"{float(f'{value:.2g}'):g}"

@@ -1,7 +1,7 @@
-"""Pictures of what a test can tell, and of which test would tell more.
+"""Pictures of what a test determines, and of which test would determine more.
 
-Correlations of the parameters of a fit (`correlations`); how the errors of a planned test hang together and
-which products of parameters it fixes (`identifiability`); and the expected error over tip radius and depth
+Correlations of the fitted parameters (`correlations`); correlations of the expected errors of a planned test and
+how well it determines products of parameters (`identifiability`); and the expected error over tip radius and depth
 (`plan`).
 """
 
@@ -52,7 +52,7 @@ _BEST, _WORST = 1e-3, 1.0
 
 
 def draw_matrix(ax: Axes, frame: pd.DataFrame) -> None:
-    """Draw the lower triangle of a correlation matrix; NaN (nothing fixes it) is left grey."""
+    """Draw the lower triangle of a correlation matrix; NaN (an undetermined parameter) is a grey question mark."""
     matrix, names = frame.to_numpy(dtype=float), [label(str(name)) for name in frame.columns]
     count = len(names)
     shown = np.where(np.tri(count, dtype=bool), matrix, np.nan)
@@ -101,7 +101,7 @@ def correlations(result: Fit, *, ax: Axes | None = None) -> Axes:
 
 
 def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
-    """Draw the correlations of the expected errors, and below them how well each combination is fixed.
+    """Draw the correlations of the expected errors, and how well each product of parameters is determined.
 
     Parameters
     ----------

@@ -1,9 +1,8 @@
 """Pictures of a curve and its fit: against depth, in logarithms, against time, and by segments.
 
-`fit` shows data, fit, the half-space's best fit and residuals; `laws` a curve before it is fitted, with what
-two laws make of it where its contact point is held; `relaxation` and `drainage` the time course that a fit
-found; `segments` where a curve goes in, rests and comes back. `canvas` gives a picture with the place of its
-axes, for pages that draw over it.
+`fit` shows data, fit, the best half-space fit and residuals; `laws` a curve before it is fitted, with contact
+models at a given contact point; `relaxation` and `drainage` the fitted time course; `segments` loading, hold and
+unloading of a curve. `canvas` returns a picture with the position of its axes, for pages that draw over it.
 """
 
 from __future__ import annotations
@@ -72,20 +71,20 @@ _MARKS = {LOADING: ".", HOLD: "s", UNLOADING: "x"}
 
 @dataclass(frozen=True)
 class Canvas:
-    """A picture as bytes, and where its horizontal axis lies in it.
+    """A picture as bytes, with the position of its axes in pixels.
 
     Parameters
     ----------
     data : bytes
-        Of a PNG file.
+        Content of a PNG file.
     width, height : int
-        In pixels.
+        Size in pixels.
     left, right, top, bottom : float
-        Of the axes, in pixels from the upper left corner.
+        Sides of the axes, in pixels from the upper left corner.
     low, high : float
         Ends of the horizontal axis (SI).
     floor, ceiling : float
-        Ends of the vertical axis (SI), where they are asked for.
+        Ends of the vertical axis (SI), where they were given.
     """
 
     data: bytes
@@ -106,7 +105,7 @@ def fit(
 ) -> Axes:
     """Draw a fit against indentation from its contact point, with the residuals below.
 
-    Of a long approach the part shortly before contact is shown: the flat line would be all there is to see.
+    Of a long approach only the last part before contact is shown, so that the contact fills the picture.
 
     Parameters
     ----------
@@ -117,7 +116,7 @@ def fit(
     whole : bool, default False
         Draw all points, however long the approach.
     half_space : Fit, optional
-        The half-space's best fit of the same curve, drawn dashed; by default it is made.
+        Best half-space fit of the same curve, drawn dashed; by default it is computed.
     ax : matplotlib Axes, optional
         Where to draw; its lower part becomes a strip of residuals.
 
@@ -149,7 +148,7 @@ def fit(
 
 
 def _indentation(result: Fit, curve: int) -> tuple[FloatArray, float, str]:
-    """Indentation from the contact point (m), (n,), and the unit of its axis: SI value and name."""
+    """Return indentation from the contact point (m), (n,), and the unit of its axis: SI value and name."""
     instrument, measured = result.scenes[curve].instrument, result.curves[curve]
     force = measured.force - result.residuals[curve] - _offset(result, curve)
     indentation = instrument.chain.travel(measured.depth) - instrument.compliance * force
@@ -158,13 +157,13 @@ def _indentation(result: Fit, curve: int) -> tuple[FloatArray, float, str]:
 
 
 def _offset(result: Fit, curve: int) -> FloatArray:
-    """Force readings without contact (N), (n,)."""
+    """Return the force readings that the instrument would give without contact (N), (n,)."""
     depth = result.curves[curve].depth
     return np.asarray(result.scenes[curve].instrument.chain.reading(np.zeros(len(depth)), depth))
 
 
 def _axis_unit(values: FloatArray, kind: str) -> tuple[str, float]:
-    """The largest unit in which the largest of `values` is one or more: 286 µm, not 0.286 mm."""
+    """Return the unit (name, SI value) in which the largest of `values` is one or more: 286 µm, not 0.286 mm."""
     return unit_for(0.1 * values, kind)
 
 
@@ -176,7 +175,7 @@ def _model_words(result: Fit, curve: int) -> str:
 
 
 def _contact_words(result: Fit, curve: int) -> tuple[str, str]:
-    """The contact point, with how well it is known where it was fitted."""
+    """Return the label of the contact point, with its uncertainty where it was fitted, and its colour."""
     names = ("instrument.contact_depth", f"instrument.contact_depth[{curve}]")
     name = next((name for name in names if name in result.names), "")
     known = result.answer(name) if name else None
@@ -187,7 +186,11 @@ def _contact_words(result: Fit, curve: int) -> tuple[str, str]:
 
 
 def _half_space_line(upper: Axes, lower: Axes, what: tuple[Fit, FloatArray, float, FloatArray]) -> str:
-    """Draw the half-space's best fit and its smoothed residual; what is said of it."""
+    """Draw the best half-space fit and its smoothed residual; return its label.
+
+    `what` is that fit, the indentation in units of the axis, the unit of force (N), and the force without contact
+    (N).
+    """
     bare, x, newton, offset = what
     (residual,), (measured,) = bare.residuals, bare.curves
     upper.plot(
@@ -206,7 +209,7 @@ def _half_space_line(upper: Axes, lower: Axes, what: tuple[Fit, FloatArray, floa
 
 
 def _say(panel: Axes, words: Sequence[tuple[str, str]]) -> None:
-    """Name the marks in their colours, from the top left down: there a curve that rises leaves room."""
+    """Write labels in the colours of their marks, from the top left down, where a rising curve leaves room."""
     left = panel.transAxes.inverted().transform(panel.transData.transform((0.0, 0.0)))[0]
     place = float(left) + 0.02 if left < 0.45 else 0.02
     for row, (text, colour) in enumerate(words):
@@ -222,7 +225,7 @@ def _say(panel: Axes, words: Sequence[tuple[str, str]]) -> None:
 
 
 def _zoom(panel: Axes, x: FloatArray) -> None:
-    """Show what is about the contact, in the unit of the picture; all of it where that is most of the curve."""
+    """Limit the axis to the contact and a short part before it, unless that is most of the curve anyway."""
     deepest = float(x.max())
     first = -_BEFORE * deepest
     if deepest > 0.0 and first - float(x.min()) > _BEFORE * deepest:
@@ -231,10 +234,10 @@ def _zoom(panel: Axes, x: FloatArray) -> None:
 
 
 def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw force since the baseline against depth since contact, both logarithmic, with slopes to compare with.
+    """Draw force above the baseline against indentation, both logarithmic, with lines of slope 3/2 and 2.
 
     A paraboloid on a half-space has slope 3/2, a cone 2; a substrate bends the curve upwards, a wrong contact point
-    at its shallow end.
+    bends it at its shallow end.
 
     Parameters
     ----------
@@ -252,7 +255,7 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     Raises
     ------
     InputError
-        If the tip sticks, or the curve has no point beyond contact under force.
+        If the scene has adhesion (negative forces), or the curve has no point in contact with positive force.
     """
     measured, scene = result.curves[curve], result.scenes[curve]
     if scene.adhesion is not None:
@@ -286,7 +289,7 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
 
 
 def _slopes(panel: Axes, depth: float, force: float) -> None:
-    """Lines of slope 3/2 and 2 through the deepest point."""
+    """Draw lines of slope 3/2 and 2 through the deepest point, given in units of the axes."""
     ends = np.array([0.03, 1.0])
     for power, dashes in ((1.5, "--"), (2.0, ":")):
         panel.plot(
@@ -295,7 +298,7 @@ def _slopes(panel: Axes, depth: float, force: float) -> None:
 
 
 def fit_in_time(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw one curve of a fit against time, with its residuals below.
+    """Draw the force of one curve of a fit against time, with its residuals below.
 
     Parameters
     ----------
@@ -330,7 +333,10 @@ def fit_in_time(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
 def _measured(
     result: Fit, curve: int, x: FloatArray, ax: Axes | None
 ) -> tuple[Axes, Axes, float, FloatArray]:
-    """Draw measured forces and residuals against `x`, (n,); axes, strip, unit (N), baseline (N), (n,)."""
+    """Draw measured forces and residuals against `x`, (n,).
+
+    Returns the axes, the strip of residuals, the unit of force (N), and the force without contact (N), (n,).
+    """
     measured, residual, offset = result.curves[curve], result.residuals[curve], _offset(result, curve)
     load, newton = _axis_unit(measured.force - offset, "force")
     step = -(-len(x) // _MOST_POINTS)
@@ -357,16 +363,16 @@ def laws(
     view: tuple[float, float] | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw a measured curve against indentation, which of its points are used, and laws beside it.
+    """Draw a measured curve against indentation, which of its points are fitted, and contact models over it.
 
     Parameters
     ----------
     curve : Curve
-        As it was read, with every segment.
+        The curve as it was read, with every segment.
     used : Curve
         The points that are fitted.
     lines : mapping of str to (depth, force)
-        What each law gives, readings (m, N).
+        Depth and force readings (m, N) of each contact model, by name.
     contact : float, default 0.0
         Depth reading of the contact point (m), from which indentation is counted.
     view : (float, float), optional
@@ -410,17 +416,17 @@ def force_ends(curve: Curve, low: float, high: float) -> tuple[float, float]:
 
 
 def _wide_axes() -> Axes:
-    """Axes with margins by hand: a layout that is computed draws the picture three times."""
+    """Return axes of page width with fixed margins: a computed layout draws the picture three times."""
     return plt.figure(figsize=(PAGE, 3.9)).add_axes((0.085, 0.12, 0.9, 0.86))
 
 
 def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0, 1.0)) -> Canvas:
-    """Return the picture of `ax` with the place of its axes, and close it.
+    """Return the figure of `ax` as PNG with the position of its axes, and close it.
 
     Parameters
     ----------
     ax : matplotlib Axes
-        What is drawn, in a figure of its own.
+        The only axes of their figure.
     across, up : (float, float)
         Ends (SI) of the horizontal and of the vertical axis.
     """
@@ -439,10 +445,10 @@ def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0
 
 
 def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw the modulus of a relaxing layer against time, with the band of 95 % that its fit leaves.
+    """Draw the modulus of a relaxing layer against time, with its 95 % confidence band.
 
     The band is that of `Fit.band`, point by point. It reaches from the sampling interval of the record to its
-    length: about other times the record says nothing.
+    length: other times are not measured.
 
     Parameters
     ----------
@@ -486,10 +492,10 @@ def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
 
 
 def drainage(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw what is left of the fall of the force in the last hold, against the root of time.
+    """Draw the normalised force g that is left to relax in the last hold, against the square root of time.
 
-    g = (F - F_end)/(F_peak - F_end), by the fit's own peak and end: drainage begins as a straight line in this
-    picture, and its time goes with the square of the contact radius.
+    g = (F - F_end)/(F_peak - F_end), with peak and end force of the fit: drainage begins as a straight line in this
+    picture, and its time scales with the square of the contact radius.
 
     Parameters
     ----------
@@ -530,7 +536,7 @@ def drainage(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
 
 
 def _modulus(layer: Layer, time: FloatArray) -> FloatArray:
-    """In-plane modulus (Pa), (n,), of a relaxing layer at times (s), (n,), after a sudden strain."""
+    """Return the in-plane modulus (Pa), (n,), of a relaxing layer at times (s), (n,), after a sudden strain."""
     if layer.relaxation is None:
         return np.full(len(time), layer.material.E)
     return np.asarray(layer.material.E * layer.relaxation.modulus(time))
@@ -542,7 +548,7 @@ def segments(curve: Curve, *, title: str = "", ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     curve : Curve
-        What `read` returned; without times the number of the point serves.
+        What `read` returned; without times it is drawn against the index of the points.
     title : str, optional
         Written above, e.g. which curve it is.
     ax : matplotlib Axes, optional

@@ -1,6 +1,6 @@
-"""Pictures of a map of many curves: a quantity by position, its distribution, and both at a glance.
+"""Pictures of a map of many curves: a quantity by position, its distribution, and an overview.
 
-`survey` shows modulus, its standard error, thickness and verdict by position, and a histogram.
+`survey` is the overview: modulus, thickness and verdict by position, and a histogram.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def map(  # noqa: A001  the public name; the builtin is not used here
 
 
 def map_unit(table: pd.DataFrame, x: str = "x", y: str = "y") -> tuple[str, float]:
-    """Return the unit of the axes of a map of sites with these positions, as it is printed, and its SI value."""
+    """Return the unit of a map's axes for sites with these positions (m): printed name and SI value."""
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
     return unit_for(np.concatenate([across - across.min(), up - up.min()]), "length")
 
@@ -201,7 +201,7 @@ def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | N
 
 
 def _require(table: pd.DataFrame, *columns: str) -> None:
-    """Refuse a table without one of these columns; say those that there are."""
+    """Raise an error for a table without one of these columns; the message lists those it has."""
     for name in columns:
         if name not in table.columns:
             there = ", ".join(str(name) for name in table.columns)
@@ -222,7 +222,7 @@ def _draw(ax: Axes, squares: FloatArray, values: FloatArray, column: str) -> Non
 
 
 def _squares(across: FloatArray, up: FloatArray) -> FloatArray:
-    """Corners (n, 4, 2) of a square around each site, as wide as the usual distance of neighbours (m)."""
+    """Return the corners (n, 4, 2) of a square around each site, as wide as neighbours are apart (median, m)."""
     sites = np.stack([across, up], axis=-1)
     nearest = np.asarray(spatial.KDTree(sites).query(sites, k=2)[0])[:, 1]
     apart = nearest[np.isfinite(nearest) & (nearest > 0.0)]
@@ -232,7 +232,7 @@ def _squares(across: FloatArray, up: FloatArray) -> FloatArray:
 
 
 def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
-    """Draw what a map found.
+    """Draw an overview of a map: one parameter and the thickness by position, verdicts, and a histogram.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
 
 
 def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None = None) -> Axes:
-    """Draw the verdict on every curve by position, by colour and by shape.
+    """Draw the verdict on every curve by position, as colour and shape of its mark.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""The modulus depth by depth: of a fit, with the layer in the model and by the half-space; and of a film.
+"""The modulus at each depth: of a fit, with the layer in the model and by the half-space formula; and of a film.
 
-That of a film comes from its contact stiffness, with the base in the model and without.
+That of a film comes from its contact stiffness, with the substrate in the model and without.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ _WIDTH = 1.96
 def pointwise_modulus(
     found: PointwiseModulus, *, answer: Answer | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Draw E by depth: the modulus read from the force at each depth, and the half-space's beside it.
+    """Draw the modulus read from the force at each depth, and beside it that by the half-space formula.
 
     Parameters
     ----------
     found : PointwiseModulus
         What `pointwise_modulus` returned.
     answer : Answer, optional
-        The modulus of the fit, drawn as a line in the band of its whole uncertainty; without it the line is what
-        is expected at each depth were the model right.
+        The modulus of the fit, drawn as a line in the band of its whole uncertainty. Without it the line is what
+        the fit predicts at each depth.
     ax : matplotlib Axes, optional
         Where to draw.
 
@@ -83,7 +83,7 @@ def pointwise_modulus(
 
 
 def _bars(panel: Axes, found: PointwiseModulus, metre: float, pascal: float) -> None:
-    """The modulus at each depth, with its interval where that is closed."""
+    """Draw the modulus at each depth, with its interval where both ends are finite."""
     own = found.apparent
     closed = np.isfinite(own.high) & (own.low > 0.0) & np.isfinite(own.modulus)
     arms = np.zeros((2, len(own.modulus)))
@@ -102,7 +102,7 @@ def _bars(panel: Axes, found: PointwiseModulus, metre: float, pascal: float) -> 
 
 
 def _shown(found: PointwiseModulus, answer: Answer | None, level: float) -> FloatArray:
-    """Moduli that set the height of the picture (Pa); what noise throws up may stand over the edge."""
+    """Return the moduli (Pa) that set the height of the picture; outliers by noise may lie beyond it."""
     curves = (found.apparent, found.apparent_halfspace) if found.layered else (found.apparent,)
     moduli = np.concatenate([curve.modulus for curve in curves])
     moduli = moduli[moduli <= np.nanquantile(moduli, _USUAL)]
@@ -111,7 +111,10 @@ def _shown(found: PointwiseModulus, answer: Answer | None, level: float) -> Floa
 
 
 def _widest_gap(found: PointwiseModulus, shown: FloatArray, top: float) -> float:
-    """Middle of the widest part of the axis in which nothing is drawn where words stand, as a share of it."""
+    """Return the middle of the widest empty stretch of the vertical axis at the left, as a share of it: for labels.
+
+    `shown` and `top` are moduli and the end of the axis (Pa).
+    """
     left = found.depth <= _WORDS * found.depth[-1]
     curves = (found.apparent, found.apparent_halfspace) if found.layered else (found.apparent,)
     drawn = [found.apparent.low[left], found.apparent.high[left], *(curve.modulus[left] for curve in curves)]
@@ -122,7 +125,7 @@ def _widest_gap(found: PointwiseModulus, shown: FloatArray, top: float) -> float
 
 
 def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
-    """Draw what the contact stiffness says of a film at each depth.
+    """Draw the modulus of a film from its contact stiffness at each depth, and that by the half-space formula.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The picture of a population: every unit with its curves, and the means of the groups below them."""
+"""The picture of a population: each unit (an animal, say) with its curves, and the mean of its group below."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NARROW = 6.0
 
 
 def population(result: Population, *, ax: Axes | None = None) -> Axes:
-    """Draw the units of every group with their intervals, and the mean of the group below them.
+    """Draw the units (animals, say) of every group with their intervals, and the mean of the group below them.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib Axes
-        Filled points are drawn towards the mean of their group; open ones stand for the curves of a unit
-        alone; the band is the interval of the mean.
+        Filled points are estimates of units, shrunk towards the mean of their group; open points use the curves
+        of a unit alone; the band is the interval of the mean.
     """
     groups = list(result.groups.values())
     unit, factor = unit_of(groups[0].mean, kind_of(result.parameter))
@@ -97,6 +97,6 @@ def _every(value: float, _: int) -> str:
 
 
 def _some(value: float, _: int) -> str:
-    """Label 2 and 5 between the decades: more would touch."""
+    """Label only 2 and 5 between the decades of an axis: more would overlap."""
     lead = value / 10.0 ** np.floor(np.log10(value))
     return f"{value:g}" if round(lead) in {2, 5} else ""

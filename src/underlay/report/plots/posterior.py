@@ -1,7 +1,7 @@
 """Pictures of a posterior, and of a profile likelihood.
 
-A posterior is shown parameter by parameter and pair by pair (`corner`), and as the predictive band over the
-data (`predictive`); a profile as how the fit worsens while one parameter is moved (`profile`).
+A posterior is shown parameter by parameter and pair by pair (`corner`), and as the predictive band over the data
+(`predictive`); a profile as the rise of chi-square while one parameter is varied (`profile`).
 """
 
 from __future__ import annotations
@@ -64,18 +64,18 @@ def corner(posterior: Posterior, *, names: Sequence[str] | None = None, ax: Axes
     names : sequence of str, optional
         Parameters or derived quantities with as many draws; all parameters by default.
     ax : matplotlib Axes, optional
-        A place in a grid of axes; it is divided and itself left empty.
+        Axes made by ``plt.subplots``; they are divided into a grid and left empty themselves.
 
     Returns
     -------
     matplotlib Axes
-        The divided axes. Priors are orange, true values (of made data) dashed; a quantity that spans more than a
-        factor of 20 has an axis in decades, where its bins are too.
+        The divided axes. Priors are orange, true values (of synthetic data) dashed; a quantity that spans more than
+        a factor of 20 has a logarithmic axis and bins.
 
     Raises
     ------
     InputError
-        If `ax` was placed by hand and cannot be divided, or there is nothing of a name.
+        If `ax` was placed by hand and cannot be divided, or a name is unknown.
     """
     chosen = list(posterior.names if names is None else names)
     columns = [_Column(posterior, name) for name in chosen]
@@ -100,7 +100,7 @@ def corner(posterior: Posterior, *, names: Sequence[str] | None = None, ax: Axes
 
 
 class _Column:
-    """Draws of one quantity in the unit people use."""
+    """The draws of one quantity in a unit for people, with its prior, true value, bins and axis limits."""
 
     def __init__(self, posterior: Posterior, name: str) -> None:
         values = posterior.of(name).ravel()
@@ -126,7 +126,7 @@ class _Column:
             self.edges = np.linspace(*self.window, _BINS + 1)
 
     def draw(self, cell: Axes) -> None:
-        """Histogram, prior, median and truth."""
+        """Draw the histogram, with prior, median and true value."""
         shares = np.histogram(self.draws, self.edges)[0] / len(self.draws)
         cell.stairs(shares, self.edges, fill=True, color=FIT, alpha=0.8)
         if self.prior is not None:
@@ -177,7 +177,7 @@ def _ticks(cell: Axes, across: _Column, up: _Column, *, i: int, j: int, last: in
 
 
 def _scaled(axis: Axis, set_scale: Callable[[str], None], column: _Column) -> None:
-    """A few plain numbers along an axis, even or in decades."""
+    """Set a few plain tick labels on a linear or logarithmic axis."""
     if column.scale == "linear":
         axis.set_major_locator(MaxNLocator(3, prune="both"))
         return
@@ -188,7 +188,7 @@ def _scaled(axis: Axis, set_scale: Callable[[str], None], column: _Column) -> No
 
 
 def predictive(posterior: Posterior, *, curve: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw the data, the median of the model and the 95 % bands; below, everything less the median.
+    """Draw the data, the median of the model and the 95 % bands; in the strip below, all less the median.
 
     Parameters
     ----------
@@ -237,8 +237,8 @@ def predictive(posterior: Posterior, *, curve: int = 0, ax: Axes | None = None) 
 def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood with its 68 % and 95 % intervals.
 
-    Where the fit has other optima, so has the profile: each is drawn as far as it stands in the picture, and
-    what 95 % do not reject may be shaded in several parts.
+    Profiles through further optima of the fit are drawn as well, as far as they lie within the picture, and the 95
+    % region may be shaded in several parts.
 
     Parameters
     ----------
@@ -279,7 +279,10 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
 
 
 def _shade(ax: Axes, walk: LikelihoodProfile, factor: float) -> None:
-    """Shade every part of the 95 % interval; where the data set no end, up to the bound or out of the picture."""
+    """Shade every part of the 95 % interval; an open end reaches to the bound or the edge of the picture.
+
+    `factor` is the unit of the axis in SI.
+    """
     parts, whole, edges = walk.parts(0.95), walk.interval(0.95), ax.get_xlim()
     ends = np.array(parts)
     ends[0, 0], ends[-1, 1] = min(ends[0, 0], whole.low), max(ends[-1, 1], whole.high)
@@ -288,7 +291,10 @@ def _shade(ax: Axes, walk: LikelihoodProfile, factor: float) -> None:
 
 
 def _draw_threshold(ax: Axes, walk: LikelihoodProfile, level: float, line: str, factor: float) -> None:
-    """Draw the rise that ends the interval; from drawn curves it is another one at each end, and in between."""
+    """Draw the rise of chi-square that ends the interval of a level; a calibrated one differs between the ends.
+
+    `factor` is the unit of the axis in SI, `line` the line style.
+    """
     low, high = ax.get_xlim()
     x = np.linspace(low, high, 201)
     q = np.array([_profile_scaled(walk, value * factor) for value in x])
@@ -301,13 +307,16 @@ def _draw_threshold(ax: Axes, walk: LikelihoodProfile, level: float, line: str, 
 
 
 def _profile_scaled(walk: LikelihoodProfile, value: float) -> float:
-    """Scaled value of the parameter; that of the lowest walked where the picture goes below what can be."""
+    """Return the scaled parameter for a physical value.
+
+    On a logarithmic scale a value below those of the profile, such as a negative one, gives that of the lowest.
+    """
     coordinate = walk.fit.problem.coordinates[walk.index]
     return coordinate.scaled(max(value, float(walk.values[0])) if coordinate.scale is None else value)
 
 
 def _reach(part: LikelihoodProfile, top: float) -> tuple[float, float]:
-    """Where the line of a profile leaves the picture (SI), or ends."""
+    """Return the values (SI) at which the line of a profile leaves the picture at the height `top`, or ends."""
     inside = np.flatnonzero(part.delta_chi_square < top)
     return (
         _leaving(part.values[: inside[0] + 1][::-1], part.delta_chi_square[: inside[0] + 1][::-1], top),
@@ -316,7 +325,7 @@ def _reach(part: LikelihoodProfile, top: float) -> tuple[float, float]:
 
 
 def _leaving(values: FloatArray, rise: FloatArray, top: float) -> float:
-    """Value at which the line through the first two points, walking outwards, meets `top`."""
+    """Return the value at which the line through the first two points, going outwards, meets `top`."""
     if len(values) == 1:
         return float(values[0])
     return float(np.interp(top, rise[:2], values[:2]))

@@ -1,6 +1,6 @@
-"""The test drawn to scale at one depth, and how large each of its effects is at every depth.
+"""The test drawn to scale at one depth, and the size of each of its effects against depth.
 
-The drawing shows indenter, layer, substrate and contact; the effects stand beside the accuracy that is asked.
+The drawing shows indenter, layer, substrate and contact; the effects are compared with the required accuracy.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _SHALLOWEST = 1e-3
 def scene(
     test: Scene, *, depth: float, title: str = "", solver: AnySolver = "auto", ax: Axes | None = None
 ) -> Axes:
-    """Draw a scene to scale.
+    """Draw a scene to scale, pressed to a depth reading.
 
     Parameters
     ----------
@@ -63,13 +63,13 @@ def scene(
     ax : matplotlib Axes, optional
         Where to draw.
     solver : Solver or str, default "auto"
-        What builds the law that gives the contact radius; see `contact_law`.
+        Solver of the contact law, which gives the contact radius; see `contact_law`.
 
     Returns
     -------
     matplotlib Axes
-        Both axes in the same unit, the undeformed surface at height zero. The surface outside the contact is
-        sketched. A stack has its layers named beside the picture; a face that is not bonded is a broken line.
+        Both axes in the same unit, the undeformed surface at height zero. The surface outside the contact is only
+        sketched. Several layers are named beside the picture; a face that is not bonded is a broken line.
     """
     pressed = max(float(depth) - test.instrument.contact_depth, 0.0)
     law = test.contact_law(pressed, solver=solver)
@@ -131,7 +131,7 @@ def _draw_layer(
 
 
 def _draw_below(ax: Axes, test: Scene, half: float, bottom: float, factor: float) -> None:
-    """What is under the layer on top, and the lower faces of the layers: broken where they are not bonded."""
+    """Draw what is under the top layer, and the lower faces of the layers: broken where they are not bonded."""
     sides = [-half / factor, half / factor]
     depth = test.layer.thickness
     ax.fill_between(sides, bottom / factor, -depth / factor, color=SUBSTRATE, lw=0.0)
@@ -147,12 +147,12 @@ def _draw_below(ax: Axes, test: Scene, half: float, bottom: float, factor: float
 
 
 def _names_beside(test: Scene) -> bool:
-    """Whether there is too much to say for words inside the picture."""
+    """Whether the names of the layers are too long to be written inside the picture."""
     return len(test.layers) > 1 or (test.substrate is not None and test.layer.bond != "bonded")
 
 
 def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], factor: float) -> None:
-    """Names of the layers and of the base to the right of the picture, each with a line to its middle."""
+    """Write names of layers and base to the right of the picture, each with a line to the middle of its layer."""
     half, bottom, top = window
     depth, middles, names = 0.0, [], []
     for layer in test.layers:
@@ -174,7 +174,10 @@ def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], fact
 
 
 def _spread(wanted: FloatArray, heights: FloatArray, bottom: float) -> FloatArray:
-    """Places (n,) near those wanted, from the top down, that leave each its height; the last not below `bottom`."""
+    """Return heights (n,) for labels near those wanted, from the top down, so that labels do not overlap.
+
+    `heights` are the labels' own heights (n,); the last stays above `bottom`.
+    """
     places = wanted.copy()
     places[-1] = max(places[-1], bottom + 0.5 * heights[-1])
     for n in range(len(places) - 2, -1, -1):
@@ -227,7 +230,7 @@ def _write_thickness(ax: Axes, thick: float, x: float, factor: float) -> None:
 
 
 def material_words(material: Base | None) -> str:
-    """``"E = 0.617 MPa, ν = 0.46"``, or ``"rigid"``."""
+    """Return a material in words: ``"E = 0.617 MPa, ν = 0.46"``, or ``"rigid"``."""
     numbers = {} if material is None else numbers_of(material)
     if not numbers:
         return "rigid"
@@ -246,7 +249,7 @@ def effects(
     title: str = "",
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the size of each effect of a scene against depth.
+    """Draw the size of each effect of a scene, in per cent of the force, against indentation.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One look for every picture: colour-blind safe, journal column width, units for people."""
+"""The common style of all pictures: colour-blind safe, journal column width, units for people."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ _GROUP = re.compile(r'<g id="[^"]*"')
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw with the project's look, without touching the caller's settings."""
+    """Draw with the style of this package inside a ``with`` block; the caller's settings are restored after it."""
     # Not rc_context: it puts everything back, also that the session is interactive, which matplotlib notes at
     # the first figure; a notebook would then show that one and no later one.
     before = {name: mpl.rcParams[name] for name in _STYLE}
@@ -127,14 +127,14 @@ def style() -> Iterator[None]:
 
 
 def axes(ax: Axes | None, *, width: float = PAGE, height: float = 2.9) -> Axes:
-    """Return `ax`, or new axes of `width` by `height` inches where it is None; the width is that of a page."""
+    """Return `ax`, or new axes of `width` by `height` (inches) where it is None; by default of page width."""
     if ax is not None:
         return ax
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
 
 
 def with_strip(ax: Axes, share: float = 0.3) -> tuple[Axes, Axes]:
-    """Give the lower `share` of `ax` to a strip with the same x axis.
+    """Divide axes: their lower `share` becomes a strip with the same x axis.
 
     Returns
     -------
@@ -161,18 +161,18 @@ def with_strip(ax: Axes, share: float = 0.3) -> tuple[Axes, Axes]:
 
 
 def unit_for(values: FloatArray, kind: str) -> tuple[str, float]:
-    """Return the unit people would use for the largest of `values` (SI), as it is printed, and its SI value."""
+    """Return the unit that suits the largest of `values` (SI): printed name and SI value."""
     return unit_of(float(np.max(np.abs(values), initial=0.0)), kind)
 
 
 def unit_of(value: float, kind: str) -> tuple[str, float]:
-    """Return the unit people would use for `value` (SI), as it is printed, and its SI value."""
+    """Return the unit that suits `value` (SI): printed name and SI value."""
     unit, factor = human_unit(value, kind)
     return printed_unit(unit), factor
 
 
 def in_words(value: float, kind: str, uncertainty: float | None = None, *, digits: int = 0) -> str:
-    """Return an SI value in a unit of its size, as it is printed.
+    """Return an SI value as text in a unit that suits its size, with the micro sign where it is needed.
 
     Parameters
     ----------
@@ -205,16 +205,16 @@ def save(ax: Axes, path: str | os.PathLike[str]) -> Path:
 
 
 def inline_svg(ax: Axes, name: str, alt: str) -> str:
-    """Return the figure of `ax` as an SVG element to stand in a page, and close it; equal pictures give equal text.
+    """Return the figure of `ax` as an SVG element for an HTML page, and close it; equal pictures give equal text.
 
     Parameters
     ----------
     ax : matplotlib Axes
-        Of the figure.
+        Axes of the figure.
     name : str
-        Tells the marks of this picture from those of others on the page.
+        Makes the ids of this picture differ from those of others on the page.
     alt : str
-        What a reader hears.
+        Text for screen readers.
     """
     with mpl.rc_context({"svg.hashsalt": f"underlay {name}"}):
         text = _PREAMBLE.sub("", drawn(ax, "svg").decode("utf-8"))
