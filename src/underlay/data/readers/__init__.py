@@ -139,7 +139,7 @@ def read(
 
 
 def _one_of(tests: Sequence[_Test], test: int, there: str) -> _Test:
-    """A test by its number, from 1."""
+    """Return the test of that number, counted from 1; InputError, with `there` as its reason, if there is none."""
     if not 1 <= test <= len(tests):
         raise InputError(f"there is no test {test}: {there}")
     return tests[test - 1]
@@ -171,15 +171,17 @@ def read_from_map(
 
 
 def kept_open(place: MapCurve, kept: KeptOpen) -> MapCurve:
-    """Return the curve of a map on the disk with `kept` to hold its file open for the next one.
+    """Return the place of a curve in a map, changed so that reading it leaves its HDF5 file open in `kept`.
 
-    It is for HDF5 files; a curve of a JPK map comes back as it is.
+    The next curve read with the same `kept` does not open the file again. A curve of a JPK map is unchanged.
     """
     return replace(place, kept=kept) if isinstance(place, Hdf5MapCurve) else place
 
 
 def curves_of_map(path: str | os.PathLike[str]) -> Sequence[MapCurve]:
-    """List the curves of a file of many that are read one by one, without reading them; empty for another file.
+    """List the curves of a JPK or HDF5 map without reading them; empty for any other file.
+
+    Each entry can then be read alone (`read_from_map`), so a map may be larger than memory.
 
     Raises
     ------
@@ -191,14 +193,14 @@ def curves_of_map(path: str | os.PathLike[str]) -> Sequence[MapCurve]:
 
 @dataclass(frozen=True)
 class _Asked:
-    """What a caller says of a file: its format, its columns, its calibration."""
+    """What a caller of `read` states about a file: its format, its column mapping and its calibration."""
 
     format: str | Format | None
     columns: Mapping[str, str | int] | None
     known: Calibration
 
     def all(self, source: Source) -> list[Curve]:
-        """Every curve of a file, or of the members of an archive."""
+        """Read every curve of a file; of a plain .zip archive, the curves of all its members."""
         parts, left_out = unpack(source)
         source.require(parts or not left_out, f"holds no curve: {''.join(left_out[:1])}")
         alone = len(parts) == 1
@@ -208,7 +210,7 @@ class _Asked:
         return with_note(curves, left_out)
 
     def one(self, source: Source, test: int) -> Curve | None:
-        """One test of a file whose format can read one alone; else None."""
+        """Read the test of that number (from 1) alone; None where the format can only read all curves of a file."""
         reader = None if source.is_zip else self._reader_of(source)
         if reader is None or reader.read_one is None:
             return None
@@ -216,7 +218,7 @@ class _Asked:
         return self._stamped(curve, source, reader, test)
 
     def of_map(self, place: MapCurve) -> Curve:
-        """One curve of a map on the disk."""
+        """Read one curve of a map on the disk, with its name and number in its metadata."""
         (curve, *_) = self.all(place.source())
         return curve.with_metadata(**{"name": place.name} if place.name else {}, test=place.number)
 
@@ -234,7 +236,7 @@ class _Asked:
         return self.format if isinstance(self.format, Format) else _format_named(self.format)
 
     def _options(self, source: Source, reader: Format) -> Options:
-        """What a reader is told; refuses what it has no use for."""
+        """Return the column mapping and calibration for a reader; InputError where its format takes none."""
         if self.columns is not None and not reader.takes_columns:
             raise InputError(
                 f"a column mapping does not apply to {source.name}, a file of format {reader.name!r}"
@@ -246,7 +248,7 @@ class _Asked:
         return Options(self.columns, self.known.values)
 
     def _stamped(self, curve: Curve, source: Source, reader: Format, number: int | None) -> Curve:
-        """Add to a curve where it came from, its number but where its reader knows better, and its calibration."""
+        """Add file, hash, format, calibration uncertainties and, if unset, the number to a curve's metadata."""
         return curve.with_metadata(
             **({} if number is None or "test" in curve.metadata else {"test": number}),
             **self.known.metadata,
@@ -260,7 +262,7 @@ class _Asked:
 
 
 def _numbered(curves: list[Curve]) -> list[Curve]:
-    """Curves with their numbers, from 1, but for those whose reader knows better."""
+    """Return the curves with ``test`` in their metadata, counted from 1, where their reader has not set it."""
     return [
         curve if "test" in curve.metadata else curve.with_metadata(test=number)
         for number, curve in enumerate(curves, start=1)

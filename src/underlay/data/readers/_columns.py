@@ -67,13 +67,16 @@ class Column:
 
 @dataclass(frozen=True)
 class _Part:
-    """Values (n,) in SI of a part of a mapping, and their dimension."""
+    """Value of a part of an expression over columns: an array (n,) or a number, in SI, and its dimension."""
 
     values: FloatArray | float
     dims: Dims
 
     def joined(self, sign: str, other: _Part, what: str) -> _Part:
-        """Apply one of ``+ - * /`` to this and another part; the dimension follows."""
+        """Return this part ``+``, ``-``, ``*`` or ``/`` another one, with the dimension of the result.
+
+        `what` names the expression in errors: InputError for a sum of unlike dimensions or a division by zero.
+        """
         if sign in "+-":
             if self.dims != other.dims:
                 raise InputError(
@@ -93,16 +96,16 @@ _Node: TypeAlias = Callable[[_Leaf, str], _Part]
 
 @dataclass(frozen=True)
 class Asked:
-    """What a mapping asks for: one column, or a sum or product of several.
+    """What a column mapping gives for one role (depth, force, ...): one column, or a sum or product of several.
 
     Parameters
     ----------
     columns : tuple of Column
-        All that are in it, in order.
+        All columns that occur in it, in order.
     turned : bool
-        Whether a minus sign in front of a single column turns it.
+        Whether a minus sign stands in front of a single column.
     node : callable, optional
-        Works out a sum or product; None for a single column.
+        Evaluates the sum or product; None for a single column.
     """
 
     columns: tuple[Column, ...]
@@ -117,16 +120,16 @@ class Asked:
     def values(
         self, column: Callable[[Column], FloatArray], unit_of: Callable[[Column], str], kind: str, what: str
     ) -> FloatArray:
-        """Work out a sum or product of columns in SI.
+        """Evaluate the sum or product of columns, in SI, (n,).
 
         Parameters
         ----------
         column, unit_of : callable
             Values (n,) of a column as written, and its unit; empty for a bare number.
         kind : str
-            What it must come to.
+            Kind of quantity that the result must be: ``length``, ``force`` or ``time``.
         what : str
-            What is worked out, for messages.
+            Name of the expression in error messages.
 
         Raises
         ------
@@ -173,7 +176,7 @@ def check_mapping(mapping: Mapping[str, str | int] | None) -> None:
 
 
 def name_of(label: str) -> str:
-    """Name of a column without its unit, as it is compared: small letters, no accents, blanks for underscores."""
+    """Name of a column for comparison: without its unit, in small letters, no accents, blanks for underscores."""
     name, unit = split_label(label)
     return " ".join(re.sub(r"[_()\[\]<>-]+", " ", plain(label if unit.lower() in _REMARKS else name)).split())
 
@@ -184,7 +187,9 @@ def bare_name(name: str) -> str:
 
 
 def find_columns(labels: Sequence[str], mapping: Mapping[str, str | int] | None = None) -> dict[str, int]:
-    """Index of the column of each role that the table has; for a sum or product, of the first column in it.
+    """Find the index of the column of each role (``depth``, ``force``, ``time``, ...) that a table has.
+
+    For a sum or product it is the index of the first column in it.
 
     Parameters
     ----------
@@ -208,7 +213,7 @@ def find_columns(labels: Sequence[str], mapping: Mapping[str, str | int] | None 
 
 @lru_cache(maxsize=64)
 def _known_columns(labels: tuple[str, ...]) -> Mapping[str, int]:
-    """The first column with the best name of each role, in a unit of its kind where there is one of several."""
+    """Find the column of each role by known names: best name first, then a unit of the right kind, then order."""
     names = [name_of(label) for label in labels]
     kinds = [kind_named(split_label(label)[1]) for label in labels]
     found: dict[str, int] = {}
@@ -230,14 +235,16 @@ def _known_columns(labels: tuple[str, ...]) -> Mapping[str, int]:
 
 
 def unread(labels: Sequence[str], found: Mapping[str, int], asked: Mapping[str, str]) -> tuple[str, ...]:
-    """Notes of columns that are not read and may be meant: of the same name as one that is, or of another for it.
+    """Return notes on columns that are not read though they may be the ones that were meant.
+
+    These are columns of the same name as one that is read, or of another known name for the same role.
 
     Parameters
     ----------
     labels : sequence of str
         The header.
     found, asked : mapping
-        Index of the column of each role, and what was asked for.
+        Index of the column that is read for each role, and the column mapping of the caller.
     """
     names = [plain(split_label(label)[0]) for label in labels]
     units = [split_label(label)[1] for label in labels]
@@ -270,7 +277,7 @@ def unread(labels: Sequence[str], found: Mapping[str, int], asked: Mapping[str, 
 
 
 def parse_column(text: str, labels: Sequence[str]) -> Asked | None:
-    """Read what a mapping asks for: a column, or a sum or product of several; None without such a column.
+    """Parse one entry of a column mapping: a column, or a sum or product; None if a name is not in the table.
 
     Parameters
     ----------
@@ -312,7 +319,10 @@ def _named(text: str, labels: Sequence[str]) -> int | None:
 
 
 class _Parser:
-    """Recursive descent over one mapping; None from a part means that a name in it is not in the table."""
+    """Recursive-descent parser of one entry of a column mapping (grammar at the head of this module).
+
+    A method that returns None means that a name in the text is not a column of the table.
+    """
 
     def __init__(self, text: str, labels: Sequence[str]) -> None:
         self.text, self.at, self.deep, self.count, self.columns = text, 0, 0, len(labels), list[Column]()
@@ -420,7 +430,7 @@ class _Parser:
 
 
 def _ends(text: str, at: int) -> bool:
-    """Whether a word of a text ends at a letter."""
+    """Whether a word ends before position `at` of a text: no letter, digit or underscore stands there."""
     return not (text[at : at + 1].isalnum() or text[at : at + 1] == "_")
 
 

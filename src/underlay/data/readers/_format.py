@@ -31,7 +31,7 @@ _LISTED = 5
 
 @dataclass(frozen=True)
 class Options:
-    """What a caller adds to a file.
+    """What a caller of `read` states in addition to the content of a file.
 
     Parameters
     ----------
@@ -65,9 +65,9 @@ class Format:
     extra : str
         The optional extra that the format needs; empty if none.
     takes_columns : bool
-        Whether a column mapping means something.
+        Whether files of this format accept a column mapping.
     takes_calibration : bool
-        Whether a calibration means something.
+        Whether files of this format accept a calibration of the cantilever.
     """
 
     name: str
@@ -90,16 +90,16 @@ def make_curve(
     columns: Mapping[str, FloatArray] | None = None,
     **metadata: Any,
 ) -> Curve:
-    """Make a curve of SI columns, leaving out points without a value and saying so.
+    """Make a curve of SI columns; points without depth, force or time are left out, with a warning and a note.
 
     Parameters
     ----------
     depth, force, time, segment : ndarray (n,)
-        NaN marks an empty cell or a sentinel.
+        Depth (m), force (N), time (s) and segment labels; NaN marks an empty cell or a sentinel.
     columns : mapping of str to ndarray (n,), optional
         Further columns of the curve; a NaN in one of these leaves no point out.
     **metadata
-        What the reader knows of the curve.
+        Entries of the curve's metadata; ``notes`` are added to.
 
     Raises
     ------
@@ -135,29 +135,29 @@ def make_curve(
 
 
 def _kept(values: FloatArray, chosen: NDArray[np.bool_] | slice) -> FloatArray:
-    """Copy the chosen values, once: what is read-only a curve takes as it is."""
+    """Copy the chosen values into a read-only array, which `Curve` then takes without a second copy."""
     kept = values[chosen].copy() if isinstance(chosen, slice) else values[chosen]
     kept.flags.writeable = False
     return kept
 
 
 def read_parts(parts: Sequence[tuple[str, Callable[[], list[Curve]]]]) -> list[Curve]:
-    """Curves of the parts of a file, sheets or members: one that cannot be read costs no other its curves.
+    """Read the parts of a file (sheets, archive members); one that cannot be read is left out with a note.
 
     Parameters
     ----------
     parts : sequence of (str, callable)
-        What a part is called, and what reads it.
+        Name of each part, and the function that reads its curves.
 
     Returns
     -------
     list of Curve
-        The first of them notes what was left out.
+        Curves of all parts; the metadata of the first note which parts were left out and why.
 
     Raises
     ------
     UnderlayError
-        What the first part raised, if none can be read.
+        If no part can be read: the error of one of them, preferably of one whose format was recognised.
     """
     curves: list[Curve] = []
     failures: dict[str, UnderlayError] = {}
@@ -175,7 +175,7 @@ def read_parts(parts: Sequence[tuple[str, Callable[[], list[Curve]]]]) -> list[C
 
 
 def with_note(curves: list[Curve], notes: Sequence[str]) -> list[Curve]:
-    """Return the curves with notes on what was left out of their file; the first of them carries them."""
+    """Add notes on what was left out of a file to the metadata of its first curve; return all its curves."""
     if not (notes and curves):
         return curves
     more = (f"and {len(notes) - _LISTED} more parts",) if len(notes) > _LISTED else ()
@@ -184,7 +184,10 @@ def with_note(curves: list[Curve], notes: Sequence[str]) -> list[Curve]:
 
 
 def plugged_readers(known: Sequence[Format]) -> tuple[Plugin, ...]:
-    """Load the readers that other packages add, beside those that are `known`; see `underlay.plugins`."""
+    """Load the readers of other packages (entry points, see `underlay.plugins`).
+
+    One whose name is that of a `known` format or of an earlier plug-in is returned with a fault, not used.
+    """
     taken = {entry.name for entry in known}
     judged = []
     for plugin in plugins(READERS, _fault):
@@ -200,10 +203,10 @@ def _fault(_: str, thing: object) -> str:
 
 
 def added_formats(known: Sequence[Format]) -> tuple[Format, ...]:
-    """Formats of other packages that can be used, each wrapped so that its failures stay its own.
+    """Formats of other packages that can be used, each wrapped so that its errors stop no other reader.
 
-    An error while a file is recognised becomes a warning and a no; one while it is read becomes a
-    `FileFormatError` that names the package.
+    An error in `sniff` becomes a warning and False; an error in `read_all` becomes a `FileFormatError` that
+    names the package.
     """
     return tuple(_contained(entry) for entry in plugged_readers(known) if not entry.fault)
 
@@ -238,7 +241,9 @@ def _contained(plugin: Plugin) -> Format:
 
 
 def way_out(source: Source) -> str:
-    """What to say of a file that is known but not read, as the end of a sentence; '' of any other.
+    """Say what a file of a known but unsupported format is and what to do with it; '' for any other file.
+
+    The text completes a sentence that begins with the name of the file and "is".
 
     Examples
     --------

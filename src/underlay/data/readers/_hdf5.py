@@ -43,7 +43,7 @@ _NATIVE: Mapping[str, str] = {
 
 
 class KeptOpen:
-    """The file of a map, open from one of its curves to the next: opening it takes as long as reading a curve."""
+    """Keeps the HDF5 file of a map open between its curves: opening it takes as long as reading a curve."""
 
     def __init__(self) -> None:
         self._path: Path | None = None
@@ -59,7 +59,7 @@ class KeptOpen:
         self.close()
 
     def file(self, h5py: Any, path: Path) -> Any:
-        """The file at `path`, as the library `h5py` opened it; the one before is closed."""
+        """Return the open `h5py.File` at `path`; a file at another path that is still open is closed first."""
         if path != self._path:
             self.close()
             stream = self._open.enter_context(opened(path))
@@ -70,21 +70,21 @@ class KeptOpen:
         return self._file
 
     def close(self) -> None:
-        """Close the file; the next curve opens it again."""
+        """Close the file; the next call of `file` opens it again."""
         self._path = self._file = None
         self._open.close()
 
 
 @dataclass(frozen=True)
 class GroupSource(Source):
-    """One group of a file on the disk, which is read in place; `data` are what the file is recognised by.
+    """One group of an HDF5 file on the disk, read without loading the file; `data` are only its first bytes.
 
     Parameters
     ----------
     group : str
-        Its name.
+        Name of the group.
     kept : KeptOpen or None
-        What keeps the file open for the next group; None opens it for this one alone.
+        Holds the file open for the next group; None opens and closes it for this one alone.
     """
 
     group: str = ""
@@ -92,7 +92,7 @@ class GroupSource(Source):
 
 
 def curve_groups(source: Source, file: Checked) -> list[str]:
-    """Groups of the curves that are to be read, in the order of the file."""
+    """Names of the groups to read: the one of a `GroupSource`, else all whose name is a number, in file order."""
     return [source.group] if isinstance(source, GroupSource) else [name for name in file if name.isdigit()]
 
 
@@ -102,29 +102,31 @@ def is_own(source: Source) -> bool:
 
 
 class Checked:
-    """A group of an HDF5 file, of which nothing is taken before it is looked at.
+    """A group of an HDF5 file in which size and place of each data set are checked before it is read.
+
+    Links, virtual and external data sets are refused (`FileFormatError`), and so is too large a total.
 
     Parameters
     ----------
     h5py : module
-        The library.
+        The imported library.
     where : str
-        The file, for messages.
+        Name of the file in error messages.
     group : h5py.Group
-        The group.
+        The group that is wrapped.
     claimed : list of int
-        Bytes of the numbers that were taken so far, of the whole file: one entry, which all its groups share.
+        One entry, shared by all groups of a file: bytes of the data sets read so far.
     """
 
     def __init__(self, h5py: Any, where: str, group: Any, claimed: list[int]) -> None:
         self._h5py, self._where, self._group, self._claimed = h5py, where, group, claimed
 
     def is_said(self, name: str) -> bool:
-        """Whether something is said of the group under this name."""
+        """Whether the group has an attribute of this name."""
         return bool(self._h5py.h5a.exists(self._group.id, _encoded(name)))
 
     def said(self) -> dict[str, Any]:
-        """All attributes of the group by name, as the library's `attrs` give them, at a third of their time."""
+        """Attributes of the group by name, equal to those of h5py's `attrs` and read in a third of the time."""
         h5py, here = self._h5py, self._group.id
         names: list[bytes] = []
         h5py.h5a.iterate(here, names.append)
@@ -156,7 +158,7 @@ class Checked:
         Raises
         ------
         FileFormatError
-            If it lies elsewhere, or claims more than `MAX_BYTES` together with what was taken before.
+            If it is a link or lies in another file, or the bytes read so far and its own exceed `MAX_BYTES`.
         """
         h5py, here = self._h5py, self._group.id
         # The library's own calls: its mappings ask each of these several times.
@@ -183,10 +185,9 @@ class Checked:
 
 
 def _in_memory(h5py: Any, dtype: np.dtype[Any]) -> Any:
-    """Return the library's own type for a number in memory, or None where the library must find it itself.
+    """Return h5py's type for a numpy dtype in memory, or None to let the library find it itself.
 
-    Finding it takes the library longer than reading a curve; but it knows more of some types than numpy
-    compares (names of numbers).
+    Letting it search takes longer than reading a curve, but is needed for types with metadata (enumerations).
     """
     name = _NATIVE.get(dtype.str) if dtype.metadata is None else None
     return None if name is None else getattr(h5py.h5t, name)
@@ -198,14 +199,14 @@ def _encoded(name: str) -> bytes:
 
 @contextmanager
 def open_checked(source: Source) -> Iterator[Checked]:
-    """Open an HDF5 file from memory, or from the disk for one group of it.
+    """Open the HDF5 file of a source as `Checked`: from memory, or on the disk for a `GroupSource`.
 
     Raises
     ------
     MissingExtraError
         If h5py is not installed.
     FileFormatError
-        If what is read is damaged, or as `Checked` says.
+        If the file is damaged, or something in it is refused by `Checked`.
     """
     try:
         h5py: Any = import_module("h5py")
@@ -241,22 +242,22 @@ def _content(h5py: Any, source: Source, kept: KeptOpen | None) -> Iterator[Any]:
 
 @dataclass(frozen=True)
 class Hdf5MapCurve:
-    """One curve of an HDF5 file on the disk.
+    """Place of one curve in an HDF5 file on the disk, so that it can be read alone.
 
     Parameters
     ----------
     path : Path
         The file.
     sha256 : str
-        Of the file.
+        Hash of the file.
     number : int
         Which curve, counted from 1.
     group : str
-        Its group.
+        Name of its group.
     name : str
-        What the curve is called where the whole file is read; empty where its group says it.
+        Name of the curve; empty where the group's own metadata give it (files that underlay wrote).
     kept : KeptOpen or None
-        What keeps the file open for the next curve, where they are read one after the other.
+        Holds the file open for the next curve where several are read one after the other.
     """
 
     path: Path
@@ -267,7 +268,7 @@ class Hdf5MapCurve:
     kept: KeptOpen | None = None
 
     def source(self) -> GroupSource:
-        """The group of this curve as a source, which readers take for a file of its own."""
+        """Return the group of this curve as a source that readers treat as a file with one curve."""
         known = HDF5_MAGIC if self.name else HDF5_MAGIC + HDF5_MARK.encode()
         return GroupSource(self.path, known, self.sha256, group=self.group, kept=self.kept)
 

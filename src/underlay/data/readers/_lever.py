@@ -39,7 +39,7 @@ _NAMES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 
 @dataclass(frozen=True)
 class Calibration:
-    """The calibration of a cantilever that a caller gives beside a file.
+    """The calibration of a cantilever as a caller gives it to `read`.
 
     Parameters
     ----------
@@ -54,14 +54,14 @@ class Calibration:
 
     @classmethod
     def of(cls, given: Mapping[str, str | float] | None) -> Calibration:
-        """Read ``{"spring_constant": "0.04 N/m ± 10 %", "sensitivity": "± 3 %"}``.
+        """Parse a calibration such as ``{"spring_constant": "0.04 N/m ± 10 %", "sensitivity": "± 3 %"}``.
 
-        Without a number, the file's own is as well known as that.
+        An uncertainty without a number, as "± 3 %", applies to the number that the file itself holds.
 
         Raises
         ------
         InputError
-            If a name or a number is not one of these.
+            If a name is unknown, or a number or an uncertainty cannot be read or is out of range.
 
         Examples
         --------
@@ -85,7 +85,7 @@ class Calibration:
 
     @property
     def metadata(self) -> dict[str, float]:
-        """The uncertainties under the names that a curve's metadata give them."""
+        """The uncertainties by their names in a curve's metadata, such as ``spring_constant_uncertainty``."""
         return {f"{name}_uncertainty": share for name, share in self.uncertainties.items()}
 
 
@@ -107,7 +107,7 @@ def _is_unit_of(number: str | float, kind: str) -> bool:
 
 
 def _share(name: str, number: str | float, spread: str) -> float:
-    """Relative uncertainty of a number, from per cent or from a quantity like it."""
+    """Relative uncertainty (0 to 1) from the text behind a ±: per cent, or a quantity in the unit of the number."""
     per_cent = _PER_CENT.fullmatch(spread)
     if per_cent is not None:
         share = float(per_cent[1]) / 100.0
@@ -126,17 +126,17 @@ def _share(name: str, number: str | float, spread: str) -> float:
 
 @dataclass(frozen=True)
 class Lever:
-    """The calibration of a cantilever that is used, and where it comes from.
+    """The calibration of a cantilever that is used for a curve: the caller's where given, else the file's.
 
     Parameters
     ----------
     stiffness : float
         Spring constant (N/m).
     sensitivity : float or None
-        Bending per volt of the detector (m/V), as far as it is known.
+        Bending per volt of the detector (m/V); None if not known.
     about : mapping of str to float
-        Both under the names that a curve's metadata give them, and the file's own, ``file_...``, where another
-        was given in its place.
+        Both by their names in a curve's metadata (``spring_constant``, ``sensitivity``); where the caller replaced
+        the file's number, that one too (``file_spring_constant``, ``file_sensitivity``).
     """
 
     stiffness: float
@@ -145,14 +145,15 @@ class Lever:
 
     @classmethod
     def of(cls, source: Source, stated: Mapping[str, float | None], given: Mapping[str, float]) -> Lever:
-        """Take what is given, else what the file states; both by kind (``stiffness``, ``sensitivity``), SI.
+        """Use the calibration `given` by the caller, else the one `stated` by the file.
 
-        What is stated as zero or None stands there before a calibration, and is none.
+        Both map ``stiffness`` (N/m) and ``sensitivity`` (m/V) to numbers; zero or None in `stated` means that
+        the file was not calibrated.
 
         Raises
         ------
         InputError
-            If there is no spring constant, or one is given that is none of these.
+            If there is no spring constant, or a kind of calibration is given that is neither of the two.
         """
         for unused in sorted(set(given) - set(_NAMES)):
             raise InputError(
@@ -170,9 +171,9 @@ class Lever:
         return cls(used["stiffness"], used.get("sensitivity"), about)
 
     def force(self, source: Source, signal: FloatArray, unit: str = "V") -> FloatArray:
-        """Force (N) of a deflection in volts, metres or newtons; raises InputError without a sensitivity of volts.
+        """Force (N), (n,), of a deflection signal in `unit`: V, m or N; InputError for volts without a sensitivity.
 
-        Another calibration than the file's changes what its own has made of the volts.
+        A signal in m or N holds the calibration of the file: it is rescaled where the caller gave another.
         """
         if unit == "V":
             if self.sensitivity is None:
@@ -215,13 +216,13 @@ def lever_curve(
     lever : Lever
         Its spring constant takes the bending off: depth = travel - force / spring constant.
     channel : str
-        What the travel was read from, for the rule of sign.
+        Name of the signal that the travel was read from, for the note on signs in the metadata.
     time, segment : ndarray (n,), optional
-        Time (s) and labels.
+        Time (s) and segment labels.
     number : int
-        Of the curve in its file, from 1.
+        Number of the curve in its file, from 1.
     **metadata
-        What else the reader knows of the curve.
+        Further entries of the curve's metadata.
 
     Raises
     ------
@@ -247,7 +248,7 @@ def lever_curve(
 
 
 def told(entries: Mapping[str, str]) -> dict[str, str]:
-    """What a file says of itself as short lines by name, as far as it says anything."""
+    """Shorten header entries to one line of at most 200 characters each; empty ones are dropped."""
     return {name: one_line(text)[:200] for name, text in entries.items() if text}
 
 

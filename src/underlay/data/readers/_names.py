@@ -69,7 +69,11 @@ _WAYS = {
 
 
 def side_by_side(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, list[int], list[str]]]:
-    """Tests side by side in a file: name, columns and their labels of each; [] for any other table."""
+    """Find tests that stand side by side in the columns of one table; [] for any other table.
+
+    `labels` are the names of all columns, `file` the name that numbered tests get. Each entry returned is the name
+    of a test, the indices of its columns and their labels.
+    """
     for pattern in _BESIDE:
         found: dict[str, dict[str, tuple[int, str]]] = {}
         for index, label in enumerate(labels):
@@ -101,7 +105,11 @@ def side_by_side(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, l
 
 
 def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]:
-    """Columns of the approach and of the way back, and their labels, of a table that has both side by side."""
+    """Find approach and retraction that stand side by side in one table; {} for any other table.
+
+    Maps the segment label (loading, unloading) to the indices of its columns and to their labels without the word
+    for the direction.
+    """
     found: dict[str, tuple[list[int], list[str]]] = {LOADING: ([], []), UNLOADING: ([], [])}
     for index, label in enumerate(labels):
         joint = "_" if "_" in label else " "
@@ -116,19 +124,23 @@ def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]
 
 
 class Layout(NamedTuple):
-    """Where a table stands: first row of numbers, cells of a row, and up to which cell there are numbers."""
+    """Where a table stands in a file.
+
+    `first` is its first row of numbers, `cells` the most cells of a row, `numbers` the last cell that holds a
+    number (counted from 1).
+    """
 
     first: int
     cells: int
     numbers: int
 
     def fits(self, names: Sequence[str]) -> bool:
-        """Whether these are as many names as there are columns."""
+        """Whether there are as many names as columns: `numbers` to `cells`, as cells at the end may be text."""
         return self.numbers <= len(names) <= self.cells
 
 
 class Row(NamedTuple):
-    """How many cells a row has, how many of them are numbers, and up to which cell there are numbers."""
+    """Count of the cells of a row, of the numbers among them, and the last cell that is a number (from 1)."""
 
     cells: int
     numbers: int
@@ -142,23 +154,27 @@ class Row(NamedTuple):
 
     @property
     def is_reading(self) -> bool:
-        """Whether it holds two numbers or more."""
+        """Whether the row holds two numbers or more, as a row of readings does."""
         return self.numbers >= 2
 
 
 def layout_of(
     count: int, row_at: Callable[[int], Row | None], is_regular: Callable[[int, int, int], bool] | None = None
 ) -> Layout | None:
-    """The first long run of rows of two numbers or more: a table of results above the readings is short.
+    """Find the table of readings in a file: the first run of rows of numbers at least half as long as the longest.
+
+    A row of numbers has two of them or more. A shorter run above, such as a table of results, is passed over. None
+    without such a row.
 
     Parameters
     ----------
     count : int
-        How many rows there are.
+        Number of rows in the file.
     row_at : callable
-        A row by its number; None where there is none.
+        `Row` by its index; None for a row that is a comment or holds no table.
     is_regular : callable, optional
-        Whether so many rows from a number on hold so many cells each, all of them numbers: one look at all of them.
+        Called with the index of a row, a count of rows and a count of cells: whether these rows hold so many cells
+        each, all of them numbers. A faster check than row by row.
     """
     runs: list[tuple[int, Layout]] = []
     at, end = 0, min(count, _MAX_HEAD)
@@ -192,25 +208,25 @@ def find_names(
     asked: Asked,
     split: Callable[[str, str], list[str]],
 ) -> tuple[list[str], list[str]]:
-    """Names of the columns, as many as there are, and their units where a comment says them.
+    """Find the names of the columns, one for each, and their units where a comment states them (else []).
 
     Parameters
     ----------
     above : sequence of lists of str
         Cells of the rows above the numbers.
     comments : sequence of str
-        Without what marks them.
+        Comment lines without their comment marks.
     layout : Layout
-        Of the rows of numbers.
+        Where the rows of numbers stand.
     asked : mapping, optional
-        What the caller asks for.
+        Column mapping of the caller.
     split : callable
-        Cells of a text at a separator; at none, the file's own.
+        Splits a text into cells at a separator; an empty one stands for the separator of the file.
 
     Raises
     ------
     FileFormatError
-        If there are none, or it cannot be told which belongs to which column.
+        If there are no names, or it is not clear which name belongs to which column.
     """
     # Comments that name the columns anew in another order, as above each segment.
     said = (text.partition(":") for text in comments)
@@ -263,7 +279,7 @@ def find_names(
 
 
 def serves(names: Sequence[str], asked: Asked) -> bool:
-    """Whether a row of names holds what is asked for, or a depth and a force."""
+    """Whether a row of names has all columns of the caller's mapping; without one, a depth and a force."""
     if asked:
         named = all(parse_column(str(text), names) is not None for text in asked.values())
         return named and _serves_by_name(names, asked)
@@ -277,7 +293,7 @@ def _serves_by_name(names: Sequence[str], asked: Asked) -> bool:
 
 
 def _unlabelled(names: list[str], layout: Layout) -> list[str]:
-    """Names without the label in front of them, and without the empty cell behind them."""
+    """Drop from a row of names the label in front of it, such as "columns:", and empty cells at its end."""
     while names and not names[-1] and len(names) > layout.cells:
         names = names[:-1]
     first = names[0] if names else ""
@@ -288,7 +304,7 @@ def _unlabelled(names: list[str], layout: Layout) -> list[str]:
 
 
 def _one_a_line(comments: Sequence[str], layout: Layout) -> list[list[str]]:
-    """The names of comments that number them, one a line, where they are as many as the columns."""
+    """Names from comments such as "Column 1: time (s)", one a line, if they are as many as the columns; else []."""
     found = [matched for text in comments if (matched := _ONE_A_LINE.fullmatch(text))]
     names = [matched[2].strip() for matched in found]
     counted = [int(matched[1]) for matched in found] == list(range(1, len(found) + 1))
@@ -296,7 +312,7 @@ def _one_a_line(comments: Sequence[str], layout: Layout) -> list[list[str]]:
 
 
 def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list[str]]) -> list[list[str]]:
-    """Ways to take a comment for the names of the columns, as many as there are."""
+    """All ways to split a comment into names of the columns that give as many names as there are columns."""
     if _COUNTED.match(text):
         text = _COUNT.sub(" ", text)
     label, colon, rest = text.partition(":")
@@ -316,7 +332,7 @@ def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list
 
 
 def with_units(text: str) -> list[str]:
-    """Words of a text, and a unit in brackets with the word before it."""
+    """Split a text at blanks, but keep a unit in brackets with the word before it: "depth (um)" stays one."""
     words: list[str] = []
     for word in text.split():
         if words and word[0] in "([{<" and word[-1] in ")]}>":
@@ -327,7 +343,7 @@ def with_units(text: str) -> list[str]:
 
 
 def _units(text: str, layout: Layout) -> list[str]:
-    """Units of all columns, where a comment says them after a label."""
+    """Units of all columns from a comment such as "units: um mN s" or "um, mN, s"; [] of any other comment."""
     label, colon, rest = text.partition(":")
     words = rest.replace(",", " ").replace(";", " ").split() if colon else text.split()[1:]
     if plain(label if colon else (text.split() or [""])[0]) in _UNITS and layout.fits(words):
@@ -337,7 +353,7 @@ def _units(text: str, layout: Layout) -> list[str]:
 
 
 def stated_lever(lines: Sequence[str]) -> dict[str, float]:
-    """The calibration of a lever that the head of an export states: ``stiffness`` (N/m), ``sensitivity`` (m/V)."""
+    """Read ``stiffness`` (N/m) and ``sensitivity`` (m/V) of a cantilever, if stated, from a text file's header."""
     found: dict[str, float] = {}
     for line in lines:
         for kind, pattern in (("stiffness", _SPRING), ("sensitivity", _SENSITIVITY)):
@@ -349,7 +365,7 @@ def stated_lever(lines: Sequence[str]) -> dict[str, float]:
 
 
 def is_unit_row(cells: Sequence[str]) -> bool:
-    """Whether cells are units, or nothing."""
+    """Whether a row of cells is a row of units: at least one usual unit, and no numbers or long words beside it."""
     filled = [bare for cell in cells if (bare := without_brackets(cell))]
     return any(map(is_unit, filled)) and all(
         (is_unit(cell) or len(cell) <= _LONGEST_UNIT) and not is_number(cell) for cell in filled

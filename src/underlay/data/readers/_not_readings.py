@@ -47,9 +47,9 @@ _DENSE = 0.25
 
 
 def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence[str]], tuple[str, ...]]:
-    """Rows of cells without those of statistics at the foot, and a note that names what was left out, if any.
+    """Drop rows of statistics (mean, SD, ...) at the foot of a table; return the rows and a note on those dropped.
 
-    A row of statistics holds a word for one in any of its cells, used or not; blank rows may stand between.
+    A row of statistics holds such a word in any of its cells; blank rows may stand between them.
     """
     end = len(rows)
     found: list[str] = []
@@ -68,7 +68,7 @@ def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence
 
 
 def _is_statistic(cell: str) -> bool:
-    """Whether a cell is a word for one, or several of them such as "Mean ± SD"; what stands in brackets aside."""
+    """Whether a cell names a statistic, or several such as "Mean ± SD"; text in brackets is ignored."""
     if len(cell) > _LONGEST or is_number(cell):
         return False
     bare = re.sub(r"[(\[].*?[)\]]", "", cell.lower())
@@ -83,7 +83,7 @@ def require_readings(
     depth: FloatArray,
     force: FloatArray,
 ) -> None:
-    """Refuse a table of results, with one row for each test, that looks like the curve of one test.
+    """Refuse a table of results (one row for each test), which could be mistaken for the curve of one test.
 
     ASMEC and Fischer write such tables, and people type them: a row holds the force and the depth at the peak
     of a test, its modulus and its hardness. Read as a curve, 220 tests of a public file (TriDiMap,
@@ -95,11 +95,11 @@ def require_readings(
     Parameters
     ----------
     labels, units : sequence of str
-        Of all columns.
+        Name and unit of each column.
     rows : sequence of sequences of str
-        All cells.
+        Cells of the table.
     depth, force : ndarray (n,)
-        As read of them, in any unit.
+        Depth and force as read from the cells, in any unit.
 
     Raises
     ------
@@ -143,9 +143,10 @@ def _words_of_tests(labels: Sequence[str]) -> str:
 
 
 def is_count(label: str, *, of_tests: bool = False) -> bool:
-    """Whether a column is called as one that counts tests, or that names one test in many rows.
+    """Whether the name of a column says that it numbers tests, such as "test no.".
 
-    One that counts readings is "point" or "no.".
+    With `of_tests` also where it holds the name of a test, repeated in each of its rows. A column that numbers
+    readings, "point" or "no.", is not meant.
     """
     name = " ".join(split_label(label)[0].strip(" .#").lower().replace("_", " ").split())
     return name in _NUMBERED or (of_tests and name in _NAMED)
@@ -190,7 +191,7 @@ def beginnings(
     breaks: Sequence[int],
     clocks: Callable[[], Iterable[FloatArray]],
 ) -> list[int]:
-    """Rows at which a test begins, the first among them: ``[0]`` for a table of one.
+    """Find the rows at which a test begins in a table of tests one below the other; ``[0]`` for a single test.
 
     A test may begin after blank rows or a row of names that is repeated, where a clock is set back, or where
     the depth leaps. That the depth begins again there, and goes in again, tells it from the next segment of
@@ -199,11 +200,12 @@ def beginnings(
     Parameters
     ----------
     depth, time : ndarray (n,)
-        As read; NaN where there is none.
+        As read; NaN where a value is missing.
     breaks : sequence of int
-        Rows before which something else than readings stands.
+        Rows before which a blank line or a repeated row of names stands.
     clocks : callable
-        The other columns of numbers, asked for only where the depth comes back and goes in again.
+        Gives the other columns of numbers, one of which may be a clock; called only where the depth returns to its
+        start and increases again.
     """
     count = len(depth)
     if count < 2 * _FEWEST_OF_A_TEST:
@@ -226,7 +228,7 @@ def beginnings(
 
 
 def stacked_note(rows: Sequence[int]) -> str:
-    """What to say of tests one below the other that begin at these rows (from 0)."""
+    """Note for the metadata that a table holds several tests, which begin at these rows (counted from 0)."""
     where = ", ".join(str(row + 1) for row in rows[1:6])
     more = ", ..." if len(rows) > 6 else ""
     return (
@@ -236,7 +238,7 @@ def stacked_note(rows: Sequence[int]) -> str:
 
 
 class _Motion:
-    """A depth, and which way it first goes."""
+    """Depth readings (n,) of a table, turned to grow with the first motion, their range and typical step."""
 
     def __init__(self, depth: FloatArray, extent: float) -> None:
         self.start = median(depth[:3])
@@ -248,26 +250,26 @@ class _Motion:
         self.step = median(moved[moved > 0.0]) if (moved > 0.0).any() else 0.0
 
     def leaps(self) -> list[int]:
-        """Rows to which the depth came back in one step, as no motion does."""
+        """Rows before which the depth falls back in a single step too large for a motion of the instrument."""
         back = -np.diff(self.depth)
         far = back > max(_WAY * self.extent, 0.5 * _STEPS * self.step)
         return [int(row) + 1 for row in np.flatnonzero(far)]
 
     def goes_in(self, row: int) -> bool:
-        """Whether the depth goes in from a row on, before it is far behind it."""
+        """Whether the depth, from a row on, first moves far by increasing rather than by decreasing."""
         ahead = self.depth[row:] - self.depth[row]
         far = np.flatnonzero(np.abs(ahead) > _WAY * self.extent)
         return bool(far.size and ahead[far[0]] > 0.0)
 
     def begins(self, row: int) -> bool:
-        """Whether the depth begins again at a row that something marks."""
+        """Whether a test begins at a row: the depth is near its start, or jumps, and increases from then on."""
         leap = abs(self.depth[row] - self.depth[row - 1])
         near = abs(self.depth[row] - self.start) <= _WAY * self.extent
         again = near or leap > max(_SMALL * self.extent, _STEPS * self.step)
         return again and self.goes_in(row) and bool(np.ptp(self.depth[:row]) > _WAY * self.extent)
 
     def comes_back(self) -> bool:
-        """Whether the depth is near its start again after it was far, and goes in once more."""
+        """Whether the depth returns near its start after it was deep, and then becomes deep once more."""
         pressed = self.depth - self.start
         far = np.flatnonzero(pressed > 0.5 * self.extent)
         if not far.size:
@@ -277,13 +279,16 @@ class _Motion:
 
 
 def _stopped(time: FloatArray, row: int) -> bool:
-    """Whether a clock was set back or stood still for long before a row: one that goes on is of one test."""
+    """Whether the time before a row goes back or makes a long pause; time that runs on belongs to one test."""
     ticks = np.diff(_filled(time))
     return bool(ticks[row - 1] <= 0.0 or ticks[row - 1] > _STEPS * median(ticks))
 
 
 def _set_back(clock: FloatArray, motion: _Motion) -> set[int]:
-    """Rows at which a clock and the depth begin again; none of a clock that each segment sets back."""
+    """Rows at which a clock is set back and the depth begins again.
+
+    None where the clock is also set back at other rows, as by an instrument that does so at each segment.
+    """
     if not np.isfinite(clock).any():
         return set()
     ticks = np.diff(_filled(clock))
@@ -296,7 +301,7 @@ def _set_back(clock: FloatArray, motion: _Motion) -> set[int]:
 
 
 def _filled(values: FloatArray) -> FloatArray:
-    """Values with the last one before it for each that is missing."""
+    """Replace each missing value (NaN) by the last finite one before it; leading ones by the first."""
     there = np.isfinite(values)
     if there.all():
         return values
@@ -308,7 +313,7 @@ def _filled(values: FloatArray) -> FloatArray:
 
 
 def _apart(rows: Sequence[int], count: int) -> list[int]:
-    """Rows that leave enough readings for a test on either side."""
+    """Keep those rows, after row 0, that leave enough readings for a test before and after them; `count` rows."""
     kept = [0]
     for row in rows:
         if row - kept[-1] >= _FEWEST_OF_A_TEST and count - row >= _FEWEST_OF_A_TEST:

@@ -44,9 +44,9 @@ class Source:
     path : Path
         The file on disk.
     data : bytes
-        Its content, or that of the member; UTF-16 text without its mark has it put before.
+        Its content, or that of the member; UTF-16 text without a byte-order mark gets one in front.
     sha256 : str
-        Of the file on disk.
+        Hash of the file on disk.
     member : str
         Name inside the archive; empty for a plain file.
     """
@@ -62,16 +62,16 @@ class Source:
         return printable(f"{self.path.name}!{self.member}" if self.member else self.path.name)
 
     def wrong(self, message: str) -> FileFormatError:
-        """The error that says what is wrong with the file; the message goes on after its name."""
+        """Return, not raise, the error whose text is the name of the file followed by `message`."""
         return FileFormatError(f"{self.name}{'' if message[0] in ',:' else ' '}{message}")
 
     def require(self, condition: object, message: str) -> None:
-        """Refuse a file whose content is not what its format promises.
+        """Refuse the file unless `condition` holds.
 
         Raises
         ------
         FileFormatError
-            With the name of the file and `message`, unless `condition` holds.
+            With the name of the file and `message`.
         """
         if not condition:
             raise self.wrong(message)
@@ -112,7 +112,7 @@ class Source:
 
 
 def curve_name(path: Path, number: int) -> str:
-    """Return the name of a curve in a file of many, from the file's and its number (from 1)."""
+    """Return the name of a curve in a file of several: the file's name, and from the second curve on its number."""
     return path.stem if number == 1 else f"{path.stem}, curve {number}"
 
 
@@ -135,7 +135,7 @@ def load(path: PathLike) -> Source:
 
 
 def _with_mark(data: bytes) -> bytes:
-    """Put the mark before UTF-16 text that lacks it: every other byte of Latin letters is NUL."""
+    """Put a byte-order mark before UTF-16 text that lacks it, which has NUL in every other byte."""
     start = data[: 2 * _WIDE_LETTERS]
     if b"\0" not in start or len(data) % 2 or start[:2] in _WIDE_MARKS:
         return data
@@ -159,7 +159,7 @@ def open_zip(source: Source) -> zipfile.ZipFile:
 
 
 def _is_beside(member: str, data: bytes) -> bool:
-    """Whether a member of an archive is what stands beside curves, and no curve."""
+    """Whether a member of an archive is a picture, a readme, a system file or the like, and so no curve."""
     *folders, name = member.lower().split("/")
     known = (
         name in _NO_CURVES or name.startswith((".", "readme", "licence", "license")) or name.endswith(_TEXTS)
@@ -168,10 +168,10 @@ def _is_beside(member: str, data: bytes) -> bool:
 
 
 def unpack(source: Source) -> tuple[list[Source], list[str]]:
-    """Return the files in a plain archive as sources, or the source itself, and notes on what is left out.
+    """Return the files in a plain .zip archive as sources, and notes on members that are left out.
 
-    Spreadsheets and JPK files are archives too, but not plain ones. Archives within archives are left, and so are
-    pictures, texts that describe the rest, and what systems put beside files.
+    Any other file, also a workbook or a JPK file, which are archives too, comes back as the only source. Archives
+    within archives are not unpacked. Pictures, descriptive texts and system files are left out.
 
     Raises
     ------

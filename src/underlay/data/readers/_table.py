@@ -75,27 +75,26 @@ _MARKS = {
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells under names.
+    """A table of a file as text: names of its columns, rows of cells, and what the file says about them.
 
     Parameters
     ----------
     labels : sequence of str
-        One a column, with or without its unit.
+        Name of each column, with or without its unit.
     rows : sequence of sequences of str
         The cells; the first row may hold units.
     breaks : sequence of int
-        Rows before which something else than readings stands: blank rows, the names once more.
+        Rows before which a blank row or a repeated row of names stands.
     comma : bool, optional
-        Whether the decimal sign is a comma; the cells are asked where it is not said.
+        Whether the decimal sign is a comma; None to find out from the cells.
     commas_between : bool
-        Whether commas stand between the cells, as where a decimal is written with a point: a quoted ``"1,234"`` may
-        be either there.
+        Whether commas separate the cells: a quoted ``"1,234"`` may then be a decimal or a thousand.
     units : sequence of str
-        Of all columns, where they stand elsewhere.
+        Unit of each column, where the file states them elsewhere, as in a comment.
     segments : sequence of (int, str)
         First row and label of each segment, where the file names them.
     starts : sequence of int
-        First row of each test, where the file says it.
+        First row of each test, where the file marks it.
     stated : mapping
         The calibration that the file states: ``stiffness`` (N/m), ``sensitivity`` (m/V).
     """
@@ -111,7 +110,7 @@ class Table:
     stated: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, indices: Sequence[int], labels: Sequence[str]) -> Table:
-        """The table of some of the columns under other names, without the rows in which all of them are empty."""
+        """Return a table of the columns `indices` only, named `labels`, without rows that are empty in all."""
         rows = [[row[at] if at < len(row) else "" for at in indices] for row in self.rows]
         units = [self.units[at] for at in indices] if self.units else ()
         kept = [row for row in rows if any(cell.strip() for cell in row)]
@@ -128,7 +127,7 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
     Raises
     ------
     FileFormatError
-        If depth or force is not there (names the columns that are), or a cell of them is not a number.
+        If depth or force is missing (the message names the columns there are), or a cell of them is no number.
     UnitError
         If a column has no unit or one of the wrong kind.
     """
@@ -149,7 +148,11 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
 def _curves(
     source: Source, parts: Mapping[str, Table], options: Options, metadata: Mapping[str, Any]
 ) -> list[Curve]:
-    """Curves of a table, or of its ways in and out by their labels, one after the other."""
+    """Make the curves of a table.
+
+    `parts` is the table under the key ``""``, or approach and retraction as tables of their own, by segment label,
+    which are joined into one curve.
+    """
     read = [_Reader(source, table, options) for table in parts.values()]
     first, times = read[0], [one.time for one in read if one.time is not None]
     depth, force = (np.concatenate([getattr(one, name) for one in read]) for name in ("depth", "force"))
@@ -180,7 +183,7 @@ def _curves(
 
 
 def _with_signs(curve: Curve, *, free: bool) -> Curve:
-    """A note of signs that look reversed; a travel that may grow either way is turned, and it is said."""
+    """Add a note if depth or force looks reversed; if `free`, a depth of either direction is turned instead."""
     notes = curve.metadata["notes"]
     if free and reversed_columns(curve) == ("depth",):
         rules = {**curve.metadata["sign_rules"], "depth": "turned: the first motion goes into the sample"}
@@ -193,7 +196,7 @@ def _with_signs(curve: Curve, *, free: bool) -> Curve:
 class _Reader:
     """Depth, force and time (SI) of one table, with their units, rules of sign and notes.
 
-    `free` says that the depth is of a travel that may grow either way, `known` what is known of the lever.
+    `free`: the depth is a travel whose direction is not known. `known`: the calibration used, for the metadata.
     """
 
     def __init__(self, source: Source, table: Table, options: Options) -> None:
@@ -224,7 +227,7 @@ class _Reader:
         self.notes += unread(self.labels, self.found, self.mapping)
 
     def _read_columns(self, wanted: dict[str, Asked]) -> None:
-        """Read the columns that are wanted, without a time that nobody asked for and that holds no numbers."""
+        """Read the `wanted` columns, by role; drop a time that the caller did not name and that is no number."""
         try:
             table = self._numbers(indices := _indices(wanted))
         except FileFormatError:
@@ -244,7 +247,7 @@ class _Reader:
             require_readings(self.source, self.labels, units, self.rows, *main)
 
     def segments(self) -> tuple[NDArray[np.str_] | None, Sequence[str]]:
-        """Labels (n,) as far as the file says them, and notes: its segments, its column of them, its marks."""
+        """Segment labels (n,) from the file's segments, segment column or marker column, else None; and notes."""
         labels: NDArray[np.str_] | None = None
         told: Sequence[str] = ()
         if self.table.segments:
@@ -272,14 +275,14 @@ class _Reader:
         return labels, told
 
     def tests(self) -> Sequence[int]:
-        """Rows at which a test begins."""
+        """Rows at which a test begins: as the file says, by a column that numbers tests, or by the motion."""
         breaks = [row - self.shift for row in self.table.breaks]
         return (
             self.table.starts or self._numbered() or beginnings(self.depth, self.time, breaks, self._clocks)
         )
 
     def _numbered(self) -> list[int]:
-        """Rows at which a column that counts tests has another number; [] without one."""
+        """Rows at which a column that numbers tests changes, with row 0; [] without such a column."""
         for index, label in enumerate(self.labels):
             if is_count(label, of_tests=True):
                 cells = np.array([cell.strip() for cell in _column(self.rows, index)])
@@ -300,7 +303,10 @@ class _Reader:
         return numbers(self.rows, indices, self.source.name, comma=self.table.comma)
 
     def _asked(self, role: str) -> Asked | None:
-        """What the mapping asks for; raises where the table has no such column."""
+        """Return the parsed column mapping of a role, or the column found by name, or None.
+
+        FileFormatError if the mapping names a column that the table does not have.
+        """
         if role not in self.mapping:
             return Asked((Column(self.found[role]),)) if role in self.found else None
         parsed = parse_column(self.mapping[role], self.labels)
@@ -351,12 +357,12 @@ class _Reader:
         return None
 
     def _unit(self, column: Column) -> str:
-        """Unit of a column: asked for, or in its name, or below."""
+        """Unit of a column: from the mapping, else from its name, else from the row of units below the names."""
         at = column.index
         return column.unit or _one_unit(self.source, self.labels[at], self.above[at], self.below[at])
 
     def _value(self, role: str, asked: Asked) -> FloatArray:
-        """SI values of a role."""
+        """Values (n,) in SI of a role (depth, force, time); records its unit and its rule of sign."""
         text, source = self.mapping.get(role, "").strip(), self.source
         if asked.node is not None:
             self.units |= {self.labels[column.index]: self._unit(column) for column in asked.columns}
@@ -376,7 +382,7 @@ class _Reader:
         return np.asarray(values * (-factor if turned else factor))
 
     def _clock(self, time: FloatArray) -> FloatArray:
-        """Time of a table whose segments each set it back: it goes on from the segment before."""
+        """Return the time (n,) made continuous where the instrument sets its clock back at each segment."""
         starts = [row for row, _ in self.table.segments if 0 < row < len(time)]
         back = np.flatnonzero(np.diff(time) < 0.0) + 1
         inside = sorted({*starts} - {*self.table.starts})
@@ -397,7 +403,7 @@ class _Reader:
         return lever
 
     def _lever_force(self, values: FloatArray, label: str, unit: str) -> FloatArray:
-        """Force (N) of a lever's deflection, a length or the volts of its detector."""
+        """Force (N), (n,), from a cantilever's deflection in a unit of length or in volts of its detector."""
         lever = self._lever()
         self.units[label] = unit
         if kind_named(unit) == "voltage":
@@ -408,7 +414,7 @@ class _Reader:
         return np.asarray(values * (factor * lever.stiffness))
 
     def _take_off_bending(self) -> None:
-        """Turn a height, and take the bending of the lever off the travel of its scanner."""
+        """Make a depth of a height or a scanner's travel: turn a height, subtract the cantilever's bending."""
         if not self.free:
             if self.options.calibration and not self.known:
                 raise InputError(
@@ -451,7 +457,7 @@ def _indices(wanted: Mapping[str, Asked]) -> list[int]:
 def _require_no_groups(
     source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], columns: Mapping[int, FloatArray]
 ) -> None:
-    """Refuse a column that counts 998, 999, 1,000: its separator is one of thousands, read as a decimal sign."""
+    """Refuse a column whose separator of thousands was read as a decimal sign, as in 998, 999, 1,000."""
     for index, values in columns.items():
         # Nearly every column ends here, or a line below.
         if np.abs(values).max() < _THREE_DIGITS:
@@ -476,7 +482,7 @@ def _require_no_groups(
 def _require_decimals(
     source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], columns: Mapping[int, FloatArray]
 ) -> None:
-    """Refuse a column whose commas may all be of thousands."""
+    """Refuse a column whose commas may all separate thousands, in a table whose cells are separated by commas."""
     for index in columns:
         commas = [cell for row in rows if index < len(row) and "," in (cell := row[index].strip())]
         source.require(
@@ -498,7 +504,11 @@ def _no_unit(source: Source, label: str, role: str) -> str:
 def _take_unit_row(
     labels: Sequence[str], rows: Sequence[Sequence[str]], stated: Sequence[str]
 ) -> tuple[list[str], list[str], Sequence[Sequence[str]]]:
-    """Units of all columns beside and below their names, and the rows of numbers without a row of units."""
+    """Separate the units of a table from its rows.
+
+    Returns the unit of each column in its name, the unit in the row below the names or stated elsewhere (`stated`),
+    and the rows without that row of units.
+    """
     units = [split_label(label)[1] for label in labels]
     below = [""] * len(units)
     if rows and not any(map(is_number, rows[0])):
@@ -511,7 +521,7 @@ def _take_unit_row(
 
 
 def _one_unit(source: Source, label: str, above: str, below: str) -> str:
-    """The unit of a column, which its name and the row of units below may both say."""
+    """Unit of a column from its name (`above`) or the row below (`below`); refused where the two contradict."""
     if not (above and below):
         return above or below
     kind, other = kind_named(above), kind_named(below)
@@ -525,24 +535,24 @@ def _one_unit(source: Source, label: str, above: str, below: str) -> str:
 
 
 def is_marker(cell: str) -> bool:
-    """Whether a cell marks the row of an instrument, as KLA's "End Of Loading Index"."""
+    """Whether a cell is an instrument's mark of the row it stands in, such as KLA's "End Of Loading Index"."""
     return cell.strip().lower().endswith((" index", "segment type")) or cell.strip().lower() == "end"
 
 
 def marked(markers: Sequence[str], motion: NDArray[np.str_] | None = None) -> NDArray[np.str_] | None:
-    """Labels of rows by the marks above them, as an instrument writes them at the first row of each segment.
+    """Segment labels (n,) from the marks that an instrument writes in the first row of each segment.
 
     Parameters
     ----------
     markers : sequence of str
-        One a row, most of them empty.
+        Text of the marker column in each row, most of them empty.
     motion : ndarray (n,) of str, optional
-        Labels of the rows that stand before the first mark that says one, and after one that ends it.
+        Labels found from the motion, for rows before the first mark of a segment and after the last has ended.
 
     Returns
     -------
     ndarray (n,) of str or None
-        None where there is no mark, or one is not understood and there is no motion.
+        None where there is no mark, or one is not understood and `motion` is not given.
     """
     after_hold = len(markers)
     labels = np.full(len(markers), LOADING, dtype="<U9") if motion is None else np.array(motion, dtype="<U9")

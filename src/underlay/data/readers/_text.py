@@ -53,14 +53,14 @@ _factor = lru_cache(maxsize=256)(unit_factor)
 
 @dataclass(frozen=True)
 class Lines(Sequence[Sequence[str]]):
-    """Rows of a plain table, kept as the lines of the file; one is split where its cells are asked for.
+    """Rows of a plain table, kept as the lines of the file; a row is split into cells when it is accessed.
 
     Parameters
     ----------
     lines : list of str
-        One for each row, without quotes.
+        One line for each row, without quotes.
     separator : str
-        Between its cells; a blank stands for any number of blanks.
+        Character between the cells; a blank stands for any number of blanks.
     """
 
     lines: list[str]
@@ -80,11 +80,11 @@ class Lines(Sequence[Sequence[str]]):
 
     @property
     def between(self) -> str | None:
-        """The separator, as Python's split and numpy take it."""
+        """The separator for `str.split` and `numpy.loadtxt`: None for blanks."""
         return None if self.separator == " " else self.separator
 
     def count_cells(self) -> int:
-        """Cells of all rows."""
+        """Count the cells of all rows together."""
         if self.separator == " ":
             return sum(map(len, map(str.split, self.lines)))
         return "\n".join(self.lines).count(self.separator) + len(self.lines)
@@ -92,12 +92,12 @@ class Lines(Sequence[Sequence[str]]):
 
 @dataclass(frozen=True)
 class Arrays(Sequence[Sequence[str]]):
-    """Rows of a table whose columns are numbers already.
+    """Rows of a table whose columns are arrays of numbers, with cells as text like any other table.
 
     Parameters
     ----------
     columns : sequence of ndarray (n,)
-        All of one length.
+        The columns, all of one length.
     """
 
     columns: Sequence[FloatArray]
@@ -112,7 +112,7 @@ class Arrays(Sequence[Sequence[str]]):
 
 
 def decode(source: Source) -> str:
-    """Return the text of a file: UTF-8, UTF-16 with its mark, else Latin-1.
+    """Return the text of a file: UTF-8, UTF-16 if it has a byte-order mark, else Latin-1.
 
     Raises
     ------
@@ -137,23 +137,23 @@ def decode(source: Source) -> str:
 
 
 def lines_of(source: Source) -> list[str]:
-    r"""Return the lines that hold something, whatever mixture of \n, \r\n, \r and \n\r ends them.
+    r"""Return the lines of a file that are not blank, whatever mixture of \n, \r\n, \r and \n\r ends them.
 
     Raises
     ------
     FileFormatError
-        If there is none, or the file is not text.
+        If all lines are blank, or the file is not text.
     """
     return lines_and_gaps(source)[0]
 
 
 def lines_and_gaps(source: Source) -> tuple[list[str], list[int]]:
-    """Return the lines that hold something, and the numbers (from 0) of those that come after a blank line.
+    """Return the lines that are not blank, and the indices (from 0, among these) of those after a blank line.
 
     Raises
     ------
     FileFormatError
-        If there is no such line, or the file is not text.
+        If all lines are blank, a line is too long for a table, or the file is not text.
     """
     text = decode(source)
     if "\r" in text:
@@ -180,7 +180,7 @@ def lines_and_gaps(source: Source) -> tuple[list[str], list[int]]:
 
 
 def unit_named(text: str) -> str:
-    """The unit of a text that may write it in a word, or as a mass for its weight; any other text as it is.
+    """Return the symbol of a unit written as a word ("microns") or a mass meant as a force ("g"); else the text.
 
     Examples
     --------
@@ -216,7 +216,7 @@ def is_unit(text: str) -> bool:
 
 @lru_cache(maxsize=1024)
 def kind_named(unit: str) -> str | None:
-    """Kind of quantity of a unit as instruments write it; None of a word, without asking what it might be."""
+    """Kind of quantity (``length``, ``force``, ...) of a unit; None of an unknown one or of an ordinary word."""
     return kind_of(unit) if is_unit(unit) or len(unit) <= _LONGEST_WORD or not unit.isalpha() else None
 
 
@@ -252,7 +252,7 @@ def _split_label(text: str) -> tuple[str, str]:
 
 
 def column_factor(unit: str, kind: str, column: str, where: str) -> float:
-    """SI value of the unit of a column, with an error that names the column.
+    """Factor that converts the unit of a column to SI; an error names the column and the file (`where`).
 
     Raises
     ------
@@ -271,14 +271,14 @@ def is_number(cell: str) -> bool:
 
 
 def as_number(cell: str) -> float:
-    """The number of a cell that `is_number`."""
+    """Return the number in a cell for which `is_number` is true."""
     return float(cell.replace(",", "."))
 
 
 def numbers(
     rows: Sequence[Sequence[str]], indices: Sequence[int], where: str, *, comma: bool | None = None
 ) -> FloatArray:
-    """Read some columns of a table of cells.
+    """Convert some columns of a table of cells to numbers.
 
     Parameters
     ----------
@@ -287,10 +287,10 @@ def numbers(
     indices : sequence of int, (m,)
         Columns wanted.
     where : str
-        File, for messages.
+        Name of the file in error messages.
     comma : bool, optional
-        Whether the decimal sign is a comma; the first rows of these columns are asked where it is not said: some
-        hold a comma then, and none a point.
+        Whether the decimal sign is a comma; None to find out from the first rows of these columns: it is one if
+        some of them hold a comma and none a point.
 
     Returns
     -------
@@ -328,7 +328,7 @@ def numbers(
 
 
 def _all_good(rows: Sequence[Sequence[str]], indices: Sequence[int], *, comma: bool) -> FloatArray | None:
-    """Convert a table (n, m) in one go; None if a cell of it needs a look."""
+    """Convert the columns to an array (n, m) at once; None if a cell is not a plain finite number."""
     table = np.empty((len(rows), len(indices)), order="F")
     try:
         if isinstance(rows, Lines) and not comma:

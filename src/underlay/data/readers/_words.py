@@ -15,10 +15,10 @@ SAID: Mapping[str, Any] = parse_toml(files(__package__).joinpath("formats.toml")
 
 
 def listed(text: str) -> tuple[str, ...]:
-    """Words of a list that a text holds, commas between; none of an empty one."""
+    """Split a text at commas into its entries, blanks tidied; () of an empty text."""
     return tuple(" ".join(name.split()) for name in text.split(",") if name.strip())
 
 
 def words(name: str) -> frozenset[str]:
-    """One of the document's sets of words."""
+    """Return the set of words that ``formats.toml`` holds under this name in its section ``words``."""
     return frozenset(listed(SAID["words"][name]))

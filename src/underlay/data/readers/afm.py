@@ -85,7 +85,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
 
 
 def _tab(source: Source, _: Mapping[str, float]) -> list[Curve]:
-    """A table of afmformats: the columns that are used (SI), and what its metadata say."""
+    """Read a .tab file of afmformats, one curve of SI columns and JSON metadata; no calibration is used."""
     lines = lines_of(source)
     comments = [line.strip() for line in lines if line.startswith("#")]
     rows = [line.split("\t") for line in lines if not line.startswith("#")]
@@ -116,7 +116,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _workshop(source: Source, given: Mapping[str, float]) -> list[Curve]:
-    """AFM Workshop: a head, a row of names, and the way in beside the way out."""
+    """Read an AFM Workshop text file: a header, a row of names, approach and retraction side by side; one curve."""
     lines = lines_of(source)
     at = next((at for at, line in enumerate(lines) if line.startswith(("Extend ", "Retract "))), len(lines))
     head = header_of(lines[:at])
@@ -153,7 +153,7 @@ def _workshop(source: Source, given: Mapping[str, float]) -> list[Curve]:
 
 
 def _ntmdt(source: Source, given: Mapping[str, float]) -> list[Curve]:
-    """NT-MDT: the height of both ways, deepest first, and the current of the detector on each."""
+    """Read the curve of an NT-MDT text: height, deepest point first, and detector current of both ways."""
     height, *ways = numbers(Lines(lines_of(source), "\t"), (0, 1, 2), source.name, comma=True).T
     heights, signals = [], []
     for signal, turn in zip(ways, (-1, 1), strict=True):
@@ -187,12 +187,12 @@ def _hdf5(source: Source, _: Mapping[str, float]) -> list[Curve]:
 
 
 def _columns(group: Checked) -> list[str]:
-    """Columns of a curve that are read."""
+    """Names of the data sets of a curve that are read: the best height there is, force, time and segment."""
     return [*[name for name in _HEIGHTS if name in group][:1], *[name for name in _COLUMNS if name in group]]
 
 
 def _require_afmformats(source: Source, file: Checked, group: Any) -> None:
-    """Refuse a sound HDF5 file whose layout is not known here, and say what it holds."""
+    """Refuse an HDF5 file that afmformats did not write (FileFormatError); the message says what it holds."""
     if file.is_said("software") and isinstance(group, Checked) and "force" in group:
         return
     if file.is_said("nsf_file_version_major"):
@@ -219,7 +219,10 @@ _READERS: Mapping[str, Callable[[Source, Mapping[str, float]], list[Curve]]] = {
 def _curve(
     source: Source, number: int, data: Mapping[str, FloatArray], found: Mapping[str, Any], **known: Any
 ) -> Curve:
-    """A curve of columns in SI; `found` is what the file says of it, by the names of afmformats."""
+    """Make a curve of SI columns: heights, force (N), time (s), segment numbers.
+
+    `found` are its metadata by afmformats' names, such as "spring constant"; `known` are further metadata.
+    """
     channel = next((name for name in _HEIGHTS if name in data), _HEIGHTS[-1])
     height, force = (np.array(data[name], dtype=np.float64) for name in (channel, "force"))
     time = np.array(data["time"], dtype=np.float64) if "time" in data else None
@@ -251,7 +254,7 @@ def _curve(
 
 
 def _segments(data: Mapping[str, FloatArray], height: FloatArray, time: FloatArray | None) -> Any:
-    """Label each numbered segment by its motion: the numbers say where one ends, not what it is."""
+    """Segment labels (n,) from the motion within each numbered segment; None where a height is missing."""
     if not np.isfinite(height).all():
         return None
     numbers = np.asarray(data["segment"]) if "segment" in data else np.zeros(len(height))

@@ -80,7 +80,7 @@ _SEGMENTS = {
 
 
 def _separator(line: str) -> str:
-    """What separates a row of two numbers or more; '' of any other line."""
+    """Separator (tab, semicolon, comma or blank) of a line with two numbers or more; '' for any other line."""
     if _DIGIT.search(line) is None or line.lstrip().startswith(_COMMENT):
         return ""
     some = ""
@@ -96,7 +96,7 @@ def _separator(line: str) -> str:
 
 
 def _layout(lines: Sequence[str]) -> tuple[Layout, str] | None:
-    """Where the numbers begin, and what separates them."""
+    """Find where the rows of numbers stand, and the separator of their cells; None if there are none."""
     separators: dict[int, str] = {}
 
     def row_at(at: int) -> Row | None:
@@ -176,7 +176,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     gone = sorted(left_out | {at for at in commented if at >= first})
 
     def row_of(at: int) -> int:
-        """Number of the first row of the table that stands at or below a line."""
+        """Index of the first row of the table that stands at or below the line with that index in the file."""
         return max(at - first - bisect_left(gone, at), 0)
 
     breaks = {row_of(at) for at in (*(gap for gap in gaps if gap > first), *(at + 1 for at in left_out))}
@@ -214,7 +214,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
 
 
 def _waves(source: Source, lines: Sequence[str]) -> list[str]:
-    """The waves of an Igor text file (.itx) as one table with a row of names, and its other lines as comments."""
+    """Turn an Igor text file (.itx) into the lines of a table with a row of wave names; the rest as comments."""
     columns: list[tuple[str, list[str]]] = []
     others: list[str] = []
     first, inside = 0, False
@@ -242,7 +242,24 @@ def _waves(source: Source, lines: Sequence[str]) -> list[str]:
 def _left_out(
     below: dict[int, str], commented: dict[int, str], separator: str, names: Sequence[str], first: int
 ) -> tuple[set[int], list[str]]:
-    """Lines among the numbers that are blank, the names once more, their units or the title of the next test."""
+    """Find lines among the rows of numbers that are no readings: blank, repeated names or units, or a title.
+
+    Parameters
+    ----------
+    below, commented : dict of int to str
+        By their index in the file, the lines that do not begin as a number does, and the comments among all lines.
+    separator : str
+        Of the cells.
+    names : sequence of str
+        Names of the columns.
+    first : int
+        Index of the first row of the table.
+
+    Returns
+    -------
+    (set of int, list of str)
+        Indices of these lines, and notes that quote the titles.
+    """
     left_out: set[int] = set()
     notes: list[str] = []
     for at, line in below.items():
@@ -263,7 +280,7 @@ def _left_out(
 def _said_above(
     commented: dict[int, str], row_of: Callable[[int], int]
 ) -> tuple[list[tuple[int, str]], list[int]]:
-    """What comments above segments say: first row and label of each, and the rows at which a curve begins."""
+    """Read comments as JPK's text export has them: first row and label of each segment, first row of each curve."""
     segments: list[tuple[int, str]] = []
     starts, before = {0}, ""
     for at, line in commented.items():
@@ -301,7 +318,7 @@ def _require_names(source: Source, names: Sequence[str], rows: Sequence[Sequence
 
 
 def _known_numbers(comments: Sequence[str]) -> dict[str, float]:
-    """Numbers that mean something to a fit, from comments such as ``indenter radius: 27.5 um``."""
+    """Read the numbers of `COMMENTED_NUMBERS` (SI) from comments such as ``indenter radius: 27.5 um``."""
     known = {}
     for comment in comments:
         key, _, value = comment.partition(":")
@@ -315,7 +332,7 @@ def _known_numbers(comments: Sequence[str]) -> dict[str, float]:
 
 
 def _stored(comments: Sequence[str]) -> Any:
-    """What an exported curve says about itself, or None."""
+    """Parse the metadata that underlay's own CSV export stores in a comment; None where there are none."""
     for comment in comments:
         if comment.startswith(METADATA_MARK):
             try:

@@ -64,7 +64,10 @@ def _optics11_parts(source: Source) -> Iterator[Part]:
 
 
 def _made_of_optics11(part: Part, columns: Columns) -> dict[str, Any]:
-    """Depth is Piezo - Cantilever: "Indentation" is that less a constant the software chose, and cut to zero."""
+    """Add depth, segments, place and notes to an Optics11 test.
+
+    Depth is Piezo - Cantilever. The file's "Indentation" is that less a constant of the software, and cut to zero.
+    """
     piezo, cantilever, header = columns["piezo"], columns["cantilever"], header_of(part.head)
     depth = piezo - cantilever
     made: dict[str, Any] = {}
@@ -124,7 +127,7 @@ def _bioindenter_parts(source: Source) -> Iterator[Part]:
 
 
 def _made_of_bioindenter(part: Part, columns: Columns) -> dict[str, Any]:
-    """Segments from SegmentID and the protocol, and what the vendor's Hertz fit says."""
+    """Return segment labels from SegmentID and the protocol, and model and range of the vendor's own fit."""
     made: dict[str, Any] = {}
     if "ErHz" in header_of(part.head):
         made["instrument_model"] = "Hertz"
@@ -185,7 +188,7 @@ def _hysitron_parts(source: Source) -> Iterator[Part]:
 
 
 def _made_of_hysitron(part: Part, columns: Columns) -> dict[str, Any]:
-    """Labels by the demand of the segment in which a point falls, where the file lists segments."""
+    """Return labels from the file's list of segments: loading, hold or unloading as its demanded load changes."""
     listed: dict[str, list[float]] = {name: [] for name in _DEMANDS}
     for line in part.head:
         key, _, value = line.partition(":")
@@ -256,7 +259,7 @@ _MARKS = frozenset({"<DATA>", "<END DATA>", "<INFO>", "<END INFO>", "<divider>",
 
 @dataclass
 class _Block:
-    """One block while it is read; the first of its rows are the names."""
+    """One block of a Mach-1 file: its function, its settings, its rows (the first holds the names) and dividers."""
 
     function: str
     settings: dict[str, str]
@@ -265,13 +268,16 @@ class _Block:
 
     @property
     def axes(self) -> dict[str, str]:
-        """Names of the indenting axis, of its load cell, and of what else is read, by role."""
+        """Column name of each role: time, stage (the indenting axis), force (its load cell), x and y."""
         axis = self.settings.get("Stage Axis", "Position (z)")
         cell = self.settings.get("Load Cell Axis", "Fz")
         return {"time": "Time", "stage": axis, "force": cell, "x": "Position (x)", "y": "Position (y)"}
 
     def part(self, where: str, name: str = "") -> Part:
-        """The table of the block, with its columns found by the names of the axes; refuses one without them."""
+        """Return the table of the block, its columns found by `axes`; FileFormatError where one is missing.
+
+        `where` names the block in errors, `name` the part that is returned.
+        """
         if len(self.rows) < 2:
             raise FileFormatError(f"{where} has no rows of numbers")
         labels = [split_label(label) for label in self.rows[0]]
@@ -367,7 +373,7 @@ def _made_of_mach1(part: Part, columns: Columns) -> dict[str, Any]:
 
 
 def _search_result(where: str, search: _Block | None) -> dict[str, Any]:
-    """What the search for contact before a test asked for and reached (N), said aloud if it failed."""
+    """Return criterion and largest force (N) of the search for contact before a test; a note if it was missed."""
     if search is None or len(search.rows) < 2:
         return {}
     asked = {unit: search.settings.get(f"Contact Criteria, {unit}", "") for unit in ("gf", "N")}

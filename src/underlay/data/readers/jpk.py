@@ -85,7 +85,7 @@ def _properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
 
 
 class _Archive:
-    """An open archive, with what all its segments share."""
+    """An open JPK archive, with its general header and the entries that its segments share."""
 
     def __init__(self, source: Source, archive: zipfile.ZipFile) -> None:
         self.source, self.archive, self.names = source, archive, set(archive.namelist())
@@ -97,7 +97,10 @@ class _Archive:
                 self.shared.setdefault(f"{parts[0]}.{parts[1]}", {})[parts[2]] = value
 
     def header(self, place: str) -> dict[str, str]:
-        """Header of a segment with what it points to: ``channel.X.lcd-info.*=3`` to ``lcd-info.3....``."""
+        """Header of the segment at `place`, with the shared entries that it refers to filled in.
+
+        ``channel.X.lcd-info.*=3`` stands for all entries ``lcd-info.3....`` of the shared header.
+        """
         header = _properties(self.archive, f"{place}segment-header.properties")
         found = dict(header)
         for key, number in sorted(header.items()):
@@ -110,7 +113,7 @@ class _Archive:
         return found
 
     def curves(self) -> dict[str, list[int]]:
-        """Numbers of the segments of each curve, by its folder."""
+        """Numbers of the segments of each curve, by the folder of the curve in the archive."""
         curves: dict[str, list[int]] = {}
         for name in self.names:
             if matched := _SEGMENT.fullmatch(name):
@@ -134,25 +137,25 @@ class _Segment:
         self.channel = there[0]
 
     def number(self, key: str) -> float:
-        """A number of the header that must be there."""
+        """The finite number that the header holds for `key`; FileFormatError without one."""
         return _number(self.source, self.header, key)
 
     @property
     def label(self) -> str:
-        """What the segment is, from its own header."""
+        """Label of the segment (loading, hold or unloading) by the style that its header states."""
         style = next((self.header[key] for key in _STYLE_KEYS if key in self.header), "")
         self.source.require(style in _STYLES, f", {self.place}: unknown kind of segment {style!r:.40}")
         return _STYLES[style]
 
     @property
     def calibration(self) -> dict[str, float]:
-        """What the file itself says, as far as it does: ``stiffness`` (N/m), ``sensitivity`` (m/V)."""
+        """Calibration that the file states, if any: ``stiffness`` (N/m), ``sensitivity`` (m/V)."""
         place = _CONVERSIONS.format("vDeflection")
         keys = {name: f"{place}.{step}.scaling.multiplier" for step, name in _STEPS.items()}
         return {name: self.number(key) for name, key in keys.items() if key in self.header}
 
     def force(self, calibration: Mapping[str, float]) -> FloatArray:
-        """Force in newtons, from the base of the deflection on."""
+        """Force (N), (n,), from the deflection channel, whether stored in volts, as a distance or as a force."""
         values = self.raw("vDeflection")
         base = self.header.get("channel.vDeflection.conversion-set.conversions.base", "volts")
         steps = list(_STEPS)
@@ -163,7 +166,7 @@ class _Segment:
         return values
 
     def height(self) -> FloatArray:
-        """Height in metres, by the chain of conversions of the file."""
+        """Height (m), (n,), by the chain of conversions in the header of the segment."""
         values, place = self.raw(self.channel), _CONVERSIONS.format(self.channel)
         base = self.header.get(f"{place}s.base", "volts")
         slot, chain = "calibrated" if self.channel == "height" else "nominal", list[str]()
@@ -180,7 +183,7 @@ class _Segment:
         return values
 
     def raw(self, channel: str) -> FloatArray:
-        """Channel in the unit at which its conversions begin (V, or m for some heights)."""
+        """Decoded numbers (n,) of a channel, in the unit at which its conversions begin (V; m for some heights)."""
         header, source = self.header, self.source
         content = read_member(self.archive.archive, f"{self.place}channels/{channel}.dat")
         prefix = f"channel.{channel}.data.encoder"
@@ -226,7 +229,7 @@ def read_jpk(source: Source, calibration: Mapping[str, float]) -> list[Curve]:
     source : Source
         The archive.
     calibration : mapping
-        ``stiffness`` (N/m) and ``sensitivity`` (m/V), where given, in place of the file's.
+        ``stiffness`` (N/m) and ``sensitivity`` (m/V) that the caller gives in place of the file's; may be empty.
 
     Raises
     ------
@@ -288,7 +291,7 @@ _LONGEST_DIRECTORY = 2_000_000_000
 
 
 class _Member(NamedTuple):
-    """Where a member of the archive stands, and what it claims."""
+    """A member of a ZIP archive: name, place in the file, compression method, sizes (bytes) and checksum."""
 
     name: str
     offset: int
@@ -300,18 +303,18 @@ class _Member(NamedTuple):
 
 @dataclass(frozen=True)
 class JpkMapCurve:
-    """One curve of a map on the disk.
+    """Place of one curve in a JPK map on the disk, so that it can be read alone.
 
     Parameters
     ----------
     path : Path
-        The map.
+        The file of the map.
     sha256 : str
-        Of the map.
+        Hash of that file.
     number : int
         Which curve, counted from 1.
     members : tuple
-        The members of the archive that make it.
+        Members of the archive that belong to the curve, and those that all curves share.
     """
 
     path: Path
@@ -321,7 +324,7 @@ class JpkMapCurve:
 
     @property
     def name(self) -> str:
-        """What the curve is called where the whole map is read."""
+        """Name of the curve, the same as when the whole map is read."""
         return curve_name(self.path, self.number)
 
     def source(self) -> Source:
@@ -401,7 +404,7 @@ def curves_of_jpk_map(path: str | os.PathLike[str]) -> list[JpkMapCurve]:
 
 
 class _Bounded(io.FileIO):
-    """A file of which no more is read at once than the longest directory takes."""
+    """A file that refuses to read more bytes at once than the directory of the largest map takes."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         """Read `size` bytes; raises ValueError where that is too much."""
@@ -412,13 +415,13 @@ class _Bounded(io.FileIO):
 
 @contextmanager
 def _open(path: Path) -> Iterator[io.FileIO]:
-    """Open a file of which pieces of bounded size are read."""
+    """Open a file as `_Bounded`, so that a damaged directory cannot make it read too much at once."""
     with opened(path) as stream:
         yield _Bounded(stream.fileno(), closefd=False)
 
 
 def _inflated(data: bytes, size: int) -> bytes:
-    """Unpack to at most a byte more than `size`; empty where the data are damaged."""
+    """Inflate to at most one byte more than `size`, so that excess shows; b'' where the data are damaged."""
     try:
         return zlib.decompressobj(-zlib.MAX_WBITS).decompress(data, size + 1)
     except zlib.error:

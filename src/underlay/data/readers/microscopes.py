@@ -123,7 +123,7 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
 
 
 def _wave(source: Source) -> tuple[FloatArray, list[str], dict[str, str], float]:
-    """Numbers of a wave, names of its columns, its note, and the time between two rows (s; 0: not written)."""
+    """Read an Igor wave: numbers (rows, columns), column names, its note, and seconds between rows (0: unknown)."""
     try:
         binarywave = import_module("igor2.binarywave")
     except ImportError as error:
@@ -177,7 +177,7 @@ _TIMES = r"DataSet\Parameters\Spectroscopy"
 
 
 class _Nid:
-    """The text in front of the numbers of a .nid file: entries by section and key."""
+    """Header of a Nanosurf .nid file: text entries by section and key."""
 
     def __init__(self, source: Source) -> None:
         self.source, self.start = source, source.data.find(_END) + len(_END)
@@ -195,7 +195,7 @@ class _Nid:
         return self.sections.get(section, {})
 
     def count(self, section: str, key: str, most: int = MAX_BYTES) -> int:
-        """A whole number up to `most` that must be there."""
+        """A whole number of the header, at most `most`; FileFormatError where it is missing or larger."""
         text = self[section].get(key, "")
         self.source.require(
             _COUNT.fullmatch(text) and int(text) <= most,
@@ -204,13 +204,13 @@ class _Nid:
         return int(text)
 
     def number(self, section: str, key: str) -> float | None:
-        """A finite number, bare or as ``D[2.7]*[N/m]``; None where there is none."""
+        """A finite number of the header, written plainly or as ``D[2.7]*[N/m]``; None where there is none."""
         text = self[section].get(key, "")
         found = _PROPERTY.fullmatch(text)
         return _finite(found[1] if found else text)
 
     def groups(self) -> dict[str, list[_Channel]]:
-        """Channels of the groups of a force curve, by the name of the group."""
+        """Channels of the groups that make a force curve (forward, pause, backward), by the name of the group."""
         source, start, wanted = self.source, self.start, {name for name, *_ in _GROUPS}
         groups: dict[str, list[_Channel]] = {}
         for group in range(self.count("DataSet", "GroupCount", _MOST_GROUPS)):
@@ -235,7 +235,7 @@ class _Nid:
         return groups
 
     def lever(self, options: Options) -> Lever:
-        """Spring constant, and sensitivity from the full scales of one signal in metres and volts."""
+        """Calibration of the cantilever: spring constant, and sensitivity from the full scales in metres and volts."""
         stated = {"stiffness": self.number(r"DataSet\Calibration\Cantilever", "Prop0")}
         scales: dict[str, float] = {}
         for entry in self[r"DataSet\Calibration\Scanhead"].values():
@@ -253,7 +253,10 @@ class _Nid:
 
 @dataclass(frozen=True)
 class _Channel:
-    """One channel of one group: its name, unit, numbers (lines, points), points of each line, and its section."""
+    """One channel of one group of a .nid file: name, unit, values (lines, points), points per line, header section.
+
+    A line is one curve; of the points stored only the first ones given in `points` are readings.
+    """
 
     name: str
     unit: str
@@ -263,7 +266,7 @@ class _Channel:
 
     @classmethod
     def of(cls, nid: _Nid, section: str, raw: NDArray[Any]) -> _Channel:
-        """A channel of its whole numbers (lines, points)."""
+        """Make a channel from its integers (lines, points), scaled to the range that its header section states."""
         entries, bits = nid[section], 8 * raw.dtype.itemsize
         low, extent = (_finite(entries.get(key, "")) for key in ("Dim2Min", "Dim2Range"))
         if low is None or extent is None:
@@ -275,7 +278,7 @@ class _Channel:
         return cls(entries.get("Dim2Name", ""), entries.get("Dim2Unit", ""), values, points, section)
 
     def line(self, number: int, *, backwards: bool) -> FloatArray:
-        """Numbers of a curve in the order of time, (n,), without the padding."""
+        """Values (n,) of one line without its padding; reversed if `backwards`, to be in order of time."""
         count = min(self.points[number], self.values.shape[1])
         line: FloatArray = self.values[number][:count]
         return line[::-1] if backwards else line
@@ -350,7 +353,7 @@ def _nid_curve(
 
 
 def _axis(source: Source, channels: list[_Channel]) -> _Channel:
-    """The channel along which the tip travels: a sensor where there is one."""
+    """Choose the channel of the scanner's travel: a position in metres, from a sensor if there is one."""
     lengths = [channel for channel in channels if channel.unit == "m" and channel.name != _DEFLECTION]
     source.require(lengths, "holds no position of the scanner along its force curves")
     return next((channel for channel in lengths if "sensor" in channel.name.lower()), lengths[0])
@@ -404,7 +407,7 @@ def _read_park(source: Source, options: Options) -> list[Curve]:
 
 
 def _tags(source: Source) -> dict[int, bytes]:
-    """Content of the tags that are wanted of the first directory, by their numbers."""
+    """Read from the first TIFF directory the content of the tags that a force curve needs, by tag number."""
     data = source.data
     found: dict[int, bytes] = {}
     try:
@@ -428,7 +431,11 @@ def _tags(source: Source) -> dict[int, bytes]:
 def _spectra(
     source: Source, tags: Mapping[int, bytes]
 ) -> tuple[dict[str, FloatArray], list[tuple[float, float]], dict[str, float]]:
-    """Channels of every curve in SI, (curves, n), by name; places (m) of the curves; the calibration stated."""
+    """Read the curves of a Park file.
+
+    Returns channels in SI, (curves, n), by name; the place (x, y) (m) of each curve; and the calibration that the
+    file states, ``stiffness`` (N/m) and ``sensitivity`` (m/V).
+    """
     header, content = tags.get(_SPECTRA, b""), tags.get(_VALUES, b"")
     source.require(
         header and content,
@@ -500,7 +507,10 @@ def _park_curve(
 
 
 def _recorded(clock: FloatArray, half: int) -> NDArray[np.intp]:
-    """Points of both ways that were recorded: those that repeat the last one of a way are padding."""
+    """Indices of the points that were recorded, without the padding that repeats the last point of a way.
+
+    `clock` (n,) is the channel in which padding shows; approach and retraction have `half` points each.
+    """
     known = []
     for start in (0, half):
         way = clock[start : start + half]
@@ -512,7 +522,7 @@ def _recorded(clock: FloatArray, half: int) -> NDArray[np.intp]:
 def _park_force(
     source: Source, channels: Mapping[str, FloatArray], lever: Lever
 ) -> tuple[FloatArray, Sequence[str]]:
-    """Force (N): the file's own channel, or the volts where another calibration is given; and what to say of it."""
+    """Force (N), (n,), from the file's force channel, or its volts where the caller calibrates; and notes on it."""
     volts, force = channels.get(_VOLTS), channels.get(_FORCE)
     given = any(name.startswith("file_") for name in lever.about)
     if volts is not None and (given or force is None):

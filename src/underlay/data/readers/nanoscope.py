@@ -72,7 +72,7 @@ _TURNS = ("Sync Distance QNM", "Sync Distance New", "Sync Distance")
 
 
 class _Scale(NamedTuple):
-    """A quantity in volts: volts per number of the file, the value itself, and the sensitivity it names."""
+    """A scaled header entry: volts per integer stored, its own value (V), and the name of its sensitivity."""
 
     per_number: float
     volts: float
@@ -80,27 +80,27 @@ class _Scale(NamedTuple):
 
 
 class _Section(dict[str, str]):
-    """One section of the header."""
+    """One section of the header: text values by entry name, and its `title`."""
 
     title = ""
 
     def text(self, *names: str) -> str:
-        """Value of the first of these entries that is there; else ''."""
+        """Value of the first of these entries that the section has; '' without any."""
         return next((self[name] for name in names if name in self), "")
 
     def number(self, *names: str) -> float | None:
-        """The finite number that such an entry begins with; None where there is none."""
+        """Finite number at the beginning of the first of these entries; None where there is none."""
         found = _PLAIN.match(self.text(*names))
         value = math.inf if found is None else float(found[1])
         return value if math.isfinite(value) else None
 
     def length(self, name: str) -> float:
-        """A length (m); zero where it is not written."""
+        """A length (m) of the header; zero where the entry is missing."""
         value, found = self.number(name), _PLAIN.match(self.text(name))
         return 0.0 if value is None or found is None else value * _METRES.get(found[2], 1e-9)
 
     def scale(self, *names: str) -> _Scale | None:
-        """A quantity in volts; None where the entry is none."""
+        """The first of these entries as a scaled quantity in volts; None where it is not of that form."""
         found = _SCALE.match(self.text(*names))
         if found is None or found[3] not in _VOLTS:
             return None
@@ -110,9 +110,10 @@ class _Section(dict[str, str]):
 
 
 class _Header:
-    """All sections of a file, and how its curves are stored.
+    """Header of a NanoScope file: its sections, and how its curves are stored.
 
-    `way` points on each way and `hold` at the turn, `curves` curves, `width` bytes a number.
+    `way`: points of the approach, and of the retraction; `hold`: points of the hold between them; `points`: all of
+    a curve; `curves`: number of curves; `width`: bytes of a number.
     """
 
     def __init__(self, source: Source) -> None:
@@ -147,7 +148,7 @@ class _Header:
         return next((section for section in self.sections if section.title == title), _Section())
 
     def sensitivity(self, name: str) -> float | None:
-        """Metres per volt, by the name of the sensitivity; None where that is no length."""
+        """Sensitivity (m/V) that the header gives under this name; None where it is missing or no length."""
         for section in self.sections:
             if found := _SENSITIVITY.match(section.text(f"@{name}")):
                 # Where no unit was written in a file that was seen, the number was of nanometres.
@@ -156,7 +157,7 @@ class _Header:
         return None
 
     def count(self, section: _Section, name: str) -> int:
-        """A whole number that must be there."""
+        """A whole number of a section; FileFormatError where it is missing."""
         text = section.text(name)
         sound = text.isdecimal() and len(text) <= _LONGEST_COUNT
         self.source.require(sound, f": no number for {name!r}; it says {text!r:.40}")
@@ -193,14 +194,14 @@ class _Header:
         )
 
     def stored(self, in_time: FloatArray, held: FloatArray | None = None) -> FloatArray:
-        """Signals of the points in the order of time, put into the order of the file."""
+        """Reorder values in order of time into that of the file: approach reversed, retraction, then `held`."""
         parts = (in_time[: self.way][::-1], in_time[self.way :], *(() if held is None else (held,)))
         return np.concatenate(parts)
 
     def numbers(self, image: _Section, per_volt: float = 1.0) -> Callable[[int], FloatArray]:
-        """What gives a curve of a channel, by its number from 0, as it is stored.
+        """Return a function that gives the values (points,) of a channel for a curve by its index, from 0.
 
-        (points,), volts times `per_volt`, NaN where none was recorded.
+        Values are in the file's order, volts times `per_volt`; NaN where no reading was recorded.
         """
         source, width, start = self.source, self.width, self.count(image, "Data offset")
         length = self.curves * self.points * width
@@ -254,9 +255,9 @@ def _read_one(source: Source, options: Options, number: int) -> Curve:
 
 
 def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | None], int]:
-    """Return what makes a curve of its number (from 0), and how many there are.
+    """Return a function that makes the curve of an index (from 0), and the number of curves in the file.
 
-    The callable gives None for a curve that was not recorded.
+    The function returns None for a curve that was not recorded.
     """
     header = _Header(source)
     tap = _tap_of(header)
@@ -298,7 +299,11 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
 
 
 class _Travels(NamedTuple):
-    """Travel towards the sample (m), (points,), of a curve as stored, what it is read from, and the ramp (m)."""
+    """Travel of the scanner towards the sample.
+
+    `of` gives it (m), (points,) in the file's order, for a curve by its index; `channel` names its origin; `ramp`
+    is the size of the driven ramp (m), zero if unknown.
+    """
 
     of: Callable[[int], FloatArray]
     channel: str
@@ -324,7 +329,7 @@ def _travel(header: _Header, tap: _Tap | None) -> _Travels:
 
 
 def _order(tap: _Tap | None, header: _Header) -> tuple[NDArray[np.intp], NDArray[np.str_]]:
-    """Indices of the stored points in the order of time, and their labels."""
+    """Indices that put the stored points of a curve into order of time, and the segment labels in that order."""
     way, hold = header.way, header.hold
     way_in, way_out = np.arange(way)[::-1], np.arange(way, 2 * way)
     if tap is not None:
@@ -335,7 +340,7 @@ def _order(tap: _Tap | None, header: _Header) -> tuple[NDArray[np.intp], NDArray
 
 
 def _time(header: _Header, tap: _Tap | None) -> FloatArray | None:
-    """Time (s) of every stored point, from the speeds of the ramp; None where they are not written."""
+    """Time (s), (points,) in the file's order, from ramp speeds and hold time; None where these are not written."""
     force, hold = header.force, header.hold
     if tap is not None:
         return None if tap.time is None else header.stored(tap.time)
@@ -354,7 +359,7 @@ def _time(header: _Header, tap: _Tap | None) -> FloatArray | None:
 
 
 def _place(header: _Header, number: int) -> dict[str, tuple[float, float]]:
-    """Place of a curve on the sample (m): of a volume, the middle of its pixel; nothing where it is not known."""
+    """Entry ``position`` (x, y) (m) of a curve, in a force volume the middle of its pixel; {} where not known."""
     scan, curves = header.scan, header.curves
     across = int(header.force.number("force/line") or 0) if curves > 1 else 1
     if across < 1 or curves % across:
@@ -368,7 +373,7 @@ def _place(header: _Header, number: int) -> dict[str, tuple[float, float]]:
 
 
 def _about(header: _Header, lever: Lever) -> dict[str, Any]:
-    """What is worth keeping of the header."""
+    """Entries of a curve's metadata from the header: instrument, date, trigger, rules of sign, setpoint (N)."""
     about: dict[str, Any] = {
         "header": told(
             {
@@ -396,7 +401,7 @@ def _notes(recorded: NDArray[np.bool_], tap: _Tap | None) -> tuple[str, ...]:
 
 
 def _check_trigger(header: _Header, way_in: FloatArray) -> None:
-    """Refuse a way in (V, in the order of time) that goes on far above the trigger that should have ended it."""
+    """Refuse a deflection (V), (n,), that rises on approach far above the trigger that should have ended it."""
     trigger, recorded = header.force.scale(*_TRIGGER), way_in[np.isfinite(way_in)]
     relative = header.force.text("Trigger mode") == "Relative"
     if trigger is None or not trigger.volts > 0.0 or not relative or not recorded.size:
@@ -417,11 +422,11 @@ class _Tap:
     Parameters
     ----------
     points : int
-        Points of a period, beginning on the way in.
+        Points of a period, beginning on the approach.
     turn : float
-        Point at which the drive is deepest.
+        Index of the point at which the drive is deepest; may be fractional.
     amplitude : float
-        Of the drive (m).
+        Amplitude of the drive (m).
     period : float or None
         Time of one tap (s), if it is written.
     """
@@ -439,18 +444,18 @@ class _Tap:
 
     @property
     def time(self) -> FloatArray | None:
-        """Time (s), (points,)."""
+        """Time (s) of each point since the period began, (points,); None where the period is not known."""
         return None if self.period is None else np.linspace(0.0, self.period, self.points, endpoint=False)
 
     @property
     def labels(self) -> NDArray[np.str_]:
-        """Labels of the points of this tap; past the far end of its travel the way in of the next one begins."""
+        """Segment labels (n,) of this tap; n may be below `points`, as past the top the next approach begins."""
         last = min(int(self.turn + self.points / 2) + 1, self.points)
         return np.where(np.arange(last) <= self.turn, LOADING, UNLOADING).astype("<U9")
 
 
 def _tap_of(header: _Header) -> _Tap | None:
-    """What the header says of a capture's taps; None where the file holds ramps."""
+    """Drive of the taps of a PeakForce capture, from the header; None where the file holds ramps instead."""
     scan, points = header.scan, header.points
     if scan.text("PeakForce Capture") != "Allow" or scan.text("Operating mode") != "Image":
         return None

@@ -59,7 +59,7 @@ def _read_matlab(source: Source, options: Options) -> list[Curve]:
 
 
 def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
-    """Type and content of each element."""
+    """Yield type and content of each data element of a MAT-file; `order` is the byte order, ``<`` or ``>``."""
     at = 0
     while at + _TAG <= len(data):
         kind, size = struct.unpack_from(f"{order}II", data, at)
@@ -75,7 +75,10 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 
 
 def _columns(matrix: bytes, order: str, above: str, deep: int) -> dict[str, FloatArray]:
-    """Columns of real numbers of a matrix, or of one structure of such, by name; {} of any other."""
+    """Columns (n,) of a MATLAB matrix of real numbers, or of those in a structure, by name; {} for anything else.
+
+    `above` is the name of the structure that holds it, `deep` how many structures it lies in.
+    """
     parts = list(_elements(matrix, order))
     if len(parts) < 4 or len(parts[0][1]) < 4 or deep > _DEEPEST:
         return {}
@@ -130,7 +133,7 @@ def _read_tdms(source: Source, options: Options) -> list[Curve]:
 
 
 def _tdms_column(channel: Any) -> tuple[str, FloatArray]:
-    """Name with its unit, and numbers (n,) of a channel; none of what is no numbers."""
+    """Name of a TDMS channel with its unit, and its numbers (n,); an empty array where it holds no numbers."""
     unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", ""))
     name, values = str(channel.name), np.asarray(channel[:])
     sound = values.dtype.kind in "fiu" and values.ndim == 1
@@ -139,7 +142,7 @@ def _tdms_column(channel: Any) -> tuple[str, FloatArray]:
 
 
 def _curves(source: Source, options: Options, groups: Mapping[str, dict[str, FloatArray]]) -> list[Curve]:
-    """One curve of each group of columns: those of the length that most of them have."""
+    """Make the curves of each group from those of its columns that have the most common length."""
     curves: list[Curve] = []
     for name, columns in groups.items():
         lengths = [len(column) for column in columns.values() if len(column) >= _FEWEST]

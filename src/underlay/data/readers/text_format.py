@@ -56,9 +56,9 @@ class Channel:
     kind : str
         Kind of quantity; "" for a number without a unit.
     names : tuple of str
-        What it is called, in small letters, best first; none where the parts say its place.
+        Its names, in small letters, best first; empty where `Part.found` gives its place.
     needed : bool
-        Whether there is no curve without it.
+        Whether a curve cannot be made without it.
     """
 
     kind: str
@@ -68,7 +68,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Part:
-    """One test as it stands in a file.
+    """One test as it stands in a file: a header, and a table as text.
 
     Parameters
     ----------
@@ -79,11 +79,11 @@ class Part:
     rows : sequence of sequences of str
         The cells.
     name : str
-        What to call it in a message beside the file's name, such as its block or sheet.
+        Name of the part in error messages, such as its block or sheet.
     found : mapping of str to int
-        Columns whose place is known, whatever they are called.
+        Index of the column of a role, where the reader knows it and names are not needed.
     about : mapping
-        What is known of it beside its table.
+        Further entries of the curve's metadata.
     """
 
     head: Sequence[str]
@@ -106,14 +106,14 @@ def table_below(lines: Sequence[str], at: int, rows: slice = slice(None), **abou
     rows : slice, optional
         Which of the lines below it are rows; all by default.
     **about
-        What is known of the test besides.
+        Further entries of the curve's metadata.
     """
     labels = [split_label(label) for label in lines[at].split("\t")]
     return Part(lines[:at], labels, Lines(list(lines[at + 1 :][rows]), "\t"), about=about)
 
 
 def header_of(lines: Sequence[str]) -> dict[str, str]:
-    """Key and value of every line of a head; lines of several pairs, tabs between, give several entries."""
+    """Parse header lines such as "Model: Hertz" into keys and values; tabs separate the pairs of a line."""
     header: dict[str, str] = {}
     for line in lines:
         cells = [" ".join(cell.split()) for cell in line.strip().split("\t")]
@@ -129,13 +129,13 @@ def header_of(lines: Sequence[str]) -> dict[str, str]:
 
 
 def channels_of(name: str) -> dict[str, Channel]:
-    """Columns of a format of ``formats.toml``."""
+    """Return the columns of a format, by role, as ``formats.toml`` lists them under its name."""
     said = SAID["formats"][name]["columns"]
     return {role: Channel(kind, listed(names), *needed) for role, (kind, names, *needed) in said.items()}
 
 
 def found_columns(channels: Mapping[str, Channel], labels: Sequence[tuple[str, str]]) -> dict[str, int]:
-    """Index of the column of each role that is there, by names and units; one of the right kind goes first."""
+    """Find the index of the column of each role by its names; of several, one whose unit is of the right kind."""
     found = {}
     for role, channel in channels.items():
         named = [at for name in channel.names for at, label in enumerate(labels) if label[0].lower() == name]
@@ -148,10 +148,10 @@ def found_columns(channels: Mapping[str, Channel], labels: Sequence[tuple[str, s
 
 @dataclass(frozen=True)
 class TextFormat:
-    """What one instrument writes, as data over one table reader: what ``formats.toml`` says under its name.
+    """A text format described by data: its entry in ``formats.toml`` and a few functions, over one table reader.
 
-    There stand its ``description``; its ``columns``, of which ``depth``, ``force`` and ``time`` become those of the
-    curve and others serve `made`; its ``signs``, the rule of each for people; what is ``known``: of a key of the
+    The entry holds its ``description``; its ``columns``, of which ``depth``, ``force`` and ``time`` become those of
+    the curve and others serve `made`; its ``signs``, the rule of each for people; what is ``known``: of a key of the
     head the name in the curve's metadata, the kind of quantity, and the unit where the value has none; whether a
     ``comma`` is the decimal sign, asked of the first rows where it is not said; and the ``extra`` it needs, as in
     `Format`.
@@ -159,13 +159,13 @@ class TextFormat:
     Parameters
     ----------
     name : str
-        As in `Format`.
+        Name of the format, as in `Format`, and of its entry in ``formats.toml``.
     sniff : callable
         Whether the content of a file is of this format.
     parts : callable
-        Its tests; raises `FileFormatError` where there is none.
+        Finds the tests (`Part`) of a file; raises `FileFormatError` where there is none.
     made : callable
-        What else makes a curve of a part and its columns: columns, labels, notes, metadata.
+        Of a part and its SI columns: further arguments of `make_curve` (depth, segment, notes, metadata).
     """
 
     name: str
@@ -175,17 +175,17 @@ class TextFormat:
 
     @property
     def said(self) -> Mapping[str, Any]:
-        """What ``formats.toml`` says of it."""
+        """The entry of this format in ``formats.toml``."""
         return SAID["formats"][self.name]  # type: ignore[no-any-return]
 
     @cached_property
     def columns(self) -> Mapping[str, Channel]:
-        """What it writes, by role."""
+        """The columns that the instrument writes, by role (``depth``, ``force``, ...)."""
         return channels_of(self.name)
 
     @property
     def format(self) -> Format:
-        """What the table of formats holds of it."""
+        """The `Format` by which `read` recognises and reads such files."""
         return Format(
             self.name, self.said["description"], self.sniff, self._read_all, extra=self.said.get("extra", "")
         )
@@ -220,7 +220,7 @@ class TextFormat:
         return [make_curve(source, *main, **made)]
 
     def read(self, where: str, part: Part, found: Mapping[str, int]) -> dict[str, FloatArray]:
-        """Columns (n,) in SI by role."""
+        """Read the columns of a part, (n,) in SI, by role; `found`: their indices, `where`: its name in errors."""
         if not len(part.rows):
             raise FileFormatError(f"{where} has no rows of numbers")
         table = numbers(part.rows, list(found.values()), where, comma=self.said.get("comma"))
@@ -232,7 +232,7 @@ class TextFormat:
         return columns
 
     def _known(self, header: Mapping[str, str]) -> dict[str, float]:
-        """Numbers of the head that mean something to a fit; what is not there or no such number is left out."""
+        """Numbers of the header (SI) that a fit uses, by their name in the metadata; missing ones are left out."""
         known = {}
         for key, (name, kind, unit) in self.said.get("known", {}).items():
             value = header.get(key, "")

@@ -55,7 +55,7 @@ _PLAIN = bytes((0, 1, 2, 6))
 
 @dataclass(frozen=True)
 class Sheet:
-    """One sheet.
+    """One sheet of a workbook, as text.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def _read_xls(source: Source, xlrd: Any) -> list[Sheet]:
 
 
 def _xls_row(xlrd: Any, sheet: Any, row: int) -> Sequence[Any]:
-    """What the cells of a row show: the package keeps errors as their codes (#DIV/0! is 7), dates as days."""
+    """Values of a row of an .xls sheet, with errors and dates, which xlrd keeps as numbers, turned into text."""
     values: list[Any] = sheet.row_values(row)
     kinds = bytes(sheet.row_types(row))
     if kinds.translate(None, _PLAIN):
@@ -209,7 +209,7 @@ def _curves(source: Source, sheet: Sheet, table: Table, options: Options) -> lis
 
 
 def _table(source: Source, sheet: Sheet, options: Options) -> Table | None:
-    """The table of a sheet; None where it holds none with what is asked for."""
+    """Return the table of a sheet; None where it has none with the columns needed (depth and force, or mapped)."""
     layout = layout_of(len(sheet.rows), lambda at: Row.of(sheet.rows[at]))
     if layout is None:
         return None
@@ -256,18 +256,18 @@ def _in_bytes(source: Source, *words: str) -> bool:
 def _sheet_part(
     sheet: Sheet, at: int, found: Mapping[str, int], rows: Sequence[Sequence[str]], **about: Any
 ) -> Part:
-    """Part of a sheet whose names stand in row `at` and whose units in the next one."""
+    """Make the `Part` of a sheet; names stand in row `at`, units in the next; `found` gives columns by role."""
     labels = _labels(sheet, at)
     return Part([], labels, rows, f"sheet {sheet.name!r:.60}", found, {"sheet": sheet.name, **about})
 
 
 def _labels(sheet: Sheet, at: int) -> list[tuple[str, str]]:
-    """Name and unit of each column of a sheet, of two rows from `at` on."""
+    """Name and unit of each column of a sheet: names from row `at`, units from the row below."""
     return list(zip_longest(sheet.rows[at], sheet.rows[at + 1], fillvalue=""))
 
 
 def _padded(rows: Sequence[Sequence[str]], columns: Collection[int]) -> list[Sequence[str]]:
-    """Rows that hold something in one of the columns, with '' for the cells that a row leaves out at its end."""
+    """Drop rows that are empty in all of these columns (indices); fill up short rows with empty cells."""
     width = max(columns) + 1
     kept = (row for row in rows if any(row[at] for at in columns if at < len(row)))
     return [row if len(row) >= width else [*row, *[""] * (width - len(row))] for row in kept]
@@ -372,7 +372,7 @@ def _testxpert_parts(source: Source) -> Iterator[Part]:
 
 
 def _unit_row(sheet: Sheet) -> int:
-    """Row of units of a specimen's sheet, else 0."""
+    """Index of the row of units in the sheet of a specimen; 0 for any other sheet."""
     for at, units in enumerate(sheet.rows[1:6], start=1):
         kinds = [kind_of(unit) if unit else None for unit in units]
         if kinds and kinds[0] is not None and "force" in kinds and "length" in kinds:
@@ -381,7 +381,10 @@ def _unit_row(sheet: Sheet) -> int:
 
 
 def _specimen_columns(labels: Sequence[tuple[str, str]]) -> dict[str, int]:
-    """Columns by their names in a language that is known, else the first time, first force, first two lengths."""
+    """Find the columns of a specimen's sheet, by role.
+
+    By names in the languages known, else by units: the first time, the first force, the first two lengths.
+    """
     kinds = [kind_of(unit) if unit else None for _, unit in labels]
     by_name: dict[str, int] = {}
     by_order: dict[str, int] = {}
@@ -395,7 +398,7 @@ def _specimen_columns(labels: Sequence[tuple[str, str]]) -> dict[str, int]:
 
 
 def _made_of_testxpert(part: Part, columns: Columns) -> dict[str, Any]:
-    """Travel into the sample and the rule of its sign, and the first gap between the tools."""
+    """Return depth (m), turned if the gap between the tools shows it reversed; its rule of sign; first gap (m)."""
     del part
     travel, gap = columns["depth"], columns.get("gap")
     rules = {"force": "as written, positive in compression", "segment": "from the motion"}
