@@ -235,7 +235,7 @@ class _Nid:
         return groups
 
     def lever(self, options: Options) -> Lever:
-        """Calibration of the cantilever: spring constant, and sensitivity from the full scales in metres and volts."""
+        """Calibration of the cantilever: spring constant, and sensitivity from full scales in metres and volts."""
         stated = {"stiffness": self.number(r"DataSet\Calibration\Cantilever", "Prop0")}
         scales: dict[str, float] = {}
         for entry in self[r"DataSet\Calibration\Scanhead"].values():

@@ -151,10 +151,10 @@ class TextFormat:
     """A text format described by data: its entry in ``formats.toml`` and a few functions, over one table reader.
 
     The entry holds its ``description``; its ``columns``, of which ``depth``, ``force`` and ``time`` become those of
-    the curve and others serve `made`; its ``signs``, the rule of each for people; what is ``known``: of a key of the
-    head the name in the curve's metadata, the kind of quantity, and the unit where the value has none; whether a
-    ``comma`` is the decimal sign, asked of the first rows where it is not said; and the ``extra`` it needs, as in
-    `Format`.
+    the curve and others serve `made`; its ``signs``, the rule of sign of each in words; ``known`` entries of the
+    header, by key: the name in the curve's metadata, the kind of quantity, and the unit if the value has none;
+    whether a ``comma`` is the decimal sign, found from the first rows if missing; and the ``extra`` it needs, as
+    in `Format`.
 
     Parameters
     ----------

@@ -54,16 +54,22 @@ _ROOM = 1e-9
 
 
 class PunchTable(Protocol):
-    """Responses of isotropic layers to a flat punch by a/h (`eps`) and nu, without units."""
+    """Table of the dimensionless responses of isotropic draining layers to a step of depth of a flat punch.
+
+    Entries are contact radius over thickness, a/h (`eps`), and the Poisson's ratio nu of the drained skeleton.
+    """
 
     def covers(self, eps: float, nu: float) -> NDArray[np.bool_]:
-        """Whether a/h and nu are inside the table."""
+        """Whether a/h (`eps`) and Poisson's ratio `nu` are inside the table."""
 
     def ends(self, eps: float, nu: float) -> tuple[FloatArray, FloatArray]:
-        """P/(4 theta_d a w) at once and in the long run."""
+        """Normalised stiffness P/(4 theta_d a w) undrained and drained: at once and in the long run after a step.
+
+        P is the force, w the depth, a the radius, theta_d half the indentation modulus of the drained skeleton.
+        """
 
     def __call__(self, eps: float, nu: float) -> Response:
-        """Response to a unit step of depth, P/(4 theta_d a), times in a^2/c."""
+        """Response P/(4 theta_d a) to a unit step of depth; times in units of a^2/c, c the diffusivity."""
 
 
 @dataclass(frozen=True)
@@ -73,19 +79,19 @@ class DrainingPunch:
     Parameters
     ----------
     radius : float
-        Of the punch (m).
+        Radius of the punch (m).
     material : BiphasicMaterial
-        Of the layer.
+        Material of the layer.
     thickness : float
-        h (m); inf for a half-space.
+        Thickness h of the layer (m); inf for a half-space.
     drainage : str
         One of `DRAINAGES`: how water leaves at the tip.
     modes : Modes or None
-        Relaxation of the skeleton's moduli, times in s; the material's are those at once.
+        Relaxation of the skeleton's moduli, times in s; the material's moduli are then the instantaneous ones.
     table : PunchTable or None
-        Responses of isotropic layers, where a table is at hand; what it does not cover is solved.
+        Table of responses of isotropic layers; layers that it does not cover are solved for.
     solve : callable
-        Solves for the response of a transfer function; a caller may keep what it found.
+        Computes the response of a transfer function; a caller may pass one that caches.
 
     Examples
     --------
@@ -129,21 +135,21 @@ class DrainingPunch:
 
     @cached_property
     def transfer(self) -> Transfer:
-        """khat(s), without units."""
+        """Dimensionless transfer function khat(s) = P/(4 theta_d a w), s the Laplace variable in c/a^2."""
         if self.modes is None:
             return self._elastic
         return Relaxing(self._elastic, replace(self.modes, times=self.modes.times / self.unit_time))
 
     @cached_property
     def _tabulated(self) -> PunchTable | None:
-        """The table, if it covers this layer."""
+        """The table of responses if it covers this layer, else None."""
         if self.table is None or not self.material.isotropic:
             return None
         return self.table if self.table.covers(self.eps, self.material.nu) else None
 
     @property
     def is_tabulated(self) -> bool:
-        """Whether the response comes off the table; else it is solved for."""
+        """Whether the response is interpolated in the table rather than solved for."""
         return self._tabulated is not None and self.modes is None
 
     @cached_property
@@ -162,14 +168,14 @@ class DrainingPunch:
 
     @property
     def peak_ratio(self) -> float:
-        """Undrained over drained stiffness of the skeleton: peak over equilibrium of a sudden step."""
+        """Undrained over drained stiffness of the contact: peak over equilibrium force after a sudden step."""
         if self._tabulated is None:
             return self._elastic.undrained / self._elastic.drained
         start, end = self._tabulated.ends(self.eps, self.material.nu)
         return float(start / end)
 
     def force(self, depth: Polyline, time: ArrayLike) -> FloatArray:
-        """Force (N) at times (s), (n,), under a history of depth (m), negative before contact; exact superposition.
+        """Force (N), (n,), at times (s) under a depth history (m; negative before contact), by superposition.
 
         Raises
         ------
@@ -187,37 +193,42 @@ class DrainingPunch:
         return found
 
     def depth(self, load: Polyline, time: ArrayLike) -> FloatArray:
-        """Depth (m) at times (s), (n,), under a history of load (N): creep."""
+        """Depth (m), (n,), at times (s) under a history of load (N), as in a creep test."""
         return load.superposed(self.compliance, time)
 
 
 def comes_off(force: FloatArray) -> NDArray[np.bool_]:
-    """Whether a punch comes off, (...), by its forces (N), (..., n)."""
+    """Whether a punch would lose contact, (...): some of its forces (N), (..., n), are tensile beyond noise."""
     return np.asarray(force.min(axis=-1) < -_RIPPLED * np.abs(force).max(axis=-1))
 
 
 class Ramped(Protocol):
-    """One ramp and hold of a table."""
+    """Drainage during one ramp and hold of a rounded tip, read from a table."""
 
     def at(self, time: FloatArray) -> FloatArray:
-        """(P - P_drained)/(P_undrained - P_drained) at times (a0^2/c) since the ramp began, (n,)."""
+        """Undrained share (P - P_drained)/(P_undrained - P_drained), (n,), at times since the ramp began.
+
+        P_undrained and P_drained are the elastic forces at the present depth. Times in a0^2/c: a0 the undrained
+        contact radius at the depth held, c the diffusivity.
+        """
 
 
 class RampTable(Protocol):
-    """Ramps and holds by a0/h (`eps`), nu and the ramp's duration (a0^2/c).
+    """Table of ramps and holds of a rounded tip on isotropic draining layers.
 
-    a0 is the undrained contact radius at the depth held.
+    Entries are a0/h (`eps`), the drained Poisson's ratio nu and the ramp's duration in a0^2/c; a0 is the undrained
+    contact radius at the depth held, h the thickness, c the diffusivity.
     """
 
     def covers(self, eps: float, nu: float, ramp: float, end: float) -> bool:
         """Whether a0/h, nu, the ramp's duration and the end of the hold (both in a0^2/c) are inside the table."""
 
     def __call__(self, eps: float, nu: float, ramp: float) -> Ramped:
-        """One ramp and hold of the table."""
+        """Interpolate the table at a0/h (`eps`), `nu` and the ramp's duration (a0^2/c)."""
 
 
 class SingleRamp(NamedTuple):
-    """When a ramp begins, how long it lasts (s), how deep it goes, and the undrained contact radius there (m)."""
+    """A ramp of depth: its start and duration (s), final depth (m) and undrained contact radius there (m)."""
 
     start: float
     duration: float
@@ -234,18 +245,19 @@ class DrainingTip:
     indenter : Sphere or Paraboloid
         The tip.
     material : BiphasicMaterial
-        Of the layer.
+        Material of the layer.
     thickness : float
-        h (m); inf for a half-space.
+        Thickness h of the layer (m); inf for a half-space.
     drainage : str
-        One of `DRAINAGES`.
+        One of `DRAINAGES`: how water leaves at the tip.
     modes : Modes or None
-        Relaxation of the skeleton's moduli, times in s; the material's are those at once.
+        Relaxation of the skeleton's moduli, times in s; the material's moduli are then the instantaneous ones.
     steps : int, default 20
-        Of the shortest ramp. With half as many beside them (Richardson) the force is within 1.5e-4 of the undrained
-        one at the deepest point; 5e-4 in the first steps of the hold if E/E_axial is 5. Twice the steps: a third.
+        Time steps of the shortest ramp. With Richardson extrapolation from half as many, the error of the force is
+        1.5e-4 of the undrained force at the deepest point; 5e-4 in the first steps of the hold if E/E_axial is 5.
+        Twice the steps leave a third of the error.
     table : RampTable or None
-        Ramps and holds on isotropic layers, where a table is at hand; what it does not cover is solved.
+        Table of ramps and holds on isotropic layers; histories that it does not cover are solved for.
     """
 
     indenter: Sphere | Paraboloid
@@ -265,7 +277,7 @@ class DrainingTip:
         as_drainage(self.drainage)
 
     def undrained(self, max_depth: float) -> ContactLaw:
-        """Elastic law (N, m) of a test too fast for the water."""
+        """Elastic law (N, m) up to `max_depth` (m) of a test too fast for water to flow: the undrained layer."""
         return elastic_law(
             self.material.undrained.plane_constants,
             self.indenter,
@@ -275,21 +287,21 @@ class DrainingTip:
         )
 
     def drained(self, max_depth: float) -> ContactLaw:
-        """Elastic law (N, m) of a test so slow that the water has gone."""
+        """Elastic law (N, m) up to `max_depth` (m) of a test so slow that pressures vanish: the drained layer."""
         return elastic_law(
             self.material.plane_constants, self.indenter, self.thickness, max_depth, _ELASTIC_RTOL
         )
 
     def force(self, depth: Polyline, time: ArrayLike, now: FloatArray | None = None) -> FloatArray:
-        """Force (N) at times (s), (n,), under a history of depth (m), negative before contact.
+        """Force (N), (n,), at times (s), under a history of depth (m; negative before contact).
 
-        Ramps and holds, or one sudden step; `now` are the depths at those times, (n,), where a record says them
-        better than the ramps and holds that stand for it.
+        The history is one of ramps and holds, or one sudden step. `now` are the depths (m), (n,), at those times as
+        measured, where the history only approximates a record; the history's own by default.
 
         Raises
         ------
         InputError
-            If the contact would open, or a sudden step comes after others.
+            If the depth falls back, or a sudden step comes beside other rises.
         RangeError
             If the tip goes too deep, or the history needs too many steps.
         """
@@ -309,11 +321,14 @@ class DrainingTip:
         return np.asarray(drained + kept(t) * (law.force(w) - drained))
 
     def is_tabulated(self, depth: Polyline, end: float) -> bool:
-        """Whether a table covers a history of depth (m) up to a time (s)."""
+        """Whether the force under a depth history (m) up to the time `end` (s) is read from the table."""
         return self._tabulated(depth, end) is not None
 
     def single_ramp(self, depth: Polyline) -> SingleRamp | None:
-        """The ramp of a history of depth (m), where it is one, and a table of paraboloids serves the tip."""
+        """Return the ramp of a depth history (m), or None.
+
+        None unless it is one ramp and hold under a tip that is near enough to a paraboloid for the table.
+        """
         depth = depth.in_contact
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         radius = float(self.undrained(deepest).contact_radius(deepest))
@@ -324,7 +339,10 @@ class DrainingTip:
         return SingleRamp(float(depth.bends[0][0]), float(depth.rises[0]), deepest, radius)
 
     def _tabulated(self, depth: Polyline, end: float) -> Callable[[FloatArray], FloatArray] | None:
-        """What has not drained at times (s), where the table covers this history up to `end` (s)."""
+        """Return the undrained share of the force as a function of time (s), from the table.
+
+        None if the table does not cover this history up to the time `end` (s).
+        """
         plain = self.modes is None and self.material.isotropic
         ramped = self.single_ramp(depth) if plain and self.table is not None else None
         if ramped is None or self.table is None:
@@ -337,7 +355,7 @@ class DrainingTip:
         return lambda time: found.at((time - ramped.start) / unit)
 
     def record(self, depth: Polyline, end: float) -> TipRecord:
-        """Solve for the moving contact up to a time (s)."""
+        """Solve for the moving contact under a depth history (m), up to the time `end` (s)."""
         depth = depth.in_contact
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         law = self.undrained(deepest)
@@ -362,7 +380,7 @@ class DrainingTip:
 
 
 def _sudden(depth: Polyline, shortest: float) -> Polyline:
-    """One ramp and hold as a sudden step at the ramp's end, where it lasts no longer than `shortest` (s)."""
+    """Replace the ramp of one ramp and hold, if no longer than `shortest` (s), by a sudden step at its end."""
     ramps = depth.rises
     if depth.jumps[0].size or ramps.size != 1 or ramps[0] > shortest:
         return depth
@@ -372,16 +390,16 @@ def _sudden(depth: Polyline, shortest: float) -> Polyline:
 
 @dataclass(frozen=True, eq=False)
 class TipRecord:
-    """Force of one history, at any time up to the end of what was solved.
+    """Solved force of a rounded tip under one depth history, at any time up to the end of the solution.
 
     Parameters
     ----------
     law : ContactLaw
-        Undrained.
+        Undrained elastic law.
     depth : Polyline
-        The history (m, s).
+        The depth history (m, s).
     time, ratio : FloatArray
-        Steps (s), and the force there over the undrained one of the same depth, (n,).
+        Times of the steps (s), and the force there over the undrained force at the same depth, (n,).
     first : float, optional
         The ratio at the beginning, where it is known: 1 after a sudden step. On a ramp it is not: the contact grows
         as the water spreads, and the ratio begins with what a half-space gives.
@@ -394,10 +412,10 @@ class TipRecord:
     first: float | None = None
 
     def force(self, time: FloatArray) -> FloatArray:
-        """Force (N) at times (s), (n,)."""
+        """Force (N), (n,), at times (s), (n,)."""
         depth = np.maximum(self.depth.at(time), 0.0)
         return np.asarray(self.law.force(depth) * self.ratio_at(time))
 
     def ratio_at(self, time: FloatArray) -> FloatArray:
-        """Force over the undrained force of the same depth at times (s), (n,)."""
+        """Force over the undrained force at the same depth, (n,), at times (s), (n,)."""
         return between_bends(self.depth.time, self.time, self.ratio, self.first, time)

@@ -65,7 +65,7 @@ _DEGREE = 5
 
 
 class Exponentials(NamedTuple):
-    """f = exp(-m z) and its divided differences over m1, m2, m3, each (n,)."""
+    """f(m) = exp(-m z) at three decay roots m1, m2, m3, and its divided differences over them, each (n,)."""
 
     f1: ComplexArray
     f2: ComplexArray
@@ -76,14 +76,17 @@ class Exponentials(NamedTuple):
 
 
 def relative_drop(x: ComplexArray) -> ComplexArray:
-    """phi(x) = (1 - exp(-x))/x, shape of `x`, Re x >= 0; 1 at zero."""
+    """phi(x) = (1 - exp(-x))/x for Re x >= 0, in the shape of `x`, without cancellation; 1 at zero."""
     small = np.abs(x) < _SMALL
     safe = np.where(small, 1.0, x)
     return np.where(small, 1.0 - x * (0.5 - x / 6.0), -np.expm1(-safe) / safe)
 
 
 def exponentials(m: ComplexArray, z: ComplexArray) -> Exponentials:
-    """Divided differences of exp(-m z) over the rows of `m`, (3, n), sorted by real part; z (n,), zero or more."""
+    """Divided differences of exp(-m z) over three decay roots, without cancellation where roots coincide.
+
+    `m` (3, n) are the roots, sorted by real part; `z` (n,) wavenumber times depth, zero or more.
+    """
     d12, d13, d23 = m[1] - m[0], m[2] - m[0], m[2] - m[1]
     f1, f2, f3 = np.exp(-m * z)
     f12 = -z * f1 * relative_drop(d12 * z)
@@ -97,7 +100,10 @@ def exponentials(m: ComplexArray, z: ComplexArray) -> Exponentials:
 
 
 def _second_series(x: ComplexArray, y: ComplexArray) -> ComplexArray:
-    """sum_k (-1)^k h_k(x, y)/(k + 2)!: exp[0, x, y] of exp(-.)."""
+    """Second divided difference of exp(-t) over t = 0, x, y, (n,), by its series sum_k (-1)^k h_k(x, y)/(k + 2)!.
+
+    h_k is the complete homogeneous sum of degree k.
+    """
     power = np.ones_like(x)
     complete = np.ones_like(x)
     total = 0.5 * complete
@@ -118,7 +124,10 @@ def _by_largest(
     f13: ComplexArray,
     f23: ComplexArray,
 ) -> ComplexArray:
-    """f[1,2,3] from two first differences, divided by the largest difference of the roots."""
+    """Second divided difference f[m1, m2, m3], (n,), from two first ones over the largest gap of the roots.
+
+    dij = mj - mi and fij = f[mi, mj], (n,) each. Zero where all roots coincide: there the series is used.
+    """
     gaps = np.stack([d13, d23, d12])
     drops = np.stack([f23 - f12, f13 - f12, f23 - f13])
     index = np.argmax(np.abs(gaps), axis=0)[None]
@@ -129,7 +138,9 @@ def _by_largest(
 
 
 def homogeneous_sums(m: ComplexArray, degree: int) -> ComplexArray:
-    """Divided differences of 1, m, ..., m^degree over m1; m1, m2; m1, m2, m3: (3, degree + 1, n).
+    """Divided differences of the powers 1, m, ..., m^degree over m1, over m1, m2 and over all three roots.
+
+    `m` is (3, n), the result (3, degree + 1, n).
 
     The j-th difference of m^k is the complete homogeneous sum h_(k-j) of its j + 1 roots: no division.
     """
@@ -145,7 +156,10 @@ def homogeneous_sums(m: ComplexArray, degree: int) -> ComplexArray:
 
 
 def decay_roots(skeleton: Skeleton, sh: ComplexArray) -> ComplexArray:
-    """m with Re m > 0, sorted by it, (3, n), for sh = s/(k_z A44 xi^2), (n,)."""
+    """Three decay roots m, (3, n), Re m > 0 and increasing, of solutions exp(-m xi z) of a biphasic half-space.
+
+    sh = s/(k_z A44 xi^2), (n,), is the dimensionless Laplace variable at wavenumber xi.
+    """
     squares = _cubic_set(*_monic(skeleton, sh))
     m = np.sqrt(squares)
     m = np.where(m.real < 0.0, -m, m)
@@ -153,7 +167,7 @@ def decay_roots(skeleton: Skeleton, sh: ComplexArray) -> ComplexArray:
 
 
 def _monic(skeleton: Skeleton, sh: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """b2, b1, b0 of mu^3 + b2 mu^2 + b1 mu + b0, each (n,)."""
+    """Coefficients b2, b1, b0, (n,) each, of the cubic mu^3 + b2 mu^2 + b1 mu + b0 whose roots are mu = m^2."""
     A11, A13, A33, r = (skeleton.A11, skeleton.A13, skeleton.A33, skeleton.permeability_ratio)
     middle_drained = -(A11 * A33 - A13 * A13 - 2.0 * A13)
     middle_undrained = -(A11 + A33 - 2.0 * A13 - 2.0)
@@ -164,7 +178,7 @@ def _monic(skeleton: Skeleton, sh: ComplexArray) -> tuple[ComplexArray, ComplexA
 
 
 def _cubic_set(b2: ComplexArray, b1: ComplexArray, b0: ComplexArray) -> ComplexArray:
-    """The three roots, (3, n): the one farthest from their mean polished, the others by deflation."""
+    """Roots (3, n) of mu^3 + b2 mu^2 + b1 mu + b0: the one farthest from their mean, the others by deflation."""
     x = _polished(_farthest(b2, b1, b0), b2, b1, b0)
     # From the low end where x is above the geometric mean of the roots, else from the high end.
     above = np.abs(x) ** 3 > np.abs(b0)
@@ -178,7 +192,7 @@ def _cubic_set(b2: ComplexArray, b1: ComplexArray, b0: ComplexArray) -> ComplexA
 
 
 def _farthest(b2: ComplexArray, b1: ComplexArray, b0: ComplexArray) -> ComplexArray:
-    """Cardano's root farthest from the mean -b2/3: the other two sum to minus it there."""
+    """Root (n,) of mu^3 + b2 mu^2 + b1 mu + b0 farthest from the mean of the roots, by Cardano's formula."""
     mean = b2 / 3.0
     Q = b1 / 3.0 - mean * mean
     R = (b1 * b2 - 3.0 * b0) / 6.0 - mean**3
@@ -203,26 +217,36 @@ def _polished(x: ComplexArray, b2: ComplexArray, b1: ComplexArray, b0: ComplexAr
 
 
 class Decaying(ABC):
-    """Three solutions at n wavenumbers and Laplace variables."""
+    """Three solutions of a half-space that decay with depth, at n pairs of wavenumber and Laplace variable."""
 
     #: Slowest decay, Re m, (n,).
     slowest: FloatArray
 
     @abstractmethod
     def at(self, z: FloatArray, where: NDArray[np.bool_]) -> ComplexArray:
-        """Rows U, W, S/xi, T/xi, Pi/xi, Pi'/xi^2 of some of the solutions at xi times depth, (k,): (k, 6, 3).
+        """Fields of the three solutions at depth, (k, 6, 3).
 
-        `where`, (n,), says which k of the n.
+        Parameters
+        ----------
+        z : FloatArray
+            Wavenumber times depth, (k,).
+        where : ndarray of bool
+            Mask (n,) of the k of the n pairs of wavenumber and Laplace variable that are wanted.
+
+        Returns
+        -------
+        ComplexArray
+            Rows U, W, S/xi, T/xi, Pi/xi, Pi'/xi^2 (module): displacements, stresses, pressure and its slope.
         """
 
 
 def decaying(skeleton: Skeleton, sh: ComplexArray) -> Decaying:
-    """The solutions for sh = s/(k_z A44 xi^2), (n,): in closed form where the skeleton is isotropic."""
+    """Return the decaying solutions for sh = s/(k_z A44 xi^2), (n,): in closed form for an isotropic skeleton."""
     return IsotropicDecaying(skeleton, sh) if skeleton.isotropic else TransverseDecaying(skeleton, sh)
 
 
 class IsotropicDecaying(Decaying):
-    """Isotropic skeleton and permeability: decay roots 1, 1, q = sqrt(1 + sh/M)."""
+    """Solutions for isotropic skeleton and permeability: decay roots 1, 1, q = sqrt(1 + sh/M), M = A33/A44."""
 
     def __init__(self, skeleton: Skeleton, sh: ComplexArray) -> None:
         self._M = skeleton.A33
@@ -231,9 +255,9 @@ class IsotropicDecaying(Decaying):
         self.slowest = np.minimum(self._q.real, 1.0)
 
     def at(self, z: FloatArray, where: NDArray[np.bool_]) -> ComplexArray:
-        """Rows of the solutions as `Decaying.at` has them.
+        """Fields of the three solutions; arguments and result as of `Decaying.at`.
 
-        A = (e^-z - e^-qz)/(q - 1) is the pressure's share in the displacement.
+        In the code A = (e^-z - e^-qz)/(q - 1), the part of the displacement that goes with the pressure.
         """
         M, q, gap = self._M, self._q[where], self._gap[where]
         e, slow = np.exp(-z), np.exp(-q * z)
@@ -255,7 +279,7 @@ class IsotropicDecaying(Decaying):
 
 
 class TransverseDecaying(Decaying):
-    """Any transversely isotropic skeleton, section 2(b): divided differences of two polynomial families."""
+    """Solutions for any transversely isotropic skeleton, by divided differences as the module says."""
 
     def __init__(self, skeleton: Skeleton, sh: ComplexArray) -> None:
         m = decay_roots(skeleton, sh)
@@ -270,7 +294,7 @@ class TransverseDecaying(Decaying):
         self._fluid = fluid @ sums[:, :, self._slow]
 
     def at(self, z: FloatArray, where: NDArray[np.bool_]) -> ComplexArray:
-        """Rows of the solutions as `Decaying.at` has them."""
+        """Fields of the three solutions; arguments and result as of `Decaying.at`."""
         f = exponentials(self._m[:, where], z.astype(np.complex128))
         main, slow = self._main[..., where], self._slow[where]
         y1, y12, _ = main
@@ -284,12 +308,18 @@ class TransverseDecaying(Decaying):
 
 
 def _second(y: ComplexArray, f: Exponentials) -> ComplexArray:
-    """(y f)[1, 2, 3], (6, n), from y[1], y[1,2], y[1,2,3], (3, 6, n)."""
+    """Second divided difference of y f over the three roots, (6, n), by Leibniz' rule.
+
+    `y` (3, 6, n) holds y[m1], y[m1, m2], y[m1, m2, m3] of six polynomials; `f` the same of exp(-m z).
+    """
     return np.asarray(y[0] * f.f123 + y[1] * f.f23 + y[2] * f.f3)
 
 
 def _families(skeleton: Skeleton) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Coefficients in powers of m of the rows, (6, 6) each: what stands before w and before b in y1; and y2."""
+    """Coefficients, (6 rows, 6 powers of m) each, of the two families of polynomials y1 and y2 of solutions.
+
+    y1 = w stored + b flow, w = sh/(1 + sh), b = 1/(1 + sh); y2 = fluid. Returns stored, flow, fluid.
+    """
     A11, A13, A33, r = (skeleton.A11, skeleton.A13, skeleton.A33, skeleton.permeability_ratio)
     B = A13 + 1.0
     stored = _rows(skeleton, [0.0, 1.0], [1.0], [0.0, A11 - B, 0.0, -1.0])
@@ -304,7 +334,7 @@ def _families(skeleton: Skeleton) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _rows(skeleton: Skeleton, U: list[float], W: list[float], Pi: list[float]) -> FloatArray:
-    """All six rows from U, W and Pi/xi, given by their coefficients in m: d/dz is -m."""
+    """Coefficients (6, 6), in powers of m, of the rows of `Decaying.at` from those of U, W and Pi/xi; d/dz is -m."""
     rows = np.zeros((6, _DEGREE + 1))
     for row, given in ((0, U), (1, W), (4, Pi)):
         rows[row, : len(given)] = given

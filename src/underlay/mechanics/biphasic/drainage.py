@@ -69,21 +69,21 @@ _RAMP_KNOTS = 8
 
 
 class Kept:
-    """The last responses and answers that one problem has solved for, kept so as not to solve again."""
+    """Cache of the responses of a punch and of the forces of whole records that one problem computed last."""
 
     def __init__(self) -> None:
         self._responses: OrderedDict[Hashable, Response] = OrderedDict()
         self._answers: OrderedDict[Hashable, Any] = OrderedDict()
 
     def response(self, transfer: Transfer) -> Response:
-        """Response of a transfer function, solved for once."""
+        """Response of a transfer function, from the cache or computed."""
         found: Response = _remembered(
             self._responses, _key(transfer), lambda: relaxation(transfer), _RESPONSES
         )
         return found
 
     def answer(self, key: Hashable, solve: Callable[[], FloatArray]) -> FloatArray:
-        """Answer to a motion, found once."""
+        """Force (N), (n,), under the motion that `key` identifies, from the cache or by calling `solve`."""
         found: FloatArray = _remembered(self._answers, key, solve, _ANSWERS)
         return found
 
@@ -98,7 +98,7 @@ def _remembered(kept: OrderedDict[Hashable, Any], key: Hashable, solve: Callable
 
 
 def _thinned(count: int) -> NDArray[np.intp]:
-    """Which of so many readings a search begins with: even ones, and more of the first."""
+    """Indices of at most 400 of `count` readings for a search's starting values: evenly spaced, denser at first."""
     even = np.linspace(0.0, count - 1.0, min(count, _SEEN))
     first = np.geomspace(1.0, count, min(count, _SEEN)) - 1.0
     return np.unique(np.concatenate((even, first)).astype(np.intp))
@@ -113,23 +113,23 @@ def _key(transfer: Transfer) -> Hashable:
 
 @dataclass(frozen=True)
 class Drainage(WholeHistory):
-    """The memory of a draining layer under a tip.
+    """The history dependence of a draining (biphasic) layer under a tip, as a scene and a fit use it.
 
     Parameters
     ----------
     indenter : FlatPunch, Sphere or Paraboloid
         The tip.
     layer : Layer
-        Of a biphasic material, alone or on a rigid sealed base; its Prony series is that of the skeleton.
+        Layer of a biphasic material, alone or on a rigid sealed base; its Prony series relaxes the skeleton.
     drainage : str
-        "solid" or "porous".
+        "solid" for an impervious tip, "porous" for one that lets water through.
     kept : Kept, optional
-        What was solved for, which a problem owns.
+        Cache of what was computed; a problem owns one and shares it among its steps.
 
     Raises
     ------
     InputError
-        If the tip is another one.
+        If the tip is of another shape.
     """
 
     indenter: Indenter
@@ -145,7 +145,7 @@ class Drainage(WholeHistory):
 
     @property
     def material(self) -> BiphasicMaterial:
-        """Material of the layer, which drains."""
+        """The biphasic material of the layer; InputError where it is of another kind."""
         if not isinstance(self.layer.material, BiphasicMaterial):
             raise InputError(f"this layer does not drain: {self.layer.material!r:.80}")
         return self.layer.material
@@ -157,7 +157,7 @@ class Drainage(WholeHistory):
 
     @cached_property
     def contact(self) -> DrainingPunch | DrainingTip:
-        """The contact, in units."""
+        """The contact of tip and layer, in SI."""
         tip, material, thickness = self.indenter, self.material, self.layer.thickness
         if isinstance(tip, FlatPunch):
             table = punch_table.shipped(self.drainage)
@@ -171,7 +171,7 @@ class Drainage(WholeHistory):
 
     # --- forces -------------------------------------------------------------------------------------------
     def answer(self, depth: FloatArray, time: FloatArray) -> FloatArray:
-        """Force (N), (n,), of depths since contact (m) at times (s), (n,) each; the last answers are kept."""
+        """Force (N), (n,), under depths since contact (m) at times (s), (n,) each; the last results are cached."""
         key = (tuple(numbers_of(self).values()), depth.tobytes(), time.tobytes())
         return self.kept.answer(key, lambda: self._answered(depth, time))
 
@@ -186,10 +186,10 @@ class Drainage(WholeHistory):
     def answers(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
-        """Forces (N), (sets, n), of many sets of numbers, and which sets are answered; see `WholeHistory.answers`.
+        """Forces (N), (sets, n), for many sets of parameters, and the mask (sets,) of those computed, or None.
 
-        Isotropic layers go off the shipped tables, under a punch from contacts of their own on too; others off a
-        table of their own.
+        Arguments as of `WholeHistory.answers`. Isotropic layers are interpolated in the shipped tables, under a
+        punch also where contact depths differ between sets; others in a lattice solved for here.
         """
         tip, thickness = self.indenter, values.get(_THICKNESS, self.layer.thickness)
         if not (depth > 0.0).any():
@@ -212,7 +212,10 @@ class Drainage(WholeHistory):
     def _on_a_lattice(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
-        """Answers of other layers than `answers` has tables for, off a lattice; None where that would cost more."""
+        """Forces (N), (sets, n), and mask (sets,), of layers outside the shipped tables, interpolated in a lattice.
+
+        None where the lattice has more than half as many points as there are sets.
+        """
         own = numbers_of(self)
         vary = {path: v for path, v in values.items() if path in own and isinstance(v, np.ndarray)}
         modulus = np.broadcast_to(values[_E], sets)
@@ -232,7 +235,7 @@ class Drainage(WholeHistory):
         return None if found is None else (modulus[:, None] * found[0], found[1])
 
     def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
-        """Creep of a flat punch; see `History.depth`."""
+        """Depth (m), (n,), of a flat punch under forces (N) at times (s), (n,): creep; InputError for another tip."""
         del law
         if not isinstance(self.contact, DrainingPunch):
             raise InputError(
@@ -245,9 +248,9 @@ class Drainage(WholeHistory):
         return self.contact.depth(followed(force, time), time)
 
     def stiffness(self, depth: FloatArray, force: FloatArray) -> FloatArray:
-        """dP/dw (N/m), (n,), as `WholeHistory.stiffness`.
+        """dP/dw (N/m), (n,), if all depths (m) grew by one common factor, from depths and forces (N), (n,) each.
 
-        The force of a punch is linear in depth; that of another tip is taken to grow with depth as when drained.
+        The force of a punch is proportional to depth; that of another tip is taken to follow its drained law.
         """
         touching = depth > 0.0
         w, found = depth[touching], np.zeros_like(depth)
@@ -260,7 +263,7 @@ class Drainage(WholeHistory):
 
     # --- derivatives --------------------------------------------------------------------------------------
     def slopes(self, paths: Sequence[str], depth: FloatArray, time: FloatArray) -> Mapping[str, FloatArray]:
-        """d force / d number (SI), (n,), at `paths`, by differences; see `WholeHistory.slopes`."""
+        """Derivatives of the force (N), (n,), in the parameters at `paths` (SI), by finite differences."""
         tabulated = self._is_tabulated(depth, time)
         return {path: self._slope(path, depth, time, tabulated=tabulated) for path in paths}
 
@@ -296,7 +299,7 @@ class Drainage(WholeHistory):
 
     # --- what follows, and what is doubtful ---------------------------------------------------------------
     def derived(self) -> Mapping[str, float]:
-        """Quantities (SI) that follow from its numbers, by name."""
+        """Aggregate modulus (Pa), diffusivity (m^2/s); for a punch drainage time (s) and peak ratio; by name."""
         material = self.material
         found = {
             "layer.aggregate_modulus": material.aggregate_modulus,
@@ -308,7 +311,10 @@ class Drainage(WholeHistory):
         return found
 
     def doubts(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> Sequence[Doubt]:
-        """What a record cannot tell at the fitted numbers, in the words of `judgement`."""
+        """Doubts about a fit: hold too short, ramp too slow, peak too high or a parameter at the end of its range.
+
+        From depths since contact (m), forces (N) and times (s), (n,) each, at the fitted parameters.
+        """
         line, deepest = ramps_and_holds(depth, time).in_contact, float(depth.max())
         radius = self._radius(deepest)
         unit, eps = self.material.drainage_time(radius), radius / self.layer.thickness
@@ -338,7 +344,10 @@ class Drainage(WholeHistory):
         return Doubt("check", anisotropy_doubt(nu=own[_NU]), _TRANSVERSE, _TRY, _SETTING)
 
     def _peak_doubt(self, force: FloatArray, depth: FloatArray) -> Doubt:
-        """Peak over equilibrium above what an isotropic layer gives with nu = 0 at once: reject."""
+        """Doubt that an isotropic layer fits: its reason is empty unless peak over equilibrium force is too large.
+
+        The limit is the ratio of an isotropic layer with nu = 0 after a sudden step.
+        """
         nothing = Doubt("reject", "", _TRANSVERSE, _TRY, _SETTING)
         deepest = float(depth.max())
         level = deepest - 2.0 * _AT_REST * deepest
@@ -357,12 +366,14 @@ class Drainage(WholeHistory):
 
     # --- a search -----------------------------------------------------------------------------------------
     def require_record(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> None:
-        """Refuse a record of depths (m), forces (N) and times (s), (n,) each, without a falling hold.
+        """Refuse a record without a hold under constant depth, from which drainage cannot be determined.
+
+        Depths (m), forces (N) and times (s), (n,) each.
 
         Raises
         ------
         InputError
-            With what to do instead.
+            If the depth never rises, the hold has too few points or the test is a creep test.
         """
         line = ramps_and_holds(depth, time)
         rises = np.flatnonzero(np.diff(line.value) > 0.0)
@@ -376,9 +387,11 @@ class Drainage(WholeHistory):
     def starts(
         self, free: Mapping[str, tuple[float, float]], depth: FloatArray, force: FloatArray, time: FloatArray
     ) -> Sequence[Mapping[str, float]]:
-        """Values (SI) to begin a search from, best first; see `WholeHistory.starts`.
+        """Starting values (SI) of a least-squares search, best first, by path.
 
-        Times a^2/c and shapes of the material are tried, with the moduli by least squares.
+        `free` gives the bounds of the free parameters. Drainage times a^2/c and Poisson's ratios (or ratios of
+        moduli) are tried on a grid, each with the moduli that fit the record best. The record is depths (m), forces
+        (N) and times (s), (n,) each.
         """
         seen = _thinned(time.size)
         depth, force, time = depth[seen], force[seen], time[seen]
@@ -392,11 +405,14 @@ class Drainage(WholeHistory):
         return [values for _, values in found[:_STARTS]]
 
     def _like(self, values: Mapping[str, float]) -> Drainage:
-        """The same drainage with the numbers of `values`, by path."""
+        """Return this drainage with the parameters (SI) of `values`, by path."""
         return replace_values(self, values) if values else self
 
     def _shapes(self, free: Mapping[str, tuple[float, float]]) -> list[dict[str, float]]:
-        """Values of what the moduli's common size and the permeability leave."""
+        """Trial values of the free parameters besides the size of the moduli and the permeability, by path.
+
+        Poisson's ratios of an isotropic layer, or ratios of in-plane to axial modulus.
+        """
         own = {path: number.value for path, number in numbers_of(self).items()}
         if _AXIAL in own and {_E, _AXIAL} & free.keys():
             moved, other = (_E, _AXIAL) if _E in free else (_AXIAL, _E)
@@ -411,7 +427,7 @@ class Drainage(WholeHistory):
     def _units(
         self, free: Mapping[str, tuple[float, float]], depth: FloatArray, time: FloatArray
     ) -> list[float]:
-        """Times a^2/c (s) to try; that of the scene alone where the permeability is known."""
+        """Drainage times a^2/c (s) to try as starts; only that of the scene where the permeability is fixed."""
         own = self.material.drainage_time(self._radius(float(depth.max())))
         if _K not in free:
             return [own]
@@ -433,7 +449,17 @@ class Drainage(WholeHistory):
         force: FloatArray,
         time: FloatArray,
     ) -> tuple[float, dict[str, float]]:
-        """Misfit (N^2) and values at one time a^2/c (s), the moduli so large that they explain the forces best."""
+        """Evaluate one start: its sum of squared residuals (N^2) and its parameter values (SI) by path.
+
+        Parameters
+        ----------
+        free : mapping of str to (float, float)
+            Bounds of the free parameters, by path.
+        unit : float
+            Drainage time a^2/c (s) of the start, which sets the permeability.
+        depth, force, time : FloatArray
+            The record: depths (m), forces (N), times (s), (n,) each; the moduli are scaled to fit it best.
+        """
         own = {path: number.value for path, number in numbers_of(self).items()}
         moduli = [path for path in (_E, _AXIAL) if path in free]
         present = self.material.drainage_time(self._radius(float(depth.max())))
@@ -452,7 +478,7 @@ class Drainage(WholeHistory):
         return float(np.square(left - left.mean()).sum()), inside
 
     def seen(self, depth: FloatArray, time: FloatArray) -> FloatArray:
-        """Force as a search sees it: under a rounded tip by a punch of its radius, within a tenth."""
+        """Approximate force (N), (n,), for starting values: a rounded tip drains as a punch (within 10 %)."""
         contact = self.contact
         if isinstance(contact, DrainingPunch):
             return self.answer(depth, time)

@@ -29,18 +29,18 @@ _RTOL = 1e-10
 def elastic_law(
     constants: PlaneConstants, indenter: Indenter, thickness: float, max_depth: float, rtol: float = _RTOL
 ) -> ContactLaw:
-    """Law of an elastic layer on a bonded rigid base, by what an indentation sees of its material.
+    """Exact contact law of an elastic layer on a bonded rigid base, or of a half-space.
 
     Parameters
     ----------
     constants : PlaneConstants
-        Of the layer; moduli in any unit, forces are in that unit times an area.
+        Elastic constants of the layer; forces are in the unit of its moduli times an area.
     indenter : Indenter
         The tip.
     thickness : float
-        Of the layer; inf for a half-space.
+        Thickness of the layer; inf for a half-space.
     max_depth : float
-        Largest depth.
+        Largest depth of the law.
     rtol : float, optional
         Relative error of the law.
     """
@@ -50,7 +50,10 @@ def elastic_law(
 
 
 def punch_factor(constants: PlaneConstants, eps: float, rtol: float = _RTOL) -> float:
-    """Flat punch's factor P/(4 theta a w) of an elastic layer on a rigid base; a/h = `eps` may be zero."""
+    """Force of a flat punch on an elastic layer on a rigid base over that on a half-space: P/(4 theta a w).
+
+    P force, w depth, theta half the indentation modulus, a radius; `eps` = a/h, radius over thickness, may be zero.
+    """
     if eps == 0.0:
         return 1.0
     force = float(elastic_law(constants, FlatPunch(1.0), 1.0 / eps, 1.0, rtol).force(1.0))

@@ -43,7 +43,7 @@ DRAINAGES = ("solid", "porous", "sealed")
 
 
 def as_drainage(given: str) -> str:
-    """Return it where it is one of `DRAINAGES`.
+    """Return `given` if it is one of `DRAINAGES`, the ways in which water leaves at the tip.
 
     Raises
     ------
@@ -68,22 +68,23 @@ def galerkin(
     radius: float = 1.0,
     tail: float = 1.0,
 ) -> ComplexArray | FloatArray:
-    """Matrix of the contact equations, (terms, terms), or twice as large with water under an impervious tip.
+    """Galerkin matrix of the contact equations (module), (terms, terms); twice as large under an impervious tip.
 
     Parameters
     ----------
     kernel : ndarray (nodes, 2, 2)
-        c(xi), complex of a Laplace variable or real of a time step.
+        Surface kernel c(xi), at one Laplace variable (complex) or for one time step (real).
     xi, weights : FloatArray
-        Wavenumbers and weights, (nodes,).
+        Wavenumbers and quadrature weights, (nodes,).
     even, odd : FloatArray
-        j_2n(xi a) and j_2n+1(xi a), (terms, nodes); no `odd` where the tip does not hold water.
+        Spherical Bessel functions j_2n(xi a) and j_2n+1(xi a), (terms, nodes); `odd` is None unless the tip is
+        impervious.
     skeleton : Skeleton
-        For the ends at large xi.
+        Drained skeleton, for the limits of the kernel at large xi.
     radius : float, default 1
-        a.
+        Contact radius a.
     tail : float, default 1
-        What 1/theta is multiplied with there: of a relaxing skeleton, the inverse of its e.
+        Factor on 1/theta in that limit: for a relaxing skeleton the inverse of its relative modulus e.
     """
     terms = np.arange(len(even))
     soft = tail / skeleton.theta_drained
@@ -100,25 +101,25 @@ def galerkin(
 
 
 def edge_signs(terms: int) -> FloatArray:
-    """(-1)^n: sum of alpha_n with them is the strength of the edge's singularity."""
+    """Signs (-1)^n, (terms,); the sum of the alpha_n with them is the strength of the edge singularity."""
     return np.where(np.arange(terms) % 2, -1.0, 1.0)
 
 
 @dataclass(frozen=True)
 class ShapeRule:
-    """Right side of the contact equations by a tip's shape.
+    """Right-hand side of the contact equations from the shape of the tip.
 
     Parameters
     ----------
     terms : int
-        Of the pressures' expansions.
+        Number of terms of the expansion of the pressures.
     """
 
     terms: int
 
     @cached_property
     def _rule(self) -> tuple[FloatArray, FloatArray]:
-        """sqrt(1 - y^2) at the nodes, (nodes,), and w P_2m(y)/C_m, (nodes, terms)."""
+        """Values sqrt(1 - y^2) at the Gauss nodes y, (nodes,), and weights times P_2m(y)/C_m, (nodes, terms)."""
         y, w = np.polynomial.legendre.leggauss(4 * self.terms)
         y, w = 0.5 * (y + 1.0), 0.5 * w
         tested = np.polynomial.legendre.legvander(y, 2 * self.terms - 2)[:, ::2]
@@ -126,8 +127,9 @@ class ShapeRule:
         return np.sqrt(1.0 - y * y), w[:, None] * tested / (edge_signs(self.terms) * at_zero)
 
     def moments(self, surface: Callable[[FloatArray], FloatArray], radius: float) -> FloatArray:
-        """int_0^1 Phi(a sqrt(1 - y^2)) P_2m(y)/C_m dy of the shape Phi(r), (terms,).
+        """Moments int_0^1 Phi(a sqrt(1 - y^2)) P_2m(y)/C_m dy, (terms,), of a tip's shape Phi(r), `surface`.
 
+        a is the contact radius `radius`, P_2m a Legendre polynomial, C_m = (-1)^m P_2m(0).
         Of a paraboloid a^2/(2R) (2/3, -4/15, 0, ...); exact for smooth shapes to rounding.
         """
         x, tested = self._rule

@@ -38,19 +38,19 @@ _SECOND_DIFFERENCE = 1.6522
 
 @dataclass(frozen=True, eq=False)
 class Polyline:
-    """A value in time: zero before the first knot, straight between knots, held after the last.
+    """A piecewise linear history: zero before the first knot, linear between knots, constant after the last.
 
     Parameters
     ----------
     time : array_like (m,)
         Times of the knots (s), not decreasing; two equal ones are a sudden step.
     value : array_like (m,)
-        Depths (m) or loads (N) there; a first one that is not zero begins with a step.
+        Depths (m) or loads (N) at the knots; if the first is not zero, the history begins with a step.
 
     Raises
     ------
     InputError
-        If they do not match, or the times fall back.
+        If shapes differ, or the times decrease.
     """
 
     time: FloatArray
@@ -71,7 +71,7 @@ class Polyline:
 
     @classmethod
     def thinned(cls, time: ArrayLike, value: ArrayLike, tolerance: float) -> Self:
-        """The fewest knots of a record that stay within `tolerance` of it (Douglas and Peucker 1973)."""
+        """Approximate a record (n,) by few of its points, to within `tolerance` (Douglas and Peucker 1973)."""
         t, w = as_finite(time, "time"), as_finite(value, "value")
         kept = np.zeros(t.size, dtype=bool)
         kept[[0, -1]] = True
@@ -90,7 +90,7 @@ class Polyline:
 
     @property
     def in_contact(self) -> Self:
-        """The history from first contact on: negative values are zero, with knots where it crosses zero."""
+        """This history from first contact on, with negative depths set to zero and knots where it crosses zero."""
         t, w = self.time, self.value
         crossing = np.flatnonzero(w[:-1] * w[1:] < 0.0)
         share = w[crossing] / (w[crossing] - w[crossing + 1])
@@ -101,7 +101,7 @@ class Polyline:
         return type(self)(t[first:], np.maximum(w[first:], 0.0))
 
     def at(self, time: ArrayLike) -> FloatArray:
-        """Value at times (s), shape of `time`; at a sudden step the one after it."""
+        """Value at times (s), shape of `time`; at a sudden step the value after it."""
         t = as_finite(time, "time")
         after = np.searchsorted(self.time, t, side="right")
         low, high = np.maximum(after - 1, 0), np.minimum(after, self.time.size - 1)
@@ -112,14 +112,14 @@ class Polyline:
 
     @cached_property
     def jumps(self) -> tuple[FloatArray, FloatArray]:
-        """Times (s) and sizes of the sudden steps."""
+        """Times (s) and sizes (in the unit of the values) of the sudden steps, (k,) each."""
         times, values = (np.concatenate((self.time[:1], self.time)), np.concatenate(([0.0], self.value)))
         sudden = (np.diff(times) == 0.0) & (np.diff(values) != 0.0)
         return times[1:][sudden], np.diff(values)[sudden]
 
     @cached_property
     def bends(self) -> tuple[FloatArray, FloatArray]:
-        """Times (s) and changes of the slope (1/s)."""
+        """Times (s) at which the slope changes, and the changes (unit of the values per s), (k,) each."""
         slopes = self._slopes
         change = np.concatenate((slopes, [0.0])) - np.concatenate(([0.0], slopes))
         bent = np.abs(change) > _STRAIGHT * np.abs(slopes).max(initial=0.0)
@@ -135,16 +135,16 @@ class Polyline:
 
     @cached_property
     def _ends(self) -> FloatArray:
-        """Beginning of the first slope, and the end of each."""
+        """Times (s) that bound the linear pieces: the beginning of the first, and the end of each."""
         return np.concatenate((self.time[:1], self.time[1:][self._long]))
 
     @property
     def rises(self) -> FloatArray:
-        """Lengths (s) of the stretches on which the value changes."""
+        """Durations (s) of the linear pieces on which the value changes, up or down."""
         return np.asarray(np.diff(self._ends)[self._slopes != 0.0])
 
     def superposed(self, response: Response, time: ArrayLike) -> FloatArray:
-        """Answer at times (s), (n,), of what answers a unit step with `response`: exact."""
+        """Exact response to this history, (n,), at times (s) of a linear system with unit-step response `response`."""
         t = as_finite(time, "time")
         total = np.zeros(t.shape)
         for (starts, sizes), answer in ((self.jumps, response.step), (self.bends, response.ramp)):
@@ -159,21 +159,24 @@ class Polyline:
     def superposed_above(
         self, level: FloatArray, response: Response, time: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Answers of many sets to what lies above a level of each, as `in_contact` of the history less the level.
+        """Responses of many systems to this history less a level of each (its contact depth), from contact on.
+
+        A set is one system with its own level and response, for example one parameter vector of a fit.
 
         Parameters
         ----------
         level : FloatArray
-            (sets,).
+            Value of the history at first contact, (sets,).
         response : Response
-            To a unit step, of as many sets.
+            Unit-step responses of as many sets.
         time : FloatArray
             Times (s), (n,).
 
         Returns
         -------
-        (FloatArray, FloatArray)
-            (sets, n), and which sets are answered, (sets,): not those that fall below their level again, or step.
+        (FloatArray, ndarray of bool)
+            Responses, (sets, n), and mask (sets,) of those computed: not where the history falls below the level
+            again, or has a sudden step.
         """
         t, above = self.time, self.value - level[:, None]
         touching = above > 0.0
@@ -197,14 +200,14 @@ class Polyline:
 
 
 def followed(depth: FloatArray, time: FloatArray) -> Polyline:
-    """History of a record of depths (m) at times (s), (n,) each, to its own ripple."""
+    """Approximate a record of depths (m) at times (s), (n,) each, by a polyline to within its own noise."""
     return Polyline.thinned(time, depth, _tolerance(depth, _EXACT))
 
 
 def ramps_and_holds(depth: FloatArray, time: FloatArray) -> Polyline:
-    """Ramps and holds that a record of depths (m) at times (s), (n,) each, goes by.
+    """Approximate a record of depths (m) at times (s), (n,) each, by ramps and holds.
 
-    Neighbouring rises are one ramp: the line of the largest of them, from the level before it to the one after.
+    Neighbouring rises become one ramp: the line of the largest of them, from the level before it to the one after.
     """
     tolerance = _tolerance(depth, _COARSE)
     line = Polyline.thinned(time, depth, tolerance)
@@ -229,7 +232,7 @@ def ramps_and_holds(depth: FloatArray, time: FloatArray) -> Polyline:
 
 
 def _ramp(t: FloatArray, w: FloatArray, before: tuple[float, float]) -> list[tuple[float, float]]:
-    """Both ends of a ramp through rising knots, (m,), from the level at `before`."""
+    """Both ends (time, depth) of the ramp that replaces rising knots `t`, `w`, (m,), after the knot `before`."""
     main = int(np.argmax(np.diff(w)))
     slope = (w[main + 1] - w[main]) / (t[main + 1] - t[main])
     start = max(float(t[main] + (before[1] - w[main]) / slope), before[0])
@@ -238,14 +241,14 @@ def _ramp(t: FloatArray, w: FloatArray, before: tuple[float, float]) -> list[tup
 
 
 def _tolerance(depth: FloatArray, share: float) -> float:
-    """Tolerance (m) of a record of depths (m): so many times its ripple, or `share` of its largest depth."""
+    """Tolerance (m) for approximating a record of depths (m): 6 times its noise, at least `share` of the largest."""
     second = np.abs(np.diff(depth, 2))
     ripple = float(np.median(second)) / _SECOND_DIFFERENCE if second.size else 0.0
     return max(_RIPPLES * ripple, share * float(np.abs(depth).max()))
 
 
 def ramp_and_hold(value: float, duration: float) -> Polyline:
-    """Straight from zero to `value` in `duration` (s), then held; zero duration is a sudden step.
+    """Return the history that rises linearly from zero to `value` in `duration` (s) and stays; 0 s is a step.
 
     Raises
     ------

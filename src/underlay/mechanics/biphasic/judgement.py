@@ -31,7 +31,7 @@ _STANDS = 0.02
 
 
 def checked_thickness(thickness: float) -> float:
-    """Thickness (m), or infinity for a half-space.
+    """Return the layer's thickness (m), or infinity for a half-space, after checking it.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def checked_thickness(thickness: float) -> float:
 def check_beside(
     layer: Layer, substrate: Body | None, adhesion: Part | None, history: Part | None, discrepant: bool
 ) -> None:
-    """Refuse what a draining layer is not simulated with.
+    """Refuse combinations of a draining layer with other effects that are not simulated.
 
     Raises
     ------
@@ -77,12 +77,12 @@ def check_beside(
 
 
 def checked_hold(time: FloatArray, ramp_end: float) -> int:
-    """Number of points (times in s, (n,)) after the ramp.
+    """Count the points of a record (times in s, (n,)) after the ramp ends at `ramp_end` (s).
 
     Raises
     ------
     InputError
-        If there are fewer than five: nothing of the fall is seen.
+        If there are fewer than five, too few to show the fall of the force.
     """
     after = int((time > ramp_end).sum())
     if after < _FEWEST:
@@ -94,12 +94,12 @@ def checked_hold(time: FloatArray, ramp_end: float) -> int:
 
 
 def refuse_load_control(depth: FloatArray, force: FloatArray, held: slice) -> None:
-    """A relaxation test holds the depth.
+    """Refuse a creep test, in whose hold the force is constant, where a relaxation test is expected.
 
     Raises
     ------
     InputError
-        If over the points `held` the force (N) stands and the depth (m) moves: a creep test.
+        If over the points `held` the force (N) changes by less than 2 % and the depth (m) by more.
     """
     moved = float(np.ptp(depth[held]) / np.abs(depth[held]).max())
     fell = float(np.ptp(force[held]) / np.abs(force[held]).max())
@@ -111,7 +111,7 @@ def refuse_load_control(depth: FloatArray, force: FloatArray, held: slice) -> No
 
 
 def checked_contact(depth: Polyline, thickness: float, ripple: float) -> float:
-    """Largest depth (m) of a rounded tip whose contact does not open.
+    """Return the largest depth (m) of a rounded tip, after checking that the depth never falls back.
 
     Raises
     ------
@@ -139,7 +139,10 @@ def checked_contact(depth: Polyline, thickness: float, ripple: float) -> float:
 
 
 def hold_doubt(hold: float, unit_time: float, eps: float) -> str:
-    """Say that a hold (s) ends before the plateau, by a^2/c (s) as fitted and a/h; empty where it does not."""
+    """Warning that a hold ends before the force has levelled off; "" where it does not.
+
+    `hold` is its duration (s), `unit_time` the fitted drainage time a^2/c (s), `eps` contact radius over thickness.
+    """
     reached = hold / unit_time
     wanted = _LONG_ENOUGH if eps >= _THIN else _LONG_ENOUGH_THICK
     if reached >= wanted:
@@ -151,7 +154,7 @@ def hold_doubt(hold: float, unit_time: float, eps: float) -> str:
 
 
 def ramp_doubt(ramp: float, unit_time: float) -> str:
-    """Say that a ramp (s) lasts longer than drainage, a^2/c (s); empty where it does not."""
+    """Warning that a ramp (s) lasts longer than the drainage time a^2/c, `unit_time` (s); "" where it does not."""
     if ramp <= unit_time:
         return ""
     return (
@@ -161,7 +164,7 @@ def ramp_doubt(ramp: float, unit_time: float) -> str:
 
 
 def peak_doubt(peak: float, largest: float) -> str:
-    """Say that peak over equilibrium is above what an isotropic layer gives with nu = 0 on this ramp; or empty."""
+    """Warning that the force ratio `peak` over equilibrium exceeds the `largest` of an isotropic layer; or ""."""
     if peak <= largest:
         return ""
     return (
@@ -171,7 +174,7 @@ def peak_doubt(peak: float, largest: float) -> str:
 
 
 def anisotropy_doubt(nu: float | None = None, modulus_ratio: float | None = None) -> str:
-    """Say that a fit ended at nu below 0.02, or at E/E_axial above 30; empty where it did not."""
+    """Warning that a fit ended at a Poisson's ratio below 0.02, or at E/E_axial above 30; "" where it did not."""
     if nu is not None and nu < 0.02:
         return (
             f"nu = {nu:.3g} is at the end of what an isotropic layer can be: try a transversely isotropic one"

@@ -32,12 +32,12 @@ _LOG_SPACING, _SPACING = 0.15, 0.05
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """Isotropic draining layers.
+    """Isotropic draining layers, one for each parameter set of a fit (arrays (sets,)).
 
     Parameters
     ----------
     E, nu, permeability : FloatArray
-        As of `Biphasic`, (sets,).
+        Young's modulus (Pa) and Poisson's ratio of the drained skeleton, permeability (m^4/(N s)), (sets,) each.
     """
 
     E: FloatArray
@@ -45,7 +45,7 @@ class Layers:
     permeability: FloatArray
 
     def of(self, rows: NDArray[np.bool_]) -> Self:
-        """Layers of the sets that `rows`, (sets,), says."""
+        """Return the layers of the sets that the mask `rows`, (sets,), selects."""
         return type(self)(self.E[rows], self.nu[rows], self.permeability[rows])
 
     @cached_property
@@ -55,11 +55,11 @@ class Layers:
 
     @property
     def softness(self) -> FloatArray:
-        """Ratio A44/A33 = (1 - 2 nu)/(2 (1 - nu)), (sets,)."""
+        """Shear over aggregate modulus of the drained skeleton, A44/A33 = (1 - 2 nu)/(2 (1 - nu)), (sets,)."""
         return (0.5 - self.nu) / (1.0 - self.nu)
 
     def drainage_time(self, length: float | FloatArray) -> FloatArray:
-        """length^2/c (s), (sets,), of a length (m)."""
+        """Drainage time length^2/c (s), (sets,), of a length (m), (sets,) or one for all; c is the diffusivity."""
         return length**2 * self.softness / (self.permeability * self.shear_modulus)
 
 
@@ -72,27 +72,27 @@ def punch_forces(
     contact: FloatArray,
     time: FloatArray,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Forces of many layers under flat punches along one history, from contacts of their own on.
+    """Forces of many layers under flat punches along one depth history, each from its own contact depth on.
 
     Parameters
     ----------
     layers : Layers
-        Of `sets` sets.
+        The layers, one for each set.
     radius, thickness : FloatArray
         Radii of the punches and thicknesses (m), (sets,).
     drainage : str
         One of `DRAINAGES`.
     depth : Polyline
-        The history of depths (m), as recorded.
+        The history of depths (m), as recorded, not counted from contact.
     contact : FloatArray
-        Depths of contact in it (m), (sets,).
+        Depth of first contact in that history (m), (sets,).
     time : FloatArray
         Times (s), (n,).
 
     Returns
     -------
     (FloatArray, FloatArray)
-        Forces (N), (sets, n), and which sets the table serves, (sets,).
+        Forces (N), (sets, n), and mask (sets,) of the sets inside the table whose punch stays in contact.
     """
     table = punch_table.shipped(drainage)
     eps = radius / thickness
@@ -121,26 +121,26 @@ def tip_forces(
     Parameters
     ----------
     layers : Layers
-        Of `sets` sets.
+        The layers, one for each set.
     tip : Sphere or Paraboloid
         The tip.
     thickness : float
-        h (m).
+        Thickness h of the layers (m).
     drainage : str
         One of `DRAINAGES`.
     history : Polyline
-        What stands for the record (m, s); no set is served where it is not one ramp and hold.
+        Ramps and holds that approximate the record (m, s); no force is computed unless it is one ramp and hold.
     depth, time : FloatArray
         The record's depths since contact (m) and times (s), (n,) each.
 
     Returns
     -------
     (FloatArray, FloatArray)
-        Forces (N), (sets, n), and which sets the table serves, (sets,).
+        Forces (N), (sets, n), and mask (sets,) of the sets inside the table.
     """
 
     def contact(softness: float) -> DrainingTip:
-        """Tip on a layer of shear modulus 1 and this A44/A33."""
+        """Contact of the tip with a layer of shear modulus 1 Pa and this ratio of shear to aggregate modulus."""
         nu = (0.5 - softness) / (1.0 - softness)
         return DrainingTip(tip, Biphasic(2.0 * (1.0 + nu), nu, 1.0), thickness, drainage)
 
@@ -171,21 +171,24 @@ def tip_forces(
 def lattice_forces(
     columns: Sequence[tuple[FloatArray, bool]], solve: Callable[[list[float]], FloatArray], most: int
 ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
-    """Forces of many sets by parabolas between points of a lattice that does not know the sets.
+    """Forces for many parameter sets, by quadratic interpolation between the points of a fixed lattice.
+
+    The lattice does not depend on the sets, so that the force of one set does not depend on the others.
 
     Parameters
     ----------
     columns : sequence of (FloatArray, bool)
-        Of each number that varies its values, (sets,), and whether it counts by its logarithm.
+        For each parameter that varies its values, (sets,), and whether the lattice is even in its logarithm.
     solve : callable
-        Forces, (n,), at one point's numbers; refuses with an InputError.
+        Forces, (n,), at the parameter values (not logarithms) of one point; InputError where there are none.
     most : int
-        Points that may be solved for; None where more are needed.
+        Largest number of lattice points to solve for.
 
     Returns
     -------
-    (FloatArray, FloatArray)
-        (sets, n), and which sets are served, (sets,): those beside no refused point.
+    (FloatArray, ndarray of bool) or None
+        Forces, (sets, n), and mask (sets,) of the sets all of whose lattice points have forces; None where more
+        than `most` points are needed.
     """
     spacing = np.array([_LOG_SPACING if by_log else _SPACING for _, by_log in columns])
     fine = np.logical_and.reduce([(values > 0.0) | (not by_log) for values, by_log in columns])

@@ -37,7 +37,7 @@ _PERMEABILITY = "m^4/(N s)"
 
 @dataclass(frozen=True)
 class Skeleton:
-    """The drained skeleton without units: what an axisymmetric indentation of a biphasic layer sees of it.
+    """Dimensionless constants of the drained skeleton that enter an axisymmetric indentation of a biphasic layer.
 
     Moduli are in units of the shear modulus A44 and permeabilities in units of the axial one, k_z. With times in
     units of a^2/c, c = k_z A33, and lengths in units of a, four numbers remain.
@@ -66,7 +66,7 @@ class Skeleton:
 
     @cached_property
     def drained(self) -> PlaneConstants:
-        """Plane constants when the water has gone; moduli in units of A44."""
+        """`PlaneConstants` of the drained skeleton, those an axisymmetric indentation sees; moduli in units of A44."""
         return PlaneConstants(self.A13 / self.A33, 1.0 / self.A33, self.A11 - self.A13**2 / self.A33, 1.0)
 
     @cached_property
@@ -113,7 +113,7 @@ class BiphasicMaterial(Material):
     @property
     @abstractmethod
     def skeleton(self) -> Skeleton:
-        """The numbers of the kernel, without units."""
+        """Dimensionless constants of the drained skeleton, from which the surface kernel is computed."""
 
     @property
     @abstractmethod
@@ -195,17 +195,17 @@ class Biphasic(BiphasicMaterial):
 
     @cached_property
     def drained(self) -> Isotropic:
-        """The elastic material of the skeleton, E and nu of its own."""
+        """The elastic material of the skeleton alone, with the same E and nu."""
         return Isotropic(self.E, self.nu)
 
     @cached_property
     def undrained(self) -> Isotropic:
-        """Incompressible, of the same shear modulus: E = 3 G."""
+        """The elastic material before water flows: incompressible, with the same shear modulus G, so E = 3 G."""
         return Isotropic(3.0 * self.shear_modulus, 0.5)
 
     @cached_property
     def skeleton(self) -> Skeleton:
-        """The numbers of the kernel, without units."""
+        """Dimensionless constants of the drained skeleton, from which the surface kernel is computed."""
         return Skeleton.of_poisson_ratio(self.nu)
 
     @property
@@ -220,7 +220,7 @@ class Biphasic(BiphasicMaterial):
 
     @property
     def in_plane(self) -> Self:
-        """The material itself."""
+        """The material itself, being isotropic."""
         return self
 
 
@@ -309,7 +309,7 @@ class BiphasicTransverse(BiphasicMaterial):
 
     @cached_property
     def undrained(self) -> TransverselyIsotropic:
-        """Incompressible, of the same in-plane and axial shear moduli."""
+        """The elastic material before water flows: incompressible, same in-plane and axial shear moduli."""
         A = self._stiffness
         shear = 0.5 * (A["A11"] - A["A12"])
         axial = A["A33"] - 2.0 * A["A13"] + 0.5 * (A["A11"] + A["A12"])
@@ -322,14 +322,14 @@ class BiphasicTransverse(BiphasicMaterial):
 
     @cached_property
     def skeleton(self) -> Skeleton:
-        """The numbers of the kernel, without units."""
+        """Dimensionless constants of the drained skeleton, from which the surface kernel is computed."""
         A = self._stiffness
         shear = A["A44"]
         return Skeleton(A["A11"] / shear, A["A13"] / shear, A["A33"] / shear, self.permeability_ratio)
 
     @property
     def shear_modulus(self) -> float:
-        """Shear modulus A44 = G_axial (Pa) in planes through the axis."""
+        """Shear modulus A44 = G_axial (Pa) in planes that contain the axis."""
         return self.G_axial
 
     @property
@@ -339,5 +339,5 @@ class BiphasicTransverse(BiphasicMaterial):
 
     @property
     def in_plane(self) -> Isotropic:
-        """The elastic isotropic material of its in-plane E and nu."""
+        """The isotropic elastic material with the in-plane E and nu of the drained skeleton."""
         return self.drained.in_plane

@@ -69,24 +69,24 @@ class _Freed(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MovingContact:
-    """The moving contact at even steps of time.
+    """Contact of a rounded tip whose radius changes with time, solved at even steps of time (module).
 
     Parameters
     ----------
     skeleton : Skeleton
-        What the layer is.
+        Drained skeleton of the layer.
     thickness : float
-        h/l; inf for a half-space.
+        h/l, in the unit of length l; inf for a half-space.
     drainage : str
         One of `DRAINAGES`.
     step : float
-        dt.
+        Time step dt, in l^2/c, c the diffusivity.
     count : int
         Number of steps.
     terms : int, default 6
-        Of the pressures' expansions.
+        Number of terms of the expansion of the pressures.
     reach : float, default 8
-        Wavenumbers go to reach sqrt(1.5/dt) + 45.
+        The largest wavenumber is reach sqrt(1.5/dt) + 45.
     modes : Modes or None
         Relaxation of the skeleton, times in l^2/c.
     """
@@ -105,12 +105,12 @@ class MovingContact:
 
     @cached_property
     def rule(self) -> WavenumberRule:
-        """Quadrature over wavenumbers, fine enough for radii up to 1.1 l."""
+        """Quadrature over wavenumbers, fine enough for contact radii up to 1.1 l, l the unit of length."""
         return WavenumberRule(self.reach * float(np.sqrt(FIRST_RATE / self.step)) + 45.0, width=2.0, points=6)
 
     @cached_property
     def weights(self) -> StepWeights:
-        """Convolution weights of the history."""
+        """Convolution weights by which earlier steps act on later ones."""
         kernel = SurfaceKernel(self.skeleton, self.thickness)
         sealed = self.drainage == "sealed"
         return StepWeights(kernel, self.rule.nodes, self.step, self.count, sealed, self.modes)
@@ -129,21 +129,21 @@ class MovingContact:
     def run(
         self, depth: FloatArray, surface: Callable[[FloatArray], FloatArray], guess: FloatArray
     ) -> MovedContact:
-        """Forces and radii for depths at dt, 2 dt, ...
+        """Solve for forces and contact radii under depths at times dt, 2 dt, ...
 
         Parameters
         ----------
         depth : FloatArray
-            (n,), n up to `count`; zero or less: no contact yet.
+            Depths (l) at these times, (n,), n up to `count`; zero or less means no contact yet.
         surface : callable
-            The tip's shape Phi(r).
+            Shape Phi(r) of the tip: its height (l) above its lowest point at radii r (l).
         guess : FloatArray
-            Contact radii of an elastic law at those depths, (n,): a start.
+            Contact radii (l) of an elastic law at those depths, (n,), from which the search for the radius starts.
 
         Raises
         ------
         RangeError
-            If no radius frees the edge of its singularity.
+            If at no radius the pressure is free of a singularity at the edge.
         """
         n = depth.size
         steps = self._steps(n)
@@ -160,7 +160,7 @@ class MovingContact:
         return MovedContact(force, radius)
 
     def fixed(self, depth: FloatArray, radius: float) -> FloatArray:
-        """Forces of a flat punch of this radius for depths at dt, 2 dt, ..., (n,): a check of the quadrature."""
+        """Forces (n,) of a flat punch of this radius under depths at dt, 2 dt, ..., to check the quadrature."""
         steps, force = self._steps(depth.size), np.zeros(depth.size)
         for i, w in enumerate(depth):
             found = self._solved(radius, _Asked(float(w), np.zeros_like, steps.before(i)))
@@ -169,7 +169,10 @@ class MovingContact:
         return force
 
     def _freed(self, index: int, asked: _Asked, guess: float, slope: float | None) -> _Freed:
-        """Radius at which the edge is free, by secants; the first one has the slope of the step before."""
+        """Find the contact radius at which the edge singularity vanishes, by the secant method.
+
+        `guess` is the first radius, `slope` that of the singularity in the radius at the step before, if known.
+        """
         now, state = guess, self._solved(guess, asked)
         for _ in range(_MOST_TRIALS):
             trial = now * _FIRST_TRIAL if slope is None else _held_back(now, now - state.edge / slope)
@@ -214,5 +217,5 @@ class MovingContact:
 
 
 def _held_back(before: float, trial: float) -> float:
-    """The trial, no farther from the radius before than a factor."""
+    """Limit a trial radius to within a factor of 1.6 of the radius `before`."""
     return min(max(trial, before / _LONGEST), before * _LONGEST)

@@ -36,20 +36,20 @@ _WRAPPED = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class StepWeights:
-    """Weights omega_m of the surface kernel for even steps.
+    """Convolution-quadrature weights omega_m of the surface kernel, for even steps of time (module).
 
     Parameters
     ----------
     kernel : SurfaceKernel
-        c(xi, s).
+        Surface kernel c(xi, s), xi the wavenumber and s the Laplace variable.
     xi : FloatArray
         Wavenumbers, (nodes,).
     step : float
-        dt, in l^2/c.
+        Time step dt, in l^2/c: l the unit of length, c the diffusivity.
     count : int
         Number of steps.
     sealed : bool, default False
-        As of `SurfaceKernel.matrix`.
+        Whether no water passes the surface, as in `SurfaceKernel.matrix`.
     modes : Modes or None
         Relaxation of the skeleton, times in l^2/c.
     """
@@ -63,21 +63,21 @@ class StepWeights:
 
     @cached_property
     def _circle(self) -> tuple[int, float, ComplexArray]:
-        """Length of the transform, radius, and Laplace variables on the upper half of the circle."""
+        """Length and radius of the discrete Fourier transform, and the Laplace variables on half of its circle."""
         length = 1 << int(np.ceil(np.log2(2 * (self.count + 1))))
         radius = float(_WRAPPED ** (1.0 / length))
         z = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
         return length, radius, ((1.0 - z) + 0.5 * (1.0 - z) ** 2) / self.step
 
     def _coefficients(self, values: ComplexArray) -> FloatArray:
-        """Coefficients 0 ... count - 1 from values on the half circle, (half, ...)."""
+        """Power-series coefficients 0 ... count - 1, (count, ...), from values on the half circle, (half, ...)."""
         length, radius, _ = self._circle
         found = np.fft.irfft(values, length, axis=0)[: self.count]
         return np.asarray(found / (radius ** np.arange(self.count)).reshape(-1, *[1] * (values.ndim - 1)))
 
     @cached_property
     def kernels(self) -> FloatArray:
-        """omega_m(xi), (count, nodes, 2, 2)."""
+        """Weights omega_m(xi) of the 2 by 2 surface kernel, (count, nodes, 2, 2)."""
         s = self._circle[2]
         left = np.ones_like(s) if self.modes is None else operational(self.modes, s)
         scaled = s / left * self.kernel.skeleton.A33
@@ -90,7 +90,7 @@ class StepWeights:
 
     @cached_property
     def tails(self) -> FloatArray:
-        """Weights omega_m of 1/e*(s), (count,): theta xi c11 at large xi; 1, 0, 0, ... without relaxation."""
+        """Weights omega_m, (count,), of theta xi c11 at large xi, which is 1/e*(s); 1, 0, 0, ... if not relaxing."""
         if self.modes is None:
             return np.asarray(np.eye(1, self.count)[0])
         return self._coefficients(1.0 / operational(self.modes, self._circle[2]))
@@ -98,19 +98,19 @@ class StepWeights:
 
 @dataclass(frozen=True, eq=False)
 class Past:
-    """What the earlier steps do in one step.
+    """Settlement and flux of the surface in one step due to the pressures of the earlier steps.
 
     Parameters
     ----------
     settled : FloatArray
-        Settlement by the pressures of earlier steps, less its end at large wavenumbers, (nodes,).
+        Settlement due to earlier steps less its limit at large wavenumbers, (nodes,), by wavenumber.
     flow : FloatArray
-        Flux by them, (nodes,).
+        Flux due to earlier steps, (nodes,), by wavenumber.
     kept : FloatArray
-        Weight eta/theta with which the end of an earlier step's settlement remains, (steps,); none remains where
-        the skeleton does not relax.
+        Weight of that limit for each earlier step, (steps,): `StepWeights.tails` over theta; zero where the
+        skeleton does not relax.
     coefficients : FloatArray
-        alpha_n of the earlier steps, (steps, terms).
+        Coefficients alpha_n of the pressure in the earlier steps, (steps, terms).
     radii : FloatArray
         Their contact radii, (steps,); zero before contact.
     """
@@ -122,7 +122,7 @@ class Past:
     radii: FloatArray
 
     def tail(self, radius: float) -> FloatArray:
-        """What was taken off the settlement, tested on the present disc, (terms,).
+        """Moments, (terms,), over the present contact of radius `radius` of the limit left out of `settled`.
 
         j_2n(xi a) is the cosine transform of (-1)^n P_2n(x/a)/a on (0, a), so that the integral over all xi of a
         product of two is pi/2 times that of the polynomials over the smaller disc: exact.
@@ -144,18 +144,18 @@ class Past:
 
 
 class Steps:
-    """The steps of one motion as they are found.
+    """Store of the time steps solved so far, from which the effect of the past on the next is summed.
 
     Parameters
     ----------
     weights : StepWeights
-        Of the history.
+        Convolution weights.
     count, terms : int
         Number of steps, and of the pressures' coefficients.
     theta : float
-        Drained, over A44.
+        Drained elastic constant over A44 (half the indentation modulus).
     wet : bool
-        Whether the tip holds water.
+        Whether the tip is impervious, so that there is water pressure under it.
     """
 
     def __init__(self, weights: StepWeights, count: int, terms: int, theta: float, *, wet: bool) -> None:
@@ -166,13 +166,13 @@ class Steps:
 
     @cached_property
     def _kernels(self) -> FloatArray:
-        """(2, 2, count, nodes), the end of c11 taken off."""
+        """Weights of the surface kernel, (2, 2, count, nodes), c11 without its limit at large wavenumbers."""
         found = np.ascontiguousarray(self._weights.kernels.transpose(2, 3, 0, 1))
         found[0, 0] -= self._weights.tails[:, None] / (self._theta * self._weights.xi)
         return found
 
     def before(self, index: int) -> Past:
-        """Settlement and flux that the steps before number `index` cause in it."""
+        """Settlement and flux that the steps before step `index` (from 0) cause in that step."""
         then = slice(index, 0, -1)
         pairs = ((0, self._sigma), (1, self._water)) if self._wet else ((0, self._sigma),)
         both = [
@@ -187,6 +187,10 @@ class Steps:
     def add(
         self, index: int, sigma: FloatArray, water: FloatArray, coefficients: FloatArray, radius: float
     ) -> None:
-        """Keep a step: its transforms, (nodes,), its coefficients, (terms,), and its radius."""
+        """Store step `index` (from 0).
+
+        `sigma` and `water` are the Hankel transforms of total and water pressure, (nodes,); `coefficients` the
+        alpha_n, (terms,); `radius` the contact radius.
+        """
         self._sigma[index], self._water[index] = sigma, water
         self._coefficients[index], self._radii[index] = coefficients, radius

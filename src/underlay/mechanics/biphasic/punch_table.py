@@ -48,14 +48,14 @@ _TABULATED = ("solid", "porous")
 
 @dataclass(frozen=True)
 class Axis:
-    """Chebyshev points of the first kind in one number.
+    """One axis of a table: Chebyshev points of the first kind, for polynomial interpolation in one variable.
 
     Parameters
     ----------
     low, high : float
-        Ends of the number.
+        Ends of the interval.
     count : int
-        Points.
+        Number of points.
     """
 
     low: float
@@ -64,7 +64,7 @@ class Axis:
 
     @cached_property
     def nodes(self) -> FloatArray:
-        """Values of the number, (count,), increasing."""
+        """Values of the variable at the points, (count,), increasing."""
         x = -np.cos(np.pi * (np.arange(self.count) + 0.5) / self.count)
         return np.asarray(0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x)
 
@@ -77,11 +77,11 @@ class Axis:
         return np.asarray(np.polynomial.chebyshev.chebvander(x, self.count - 1), dtype=np.float64)
 
     def covers(self, value: float | FloatArray) -> NDArray[np.bool_]:
-        """Which values are inside, in their shape."""
+        """Whether values lie inside the interval, in the shape of `value`."""
         return np.asarray((self.low <= value) & (value <= self.high))
 
     def weights(self, value: FloatArray) -> FloatArray:
-        """Weights of the nodes at values, (..., count).
+        """Interpolation weights of the nodes at values (...,): (..., count).
 
         Raises
         ------
@@ -96,14 +96,14 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class ResponseTable:
-    """Normalised falls g(t) over numbers on which they depend smoothly.
+    """Table of arrays (here the normalised fall g(t) of a response) over parameters, read by interpolation.
 
     Parameters
     ----------
     axes : tuple of Axis
-        One for each number.
+        One for each parameter.
     fall : FloatArray
-        g, (*counts, n); or any other numbers, (*counts, ...).
+        g at n times, (*counts, n), counts the numbers of nodes; or any other values, (*counts, ...).
     """
 
     axes: tuple[Axis, ...]
@@ -111,17 +111,17 @@ class ResponseTable:
 
     @classmethod
     def solved(cls, axes: Sequence[Axis], fall: Callable[..., FloatArray | float]) -> Self:
-        """Solve for the numbers at every combination of nodes."""
+        """Make the table by calling `fall` with the parameters at every combination of nodes."""
         found = np.array([fall(*map(float, values)) for values in product(*(axis.nodes for axis in axes))])
         return cls(tuple(axes), found.reshape(*(axis.count for axis in axes), *found.shape[1:]))
 
     def at(self, values: Sequence[float | FloatArray]) -> FloatArray:
-        """g, (n,), at one value for each axis; (sets, n) at many, (sets,).
+        """Interpolate g at the parameters: (n,) at one value for each axis, (sets, n) at many, (sets,).
 
         Raises
         ------
         InputError
-            If one is outside.
+            If a value is outside its axis.
         """
         sets = np.broadcast_shapes(*(np.shape(value) for value in values))
         found = self.fall
@@ -132,7 +132,7 @@ class ResponseTable:
         return found.reshape(sets + self.fall.shape[len(self.axes) :])
 
     def covers(self, values: Sequence[float | FloatArray]) -> NDArray[np.bool_]:
-        """Whether all values are inside, of each set."""
+        """Whether all parameters lie inside the table, (sets,)."""
         inside = [axis.covers(value) for axis, value in zip(self.axes, values, strict=True)]
         return np.asarray(np.logical_and.reduce(np.broadcast_arrays(*inside)))
 
@@ -144,31 +144,35 @@ _FILE = Path(__file__).with_name("isotropic_punch.npz")
 
 
 def _solved(shape: float, nu: float, drainage: str) -> Response:
-    """Response of a/h = shape/(1 - shape)."""
+    """Response of an isotropic layer under a flat punch, solved for; `shape` is eps/(1 + eps), eps = a/h."""
     transfer = PunchTransfer(Skeleton.of_poisson_ratio(nu), shape / (1.0 - shape), drainage)
     return relaxation(transfer, _SPAN)
 
 
 def _compliance(shape: float, softness: float) -> float:
-    """4 A44 a w/P of a flat punch on an elastic layer of A44/A33 = softness: smooth, where P is not."""
+    """Dimensionless compliance 4 A44 a w/P of a flat punch on an isotropic elastic layer.
+
+    P force, w depth, a radius; `shape` is eps/(1 + eps), eps = a/h; `softness` is A44/A33, shear over aggregate
+    modulus. It is smooth in both, which the force is not, and so is what the table holds.
+    """
     constants = PlaneConstants(1.0 - 2.0 * softness, softness, 4.0 * (1.0 - softness), 1.0)
     return 1.0 / (punch_factor(constants, shape / (1.0 - shape)) * float(constants.theta))
 
 
 @dataclass(frozen=True)
 class IsotropicTable:
-    """Responses of a flat punch by a/h and nu, for one drainage.
+    """Table of step responses of a flat punch on isotropic layers, by a/h and Poisson's ratio, for one drainage.
 
     Parameters
     ----------
     drainage : str
-        How water leaves at the tip.
+        How water leaves at the tip, one of `DRAINAGES`.
     time : FloatArray
-        Times, (n,), in a^2/c.
+        Times, (n,), in a^2/c, a the radius and c the diffusivity.
     table : ResponseTable
-        Falls g.
+        Normalised falls g, by eps/(1 + eps), eps = a/h, and nu.
     compliances : ResponseTable
-        4 A44 a w/P of elastic layers, by a/h and A44/A33.
+        Compliances 4 A44 a w/P of elastic layers, by eps/(1 + eps) and A44/A33.
     """
 
     drainage: str
@@ -177,22 +181,22 @@ class IsotropicTable:
     compliances: ResponseTable
 
     def covers(self, eps: float | FloatArray, nu: float | FloatArray) -> NDArray[np.bool_]:
-        """Whether a/h and nu are inside, of each set."""
+        """Whether a/h (`eps`) and Poisson's ratio `nu` are inside the table, for each set."""
         return self.table.covers((eps / (1.0 + eps), nu))
 
     def ends(self, eps: float | FloatArray, nu: float | FloatArray) -> tuple[FloatArray, FloatArray]:
-        """P/(4 theta_d a w) at once and in the long run, of each set."""
+        """Stiffness P/(4 theta_d a w), for each set, undrained (just after a step) and drained (long after)."""
         shape, softness = eps / (1.0 + eps), (0.5 - nu) / (1.0 - nu)
         start, end = ((1.0 - nu) / self.compliances.at((shape, share * softness)) for share in (0.0, 1.0))
         return start, end
 
     def __call__(self, eps: float | FloatArray, nu: float | FloatArray) -> Response:
-        """P/(4 theta_d a) after a unit step of depth, times in a^2/c; of many sets at numbers (sets,).
+        """Response P/(4 theta_d a) to a unit step of depth, times in a^2/c; for many sets if `eps` is (sets,).
 
         Raises
         ------
         InputError
-            If a/h or nu is outside.
+            If a/h (`eps`) or `nu` is outside the table.
         """
         fall = self.table.at((eps / (1.0 + eps), nu))
         start, end = self.ends(eps, nu)
@@ -203,7 +207,7 @@ class IsotropicTable:
 
 
 def build(path: Path) -> None:
-    """Solve for the tables and write them."""
+    """Solve for the tables of all drainages and write them to an .npz file at `path`."""
     tables = {
         drainage: ResponseTable.solved(_AXES, lambda shape, nu, by=drainage: _solved(shape, nu, by).fall)
         for drainage in _TABULATED
@@ -215,14 +219,14 @@ def build(path: Path) -> None:
 
 @cache
 def shipped(drainage: str) -> IsotropicTable:
-    """The table that travels with the library, for a tip that holds the water or lets it through."""
+    """Load the table shipped with the package for a `drainage` of "solid" (impervious tip) or "porous"."""
     with np.load(_FILE, allow_pickle=False) as stored:
         time, fall, ends = (read_only(stored[name]) for name in ("time", drainage, "ends"))
     return IsotropicTable(drainage, time, ResponseTable(_AXES, fall), ResponseTable(_AXES_OF_ENDS, ends))
 
 
 def measured_error(table: IsotropicTable, count: int, seed: int) -> tuple[float, tuple[float, float]]:
-    """Largest error of g at random a/h and nu, and where (eps/(1 + eps), nu) it is."""
+    """Largest error of g at `count` random points of the table, and the point (eps/(1 + eps), nu), eps = a/h."""
     rng = np.random.default_rng(seed)
     worst, where = 0.0, (0.0, 0.0)
     for _ in range(count):

@@ -50,14 +50,14 @@ _EARLY = 3.0
 
 @dataclass(frozen=True)
 class Contour:
-    """Points and weights for times in [start, end].
+    """Contour of numerical inverse Laplace transform for times in [start, end]: a hyperbola (module).
 
     Parameters
     ----------
     start, end : float
-        Times, positive.
+        Shortest and longest time that it serves, positive.
     z, weights : ComplexArray
-        Laplace variables and weights, (n,).
+        Laplace variables on the contour and quadrature weights, (n,).
     """
 
     start: float
@@ -67,7 +67,7 @@ class Contour:
 
     @classmethod
     def of(cls, start: float, end: float, count: int) -> Self:
-        """With `count` points; the angle alpha makes the error of both ends the smallest."""
+        """Make the contour of `count` points whose angle alpha minimises the error for times in [start, end]."""
         ratio = end / start
 
         def spread(alpha: float) -> float:
@@ -91,12 +91,12 @@ class Contour:
         return cls(start, end, z, slope * step / np.pi)
 
     def invert(self, transform: ComplexArray, time: FloatArray) -> FloatArray:
-        """f at times, (t,), from F at `z`, (n,)."""
+        """Function f at times, (t,), from its Laplace transform F at the points `z`, (n,)."""
         return np.asarray((np.exp(np.multiply.outer(time, self.z)) @ (self.weights * transform)).imag)
 
 
 def windows(start: float, end: float, count: int) -> list[Contour]:
-    """Contours of `count` points each that cover [start, end], a decade and a half or less each."""
+    """Contours of inverse Laplace transform for times in [start, end], `count` points for every 1.5 decades."""
     number = max(int(np.ceil(np.log10(end / start) / _DECADES - 1e-9)), 1)
     ends = np.geomspace(start, end, number + 1)
     return [Contour.of(float(low), float(high), count) for low, high in pairwise(ends)]
@@ -109,15 +109,16 @@ class Response:
     Parameters
     ----------
     start, end : float or FloatArray
-        Of f; of many sets (sets, 1).
+        Values of f at time zero and at infinite time; (sets, 1) for many layers.
     time : FloatArray
-        Times of the table, (n,), of even ratio.
+        Times of the table, (n,), in geometric progression.
     fall : FloatArray
-        g there, (n,) or (sets, n).
+        Normalised fall g = (f - end)/(start - end) at these times, (n,) or (sets, n).
     endless : bool, default False
         Whether g falls as t^(-1/2) in the long run: on a half-space.
     unit : float or FloatArray, default 1
-        Unit of the table's times in those it is asked for (s); of many sets (sets, 1).
+        Unit of the table's times, in the unit of the times passed to `step` and `ramp` (s); (sets, 1) for many
+        layers.
     """
 
     start: float | FloatArray
@@ -128,22 +129,22 @@ class Response:
     unit: float | FloatArray = 1.0
 
     def scaled(self, factor: float | FloatArray, unit: float | FloatArray) -> Self:
-        """Response whose values are `factor` times these, with the table's times in the unit `unit`."""
+        """Return this response with values times `factor` and with `unit` (s) as the unit of the table's times."""
         return replace(self, start=factor * self.start, end=factor * self.end, unit=unit)
 
     def step(self, time: FloatArray) -> FloatArray:
-        """f after a unit step, (m,) or (sets, m) at times (m,); zero before it, `start` at zero."""
+        """Response f at times since a unit step, (m,): (m,) or (sets, m); zero before it, `start` at time zero."""
         t = np.asarray(time, dtype=np.float64) / self.unit
         after = self.end + (self.start - self.end) * self.g(np.maximum(t, 0.0))
         return np.where(t < 0.0, 0.0, after)
 
     def ramp(self, time: FloatArray) -> FloatArray:
-        """K = int f after a unit step of the rate, shapes as of `step`; zero before it. In the unit of `time`."""
+        """Response at times since a unit step of the rate: K, the integral of f from 0; shapes as of `step`."""
         t = np.maximum(np.asarray(time, dtype=np.float64) / self.unit, 0.0)
         return np.asarray(self.unit * (self.end * t + (self.start - self.end) * self.integral(t)))
 
     def g(self, t: FloatArray) -> FloatArray:
-        """Normalised fall at the table's times, (m,) or (sets, m), zero or more; 1 at zero."""
+        """Normalised fall g, (m,) or (sets, m), at times t >= 0 in the table's unit: from 1 at zero to 0."""
         first, last = self.time[0], self.time[-1]
         lost, power = self._early
         early = 1.0 - lost * (np.minimum(t, first) / first) ** power
@@ -153,7 +154,7 @@ class Response:
         return np.where(t < first, early, np.where(t > last, late, inside))
 
     def integral(self, t: FloatArray) -> FloatArray:
-        """I = int_0^t g at the table's times, (m,) or (sets, m)."""
+        """Integral I of the normalised fall g from 0 to t, (m,) or (sets, m), t in the table's unit of time."""
         first, last = self.time[0], self.time[-1]
         lost, power = self._early
         x = np.minimum(t, first)
@@ -163,7 +164,7 @@ class Response:
         return np.asarray(early + inside + late)
 
     def _on_spline(self, pieces: FloatArray, t: FloatArray) -> FloatArray:
-        """A spline over ln t by its pieces, (powers, n - 1, ...), at times inside the table."""
+        """Evaluate a spline in ln t at times inside the table from its coefficients `pieces`, (powers, n - 1, ...)."""
         knots = np.log(self.time)
         x = np.log(t)
         place = (x - knots[0]) * ((knots.size - 1) / (knots[-1] - knots[0]))
@@ -177,23 +178,23 @@ class Response:
 
     @cached_property
     def _spline(self) -> CubicSpline:
-        """The product t g, over ln t."""
+        """Cubic spline of the product t g(t) over ln t."""
         return CubicSpline(np.log(self.time), self.time * self.fall, axis=-1)
 
     @cached_property
     def _integral_pieces(self) -> FloatArray:
-        """int g dt from the first time: dt = t d(ln t)."""
+        """Spline coefficients of the integral of g from the first time of the table, as a function of ln t."""
         return np.asarray(self._spline.antiderivative().c)
 
     @cached_property
     def _early(self) -> tuple[FloatArray, FloatArray]:
-        """1 - g at the first time, and the power of t with which it grows there."""
+        """1 - g at the first time of the table, and the power of t by which it is extrapolated to earlier times."""
         later = int(np.searchsorted(self.time, _EARLY * self.time[0]))
         lost, more = (_upright(1.0 - self.fall[..., node]) for node in (0, later))
         return lost, np.log(more / lost) / np.log(self.time[later] / self.time[0])
 
     def _late(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """g over its last value, and the integral of that from the last time."""
+        """Extrapolation beyond the table: g over its last value, and the integral of that from the last time."""
         last, end = self.time[-1], _upright(self.fall[..., -1])
         x = t / last
         if self.endless:
@@ -207,12 +208,12 @@ class Response:
 
 
 def _upright(numbers: FloatArray) -> FloatArray:
-    """Numbers beside times: (sets, 1) of many sets."""
+    """Give numbers of many sets, (sets,), the shape (sets, 1), to combine them with times; floats are unchanged."""
     return np.asarray(numbers)[..., None] if np.ndim(numbers) else numbers
 
 
 def table_times(span: tuple[float, float], per_decade: int = _PER_DECADE) -> FloatArray:
-    """Times of a table, of even ratio, from the first to the last of `span`."""
+    """Times of a table in geometric progression from the first to the last of `span`."""
     return np.geomspace(*span, int(np.ceil(per_decade * np.log10(span[1] / span[0]) - 1e-9)) + 1)
 
 
@@ -225,15 +226,15 @@ def invert(
     endless: bool = False,
     points: int = 16,
 ) -> Response:
-    """Response whose transfer function is `transfer`: s times the transform of f.
+    """Compute the step response f whose transfer function is `transfer`: s times the Laplace transform of f.
 
     Parameters
     ----------
     transfer : callable
-        At Laplace variables, (n,); `start` at infinity and `end` at zero. The normalised fall is inverted, never
-        the transfer function itself.
+        Transfer function at Laplace variables, (n,). The normalised fall is inverted, never the transfer function
+        itself.
     start, end : float
-        Its ends.
+        Its values at infinite s and at s = 0, which are those of f at once and in the long run.
     span : (float, float)
         First and last time of the table.
     endless : bool, optional

@@ -37,9 +37,10 @@ _SETTLED = 0.25
 def between_bends(
     bends: FloatArray, nodes: FloatArray, values: FloatArray, first: float | None, time: FloatArray
 ) -> FloatArray:
-    """Values at times, (n,), from those at nodes: cubic in the root of the time since a bend of the history.
+    """Interpolate values at nodes to times, (n,), by cubics in the square root of the time since the last bend.
 
-    The force leaves each bend as a series in that root. `first` is the value at the first bend, if it is known.
+    `bends` are the times at which the slope of the depth history changes: there the force begins as a series in
+    that root. `first` is the value at the first bend, if it is known.
     """
     starts = np.unique(bends)
     found = np.ones(time.shape)  # before the first bend nothing is touched
@@ -58,12 +59,14 @@ def between_bends(
 
 @dataclass(frozen=True, eq=False)
 class Stepping:
-    """One history without units: lengths in l, times in l^2/c, forces in A44 l^2.
+    """Solution of one depth history of a rounded tip in time steps of growing length, in dimensionless units.
+
+    Lengths in a unit l, times in l^2/c (c the diffusivity), forces in A44 l^2 (A44 the axial shear modulus).
 
     Parameters
     ----------
     skeleton : Skeleton
-        What the layer is.
+        Drained skeleton of the layer.
     thickness : float
         h/l; inf for a half-space.
     drainage : str
@@ -71,13 +74,13 @@ class Stepping:
     modes : Modes or None
         Relaxation of the skeleton, times in l^2/c.
     surface : callable
-        The tip's shape Phi(r).
+        Shape Phi(r) of the tip: its height above its lowest point at radii r.
     undrained : callable
         Force and contact radius, (n,) each, of the undrained elastic law at depths, (n,).
     depth : Polyline
-        The history, from time zero.
+        The depth history, from time zero.
     steps : int
-        Of the shortest ramp.
+        Number of time steps of the shortest ramp.
     """
 
     skeleton: Skeleton
@@ -91,7 +94,7 @@ class Stepping:
 
     @cached_property
     def sudden(self) -> bool:
-        """Whether it begins with a sudden step and holds."""
+        """Whether the history is one sudden step and a hold; InputError for a step beside other rises."""
         times = self.depth.jumps[0]
         if times.size and (times.size > 1 or times[0] > 0.0 or self.depth.rises.size):
             raise InputError(
@@ -102,11 +105,11 @@ class Stepping:
 
     @property
     def first(self) -> float | None:
-        """Force over the undrained one at the beginning, where it is known."""
+        """Force over the undrained force at the beginning: 1 after a sudden step, else None (not known)."""
         return 1.0 if self.sudden else None
 
     def until(self, end: float) -> tuple[FloatArray, FloatArray]:
-        """Times and force over the undrained force, (n,) each, up to `end`, or the end of the first ramp."""
+        """Solve to time `end`, at least to the first ramp's end: times, and force over undrained force, (n,) each."""
         moved = 0.0 if self.sudden else float(self.depth.bends[0][-1])
         step = end / _LEVEL_STEPS / _COARSER if self.sudden else self._ramp_step
         last = max(end, 0.0 if self.sudden else float(self.depth.bends[0][1]))
@@ -130,13 +133,13 @@ class Stepping:
 
     @property
     def _ramp_step(self) -> float:
-        """The shortest rise in a whole number of steps."""
+        """Time step that divides the shortest rise into a whole number of steps."""
         shortest = float(self.depth.rises.min())
         return shortest / max(self.steps, 2 * int(np.ceil(0.5 * shortest / _LONGEST_STEP)))
 
     @staticmethod
     def _levels(count: int) -> list[int]:
-        """Steps of each level: all but the last go on to the end of a level."""
+        """Numbers of time steps on levels whose steps are each 4 times as long, in place of `count` fine ones."""
         counts = []
         while count > _LEVEL_STEPS:
             counts.append(_LEVEL_STEPS)
@@ -144,7 +147,7 @@ class Stepping:
         return [*counts, count]
 
     def _extrapolated(self, step: float, count: int) -> tuple[FloatArray, FloatArray]:
-        """Force over the undrained force with steps dt, and 2 dt beside them (Richardson)."""
+        """Times and force over undrained force, (count,), by Richardson extrapolation from steps dt and 2 dt."""
         time, fine = self._stepped(step, count)
         later, coarse = self._stepped(2.0 * step, count // 2 + 1)
         bends = self.depth.time

@@ -82,7 +82,7 @@ def _upward(count: int, x: FloatArray) -> FloatArray:
 
 
 def _downward(count: int, x: FloatArray) -> FloatArray:
-    """Down from zero far above, and scaled: sum (2 n + 1) j_n^2 = 1."""
+    """Spherical Bessel functions j_0 ... j_(count-1), (count, n), by downward recurrence (Miller)."""
     top = count + _ABOVE
     values = np.empty((count, x.size))
     # Ratios r_n = j_(n+1)/j_n stay in range where the values themselves would not.
@@ -101,7 +101,7 @@ def _downward(count: int, x: FloatArray) -> FloatArray:
 
 
 def _first(x: FloatArray, zeroth: FloatArray) -> FloatArray:
-    """j_1, by its series below 0.5, where the difference cancels."""
+    """Spherical Bessel function j_1(x), (n,), from j_0 (`zeroth`); by its series below 0.5, against cancellation."""
     square = x * x
     series = (
         x
@@ -122,18 +122,18 @@ def _series(count: int, x: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class WavenumberRule:
-    """Nodes and weights on (0, end): Gauss panels, growing from zero in proportion, and of even width beyond 1.
+    """Gauss-Legendre quadrature over wavenumbers (0, end): panels grow geometrically up to 1, then are even.
 
     Parameters
     ----------
     end : float
-        Largest wavenumber, over the inverse of the unit of length.
+        Largest wavenumber, in the inverse of the unit of length.
     width : float, default 2.2
-        Of a panel beyond 1: the integrands turn as cos(2 xi).
+        Width of a panel beyond 1: the integrands oscillate as cos(2 xi).
     points : int, default 6
-        Gauss points of a panel.
+        Number of Gauss points of a panel.
     first : float, default 0.02
-        End of the first panel; from there to 1 panels grow in proportion.
+        End of the first panel.
     """
 
     end: float
@@ -161,13 +161,16 @@ class WavenumberRule:
         return np.asarray((0.5 * np.diff(self._panels)[:, None] * w).ravel())
 
     def up_to(self, end: float) -> int:
-        """Number of nodes below a wavenumber."""
+        """Number of nodes below the wavenumber `end`."""
         return int(np.searchsorted(self.nodes, end))
 
 
 @dataclass(frozen=True)
 class BesselRule:
-    """A rule, and the basis of a contact of radius 1 at its nodes: j_2n for pressures, j_2n+1 for water."""
+    """Basis functions of the pressures on a contact of radius 1, at the wavenumbers of a quadrature rule.
+
+    They are spherical Bessel functions: j_2n(xi) of the total pressure, j_2n+1(xi) of the water pressure.
+    """
 
     rule: WavenumberRule
     terms: int
@@ -178,26 +181,27 @@ class BesselRule:
 
     @cached_property
     def even(self) -> FloatArray:
-        """Functions j_2n of the pressures, (terms, nodes)."""
+        """Spherical Bessel functions j_2n(xi) of the total pressure, (terms, nodes)."""
         return np.ascontiguousarray(self._all[0::2])
 
     @cached_property
     def odd(self) -> FloatArray:
-        """Functions j_2n+1 of the water, (terms, nodes)."""
+        """Spherical Bessel functions j_2n+1(xi) of the water pressure, (terms, nodes)."""
         return np.ascontiguousarray(self._all[1::2])
 
 
 class Sampled:
-    """The wavenumbers at which a kernel is asked for all nodes of a rule, and from there to the nodes.
+    """Fewer wavenumbers at which to compute a kernel, and interpolation from them to all nodes of a rule.
 
-    Up to where the base is felt they are the nodes themselves; beyond, panels in ln xi of a few points each.
+    Where the base matters they are the nodes themselves; at larger wavenumbers the kernel is smooth in ln xi, and
+    panels of 12 Chebyshev points suffice.
 
     Parameters
     ----------
     nodes : FloatArray
         Wavenumbers of the rule, (n,), increasing.
     thickness : float
-        h, in the unit of length; inf for a half-space.
+        Thickness h of the layer, in the unit of length; inf for a half-space.
     """
 
     def __init__(self, nodes: FloatArray, thickness: float) -> None:
@@ -217,12 +221,12 @@ class Sampled:
         self._ends = self._first + np.cumsum([0, *(len(rows) for rows in self._panels)])
 
     def places(self, count: int) -> FloatArray:
-        """Wavenumbers to ask for the first `count` nodes."""
+        """Wavenumbers at which to compute the kernel for the first `count` nodes."""
         whole = int(np.searchsorted(self._ends, count))
         return self._places[: min(count, self._first) + whole * _PLACES]
 
     def read(self, values: NDArray[_Number], count: int) -> NDArray[_Number]:
-        """Kernels at the first `count` nodes, (..., count, 2, 2), from those at `places`, (..., places, 2, 2)."""
+        """Interpolate kernels at the wavenumbers `places`, (..., places, 2, 2), to the nodes, (..., count, 2, 2)."""
         found = np.empty((*values.shape[:-3], count, 2, 2), dtype=values.dtype)
         found[..., : self._first, :, :] = values[..., : min(count, self._first), :, :]
         for number, rows in enumerate(self._panels):
@@ -240,7 +244,7 @@ class Sampled:
 
 
 def _even(xi: FloatArray, kernel: NDArray[_Number]) -> NDArray[_Number]:
-    """Kernels (..., n, 2, 2) with xi c11 and c22/xi in place of c11 and c22; with 1/xi, back."""
+    """Replace c11 and c22 of kernels (..., n, 2, 2) by the smoother xi c11 and c22/xi; with 1/xi it undoes that."""
     scale = np.ones((xi.size, 2, 2))
     scale[:, 0, 0], scale[:, 1, 1] = xi, 1.0 / xi
     return np.asarray(kernel * scale, dtype=kernel.dtype)
@@ -248,24 +252,26 @@ def _even(xi: FloatArray, kernel: NDArray[_Number]) -> NDArray[_Number]:
 
 @dataclass(frozen=True)
 class SurfaceKernel:
-    """c(xi, s) of a layer on a bonded, sealed, rigid base, or of a half-space.
+    """Surface kernel c(xi, s) of a layer on a bonded, sealed, rigid base, or of a half-space.
+
+    xi is the wavenumber, s the Laplace variable; c gives settlement and flux of normal and water pressure (module).
 
     Parameters
     ----------
     skeleton : Skeleton
-        What the layer is.
+        Drained skeleton of the layer.
     thickness : float
-        h, in the unit of length; inf for a half-space.
+        Thickness h, in the unit of length; inf for a half-space.
     """
 
     skeleton: Skeleton
     thickness: float
 
     def matrix(self, xi: FloatArray, s: ComplexArray, *, sealed: bool = False) -> ComplexArray:
-        """c at wavenumbers `xi`, (n,), positive, and Laplace variables `s`, (n,): (n, 2, 2).
+        """Kernel c, (n, 2, 2), at positive wavenumbers `xi`, (n,), and Laplace variables `s`, (n,).
 
-        `sealed`: the flux through the surface is given in place of the pressure, so that c11 is the settlement of a
-        sealed surface.
+        If `sealed`, the flux through the surface is prescribed instead of the water pressure, so that c11 is the
+        settlement of a surface that lets no water out.
         """
         found = np.empty((xi.size, 2, 2), dtype=np.complex128)
         for start in range(0, xi.size, _AT_ONCE):

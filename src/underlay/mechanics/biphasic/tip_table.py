@@ -52,17 +52,29 @@ _FILE = Path(__file__).with_name("isotropic_tip.npz")
 
 
 def _ramp_nodes() -> FloatArray:
-    """t/tr, even in its root: the force leaves first contact as a series in that."""
+    """Times on the ramp at which the table has values, over the ramp's duration; evenly spaced in their root."""
     return np.linspace(0.15, 1.0, _ON_RAMP) ** 2
 
 
 def _lags(ramp: float) -> FloatArray:
-    """Times since the ramp of duration T, in a0^2/c."""
+    """Times since the end of a ramp of duration `ramp` at which the table has values; both in a0^2/c."""
     return np.geomspace(_FIRST_LAG * ramp, _LAST_LAG, _IN_HOLD)
 
 
 def _solved(shape: float, nu: float, log_ramp: float, drainage: str) -> FloatArray:
-    """Values of q at the nodes, (times,), for a0/h = shape/(1 - shape)."""
+    """Solve for one entry of the table: the undrained share q of the force (module) at its times, (times,).
+
+    Parameters
+    ----------
+    shape : float
+        eps/(1 + eps), eps = a0/h: undrained contact radius at the depth held over the thickness.
+    nu : float
+        Drained Poisson's ratio.
+    log_ramp : float
+        Natural logarithm of the ramp's duration in a0^2/c, c the diffusivity.
+    drainage : str
+        "solid" (impervious tip) or "porous".
+    """
     thickness = np.inf if shape == 0.0 else (1.0 - shape) / shape
     E = 2.0 * (1.0 + nu)
     material = Biphasic(E, nu, 1.0 / Biphasic(E, nu, 1.0).aggregate_modulus)
@@ -78,12 +90,12 @@ def _solved(shape: float, nu: float, log_ramp: float, drainage: str) -> FloatArr
 
 
 def _kept(contact: DrainingTip, w: FloatArray, depth: float) -> FloatArray:
-    """Drained over undrained force at depths up to `depth`, (n,)."""
+    """Drained over undrained elastic force, (n,), at depths `w`, (n,), none above `depth`."""
     return np.asarray(contact.drained(depth).force(w) / contact.undrained(depth).force(w))
 
 
 def _depth_of_unit_radius(material: Biphasic, thickness: float) -> float:
-    """Depth at which a paraboloid of radius 1 touches a disc of radius 1 while no water has moved."""
+    """Depth at which a paraboloid of radius 1 has a contact of radius 1 on the undrained layer."""
     low, high = 0.2, 1.0  # a^2/R times 1/2 or less on thin layers, 1 on a half-space
     law = elastic_law(material.undrained.plane_constants, Paraboloid(1.0), thickness, high)
     for _ in range(60):
@@ -94,14 +106,16 @@ def _depth_of_unit_radius(material: Biphasic, thickness: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class RampedTip:
-    """Share q of the undrained excess that has not drained yet, for one ramp and hold.
+    """Undrained share q of the force under one ramp and hold, interpolated in time.
+
+    q = (P - P_drained)/(P_undrained - P_drained): force P, and the elastic forces at the present depth.
 
     Parameters
     ----------
     ramp : float
-        Duration of the ramp, in a0^2/c.
+        Duration of the ramp, in a0^2/c: a0 the contact radius (module), c the diffusivity.
     kept : FloatArray
-        q at the table's times, (times,).
+        Values of q at the table's times, (times,).
     """
 
     ramp: float
@@ -113,7 +127,7 @@ class RampedTip:
 
     @cached_property
     def _holding(self) -> CubicSpline:
-        """Over ln(lag + T's share): finite at the end of the ramp."""
+        """Spline of q over the logarithm of the time since the ramp's end, shifted to be finite at that end."""
         lags = np.concatenate(([0.0], _lags(self.ramp)))
         return CubicSpline(self._clock(lags), self.kept[_ON_RAMP - 1 :])
 
@@ -121,7 +135,7 @@ class RampedTip:
         return np.asarray(np.log(np.sqrt(lag) + np.sqrt(_FIRST_LAG * self.ramp)))
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Values of q at times (a0^2/c) since the ramp began, shape of `time`; up to 10 after the ramp."""
+        """Values of q, in the shape of `time`, at times (a0^2/c) since the ramp began, up to 10 after its end."""
         found = np.ones(time.shape)
         rising, holding = (time > 0.0) & (time <= self.ramp), time > self.ramp
         found[rising] = self._rising(np.sqrt(time[rising] / self.ramp))
@@ -131,29 +145,32 @@ class RampedTip:
 
 @dataclass(frozen=True)
 class TipTable:
-    """Ramps and holds of a paraboloid by a0/h, nu and ramp, for one drainage."""
+    """Table of ramps and holds of a paraboloid on isotropic layers, for one drainage.
+
+    `table` holds q by eps/(1 + eps), eps = a0/h, by Poisson's ratio and by the logarithm of the ramp's duration.
+    """
 
     drainage: str
     table: ResponseTable
 
     def covers(self, eps: float, nu: float, ramp: float, end: float) -> bool:
-        """Whether a0/h, nu, and the ramp and the end of the hold (a0^2/c) are inside."""
+        """Whether a0/h (`eps`), `nu`, the ramp's duration and the hold's end (both in a0^2/c) are in the table."""
         inside = eps <= _LARGEST_EPS and end - ramp <= _LAST_LAG and ramp > 0.0
         return inside and bool(self.table.covers((eps / (1.0 + eps), nu, float(np.log(ramp)))))
 
     def __call__(self, eps: float, nu: float, ramp: float) -> RampedTip:
-        """Read the table.
+        """Interpolate the table at a0/h (`eps`), `nu` and the ramp's duration (a0^2/c).
 
         Raises
         ------
         InputError
-            If a number is outside.
+            If one of them is outside the table.
         """
         return RampedTip(ramp, self.table.at((eps / (1.0 + eps), nu, float(np.log(ramp)))))
 
 
 def build(path: Path) -> None:
-    """Solve for the table and write it."""
+    """Solve for the tables of all drainages and write them to an .npz file at `path`."""
     falls = {
         drainage: ResponseTable.solved(_AXES, partial(_solved, drainage=drainage)).fall
         for drainage in _TABULATED
@@ -163,15 +180,15 @@ def build(path: Path) -> None:
 
 @cache
 def shipped(drainage: str) -> TipTable:
-    """The table that travels with the library, for a tip that holds the water or lets it through."""
+    """Load the table shipped with the package for a `drainage` of "solid" (impervious tip) or "porous"."""
     with np.load(_FILE, allow_pickle=False) as stored:
         return TipTable(drainage, ResponseTable(_AXES, read_only(stored[drainage])))
 
 
 def measured_error(table: TipTable, count: int, seed: int) -> tuple[float, tuple[float, float, float]]:
-    """Largest error of q at random numbers, and where it is.
+    """Largest error of q at `count` random points of the table, and the point (eps/(1 + eps), nu, log of ramp).
 
-    On the ramp q counts by the part of P0 that the force has reached, at most (t/tr)^(3/2).
+    On the ramp the error is weighted by (t/tr)^(3/2), the largest share of the peak force reached at time t of tr.
     """
     rng = np.random.default_rng(seed)
     reached = np.concatenate((_ramp_nodes() ** 1.5, np.ones(_IN_HOLD)))

@@ -46,7 +46,10 @@ _SHORTEST, _LONGEST = 0.02, 20.0
 
 
 class Transfer(Protocol):
-    """Transfer function khat(s) of a contact, and its values at s = 0 and infinite s."""
+    """Transfer function khat(s) = P/(4 theta_d a w) of a contact, and its limits at s = 0 and infinite s.
+
+    P force, w depth, a radius, theta_d half the drained indentation modulus; s the Laplace variable in c/a^2.
+    """
 
     @property
     def undrained(self) -> float:
@@ -65,21 +68,24 @@ class Transfer(Protocol):
 
 
 def operational(modes: Modes, s: ComplexArray) -> ComplexArray:
-    """e*(s) = s e^(s) of a sum of exponentials, shape of `s`; times in the unit of 1/s."""
+    """Relaxation e(t), a sum of exponentials, as e*(s) = s times its Laplace transform, in the shape of `s`.
+
+    Times of the modes are in the unit of 1/s.
+    """
     turned = s[..., None] * modes.times
     return np.asarray(modes.constant + (turned / (1.0 + turned)) @ modes.weights)
 
 
 @dataclass(frozen=True)
 class Relaxing:
-    """Transfer function of a layer whose skeleton relaxes.
+    """Transfer function of a draining layer whose skeleton relaxes: e*(s) khat(s/e*(s)), as the module derives.
 
     Parameters
     ----------
     elastic : Transfer
-        With the skeleton as it is at once.
+        Transfer function khat with the instantaneous moduli of the skeleton.
     modes : Modes
-        e(t), of value 1 at t = 0; times in a^2/c of the skeleton as it is at once.
+        Relaxation e(t) of the moduli, 1 at t = 0; times in a^2/c, c of the instantaneous moduli.
     """
 
     elastic: Transfer
@@ -87,12 +93,12 @@ class Relaxing:
 
     @property
     def undrained(self) -> float:
-        """Value at infinite s, that of the skeleton as it is at once."""
+        """Value at infinite s, with the instantaneous moduli."""
         return self.elastic.undrained
 
     @property
     def drained(self) -> float:
-        """Value at s = 0: the skeleton's, times what is left of its moduli."""
+        """Value at s = 0: that of the instantaneous moduli times their equilibrium share e(infinity)."""
         return self.modes.constant * self.elastic.drained
 
     @property
@@ -107,7 +113,7 @@ class Relaxing:
 
 
 def span_of(transfer: Transfer) -> tuple[float, float]:
-    """First and last time (a^2/c) at which its response bends."""
+    """First and last time (a^2/c) between which the step response of `transfer` is tabulated."""
     low, high = _SPAN
     if isinstance(transfer, Relaxing):
         times = transfer.modes.times
@@ -117,7 +123,10 @@ def span_of(transfer: Transfer) -> tuple[float, float]:
 
 
 def relaxation(transfer: Transfer, span: tuple[float, float] | None = None, points: int = 16) -> Response:
-    """P/(4 theta_d a) after a unit step of depth, times in a^2/c."""
+    """Response P/(4 theta_d a) to a unit step of depth, for a contact's transfer function; times in a^2/c.
+
+    `span`: first and last time of the table, by default `span_of`; `points`: Laplace variables for 1.5 decades.
+    """
     return invert(
         transfer,
         transfer.undrained,
@@ -129,12 +138,12 @@ def relaxation(transfer: Transfer, span: tuple[float, float] | None = None, poin
 
 
 def creep(transfer: Transfer, span: tuple[float, float] | None = None, points: int = 16) -> Response:
-    """4 theta_d a w after a unit step of load, times in a^2/c: the inverse of 1/(s khat).
+    """Response 4 theta_d a w to a unit step of load, for a contact's transfer function; arguments as `relaxation`.
 
     Raises
     ------
     InputError
-        If nothing of the skeleton is left in the long run: the depth grows without end.
+        If the moduli relax to zero, so that the depth grows without end.
     """
     if not transfer.drained > 0.0:
         raise InputError("a skeleton that relaxes to nothing creeps without end; leave some of its modulus")
@@ -150,22 +159,22 @@ def creep(transfer: Transfer, span: tuple[float, float] | None = None, points: i
 
 @dataclass(frozen=True)
 class PunchTransfer:
-    """khat(s) of a flat punch on a biphasic layer.
+    """Transfer function khat(s) = P/(4 theta_d a w) of a flat punch on a biphasic layer (module).
 
     Parameters
     ----------
     skeleton : Skeleton
-        What the layer is.
+        Drained skeleton of the layer.
     eps : float
-        a/h, zero for a half-space.
+        Radius over thickness, a/h; zero for a half-space.
     drainage : str
         One of `DRAINAGES`.
     terms : int, default 10
-        Of the pressures' expansions.
+        Number of terms of the expansion of the pressures.
     reach : float, default 8
-        Wavenumbers go to reach sqrt(s a^2/c) + 40.
+        The largest wavenumber (1/a) is reach sqrt(s a^2/c) + 40.
     points : int, default 6
-        Gauss points of a panel of wavenumbers. With the defaults khat is within 3e-6, up to s = 1e4 c/a^2.
+        Gauss points of each panel of wavenumbers. With the defaults khat is within 3e-6, up to s = 1e4 c/a^2.
     """
 
     skeleton: Skeleton
@@ -195,11 +204,11 @@ class PunchTransfer:
         return SurfaceKernel(self.skeleton, np.inf if self.eps == 0.0 else 1.0 / self.eps)
 
     def end(self, s: complex) -> float:
-        """Largest wavenumber that matters at s."""
+        """Largest wavenumber (1/a) that matters at the Laplace variable s (c/a^2)."""
         return float(self.reach * np.sqrt(abs(s)) + 40.0)
 
     def __call__(self, s: ComplexArray) -> ComplexArray:
-        """Khat at Laplace variables (c/a^2), (n,), on one rule of wavenumbers and in one call of the kernel."""
+        """Transfer function khat, (n,), at Laplace variables (c/a^2), (n,), with one call of the kernel for all."""
         ends = [self.end(value) for value in s]
         basis = BesselRule(WavenumberRule(max(ends), points=self.points), self.terms)
         sampled = Sampled(basis.rule.nodes, self.kernel.thickness)
