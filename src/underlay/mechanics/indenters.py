@@ -57,7 +57,7 @@ class Indenter(Part, ABC):
 
     @classmethod
     def kinds(cls) -> dict[str, type[Self]]:
-        """Every shape there is by its name, those of other packages among them."""
+        """Every indenter class by the name of its shape, those of plug-in packages included."""
         plugged_indenters()
         return super().kinds()
 
@@ -73,26 +73,28 @@ class Indenter(Part, ABC):
 
     @property
     def curvature_radius(self) -> float | None:
-        """Radius of curvature (m) of a tip that is round at its apex; None of one that is flat or pointed."""
+        """Radius of curvature (m) at the apex of a round tip; None for one that is flat or pointed."""
         return None
 
     @property
     def opening(self) -> float | None:
-        """Half-angle of a cone (radians, from its axis); None of any other shape."""
+        """Half-angle of a cone (radians, from its axis); None for any other shape."""
         return None
 
     def in_its_unit(self) -> tuple[Indenter, float]:
-        """Return the tip in a unit of its own (m), in which tips of other sizes are the same, and the unit."""
+        """The tip scaled to a unit of length in which tips of all sizes coincide, and that unit (m)."""
         return self, 1.0
 
     @property
     def power_law(self) -> PowerLawShape:
-        """Power law that measures depth: the shape itself, that of its curvature, or one as deep at its end.
+        """Power-law shape by which depths are made dimensionless in the exact law.
+
+        The shape itself if it is a power law, the paraboloid of its curvature, or a power law as deep at its end.
 
         Raises
         ------
         InputError
-            If the shape is neither and never ends: nothing says how near its apex is.
+            If the shape is none of these and has no end, so that no power law can be chosen.
         """
         if self.curvature_radius is not None:
             return Paraboloid(self.curvature_radius)
@@ -153,19 +155,19 @@ class FlatPunch(Indenter):
         return self.radius
 
     def surface(self, radius: FloatArray) -> FloatArray:
-        """Zero under the face, infinite outside."""
+        """Phi(r) (m): zero under the face, infinite outside."""
         return np.where(radius <= self.radius, 0.0, np.inf)
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """Zero: the face is flat."""
+        """H(r) = 0, because the face is flat."""
         return np.zeros_like(radius)
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """Zero: the face is flat."""
+        """H'(r) = 0, because the face is flat."""
         return np.zeros_like(radius)
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Zero: the face is flat."""
+        """Both moments of H are zero, because the face is flat."""
         return np.zeros_like(radius), np.zeros_like(radius)
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
@@ -193,9 +195,10 @@ def _heirs(kind: type[Part]) -> list[type[Any]]:
 
 
 def abel_factor(exponent: float | FloatArray) -> FloatArray:
-    """F_2(lambda) of (5.5), written with the beta function so that lambda = 200 does not overflow.
+    """F_2(lambda) of (5.5), with H(r) = A F_2 r^lambda for the shape A r^lambda; lambda = `exponent`.
 
-    F_2 = lambda 2^(lambda-2) Gamma(lambda/2)^2 / Gamma(lambda) = (lambda/2) B(lambda/2, 1/2).
+    F_2 = lambda 2^(lambda-2) Gamma(lambda/2)^2 / Gamma(lambda) = (lambda/2) B(lambda/2, 1/2), written with the beta
+    function so that lambda = 200 does not overflow.
     """
     return np.asarray(0.5 * exponent * special.beta(0.5 * exponent, 0.5))
 
@@ -223,19 +226,19 @@ class PowerLawShape(Indenter):
 
     @cached_property
     def abel_coefficient(self) -> float:
-        """A F_2(lambda): H(r) = A F_2 r^lambda."""
+        """A F_2(lambda), the coefficient in H(r) = A F_2 r^lambda."""
         return self.coefficient * float(abel_factor(self.exponent))
 
     @cached_property
     def _steepness(self) -> float:
-        """(A F_2)^(1/lambda) (m^(1/lambda-1)): H(r) is a power of it times r, and underflows where H does."""
+        """(A F_2)^(1/lambda) (m^(1/lambda-1)), with H(r) = (steepness r)^lambda; avoids underflow of A F_2."""
         return float(
             (self.coefficient ** (1.0 / self.exponent)) * abel_factor(self.exponent) ** (1.0 / self.exponent)
         )
 
     @cached_property
     def unit_radius(self) -> float:
-        """Half-space radius over w^(1/lambda) (m^(1-1/lambda)): `halfspace_radius` at a depth of one."""
+        """Half-space contact radius over w^(1/lambda), w the depth (m^(1-1/lambda))."""
         return 1.0 / self._steepness
 
     def surface(self, radius: FloatArray) -> FloatArray:
@@ -252,16 +255,16 @@ class PowerLawShape(Indenter):
         return np.asarray(self.exponent * steepness * (steepness * radius) ** (self.exponent - 1.0))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """A F_2 a^(lambda+1)/(lambda+1) and A F_2 a^(lambda+3)/(lambda+3)."""
+        """Moments int_0^a H ds = A F_2 a^(lambda+1)/(lambda+1) and int_0^a H s^2 ds, a = `radius` (m)."""
         depth = self.abel(radius)
         return depth * radius / (self.exponent + 1.0), depth * radius**3 / (self.exponent + 3.0)
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """P/(4 theta) (m^2) on a half-space: w a lambda/(lambda + 1), the moment of H being a share of w a."""
+        """P/(4 theta) (m^2) on a half-space: w a lambda/(lambda + 1), at a `depth` w (m) and its `radius` a (m)."""
         return np.asarray(self.exponent / (self.exponent + 1.0) * depth * radius)
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
-        """a = (w / (A F_2))^(1/lambda): the paper's varpi h (5.8)."""
+        """a = (w / (A F_2))^(1/lambda) (m) at `depth` w (m): the paper's varpi times h, (5.8)."""
         return np.asarray(depth ** (1.0 / self.exponent) / self._steepness)
 
 
@@ -285,7 +288,7 @@ class Paraboloid(PowerLawShape):
 
     @property
     def exponent(self) -> float:
-        """Exponent of the power law, two."""
+        """Exponent of the power law, 2."""
         return 2.0
 
     @property
@@ -323,7 +326,7 @@ class Cone(PowerLawShape):
 
     @property
     def exponent(self) -> float:
-        """Exponent of the power law, one."""
+        """Exponent of the power law, 1."""
         return 1.0
 
     @property
@@ -393,7 +396,7 @@ class Sphere(Indenter):
         return self.radius
 
     def in_its_unit(self) -> tuple[Sphere, float]:
-        """The sphere of unit radius, and the unit R (m)."""
+        """The sphere of unit radius, and the radius R (m) as the unit."""
         return Sphere(1.0), self.radius
 
     @cached_property
@@ -431,7 +434,7 @@ class Sphere(Indenter):
         return self.radius**2 * _first_moment(alpha), self.radius**4 * second
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """P/(4 theta) (m^2) on a half-space, as for any shape, without computing the second moment."""
+        """P/(4 theta) (m^2) on a half-space at a `depth` (m) and its `radius` (m), from the first moment alone."""
         alpha = np.asarray(radius, dtype=np.float64) / self.radius
         return np.asarray(depth * radius - self.radius**2 * _first_moment(alpha))
 
@@ -449,14 +452,17 @@ class Sphere(Indenter):
 
 
 def _first_moment(alpha: FloatArray) -> FloatArray:
-    """First moment of H of a unit sphere up to the radii `alpha`."""
+    """int_0^alpha H ds of a unit sphere at `alpha`, radii over R."""
     return _from_series(alpha, 3, _FIRST, lambda large: 0.5 * (large - (1.0 - large**2) * np.arctanh(large)))
 
 
 def _from_series(
     alpha: FloatArray, power: int, coefficients: FloatArray, closed: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """alpha^power times its even series, or the closed form where that does not subtract nearly equal numbers."""
+    """alpha^power times an even series at small alpha, and the closed form `closed` at large alpha.
+
+    The closed form loses digits at small alpha, by cancellation.
+    """
     small = np.minimum(alpha, _SERIES_LIMIT)
     value = small**power * _even_series(coefficients, small * small)
     if (alpha > _SERIES_LIMIT).any():
@@ -465,7 +471,7 @@ def _from_series(
 
 
 def _even_series(coefficients: FloatArray, square: FloatArray) -> FloatArray:
-    """Sum of coefficients * square^n; the terms below 1e-17 of the first, at the largest square, are left."""
+    """Sum of coefficients_n * square^n; terms below 1e-17 of the first, at the largest square, are left out."""
     largest = max(float(np.max(square, initial=0.0)), 1e-17)
     count = min(1 + int(np.log(1e-17) / np.log(largest)), coefficients.size)
     total = np.full_like(square, coefficients[count - 1])

@@ -83,7 +83,7 @@ class Profile(Indenter):
         object.__setattr__(self, "height", read_only(height - height[0]))
 
     def __eq__(self, other: object) -> bool:
-        """Equal where all points are."""
+        """Whether both have the same radii and heights."""
         return (
             isinstance(other, Profile)
             and np.array_equal(self.r, other.r)
@@ -91,7 +91,7 @@ class Profile(Indenter):
         )
 
     def __hash__(self) -> int:
-        """Hash of the points."""
+        """Hash of radii and heights."""
         return hash((self.r.tobytes(), self.height.tobytes()))
 
     @property
@@ -115,24 +115,24 @@ class Profile(Indenter):
         return _Table.of(self)
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) (m) of the interpolant: exactly at few radii, by a table to 1e-12 at many."""
+        """H(r) (m) of the interpolant at `radius` (m): exact for few radii, by a table to 1e-12 for many."""
         many = np.size(radius) >= _MANY and np.max(radius) <= self.max_radius
         return self._table.depth(np.asarray(radius)) if many else self._abel(radius)
 
     def _abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) (m), by its sums."""
+        """H(r) (m), by the sums of the module's head."""
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         depth = corner.angle @ p.corners + (bend.leg - bend.t * bend.angle) @ p.bends
         return np.asarray(x * (0.5 * np.pi * p.apex + depth))
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r), as `abel`; it grows without bound towards a corner from outside."""
+        """H'(r), computed as `abel` is; it grows without bound towards a corner from outside."""
         many = np.size(radius) >= _MANY and np.max(radius) <= self.max_radius
         return self._table.slope(np.asarray(radius)) if many else self._abel_slope(radius)
 
     def _abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r), by its sums."""
+        """H'(r), by the derivative of the sums of the module's head."""
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         outside = np.divide(corner.t, corner.leg, out=np.zeros_like(corner.leg), where=corner.leg > 0.0)
@@ -140,7 +140,7 @@ class Profile(Indenter):
         return np.asarray(0.5 * np.pi * p.apex + (corner.angle + outside) @ p.corners + bends)
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Both moments of H (m^2, m^4), exactly for the interpolant."""
+        """(int_0^a H ds, int_0^a H s^2 ds) (m^2, m^4) for a = `radius` (m), exact for the interpolant."""
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         first = 0.25 * np.pi * p.apex * x**2
@@ -253,7 +253,7 @@ class _Table:
 
 
 def _graded(knots: FloatArray) -> FloatArray:
-    """Knots with more between them, so that no interval is more than twice the one before it."""
+    """Knots with others inserted, so that no interval is more than twice as long as the one before it."""
     found = knots[:2].tolist()
     for knot in knots[2:].tolist():
         while knot - found[-1] > 2.0 * (found[-1] - found[-2]):
@@ -263,7 +263,10 @@ def _graded(knots: FloatArray) -> FloatArray:
 
 
 class _Polygon(NamedTuple):
-    """Phi' of the interpolant: m; the jumps k_j and the changes of inclination c_j, each with their radii."""
+    """The slope Phi' of the interpolant: value m at the apex, jumps k_j and changes of inclination c_j.
+
+    The radii (m) of both are beside them; see the module's head.
+    """
 
     apex: float
     corners: FloatArray
@@ -298,7 +301,7 @@ class _Triangle:
 
 
 def _check(r: FloatArray, height: FloatArray) -> None:
-    """Refuse what is not a convex tip, naming the first radius where it is not."""
+    """Raise InputError unless radii and heights (m) are those of a convex tip, naming the first bad radius."""
     if r.ndim != 1 or r.shape != height.shape:
         raise InputError(
             f"a profile needs radii and heights in one row each, of equal length; got shapes {r.shape} and "
@@ -358,5 +361,5 @@ def _slope_polygon(r: FloatArray, height: FloatArray) -> _Polygon:
 
 
 def _ratio(rise: FloatArray, run: FloatArray) -> FloatArray:
-    """rise/run, zero where the rise is."""
+    """rise/run elementwise, zero where the rise is zero."""
     return np.divide(rise, run, out=np.zeros_like(rise), where=rise > 0.0)

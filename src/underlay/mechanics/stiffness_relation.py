@@ -221,7 +221,10 @@ def _punch_factor(solver: Solver) -> _PunchFactor:
 
 
 def _solve(halfspace: float, eps: float, nu: float, substrate: Base, factor: _PunchFactor) -> float:
-    """Solve E kappa_inf(E) = `halfspace` in ln E between brackets that double."""
+    """Young's modulus E (Pa) with E kappa_inf(E) = `halfspace`, by bracketing in ln E.
+
+    `halfspace` (Pa) is the modulus that the half-space formula gives; `eps` is a/h, `nu` the layer's.
+    """
 
     def excess(log_modulus: float) -> float:
         modulus = float(np.exp(log_modulus))

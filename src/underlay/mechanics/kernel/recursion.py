@@ -235,7 +235,7 @@ def _in_rows(of_sheets: Sequence[Real]) -> FloatArray:
 
 
 def _halfspace_minors(base: PlaneConstants | None) -> tuple[Real, ...]:
-    """Minors of the surface of a half-space, with first minor one; `base` None is rigid."""
+    """Minors of the surface of a half-space, floats or (sets, 1): the first is 1, the others 0 if rigid."""
     if base is None:
         return 1.0, 0.0, 0.0, 0.0, 0.0
     g, p, gap, sigma = base.g, base.p, base.p_minus_q, base.sigma
