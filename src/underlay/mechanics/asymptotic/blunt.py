@@ -61,7 +61,7 @@ def force_factor(exponent: Real) -> Real:
 
 
 def radius_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """B_1..B_4 of (5.7): a/h = varpi (1 + B_1 varpi + ... + B_4 varpi^4)."""
+    """B_1..B_4 of (5.7): a/h = varpi (1 + B_1 varpi + ... + B_4 varpi^4), a the contact radius."""
     b, c = kernel_terms(a_0, a_1)
     lam, one, three = exponent, exponent + 1.0, exponent + 3.0
     return (
@@ -74,7 +74,7 @@ def radius_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
 
 
 def force_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """C_1..C_4 of (5.9): the indentation scaling factor f_lambda = 1 + C_1 varpi + ... (7.2)."""
+    """C_1..C_4 of (5.9), of the force over the half-space's: f_lambda = 1 + C_1 varpi + ... (7.2)."""
     b, c = kernel_terms(a_0, a_1)
     lam, one, three = exponent, exponent + 1.0, exponent + 3.0
     return (
@@ -116,7 +116,10 @@ def scaled_contact_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
 
 
 def parametric_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (5.3): w = A F_2 a^lambda (1 + ... eps + ... eps^4); the second is zero."""
+    """Coefficients of (5.3), depth w by contact radius: w = A F_2 a^lambda (1 + ... eps + ... eps^4).
+
+    The second is zero.
+    """
     b, c = kernel_terms(a_0, a_1)
     lam, one, three = exponent, exponent + 1.0, exponent + 3.0
     return (
@@ -128,14 +131,20 @@ def parametric_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Serie
 
 
 def compliance_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (8.4): w = A F_2 (P~ h)^lambda (1 + ... P~ + ... P~^4); second and fourth are zero."""
+    """Coefficients of (8.4), depth w by scaled force P~: w = A F_2 (P~ h)^lambda (1 + ... P~ + ... P~^4).
+
+    The second and fourth are zero.
+    """
     b, c = kernel_terms(a_0, a_1)
     lam, one = exponent, exponent + 1.0
     return -lam / one * b, 0.0 * b, -lam * (lam + 2.0) / (one * (lam + 3.0)) * c, 0.0 * b
 
 
 def kappa_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (7.5), erratum applied: kappa_lambda(eps) = 1 + ...; (7.6) is lambda = 2."""
+    """Coefficients of (7.5), erratum applied: kappa_lambda(eps) = 1 + ..., force over the half-space's.
+
+    Both at the same depth, as a function of eps = a/h; (7.6) is lambda = 2.
+    """
     b, c = kernel_terms(a_0, a_1)
     lam, one, three = exponent, exponent + 1.0, exponent + 3.0
     two = 2.0 * lam + 1.0
