@@ -128,7 +128,10 @@ class ContactLaw(Response, ABC):
         return self._in_contact(depth, self._contact_radius)
 
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Incremental stiffness dP/dw (N/m) (9.1), shape of `depth` (m); raises as `force` does."""
+        """Incremental stiffness dP/dw (N/m) (9.1), shape of `depth` (m); raises as `force` does.
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         del time
         return self._in_contact(depth, self._stiffness)
 

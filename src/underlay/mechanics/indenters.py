@@ -120,7 +120,10 @@ class Indenter(Part, ABC):
 
     @abstractmethod
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r) (dimensionless) at `radius` (m); never negative."""
+        """H'(r) (dimensionless) at `radius` (m); never negative.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
 
     @abstractmethod
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -131,7 +134,10 @@ class Indenter(Part, ABC):
         """Inverse of `abel`: contact radius (m) on a half-space at positive `depth` (m)."""
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """P/(4 theta) (m^2) on a half-space, w a - int_0^a H ds, at a `depth` (m) and its contact `radius` (m)."""
+        """P/(4 theta) (m^2) on a half-space, w a - int_0^a H ds, at a `depth` (m) and its contact `radius` (m).
+
+        theta is the elastic constant of the surface.
+        """
         return np.asarray(depth * radius - self.abel_moments(radius)[0])
 
 
@@ -159,11 +165,17 @@ class FlatPunch(Indenter):
         return np.where(radius <= self.radius, 0.0, np.inf)
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) = 0, because the face is flat."""
+        """H(r) = 0, because the face is flat.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         return np.zeros_like(radius)
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r) = 0, because the face is flat."""
+        """H'(r) = 0, because the face is flat.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         return np.zeros_like(radius)
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -199,12 +211,18 @@ def abel_factor(exponent: float | FloatArray) -> FloatArray:
 
     F_2 = lambda 2^(lambda-2) Gamma(lambda/2)^2 / Gamma(lambda) = (lambda/2) B(lambda/2, 1/2), written with the beta
     function so that lambda = 200 does not overflow.
+
+    H(r) is the depth at which the contact radius on a half-space is r. Equation numbers are those of
+    Argatov and Sabina.
     """
     return np.asarray(0.5 * exponent * special.beta(0.5 * exponent, 0.5))
 
 
 class PowerLawShape(Indenter):
-    """Phi(r) = A r^lambda (5.1): the family in which every relation has a closed form."""
+    """Phi(r) = A r^lambda (5.1): the family in which every relation has a closed form.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
 
     smooth: ClassVar[bool] = True
 
@@ -226,51 +244,85 @@ class PowerLawShape(Indenter):
 
     @cached_property
     def abel_coefficient(self) -> float:
-        """A F_2(lambda), the coefficient in H(r) = A F_2 r^lambda."""
+        """A F_2(lambda), the coefficient in H(r) = A F_2 r^lambda.
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`. H(r) is the depth at which the contact radius
+        on a half-space is r.
+        """
         return self.coefficient * float(abel_factor(self.exponent))
 
     @cached_property
     def _steepness(self) -> float:
-        """(A F_2)^(1/lambda) (m^(1/lambda-1)), with H(r) = (steepness r)^lambda; avoids underflow of A F_2."""
+        """(A F_2)^(1/lambda) (m^(1/lambda-1)), with H(r) = (steepness r)^lambda; avoids underflow of A F_2.
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`. H(r) is the depth at which the contact radius
+        on a half-space is r.
+        """
         return float(
             (self.coefficient ** (1.0 / self.exponent)) * abel_factor(self.exponent) ** (1.0 / self.exponent)
         )
 
     @cached_property
     def unit_radius(self) -> float:
-        """Half-space contact radius over w^(1/lambda), w the depth (m^(1-1/lambda))."""
+        """Half-space contact radius over w^(1/lambda), w the depth (m^(1-1/lambda)).
+
+        The shape is A r^lambda.
+        """
         return 1.0 / self._steepness
 
     def surface(self, radius: FloatArray) -> FloatArray:
-        """Phi(r) = A r^lambda (5.1)."""
+        """Phi(r) = A r^lambda (5.1).
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         return np.asarray((self.coefficient ** (1.0 / self.exponent) * radius) ** self.exponent)
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) = A F_2(lambda) r^lambda, the leading term of (5.3)."""
+        """H(r) = A F_2(lambda) r^lambda, the leading term of (5.3).
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`. H(r) is the depth at which the contact radius
+        on a half-space is r. Equation numbers are those of Argatov and Sabina.
+        """
         return np.asarray((self._steepness * radius) ** self.exponent)
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r) = lambda A F_2(lambda) r^(lambda-1)."""
+        """H'(r) = lambda A F_2(lambda) r^(lambda-1).
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`. H(r) is the depth at which the contact radius
+        on a half-space is r.
+        """
         steepness = self._steepness
         return np.asarray(self.exponent * steepness * (steepness * radius) ** (self.exponent - 1.0))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Moments int_0^a H ds = A F_2 a^(lambda+1)/(lambda+1) and int_0^a H s^2 ds, a = `radius` (m)."""
+        """Moments int_0^a H ds = A F_2 a^(lambda+1)/(lambda+1) and int_0^a H s^2 ds, a = `radius` (m).
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`.
+        """
         depth = self.abel(radius)
         return depth * radius / (self.exponent + 1.0), depth * radius**3 / (self.exponent + 3.0)
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """P/(4 theta) (m^2) on a half-space: w a lambda/(lambda + 1), at a `depth` w (m) and its `radius` a (m)."""
+        """P/(4 theta) (m^2) on a half-space: w a lambda/(lambda + 1), at a `depth` w (m) and its `radius` a (m).
+
+        The shape is A r^lambda. theta is the elastic constant of the surface.
+        """
         return np.asarray(self.exponent / (self.exponent + 1.0) * depth * radius)
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
-        """a = (w / (A F_2))^(1/lambda) (m) at `depth` w (m): the paper's varpi times h, (5.8)."""
+        """a = (w / (A F_2))^(1/lambda) (m) at `depth` w (m): the paper's varpi times h, (5.8).
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`.
+        """
         return np.asarray(depth ** (1.0 / self.exponent) / self._steepness)
 
 
 @dataclass(frozen=True)
 class Paraboloid(PowerLawShape):
-    """Phi(r) = r^2/(2R) (5.11): what most AFM software calls a sphere. `radius` R in metres."""
+    """Phi(r) = r^2/(2R) (5.11): what most AFM software calls a sphere. `radius` R in metres.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
 
     shape: ClassVar[str] = "paraboloid"
 
@@ -349,6 +401,8 @@ class Cone(PowerLawShape):
 class PowerLaw(PowerLawShape):
     """Phi(r) = `coefficient` * r^`exponent` (5.1).
 
+    Equation numbers are those of Argatov and Sabina.
+
     Parameters
     ----------
     exponent : float
@@ -378,7 +432,10 @@ class PowerLaw(PowerLawShape):
 
 @dataclass(frozen=True)
 class Sphere(Indenter):
-    """A true sphere, Phi = R - sqrt(R^2 - r^2) (6.1); `radius` R in metres, contact radius a < R."""
+    """A true sphere, Phi = R - sqrt(R^2 - r^2) (6.1); `radius` R in metres, contact radius a < R.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
 
     shape: ClassVar[str] = "sphere"
     smooth: ClassVar[bool] = True
@@ -406,7 +463,10 @@ class Sphere(Indenter):
 
     @property
     def max_radius(self) -> float:
-        """0.9999 R: there the flank is 89.2 degrees steep and H(r) grows without bound towards R."""
+        """0.9999 R: there the flank is 89.2 degrees steep and H(r) grows without bound towards R.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         return _STEEPEST * self.radius
 
     def surface(self, radius: FloatArray) -> FloatArray:
@@ -414,16 +474,25 @@ class Sphere(Indenter):
         return np.asarray(radius**2 / (self.radius + np.sqrt(self.radius**2 - radius**2)))
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) = r artanh(r/R), the first identity of section 6."""
+        """H(r) = r artanh(r/R), the first identity of section 6.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         return np.asarray(radius * np.arctanh(radius / self.radius))
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r) = artanh(r/R) + (r/R)/(1 - (r/R)^2)."""
+        """H'(r) = artanh(r/R) + (r/R)/(1 - (r/R)^2).
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         alpha = np.asarray(radius, dtype=np.float64) / self.radius
         return np.asarray(np.arctanh(alpha) + alpha / ((1.0 - alpha) * (1.0 + alpha)))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """First and second moment of H: the second and third identities of section 6, by (3.2)."""
+        """First and second moment of H: the second and third identities of section 6, by (3.2).
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         alpha = np.asarray(radius, dtype=np.float64) / self.radius
         second = _from_series(
             alpha,
@@ -434,7 +503,10 @@ class Sphere(Indenter):
         return self.radius**2 * _first_moment(alpha), self.radius**4 * second
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """P/(4 theta) (m^2) on a half-space at a `depth` (m) and its `radius` (m), from the first moment alone."""
+        """P/(4 theta) (m^2) on a half-space at a `depth` (m) and its `radius` (m), from the first moment alone.
+
+        theta is the elastic constant of the surface.
+        """
         alpha = np.asarray(radius, dtype=np.float64) / self.radius
         return np.asarray(depth * radius - self.radius**2 * _first_moment(alpha))
 

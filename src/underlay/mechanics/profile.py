@@ -115,24 +115,36 @@ class Profile(Indenter):
         return _Table.of(self)
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) (m) of the interpolant at `radius` (m): exact for few radii, by a table to 1e-12 for many."""
+        """H(r) (m) of the interpolant at `radius` (m): exact for few radii, by a table to 1e-12 for many.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         many = np.size(radius) >= _MANY and np.max(radius) <= self.max_radius
         return self._table.depth(np.asarray(radius)) if many else self._abel(radius)
 
     def _abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) (m), by the sums of the module's head."""
+        """H(r) (m), by the sums of the module's head.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         depth = corner.angle @ p.corners + (bend.leg - bend.t * bend.angle) @ p.bends
         return np.asarray(x * (0.5 * np.pi * p.apex + depth))
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r), computed as `abel` is; it grows without bound towards a corner from outside."""
+        """H'(r), computed as `abel` is; it grows without bound towards a corner from outside.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         many = np.size(radius) >= _MANY and np.max(radius) <= self.max_radius
         return self._table.slope(np.asarray(radius)) if many else self._abel_slope(radius)
 
     def _abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r), by the derivative of the sums of the module's head."""
+        """H'(r), by the derivative of the sums of the module's head.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         outside = np.divide(corner.t, corner.leg, out=np.zeros_like(corner.leg), where=corner.leg > 0.0)
@@ -176,6 +188,8 @@ class _Table:
     Outside a knot H grows by (x - t)^(3/2) and whole powers, at a corner by (x - t)^(1/2): polynomials in
     2 ((x - t)/(next t - t))^(1/2) - 1, whose terms fall by 3.3 and more where no interval is more than twice the
     one before it. H' beyond a corner is left to the sums.
+
+    H(r) is the depth at which the contact radius on a half-space is r.
 
     Parameters
     ----------
@@ -228,7 +242,10 @@ class _Table:
         return np.where(interval == 0, self._apex(radius)[0], value)
 
     def slope(self, radius: FloatArray) -> FloatArray:
-        """H' at radii (m) up to the last knot."""
+        """H' at radii (m) up to the last knot.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         value, interval = self._value(radius, self.slope_terms)
         beyond = self.cornered[interval]
         if beyond.any():
@@ -236,7 +253,10 @@ class _Table:
         return np.where(interval == 0, self._apex(radius)[1], value)
 
     def _apex(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """H and H' up to the first knot, where polynomials would keep the digits of H there."""
+        """H and H' up to the first knot, where polynomials would keep the digits of H there.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         p = self.tip._polygon  # noqa: SLF001  as above
         level, bend = 0.5 * np.pi * p.apex, float(p.bends[p.bend_radii == 0.0].sum())
         return radius * (level + bend * radius), level + 2.0 * bend * radius

@@ -54,6 +54,8 @@ AnySolver: TypeAlias = Solver | PublishedCorrection | str | Any
 class Asymptotic(Solver):
     """The paper's asymptotic model: explicit formulas, for contacts smaller than the layer is thick.
 
+    Equation numbers are those of Argatov and Sabina.
+
     Parameters
     ----------
     order : int, default 4

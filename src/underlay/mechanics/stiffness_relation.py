@@ -148,6 +148,8 @@ def modulus_from_stiffness(
 ) -> FloatArray:
     """Young's modulus (Pa) of a layer from the unloading stiffness and the contact area (9.6).
 
+    Equation numbers are those of Argatov and Sabina.
+
     Parameters
     ----------
     stiffness : array_like

@@ -111,6 +111,8 @@ def maugis_state(contact: Contact, radius: float, outer: float, stress: float) -
     t^2), t those of Gauss and Legendre on (0, 1), which takes out both square roots. On a half-space: Maugis
     (1992), J. Colloid Interface Sci. 150, 243.
 
+    theta is the elastic constant of the surface.
+
     Parameters
     ----------
     contact : Contact

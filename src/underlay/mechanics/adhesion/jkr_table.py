@@ -61,6 +61,8 @@ class PunchNodes:
     The logarithms have their exact values and slopes at the nodes: dP_el/da = K
     dw_el/da and d(a kappa)/da = g(1)^2. With 20 nodes to an octave the error is below 1e-8, held by a test.
 
+    kappa is the flat punch's stiffness over that on a half-space.
+
     Parameters
     ----------
     log_radius : ndarray (nodes,)

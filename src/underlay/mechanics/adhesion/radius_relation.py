@@ -94,6 +94,9 @@ class RadiusRelation(ABC):
 class HalfspaceRelation(RadiusRelation):
     """Elastic contact on a half-space by its radius a: w = H(a), P = 4 theta (a H - int_0^a H ds) (2.13), (3.2).
 
+    H(r) is the depth at which the contact radius on a half-space is r. Equation numbers are those of
+    Argatov and Sabina.
+
     Parameters
     ----------
     indenter : Indenter
@@ -203,6 +206,9 @@ def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelati
 @dataclass(frozen=True)
 class _Series:
     """Chebyshev series in eps = a/h of a layer's relation over the half-space's, for tips of any size.
+
+    kappa is the flat punch's stiffness over that on a half-space. H(r) is the depth at which the
+    contact radius on a half-space is r.
 
     Parameters
     ----------

@@ -58,7 +58,11 @@ _UNIT = Sphere(1.0)
 
 
 class PressedLayer(NamedTuple):
-    """A layer in the form the integrals need: theta (Pa), thickness h (m), nodes u, and weights times 1 - L(u)."""
+    """A layer in the form the integrals need: theta (Pa), thickness h (m), nodes u, and weights times 1 - L(u).
+
+    theta is the layer's elastic constant. 1 - L(u) is the relative change of surface compliance by what
+    is under the top layer, u the wavenumber times its thickness.
+    """
 
     theta: float
     thickness: float
@@ -74,17 +78,28 @@ class PressedLayer(NamedTuple):
 
 
 def S_0(sigma: FloatArray, tau: float, u: FloatArray, weight: FloatArray) -> FloatArray:
-    """S_0(sigma, tau) of (2.12): int_0^inf [1 - L] J_0(sigma u) cos(tau u) du, shape of `sigma` (n,)."""
+    """S_0(sigma, tau) of (2.12): int_0^inf [1 - L] J_0(sigma u) cos(tau u) du, shape of `sigma` (n,).
+
+    1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+    wavenumber times its thickness. Equation numbers are those of Argatov and Sabina.
+    """
     return np.asarray(special.j0(np.outer(sigma, u)) @ (weight * np.cos(tau * u)))
 
 
 def S_2(sigma: FloatArray, alpha: float, u: FloatArray, weight: FloatArray) -> FloatArray:
-    """S_2(sigma, alpha) of (3.3): int_0^inf [1 - L] J_0(sigma u) sin(alpha u)/u du, shape of `sigma` (n,)."""
+    """S_2(sigma, alpha) of (3.3): int_0^inf [1 - L] J_0(sigma u) sin(alpha u)/u du, shape of `sigma` (n,).
+
+    1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+    wavenumber times its thickness. Equation numbers are those of Argatov and Sabina.
+    """
     return np.asarray(special.j0(np.outer(sigma, u)) @ (weight * alpha * _sinc(alpha * u)))
 
 
 def S_2_tilde(sigma: FloatArray, alpha: float, u: FloatArray, weight: FloatArray) -> FloatArray:
-    """S~_2(sigma, alpha) of (3.5): S_2 with sin(alpha u)/u - alpha cos(alpha u) in place of sin(alpha u)/u."""
+    """S~_2(sigma, alpha) of (3.5): S_2 with sin(alpha u)/u - alpha cos(alpha u) in place of sin(alpha u)/u.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     return np.asarray(
         special.j0(np.outer(sigma, u)) @ (weight * alpha * (_sinc(alpha * u) - np.cos(alpha * u)))
     )
@@ -94,6 +109,9 @@ def S_4(sigma: FloatArray, alpha: float, u: FloatArray, weight: FloatArray) -> F
     """S_4(sigma, alpha) of (4.9): int_0^inf [1 - L] J_0(sigma u) b(alpha u) du, shape of `sigma` (n,).
 
     b(z), the brace of (4.9), is int_0^1 x^2 cos(z x) dx = j_0(z) - 2 j_1(z)/z.
+
+    1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+    wavenumber times its thickness. Equation numbers are those of Argatov and Sabina.
     """
     z = alpha * u
     brace = _sinc(z) - 2.0 * special.spherical_jn(1, z) / z
@@ -101,13 +119,19 @@ def S_4(sigma: FloatArray, alpha: float, u: FloatArray, weight: FloatArray) -> F
 
 
 def S_0_coefficient(i: int, j: int, a_m: float) -> float:
-    """b_ij^(0) of (4.1) from the moment a_m, m = i + j: the coefficient of sigma^(2i) alpha^(2j) in S_0."""
+    """b_ij^(0) of (4.1) from the moment a_m, m = i + j: the coefficient of sigma^(2i) alpha^(2j) in S_0.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     scale = float(2 ** (2 * j) * factorial(i + j) ** 2)
     return scale / (factorial(i) ** 2 * factorial(2 * j)) * a_m
 
 
 def S_2_tilde_coefficient(i: int, j: int, a_m: float) -> float:
-    """b~_ij^(2) of (4.2) from the moment a_m, m = i + j: that of sigma^(2i) alpha^(2j+1) in S~_2."""
+    """b~_ij^(2) of (4.2) from the moment a_m, m = i + j: that of sigma^(2i) alpha^(2j+1) in S~_2.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     scale = float(2 ** (2 * j + 1) * j * factorial(i + j) ** 2)
     return -scale / (factorial(i) ** 2 * factorial(2 * j + 1)) * a_m
 
@@ -116,6 +140,8 @@ def contact_pressure(
     slope_over_s: Callable[[FloatArray], FloatArray], contact_radius: float, r: FloatArray, nodes: int = 64
 ) -> FloatArray:
     """Contact pressure p(r) (Pa) of (2.8) from the auxiliary function V of (2.11).
+
+    Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -142,6 +168,8 @@ def depth_from_pressure(
     """Depth w (m) at which the pressure vanishes at the edge of the contact, (2.13).
 
     `rho` (m) and `load` are nodes and weighted pressures, as in the module's head.
+
+    Equation numbers are those of Argatov and Sabina.
     """
     theta, h, u, weight = pressed
     kernel = S_0(rho / h, contact_radius / h, u, weight)
@@ -154,6 +182,8 @@ def force_from_pressure(
     """Contact force P (N) from the pressure, without the depth: (3.4).
 
     `rho` (m) and `load` are nodes and weighted pressures, as in the module's head.
+
+    Equation numbers are those of Argatov and Sabina.
     """
     theta, h, u, weight = pressed
     a = np.array(contact_radius)
@@ -163,7 +193,10 @@ def force_from_pressure(
 
 
 def polar_moment(V: FloatArray, s: FloatArray, weights: FloatArray) -> float:
-    """Polar moment P_2 = 4 int_0^a V(s) s^2 ds (N m^2) of (4.8), from V at nodes `s` (m) with `weights`."""
+    """Polar moment P_2 = 4 int_0^a V(s) s^2 ds (N m^2) of (4.8), from V at nodes `s` (m) with `weights`.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     return float(4.0 * (weights @ (V * s**2)))
 
 
@@ -178,6 +211,8 @@ def polar_moment_from_pressure(
     """Polar moment P_2 (N m^2) from depth and pressure: the unnumbered form after (4.8), with S_4 of (4.9).
 
     `rho` (m) and `load` are nodes and weighted pressures, as in the module's head.
+
+    Equation numbers are those of Argatov and Sabina.
     """
     theta, h, u, weight = pressed
     a = contact_radius
@@ -191,25 +226,37 @@ def _sinc(z: FloatArray) -> FloatArray:
 
 
 def halfspace_load(alpha: FloatArray) -> FloatArray:
-    """P/(theta R^2) on a half-space at alpha = a/R: Lambda of (6.9)."""
+    """P/(theta R^2) on a half-space at alpha = a/R: Lambda of (6.9).
+
+    theta is the layer's elastic constant. Equation numbers are those of Argatov and Sabina.
+    """
     return np.asarray(4.0 * (alpha * _UNIT.abel(alpha) - _UNIT.abel_moments(alpha)[0]))
 
 
 def halfspace_alpha(load: FloatArray) -> FloatArray:
-    """alpha_0 = a/R on a half-space: the root of (6.9) for P/(theta R^2) = `load`, positive, (n,)."""
+    """alpha_0 = a/R on a half-space: the root of (6.9) for P/(theta R^2) = `load`, positive, (n,).
+
+    theta is the layer's elastic constant. Equation numbers are those of Argatov and Sabina.
+    """
     # Lambda = (8/3) alpha^3 for small alpha and less than that cubed root's value for any.
     start = np.minimum(np.cbrt(0.375 * load), 0.9)
     return invert_increasing(_load_and_slope, load, start, _UNIT.max_radius)
 
 
 def parametric_load(alpha: FloatArray, mu: Real, a_1: Real) -> FloatArray:
-    """P/(theta R^2) of (6.3) at alpha = a/R, with mu = R/h and the kernel's moment a_1."""
+    """P/(theta R^2) of (6.3) at alpha = a/R, with mu = R/h and the kernel's moment a_1.
+
+    theta is the layer's elastic constant. Equation numbers are those of Argatov and Sabina.
+    """
     c = kernel_terms(0.0, a_1)[1]
     return halfspace_load(alpha) * (1.0 - c * (mu * alpha) ** 3)
 
 
 def parametric_depth(alpha: FloatArray, mu: Real, a_0: Real, a_1: Real) -> FloatArray:
-    """w/R of (6.4), depth over radius, at alpha = a/R, with mu = R/h and the moments a_0, a_1."""
+    """w/R of (6.4), depth over radius, at alpha = a/R, with mu = R/h and the moments a_0, a_1.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     b, c = kernel_terms(a_0, a_1)
     H, load = _UNIT.abel(alpha), halfspace_load(alpha)
     third = 0.5 * alpha**3 * H - 1.5 * _UNIT.abel_moments(alpha)[1] + 0.375 * alpha**2 * load
@@ -220,6 +267,8 @@ def england_radius(alpha_0: FloatArray, mu: Real, a_1: Real) -> FloatArray:
     """a/R of (6.10) from alpha_0, the half-space contact radius at the force over R; mu = R/h.
 
     With alpha_3 of (6.8); alpha_1 = alpha_2 = alpha_4 = 0 (6.7).
+
+    Equation numbers are those of Argatov and Sabina.
     """
     c = kernel_terms(0.0, a_1)[1]
     slope = _UNIT.abel_slope(alpha_0)
@@ -227,7 +276,10 @@ def england_radius(alpha_0: FloatArray, mu: Real, a_1: Real) -> FloatArray:
 
 
 def england_depth(alpha_0: FloatArray, mu: Real, a_0: Real, a_1: Real) -> FloatArray:
-    """w/R of (6.11) from alpha_0, the half-space contact radius at the force over R; mu = R/h."""
+    """w/R of (6.11) from alpha_0, the half-space contact radius at the force over R; mu = R/h.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     b, c = kernel_terms(a_0, a_1)
     first, second = _UNIT.abel_moments(alpha_0)
     H = _UNIT.abel(alpha_0)

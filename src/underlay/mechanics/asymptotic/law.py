@@ -80,6 +80,9 @@ def fifth_coefficient(exponent: Real, a_2: Real) -> Real:
 
     s is the half-space contact radius at the force, eps = s/h, and a_2 the third moment (1.8); `exponent` lambda
     may be inf (flat punch): -256 a_2/(45 pi).
+
+    The shape is A r^lambda. F_2(lambda) is `abel_factor`. Equation numbers are those of Argatov and
+    Sabina.
     """
     # In 1/(lambda + 1), so that the flat punch, lambda = inf, needs no case of its own.
     v = 1.0 / (exponent + 1.0)
@@ -88,7 +91,10 @@ def fifth_coefficient(exponent: Real, a_2: Real) -> Real:
 
 
 def sixth_coefficient(a_1: Real) -> Real:
-    """d_6 of the series of `fifth_coefficient` for a flat punch, -64 a_1^2/(45 pi^2); used for every shape."""
+    """d_6 of the series of `fifth_coefficient` for a flat punch, -64 a_1^2/(45 pi^2); used for every shape.
+
+    a_0 and a_1 are moments of the kernel (1.8).
+    """
     return -64.0 * a_1**2 / (45.0 * np.pi**2)
 
 
@@ -96,6 +102,8 @@ def omitted_terms(exponent: Real, a_1: Real, a_2: Real, eps: Real) -> Real:
     """|d_5| eps^5 + |d_6| eps^6: the compliance form's error in depth over the half-space depth.
 
     eps is the half-space contact radius at the force over the thickness, a_1 and a_2 moments of the kernel (1.8).
+
+    Equation numbers are those of Argatov and Sabina.
     """
     return np.abs(fifth_coefficient(exponent, a_2)) * eps**5 + np.abs(sixth_coefficient(a_1)) * eps**6
 
@@ -104,6 +112,8 @@ def punch_error(kappa: float, eps: float, moments: Moments) -> float:
     """Estimated relative error of a flat punch's factor `kappa` at eps = a/h; inf where the form breaks down.
 
     `moments` are (a_0, a_1, a_2) of (1.8).
+
+    Equation numbers are those of Argatov and Sabina.
     """
     a_0, a_1, a_2 = moments
     inverse = 1.0 / blunt.kappa_infinity(eps, a_0, a_1, form="compliance")
@@ -127,6 +137,8 @@ def force_error(
     times softer; equal moduli with other Poisson's ratios), four shapes, a/h = 0.05 to 1, all forms and orders,
     it was 0.5 to 120 times the error, 1.1 times in the median and below 5 times in 19 cases of 20
     (tests/test_asymptotic.py).
+
+    Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -248,6 +260,8 @@ def asymptotic_law(
 ) -> AsymptoticLaw:
     """Build the asymptotic law of a contact.
 
+    Equation numbers are those of Argatov and Sabina.
+
     Parameters
     ----------
     contact : Contact
@@ -316,7 +330,10 @@ def _check(order: int, form: str) -> None:
 
 
 def kernel_moments(contact: Contact) -> Moments:
-    """Moments (a_0, a_1, a_2) of the kernel, (1.8); zeros, without computing a kernel, on a half-space."""
+    """Moments (a_0, a_1, a_2) of the kernel, (1.8); zeros, without computing a kernel, on a half-space.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     if not contact.layered:
         return 0.0, 0.0, 0.0
     a_0, a_1, a_2 = contact.kernel.coefficients(3)
@@ -372,6 +389,8 @@ def punch_factor(eps: float, a_0: float, a_1: float, *, order: int = 4, form: st
     """kappa_inf (9.5), a flat punch's stiffness over that on a half-space, at eps = a/h in one order and form.
 
     a_0 and a_1 are moments of the kernel (1.8).
+
+    Equation numbers are those of Argatov and Sabina.
 
     Raises
     ------

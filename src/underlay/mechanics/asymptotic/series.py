@@ -94,6 +94,8 @@ class PunchSeries(ContactSeries):
     """The flat punch, P = 4 theta a kappa_inf w, whose parameter s is the depth w.
 
     `kappa` is kappa_inf, the punch's stiffness over that on a half-space; `theta` in Pa.
+
+    theta is the layer's elastic constant.
     """
 
     shape: Indenter
@@ -124,7 +126,10 @@ class PunchSeries(ContactSeries):
         return s, np.ones_like(s)
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N), P = 4 theta a kappa_inf w, (9.5) integrated, and dP/ds."""
+        """Force (N), P = 4 theta a kappa_inf w, (9.5) integrated, and dP/ds.
+
+        theta is the layer's elastic constant. Equation numbers are those of Argatov and Sabina.
+        """
         stiffness = 4.0 * self.theta * self.shape.max_radius * self.kappa
         return stiffness * s, np.full_like(s, stiffness)
 
@@ -138,6 +143,8 @@ class PowerLawSeries(ContactSeries):
     """w = A F_2 s^lambda W(s/h), P = theta A F_1 s^(lambda+1) Q(s/h), a = s R(s/h): (5.2), (5.3), (5.7) ...
 
     W, Q and R are polynomials; F_1 and F_2 are those of (5.4) and (5.5).
+
+    Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -165,7 +172,10 @@ class PowerLawSeries(ContactSeries):
 
     @cached_property
     def end(self) -> float:
-        """First turning point (m) of w or P: positive roots of lambda W + eps W' and (lambda+1) Q + eps Q'."""
+        """First turning point (m) of w or P: positive roots of lambda W + eps W' and (lambda+1) Q + eps Q'.
+
+        eps is s/h, the parameter s over the thickness.
+        """
         lam = self.shape.exponent
         return self.thickness * min(
             _first_turn(lam, self.depth_terms), _first_turn(lam + 1.0, self.force_terms)
@@ -177,25 +187,38 @@ class PowerLawSeries(ContactSeries):
         return self.thickness * _first_turn(1.0, self.radius_terms)
 
     def start(self, depth: FloatArray) -> FloatArray:
-        """The half-space contact radius (m) at `depth` (m), varpi h of (5.8)."""
+        """The half-space contact radius (m) at `depth` (m), varpi h of (5.8).
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         return self.shape.halfspace_radius(depth)
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Depth (m) by (5.3), (8.4), or w = H(s), and dw/ds."""
+        """Depth (m) by (5.3), (8.4), or w = H(s), and dw/ds.
+
+        H(r) is the depth at which the contact radius on a half-space is r. Equation numbers are those of
+        Argatov and Sabina.
+        """
         lam, eps = self.shape.exponent, s / self.thickness
         depth = self.shape.abel(s)
         series, slope = _polynomial(self.depth_terms, eps)
         return depth * series, depth / s * (lam * series + eps * slope)
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) by (5.2), (5.9), or that of the half-space, and dP/ds."""
+        """Force (N) by (5.2), (5.9), or that of the half-space, and dP/ds.
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         lam, eps = self.shape.exponent, s / self.thickness
         force = 4.0 * self.theta * lam / (lam + 1.0) * self.shape.abel(s)
         series, slope = _polynomial(self.force_terms, eps)
         return force * s * series, force * ((lam + 1.0) * series + eps * slope)
 
     def load(self, depth: FloatArray, s: FloatArray) -> FloatArray:
-        """Force (N) by P = 4 theta lambda/(lambda+1) w s Q/W, without a second power of s."""
+        """Force (N) by P = 4 theta lambda/(lambda+1) w s Q/W, without a second power of s.
+
+        The shape is A r^lambda. theta is the layer's elastic constant.
+        """
         lam = self.shape.exponent
         load = _horner(self.force_terms, s / self.thickness)
         if len(self.depth_terms) > 1:
@@ -206,7 +229,10 @@ class PowerLawSeries(ContactSeries):
         return load
 
     def radius(self, s: FloatArray) -> FloatArray:
-        """Contact radius (m) by (5.7), (8.5), or s itself."""
+        """Contact radius (m) by (5.7), (8.5), or s itself.
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         return s * _horner(self.radius_terms, s / self.thickness)
 
 
@@ -265,7 +291,10 @@ def _polynomial(terms: tuple[float, ...], x: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _first_turn(power: float, terms: tuple[float, ...]) -> float:
-    """Smallest positive eps at which eps^power (t_0 + t_1 eps + ...) stops increasing; inf if none."""
+    """Smallest positive eps at which eps^power (t_0 + t_1 eps + ...) stops increasing; inf if none.
+
+    eps is s/h, the parameter s over the thickness.
+    """
     rates = [(power + n) * term for n, term in enumerate(terms)]
     if min(rates) >= 0.0:
         return np.inf
@@ -291,6 +320,9 @@ class ShapeSeries(ContactSeries):
 
     It is England's expansion (6.10), (6.11) for a sphere and (8.4), (8.5) for a power law. The a_0 term is exact
     in it (a shift of the surface proportional to the force), which is why it stays good on soft substrates.
+
+    eps is a/h, contact radius over thickness. a_0 and a_1 are moments of the kernel (1.8). Equation
+    numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -368,7 +400,10 @@ class ShapeSeries(ContactSeries):
         return self.shape.halfspace_radius(np.minimum(depth, last))
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Depth (m) by (4.15), or by the compliance form of the class's docstring, and dw/ds."""
+        """Depth (m) by (4.15), or by the compliance form of the class's docstring, and dw/ds.
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         h, b, c = self.thickness, self.b, self.c
         H, slope = self.shape.abel(s), self.shape.abel_slope(s)
         first, second = self.shape.abel_moments(s)
@@ -391,7 +426,10 @@ class ShapeSeries(ContactSeries):
         )
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) by (4.14), or that of the half-space (3.2), and dP/ds."""
+        """Force (N) by (4.14), or that of the half-space (3.2), and dP/ds.
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         H, slope = self.shape.abel(s), self.shape.abel_slope(s)
         N = s * H - self.shape.abel_moments(s)[0]
         if self.by_force:

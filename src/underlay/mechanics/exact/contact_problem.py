@@ -148,7 +148,10 @@ class ContactProblem:
         return float(self.measure.halfspace_radius(depth)[0]) / self.thickness
 
     def eps(self, chi: FloatArray) -> FloatArray:
-        """Contact radius over thickness, a/h, at `chi` (n,), at most the end of the shape: inverse of `chi`."""
+        """Contact radius over thickness, a/h, at `chi` (n,), at most the end of the shape: inverse of `chi`.
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         if self.indenter is self.measure:
             return chi
         deepest = self.indenter.abel(np.array(self.indenter.max_radius))
@@ -156,7 +159,10 @@ class ContactProblem:
         return np.minimum(self.indenter.halfspace_radius(depth), self.indenter.max_radius) / self.thickness
 
     def widest(self, chi: float) -> float:
-        """Contact radius over thickness, a/h, at one value of chi: `eps` for a single float."""
+        """Contact radius over thickness, a/h, at one value of chi: `eps` for a single float.
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         return chi if self.indenter is self.measure else float(self.eps(np.array([chi]))[0])
 
     def resolution(self, eps: float, rtol: float) -> Resolution:
@@ -204,7 +210,10 @@ class ContactProblem:
         return varpi, columns
 
     def on(self, grid: PunchGrid) -> tuple[FloatArray, FloatArray]:
-        """varpi (radii,) and the table of `solve` (radii, 3 + bodies) at the contact radii and nodes of a grid."""
+        """varpi (radii,) and the table of `solve` (radii, 3 + bodies) at the contact radii and nodes of a grid.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         if not self.beside:
             punch = grid.solve(self.kernel.values(grid.u))
             return contact_factors(punch, self.indenter, self.measure, self.thickness)
@@ -273,6 +282,8 @@ def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> F
 
     A smooth step bunches the nodes at both ends, where H may be |x|^lambda or nearly singular; p has degree
     2 n - 2, up to n half waves squeezed by two, and takes its share of them.
+
+    H(r) is the depth at which the contact radius on a half-space is r.
     """
     count = rule.nodes.size
     nodes = (_SMOOTH_NODES if indenter.smooth else _MEASURED_NODES) + 4 * count
@@ -381,6 +392,8 @@ def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, 
     """Expand the depth in the contact radius first, then invert: works for any varpi(chi), folds included.
 
     `last` is the largest chi to begin with; `gain` the growth of errors from depth to radius (see `_placement`).
+
+    varpi is the half-space contact radius at the depth over the thickness.
     """
     fine = max(rtol / gain, _FINEST)
     series, resolution = _series(problem, last, fine)
@@ -415,7 +428,10 @@ class RadiusGuess:
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
     def radius(self, varpi: Any) -> Any:
-        """Guessed contact radius over thickness (chi) at `varpi`, a float or an array."""
+        """Guessed contact radius over thickness (chi) at `varpi`, a float or an array.
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         share = self.rate * varpi
         return varpi * (1.0 + self.gain * share / (1.0 + share))
 
@@ -430,7 +446,10 @@ class RadiusGuess:
         return TABLES.get(key, lambda: PunchGrid.of(near.radii(end, terms), resolution))
 
     def radii(self, end: float, terms: int) -> FloatArray:
-        """`terms` radii over thickness up to about `end`, with the stretched varpi at Chebyshev points."""
+        """`terms` radii over thickness up to about `end`, with the stretched varpi at Chebyshev points.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         # Where varpi is `end` the quadratic of `radius` has this root.
         half, most = 0.5 * (1.0 - self.rate * end), self.rate * (1.0 + self.gain)
         top = (sqrt(half * half + most * end) - half) / most
@@ -446,6 +465,9 @@ def _placement(
     first. Where varpi(chi) folds, or ends before `top`, radii cannot be placed beforehand, and the function is
     None. The growth of relative errors from depth to radius is the largest slope d ln chi/d ln varpi: one, except
     near a fold.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
     """
     if problem.scales.softest > SOFT:
         return guess.radius, last, 1.0
@@ -479,6 +501,9 @@ def _direct(
 
     `place` maps varpi to chi, `last` is the largest chi, and `gain` the growth of errors, all from `_placement`;
     the other parameters are those of `solve_curve`.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
     """
     wanted = Stretch.to(top, problem.scales.softness)
     fine = max(rtol / gain, _FINEST)
@@ -506,7 +531,10 @@ def _direct(
 
 
 def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
-    """Solve at Chebyshev points in chi up to `last`, and expand in chi with as many terms as `rtol` takes."""
+    """Solve at Chebyshev points in chi up to `last`, and expand in chi with as many terms as `rtol` takes.
+
+    chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+    """
     stretch = Stretch.to(last, problem.scales.softness)
     # What is asked for to place the radii of another solution needs no proof.
     nodes = problem.resolution if rtol < _COARSE else partial(Resolution.choose, problem.scales)
@@ -535,6 +563,9 @@ def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> 
 
     At the end, RangeError is raised if varpi = `top` is not reached there. Without this check the curve would be
     extrapolated: over a thin layer a sphere's contact reaches its equator long before the guess does.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
     """
     if wider >= problem.end:
         _check_reach(problem, top, rtol)
@@ -543,7 +574,10 @@ def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> 
 
 
 def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
-    """Raise RangeError if varpi = `top` needs a contact radius beyond the end of the shape or of a/h = 20."""
+    """Raise RangeError if varpi = `top` needs a contact radius beyond the end of the shape or of a/h = 20.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     end = problem.end
     last = float(problem.solve(np.array([end]), problem.resolution(problem.widest(end), rtol))[0][0])
     if last >= top:

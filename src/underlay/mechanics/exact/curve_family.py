@@ -123,7 +123,10 @@ class Cell(NamedTuple):
 
     @classmethod
     def holding(cls, exponent: float, family: Family, ratio: float, varpi: float, rtol: float) -> Cell:
-        """Cell whose ranges hold the given ratio k and largest varpi."""
+        """Cell whose ranges hold the given ratio k and largest varpi.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         return cls(exponent, family, ratio_number(ratio), range_number(varpi), rtol)
 
     @property
@@ -133,7 +136,10 @@ class Cell(NamedTuple):
 
     @property
     def top(self) -> float:
-        """Largest varpi of the cell."""
+        """Largest varpi of the cell.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         return range_end(self.range)
 
 
@@ -201,19 +207,27 @@ def end_numbers(ratio: FloatArray) -> FloatArray:
 
 
 def range_numbers(varpi: FloatArray) -> FloatArray:
-    """Numbers (sets,), as whole floats, of the ranges that reach varpi (sets,): `range_number` for arrays."""
+    """Numbers (sets,), as whole floats, of the ranges that reach varpi (sets,): `range_number` for arrays.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     smallest = _RANGE_EDGE * _RANGE_STEP**_SMALLEST_RANGE
     return np.ceil(np.log(np.maximum(varpi, smallest) / _RANGE_EDGE) / log(_RANGE_STEP))
 
 
 def range_end(number: int) -> float:
-    """Largest varpi of the range with a given number."""
+    """Largest varpi of the range with a given number.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     return _RANGE_EDGE * _RANGE_STEP**number
 
 
 @dataclass(frozen=True)
 class CurveFamily:
     """The three factors of a master curve against varpi and the modulus ratio k, over one cell.
+
+    varpi is the half-space contact radius at the depth over the thickness.
 
     Parameters
     ----------
@@ -336,6 +350,8 @@ def _at_points(flat: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """Values (ratios, 3 x points) at the Chebyshev points of varpi, of series in ln k of the factors' coefficients.
 
     `shape` is (terms, 3), that of the coefficients of one piece, which `flat` has flattened.
+
+    varpi is the half-space contact radius at the depth over the thickness.
     """
     terms = shape[0]
     values = np.cos(np.multiply.outer(chebyshev_angles(terms), np.arange(terms)))

@@ -173,6 +173,8 @@ class _SideBySide:
 
     A cell without a table has an entry with an infinite error.
 
+    varpi is the half-space contact radius at the depth over the thickness.
+
     Parameters
     ----------
     places : dict of (int, int) to int

@@ -124,6 +124,8 @@ class ExactPunchLaw(ContactLaw):
 
     theta is the layer's elastic constant, kappa_inf the stiffness over that on a half-space (9.5).
 
+    Equation numbers are those of Argatov and Sabina.
+
     Parameters
     ----------
     radius : float

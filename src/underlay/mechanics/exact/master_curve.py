@@ -76,6 +76,9 @@ class Stretch:
     """The variable t(v) = ln(1 + rate v) on [0, length], mapped linearly to z in [-1, 1]; v is varpi or chi.
 
     `length` and `rate` are floats, or (sets, 1) for many curves at once.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
     """
 
     length: Any
@@ -233,6 +236,8 @@ class MasterCurve:
     ) -> MasterCurve:
         """Return the curve of one polynomial through given points, for varpi in the interval of `wanted`.
 
+        varpi is the half-space contact radius at the depth over the thickness.
+
         Parameters
         ----------
         varpi : ndarray (n,)
@@ -288,6 +293,8 @@ class MasterCurve:
         """Polynomials of x = varpi/unit, for fast evaluation, from tables laid out like `coefficients`.
 
         `tables` is (pieces, columns, rows, 4).
+
+        varpi is the half-space contact radius at the depth over the thickness.
         """
         half_span = 0.5 * self.stretch.length
         orders = np.arange(float(tables[0, 0].size)).reshape(-1, _BLOCK)

@@ -264,7 +264,10 @@ class Resolution:
 
     @property
     def size(self) -> int:
-        """Number of cosines cos(eps x u) that one contact radius takes: radial nodes times wavenumbers."""
+        """Number of cosines cos(eps x u) that one contact radius takes: radial nodes times wavenumbers.
+
+        eps is a/h, contact radius over thickness.
+        """
         return self.radial * self.wavenumbers
 
     def scaled(self, radial: float, wavenumbers: float) -> Resolution:

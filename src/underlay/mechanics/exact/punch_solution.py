@@ -122,6 +122,9 @@ class PunchGrid:
 
         `values` are 1 - L at the nodes u; the weights of the sum over u, (radii, wavenumbers), are eps times
         `strength` times `values`.
+
+        eps is a/h, contact radius over thickness. 1 - L(u) is the relative change of surface compliance by
+        what is under the top layer, u the wavenumber times its thickness.
         """
         spread = np.multiply.outer(self.eps, self.strength * values)
         return (self.waves * spread[:, None, :]) @ self.turned, spread
@@ -130,6 +133,8 @@ class PunchGrid:
 @dataclass(frozen=True)
 class PunchSolution:
     """Solution for the flat punch at contact radii eps = a/h, on one body or several.
+
+    theta is the layer's elastic constant. Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -172,6 +177,8 @@ class PunchSolution:
 
         Returns the solution for the punch and, (..., radii, nodes), that for the further right-hand side `side` at
         the nodes (meaningless without one).
+
+        eps is a/h, contact radius over thickness.
         """
         count = rule.nodes.size
         matrix = kernel[..., :count, :] * -rule.weights
@@ -186,6 +193,8 @@ class PunchSolution:
 
     def depth_and_force(self, shape_weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Depth and force of an indenter with half-space depth H: w/H(a) and P/(4 theta a H(a)), each (..., radii).
+
+        theta is the layer's elastic constant.
 
         Parameters
         ----------
@@ -206,6 +215,8 @@ def _transform(weighted: FloatArray, waves: FloatArray) -> FloatArray:
     """Integrals v^(u) = int_0^1 v(x) cos(eps u x) dx, (radii, wavenumbers).
 
     `weighted` is v at the nodes x times the quadrature weights, (radii, nodes).
+
+    eps is a/h, contact radius over thickness.
     """
     return np.asarray((weighted[:, None, :] @ waves)[:, 0])
 

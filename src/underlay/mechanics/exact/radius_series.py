@@ -31,7 +31,11 @@ _NARROWEST = 2.0**-12
 
 
 class Branch(NamedTuple):
-    """Points of the table of varpi(chi) on an interval where both increase; varpi and chi as in `RadiusSeries`."""
+    """Points of the table of varpi(chi) on an interval where both increase; varpi and chi as in `RadiusSeries`.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
+    """
 
     chi: FloatArray
     varpi: FloatArray
@@ -42,6 +46,8 @@ class RadiusSeries:
     """Depth, force and stiffness as Chebyshev series in the contact radius, the solver's own variable.
 
     varpi, the measure of depth, is the half-space contact radius at that depth over the thickness h.
+
+    H(r) is the depth at which the contact radius on a half-space is r.
 
     Parameters
     ----------
@@ -63,16 +69,26 @@ class RadiusSeries:
         return float(truncation_error(np.delete(self.coefficients, slopes, axis=1)))
 
     def values(self, chi: FloatArray) -> FloatArray:
-        """Columns of `coefficients` evaluated at `chi` (n,): shape (n, 4 + slopes)."""
+        """Columns of `coefficients` evaluated at `chi` (n,): shape (n, 4 + slopes).
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
         return np.cos(np.multiply.outer(angle, np.arange(self.coefficients.shape[0]))) @ self.coefficients
 
     def varpi(self, chi: FloatArray) -> FloatArray:
-        """Dimensionless depth varpi (n,) at `chi` (n,)."""
+        """Dimensionless depth varpi (n,) at `chi` (n,).
+
+        varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+        of `ContactProblem.chi`, a/h for a power law.
+        """
         return chi * np.exp(self.values(chi)[:, -1])
 
     def radius(self, varpi: FloatArray, branch: Branch) -> FloatArray:
-        """chi (n,) at `varpi` (n,) on one branch, by Newton's method within the brackets of its table."""
+        """chi (n,) at `varpi` (n,) on one branch, by Newton's method within the brackets of its table.
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         orders = np.arange(self.coefficients.shape[0])
         series = self.coefficients[:, -1]
         derivative = np.polynomial.chebyshev.chebder(series)
@@ -96,7 +112,11 @@ class RadiusSeries:
         return chi
 
     def branches(self) -> list[Branch]:
-        """Intervals on which varpi(chi) increases: one, unless the relation folds."""
+        """Intervals on which varpi(chi) increases: one, unless the relation folds.
+
+        varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+        of `ContactProblem.chi`, a/h for a power law.
+        """
         count = _TABLE_POINTS * self.coefficients.shape[0]
         chi = np.append(0.0, self.stretch.v(np.linspace(-1.0, 1.0, count)[1:]))
         varpi = np.append(0.0, self.varpi(chi[1:]))
@@ -116,6 +136,8 @@ class RadiusSeries:
         contact radii satisfy the equations. The contact then jumps from disc to disc where both carry the same
         force, since of all contact areas the true one carries the largest load (Barber 1974,
         doi:10.1243/03093247V094230).
+
+        varpi is the half-space contact radius at the depth over the thickness.
         """
         stretch = self.stretch.over(top)
         ends, branches = [0.0], self.branches()
@@ -131,7 +153,10 @@ class RadiusSeries:
         return MasterCurve.of_pieces(stretch, edges, [piece for _, piece in pieces], rtol, tuple(jumps))
 
     def _crossing(self, lower: Branch, upper: Branch) -> float:
-        """varpi at which two overlapping branches carry the same force, by bisection: there the radius jumps."""
+        """varpi at which two overlapping branches carry the same force, by bisection: there the radius jumps.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         low, high = float(upper.varpi[0]), float(lower.varpi[-1])
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)

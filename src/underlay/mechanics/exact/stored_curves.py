@@ -95,7 +95,10 @@ class _Shortened(NamedTuple):
         return cls(stretch, read_only(shorter), left_out)
 
     def up_to(self, top: float, allowed: float) -> _Shortened:
-        """The series converted to varpi in [0, `top`], and shortened again to errors of `allowed`."""
+        """The series converted to varpi in [0, `top`], and shortened again to errors of `allowed`.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         stretch, terms = self.stretch.over(top), self.series.shape[3]
         there = _polynomials(self.stretch.z(stretch.v(np.cos(chebyshev_angles(terms)))), terms)
         # One product of matrices: as products of stacks it takes ten times as long.
@@ -105,6 +108,8 @@ class _Shortened(NamedTuple):
 
 class StoredCurves(NamedTuple):
     """The stored curves as the file holds them.
+
+    varpi is the half-space contact radius at the depth over the thickness.
 
     Parameters
     ----------
@@ -230,6 +235,8 @@ def _at(series: FloatArray, first: float, second: float) -> FloatArray:
     """Series in varpi, (terms, 3), of one body out of those of all bodies, (ratios + 1, shares, 3, terms).
 
     `first` and `second` are the body's coordinates from `_place`.
+
+    varpi is the half-space contact radius at the depth over the thickness.
     """
     ratios, shares, *shape = series.shape
     if first == inf:
@@ -241,7 +248,10 @@ def _at(series: FloatArray, first: float, second: float) -> FloatArray:
 
 
 def grid() -> tuple[list[list[LayerKernel]], FloatArray]:
-    """Bodies (ratios + 1, shares) and values of varpi (terms,) for which the file is solved."""
+    """Bodies (ratios + 1, shares) and values of varpi (terms,) for which the file is solved.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     log_ratios, spread, z = (np.cos(chebyshev_angles(count)) for count in _TERMS)
     low, high = _LOG_RATIOS
     ratios = np.exp(0.5 * (low + high) + 0.5 * (high - low) * log_ratios).tolist()

@@ -127,6 +127,8 @@ class PunchCell(NamedTuple):
 class PunchFamily:
     """The flat punch's solution against contact radius a/h and the ratio k of the bodies, over one cell.
 
+    kappa is the flat punch's stiffness over that on a half-space.
+
     Parameters
     ----------
     cell : PunchCell
@@ -256,7 +258,10 @@ def _groups(bodies: list[Kernel], eps: FloatArray, widest: Resolution, rtol: flo
 
 
 def _told(body: Kernel, groups: list[_Group]) -> FloatArray:
-    """The interpolated quantities ln kappa, ln g(1), g/kappa, rho/g(1) of one body, (radii, 2 + 2 nodes)."""
+    """The interpolated quantities ln kappa, ln g(1), g/kappa, rho/g(1) of one body, (radii, 2 + 2 nodes).
+
+    kappa is the flat punch's stiffness over that on a half-space.
+    """
     return np.concatenate([_told_of(body, group) for group in groups])
 
 
@@ -356,6 +361,8 @@ class _Placing(NamedTuple):
     """Table by which contact radii are placed: ln(a/a_half) of the tip's power law against varpi.
 
     `radius` (ratio terms, rows, 4) is in powers of the variable of `RatioSpan`, and of z, as in `CurveFamily`.
+
+    varpi is the half-space contact radius at the depth over the thickness.
     """
 
     stretch: Stretch
@@ -398,7 +405,10 @@ def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> FloatArr
 def _radii(
     asked: TipContacts, placing: _Placing, tops: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
-    """varpi and a/h at `count` points of curves up to varpi = `tops` (sets,), each (sets, count)."""
+    """varpi and a/h at `count` points of curves up to varpi = `tops` (sets,), each (sets, count).
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     measure, stretch = asked.tip.power_law, placing.stretch
     points = np.cos(chebyshev_angles(count))
     # The last point lies at the end itself, wherever the shape leaves the others.

@@ -53,7 +53,10 @@ def tip_range(contact: Contact, depth: float) -> int:
 
 
 def _ranges(varpi: FloatArray) -> FloatArray:
-    """Numbers of the ranges that reach the given values of varpi, as whole floats; a law covers its whole range."""
+    """Numbers of the ranges that reach the given values of varpi, as whole floats; a law covers its whole range.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     return np.asarray(np.ceil(_RANGES_PER_OCTAVE * np.log2(np.maximum(varpi, _SMALLEST) / _RANGE_EDGE)))
 
 

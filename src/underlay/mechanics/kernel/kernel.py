@@ -149,7 +149,11 @@ class Kernel(ABC):
 
     @abstractmethod
     def values(self, u: FloatArray) -> FloatArray:
-        """1 - L at `u` (nodes,), zero or more: (nodes,) or (batch, nodes). Unchecked, for inner loops."""
+        """1 - L at `u` (nodes,), zero or more: (nodes,) or (batch, nodes). Unchecked, for inner loops.
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+        """
 
     @property
     @abstractmethod
@@ -168,6 +172,9 @@ class Kernel(ABC):
 
         `eps_max` is the largest contact radius over thickness, `rtol` the error wanted. Returns nodes and weights,
         each (n,).
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
         """
 
     @property
@@ -248,6 +255,9 @@ class Kernel(ABC):
     def one_minus_L(self, u: ArrayLike) -> FloatArray:
         """1 - L(u), shape of `u` (wavenumber times thickness, dimensionless, zero or more).
 
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+
         Raises
         ------
         InputError
@@ -262,6 +272,8 @@ class Kernel(ABC):
     def coefficients(self, count: int) -> FloatArray:
         """The first `count` coefficients a_0, a_1, ... of (1.7) by (1.8), near machine precision: (count,).
 
+        Equation numbers are those of Argatov and Sabina.
+
         Raises
         ------
         InputError
@@ -273,6 +285,9 @@ class Kernel(ABC):
 
     def moments(self, count: int, rtol: float = 1e-15) -> FloatArray:
         """a_m = (-1)^m/((2m)!!)^2 int_0^inf [1 - L(u)] u^(2m) du (1.8), m < `count`, without checks.
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness. Equation numbers are those of Argatov and Sabina.
 
         Parameters
         ----------
@@ -325,6 +340,9 @@ def u_rule(
     smallest: float = np.inf,
 ) -> tuple[FloatArray, FloatArray]:
     """Quadrature for int_0^inf [1 - L(u)] u^power cos(s u) cos(t u) du with s, t up to `eps_max`.
+
+    1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+    wavenumber times its thickness. Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------

@@ -126,6 +126,9 @@ class Recursion:
     def one_minus_L(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,) of zero or more.
 
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+
         Returns
         -------
         array (nodes,) or (sets, nodes)

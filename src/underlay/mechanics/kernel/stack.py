@@ -115,7 +115,11 @@ class StackKernel(Kernel):
     base: Base
 
     def values(self, u: FloatArray) -> FloatArray:
-        """1 - L at `u` (nodes,)."""
+        """1 - L at `u` (nodes,).
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+        """
         return self._recursion.one_minus_L(u)
 
     def compliance(self, u: FloatArray) -> Compliance:
@@ -242,6 +246,9 @@ def values_of(kernels: Sequence[Kernel], u: FloatArray, stretches: Sequence[floa
     """1 - L of several bodies, (bodies, nodes), each at u (nodes,) times its own factor in `stretches`.
 
     Stacks with the same number of layers and bonds are computed in one call, which is faster.
+
+    1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+    wavenumber times its thickness.
     """
     stacks = [kernel for kernel in kernels if isinstance(kernel, StackKernel)]
     kinds = {

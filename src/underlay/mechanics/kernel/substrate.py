@@ -34,7 +34,11 @@ class _OneLayer(Kernel):
         """Plane constants of layer and base; None for a rigid base."""
 
     def values(self, u: FloatArray) -> FloatArray:
-        """1 - L at `u` (nodes,); (nodes,) or (batch, nodes)."""
+        """1 - L at `u` (nodes,); (nodes,) or (batch, nodes).
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+        """
         return self._formula(u)
 
     @cached_property
@@ -161,6 +165,9 @@ def isotropic_formula(
                 / {[1 - x + (1 + a) x] [1 - x + (1 + b) x] + 4 a u^2 x},
 
     u (nodes,) the wavenumber times the thickness.
+
+    1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+    wavenumber times its thickness.
     """
     if not (is_isotropic(layer) and (base is None or is_isotropic(base))):
         return None

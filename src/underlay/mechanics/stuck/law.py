@@ -279,13 +279,19 @@ def _varpi(problem: ContactProblem, eps: FloatArray, depth: FloatArray) -> Float
     """varpi at contact radii `eps` over the thickness where the depth over H(a), w/H, is `depth`.
 
     Values of `depth` that are not positive were not resolved, or lie beyond a fold: the caller finds both.
+
+    varpi is the half-space contact radius at the depth over the thickness. H(r) is the depth at which
+    the contact radius on a half-space is r.
     """
     halfspace = problem.indenter.abel(eps * problem.thickness)
     return problem.measure.halfspace_radius(np.abs(depth) * halfspace) / problem.thickness
 
 
 def _factors(problem: ContactProblem, eps: FloatArray, growth: Growth) -> tuple[FloatArray, FloatArray]:
-    """varpi (n,) and the logarithms of the three factors (n, 3) at contact radii `eps` over the thickness."""
+    """varpi (n,) and the logarithms of the three factors (n, 3) at contact radii `eps` over the thickness.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     kappa, depth, force = growth.values(eps)[:, :3].T
     varpi = _varpi(problem, eps, depth)
     factors = np.empty((eps.size, len(Factor)))
@@ -297,6 +303,8 @@ def _factors(problem: ContactProblem, eps: FloatArray, growth: Growth) -> tuple[
 
 def _reached(problem: ContactProblem, solved: _Solved, top: float) -> tuple[float, float]:
     """The contact radius over thickness at which varpi is `top`, and varpi there; or both at the end.
+
+    varpi is the half-space contact radius at the depth over the thickness.
 
     Raises
     ------
@@ -339,7 +347,10 @@ def _too_deep(problem: ContactProblem, top: float, reached: float) -> RangeError
 
 
 def _curve(problem: ContactProblem, solved: _Solved, top: float, rtol: float) -> tuple[MasterCurve, float]:
-    """Invert the relation: the master curve for varpi up to `top`, and its truncation error."""
+    """Invert the relation: the master curve for varpi up to `top`, and its truncation error.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     stretch = Stretch.to(top, problem.scales.softness)
     terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol)
     while terms <= MOST_TERMS:

@@ -169,7 +169,10 @@ class Basis:
 
     @property
     def halfspace(self) -> float:
-        """kappa of a half-space, b_0^2: Mossakovskii's (1-nu) ln(3-4nu)/(1-2nu) when isotropic."""
+        """kappa of a half-space, b_0^2: Mossakovskii's (1-nu) ln(3-4nu)/(1-2nu) when isotropic.
+
+        kappa is the punch's stiffness over that of a frictionless one on a half-space.
+        """
         return self.load * self.load
 
     def values(self, rule: EndRule) -> ComplexArray:
@@ -259,6 +262,9 @@ class StuckPunch:
 
     S is symmetric and 1 - S positive definite; kappa is variational: its error is the square of the field's.
 
+    theta is the layer's elastic constant. kappa is the punch's stiffness over that of a frictionless
+    one on a half-space.
+
     Parameters
     ----------
     eps : ndarray (radii,)
@@ -302,12 +308,18 @@ class StuckPunch:
 
     @property
     def kappa(self) -> FloatArray:
-        """kappa (radii,): P/(4 theta a w), and (dP/dw)/(4 theta a) of every indenter with full friction."""
+        """kappa (radii,): P/(4 theta a w), and (dP/dw)/(4 theta a) of every indenter with full friction.
+
+        theta is the layer's elastic constant.
+        """
         return self.basis.load * self.fields[:, 0]
 
     @property
     def edge(self) -> FloatArray:
-        """|phi(1)|^2 (radii,), phi the field over Z: d(eps kappa)/d eps = kappa_half (1 - gamma^2) |phi(1)|^2."""
+        """|phi(1)|^2 (radii,), phi the field over Z: d(eps kappa)/d eps = kappa_half (1 - gamma^2) |phi(1)|^2.
+
+        kappa is the punch's stiffness over that of a frictionless one on a half-space.
+        """
         return np.abs(self.fields @ self.basis.at_edge) ** 2
 
     def beside(self, eps: FloatArray) -> FloatArray:
@@ -334,6 +346,8 @@ class Growth:
     cos(eta ln((x+s)/(x-s))). By collocation at Chebyshev radii, with
     w'(s) = H'(s) b(s), b a polynomial in the variable of `Stretch`; c(s) is interpolated in it too. dP/dw is
     4 theta a kappa(a) for every shape, and also the first slope of unloading.
+
+    theta is the layer's elastic constant.
 
     Parameters
     ----------
@@ -389,7 +403,10 @@ class Growth:
         return cls(stretch, np.column_stack((kappa, to_terms @ both.T, rate)), error)
 
     def values(self, eps: FloatArray) -> FloatArray:
-        """kappa, w/H, P/(4 theta a H) and w'/H' (n, 4) at contact radii over thickness `eps` (n,)."""
+        """kappa, w/H, P/(4 theta a H) and w'/H' (n, 4) at contact radii over thickness `eps` (n,).
+
+        theta is the layer's elastic constant.
+        """
         angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
         return np.cos(np.multiply.outer(angle, np.arange(len(self.coefficients)))) @ self.coefficients
 
