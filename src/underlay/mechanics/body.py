@@ -139,7 +139,10 @@ class PlaneConstants(NamedTuple):
 
     @property
     def p(self) -> Real:
-        """Product of the two decay roots of the material (dimensionless)."""
+        """Product of the two decay roots of the material (dimensionless).
+
+        Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+        """
         return (self.q * self.q + self.c * self.g) ** 0.5
 
     @property
@@ -150,7 +153,10 @@ class PlaneConstants(NamedTuple):
 
     @property
     def sigma(self) -> Real:
-        """Sum of the two decay roots of the material (dimensionless)."""
+        """Sum of the two decay roots of the material (dimensionless).
+
+        Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+        """
         return (self.S * self.g + 2.0 * self.p_minus_q) ** 0.5
 
     @property

@@ -183,26 +183,25 @@ class Profile(Indenter):
 
 @dataclass(frozen=True)
 class _Table:
-    """H and H' between knots, as polynomials in the root of the way from the last knot.
+    """H(r) and its slope between knots, as polynomials in the root of the distance from the previous knot.
 
-    Outside a knot H grows by (x - t)^(3/2) and whole powers, at a corner by (x - t)^(1/2): polynomials in
-    2 ((x - t)/(next t - t))^(1/2) - 1, whose terms fall by 3.3 and more where no interval is more than twice the
-    one before it. H' beyond a corner is left to the sums.
-
-    H(r) is the depth at which the contact radius on a half-space is r.
+    H(r) is the depth at which the contact radius on a half-space is r. Outside a knot t it grows by (x - t)^(3/2)
+    and whole powers, at a corner by (x - t)^(1/2): polynomials in 2 ((x - t)/(next t - t))^(1/2) - 1, whose terms
+    fall by 3.3 and more where no interval is more than twice the one before it. Beyond a corner H' is computed from
+    the exact sums.
 
     Parameters
     ----------
     tip : Profile
-        Whose sums it stands for.
+        The tip.
     knots, depths : ndarray (knots,)
         Radii (m) from zero to the last, and H (m) at them.
     log_radii, log_depths : ndarray (knots - 1,)
-        Their logarithms, but for the apex.
+        Logarithms of these, without the apex.
     depth_terms, slope_terms : ndarray (terms, intervals)
-        Coefficients, the power first.
+        Coefficients of the polynomials for H and H', by power.
     cornered : ndarray (intervals,)
-        Where H' has no bound.
+        Whether H' is unbounded at the beginning of the interval.
     """
 
     tip: Profile
@@ -216,7 +215,7 @@ class _Table:
 
     @classmethod
     def of(cls, tip: Profile) -> _Table:
-        """Sums at Chebyshev points of every interval."""
+        """Fit the polynomials to exact values of H and H' at Chebyshev points of every interval."""
         p = tip._polygon  # noqa: SLF001  the table is a part of the tip
         knots = _graded(np.unique(np.concatenate(([0.0], p.corner_radii, p.bend_radii, tip.r))))
         knots = knots[knots <= tip.max_radius]
@@ -237,7 +236,7 @@ class _Table:
         )
 
     def depth(self, radius: FloatArray) -> FloatArray:
-        """H (m) at radii (m) up to the last knot."""
+        """H (m), the half-space depth, at radii (m) up to the last knot."""
         value, interval = self._value(radius, self.depth_terms)
         return np.where(interval == 0, self._apex(radius)[0], value)
 
@@ -253,7 +252,7 @@ class _Table:
         return np.where(interval == 0, self._apex(radius)[1], value)
 
     def _apex(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """H and H' up to the first knot, where polynomials would keep the digits of H there.
+        """H and H' up to the first knot, in closed form, where polynomials would lose relative accuracy.
 
         H(r) is the depth at which the contact radius on a half-space is r.
         """

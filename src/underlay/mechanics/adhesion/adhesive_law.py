@@ -73,7 +73,10 @@ class Jump(NamedTuple):
 
 @dataclass(frozen=True)
 class _Piece:
-    """One stable piece: y from its minimum `end`, at contact radius `radius`, up to `top`."""
+    """One stable piece: y from its minimum `end`, at contact radius `radius`, up to `top`.
+
+    y is the controlled quantity: depth, force, or travel of the spring's far end.
+    """
 
     end: float
     top: float
@@ -91,34 +94,51 @@ class _Piece:
 
 @dataclass(frozen=True)
 class StablePath:
-    """Stable contacts: ln a and further columns, interpolated in y in [`end`, `top`]; see `stable_path`."""
+    """Stable contacts: ln a and further columns, interpolated in y in [`end`, `top`]; see `stable_path`.
+
+    y is the controlled quantity: depth, force, or travel of the spring's far end.
+    """
 
     pieces: tuple[_Piece, ...]
     jumps: tuple[Jump, ...]
 
     @property
     def end(self) -> float:
-        """Smallest y at which there is contact."""
+        """Smallest y at which there is contact.
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
+        """
         return self.pieces[-1].end
 
     @property
     def end_radius(self) -> float:
-        """Contact radius (m) at y = `end`."""
+        """Contact radius (m) at y = `end`.
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
+        """
         return self.pieces[-1].radius
 
     @property
     def top(self) -> float:
-        """Largest y of the path."""
+        """Largest y of the path.
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
+        """
         return self.pieces[0].top
 
     def radius(self, y: FloatArray) -> FloatArray:
-        """Contact radius (m), (n,), at y (n,) in [`end`, `top`]."""
+        """Contact radius (m), (n,), at y (n,) in [`end`, `top`].
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
+        """
         return np.asarray(np.exp(self.values(y)[0][:, 0]))
 
     def values(self, y: FloatArray, *, slopes: bool = False) -> tuple[FloatArray, FloatArray]:
         """ln a and the further columns at y (n,), and their derivatives in y, each (n, 1 + k).
 
         The derivatives are zero unless `slopes` is true.
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
         """
         found = np.empty((y.size, self.pieces[0].spline.c.shape[-1]))
         slope = np.zeros_like(found)
@@ -191,7 +211,10 @@ def _piece(curve: Curve, lower: float, upper: float, columns: Columns | None, rt
 
 
 def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
-    """Radius (m) of the minimum of y near grid point `start`."""
+    """Radius (m) of the minimum of y near grid point `start`.
+
+    y is the controlled quantity: depth, force, or travel of the spring's far end.
+    """
     if start == 0:
         raise RangeError(
             f"the contact holds down to the smallest radius that is solved for, {grid[0]:.4g} m: it has no "
@@ -208,7 +231,10 @@ def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
 
 
 def _crossing(curve: Curve, level: float, low: float, high: float) -> float:
-    """Radius (m) between `low` and `high` at which y is `level`."""
+    """Radius (m) between `low` and `high` at which y is `level`.
+
+    y is the controlled quantity: depth, force, or travel of the spring's far end.
+    """
 
     def excess(radius: float) -> float:
         return float(curve(np.array([radius]))[0][0]) - level

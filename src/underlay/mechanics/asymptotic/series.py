@@ -48,41 +48,68 @@ class ContactSeries(ABC):
     @property
     @abstractmethod
     def end(self) -> float:
-        """Largest s (m) up to which w and P both increase and the shape is defined; inf where there is none."""
+        """Largest s (m) up to which w and P both increase and the shape is defined; inf where there is none.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @property
     @abstractmethod
     def radius_end(self) -> float:
-        """Largest s (m) up to which the contact radius increases; inf where there is none."""
+        """Largest s (m) up to which the contact radius increases; inf where there is none.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @abstractmethod
     def start(self, depth: FloatArray) -> FloatArray:
-        """First guess of s (m) at `depth` (m)."""
+        """First guess of s (m) at `depth` (m).
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @abstractmethod
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Depth w (m) and dw/ds at s (m)."""
+        """Depth w (m) and dw/ds at s (m).
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @abstractmethod
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force P (N) and dP/ds at s (m)."""
+        """Force P (N) and dP/ds at s (m).
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @abstractmethod
     def radius(self, s: FloatArray) -> FloatArray:
-        """Contact radius a (m) at s (m)."""
+        """Contact radius a (m) at s (m).
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @property
     def is_explicit(self) -> bool:
-        """Whether `start` is already the solution of w(s) = depth."""
+        """Whether `start` is already the solution of w(s) = depth.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
         return False
 
     def load(self, depth: FloatArray, s: FloatArray) -> FloatArray:
-        """Force P (N) at s, given also `depth` = w(s) (m), which may make it cheaper than `force`."""
+        """Force P (N) at s, given also `depth` = w(s) (m), which may make it cheaper than `force`.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
         del depth
         return self.force(s)[0]
 
     def parameter(self, depth: FloatArray, end: float | None = None) -> FloatArray:
-        """Parameter s (m) at which w(s) = `depth` (m), positive and at most w(`end`); a given `end` saves time."""
+        """Parameter s (m) at which w(s) = `depth` (m), positive and at most w(`end`); a given `end` saves time.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
         start = self.start(depth)
         if self.is_explicit:
             return start
@@ -93,9 +120,8 @@ class ContactSeries(ABC):
 class PunchSeries(ContactSeries):
     """The flat punch, P = 4 theta a kappa_inf w, whose parameter s is the depth w.
 
-    `kappa` is kappa_inf, the punch's stiffness over that on a half-space; `theta` in Pa.
-
-    theta is the layer's elastic constant.
+    `kappa` is kappa_inf, the punch's stiffness over that on a half-space, and `theta` the layer's elastic constant
+    (Pa).
     """
 
     shape: Indenter
@@ -146,6 +172,8 @@ class PowerLawSeries(ContactSeries):
 
     Equation numbers are those of Argatov and Sabina.
 
+    s is the parameter of the curve, a radius.
+
     Parameters
     ----------
     shape : PowerLawShape
@@ -183,7 +211,10 @@ class PowerLawSeries(ContactSeries):
 
     @cached_property
     def radius_end(self) -> float:
-        """First turning point (m) of the contact radius s R(s/h)."""
+        """First turning point (m) of the contact radius s R(s/h).
+
+        s is the parameter of the curve, a radius.
+        """
         return self.thickness * _first_turn(1.0, self.radius_terms)
 
     def start(self, depth: FloatArray) -> FloatArray:
@@ -198,6 +229,8 @@ class PowerLawSeries(ContactSeries):
 
         H(r) is the depth at which the contact radius on a half-space is r. Equation numbers are those of
         Argatov and Sabina.
+
+        s is the parameter of the curve, a radius.
         """
         lam, eps = self.shape.exponent, s / self.thickness
         depth = self.shape.abel(s)
@@ -218,6 +251,8 @@ class PowerLawSeries(ContactSeries):
         """Force (N) by P = 4 theta lambda/(lambda+1) w s Q/W, without a second power of s.
 
         The shape is A r^lambda. theta is the layer's elastic constant.
+
+        s is the parameter of the curve, a radius.
         """
         lam = self.shape.exponent
         load = _horner(self.force_terms, s / self.thickness)
@@ -232,6 +267,8 @@ class PowerLawSeries(ContactSeries):
         """Contact radius (m) by (5.7), (8.5), or s itself.
 
         Equation numbers are those of Argatov and Sabina.
+
+        s is the parameter of the curve, a radius.
         """
         return s * _horner(self.radius_terms, s / self.thickness)
 
@@ -346,7 +383,10 @@ class ShapeSeries(ContactSeries):
 
     @property
     def is_explicit(self) -> bool:
-        """Whether no effect of the base is kept, so that s is the half-space radius."""
+        """Whether no effect of the base is kept, so that s is the half-space radius.
+
+        s is the parameter of the curve, a radius.
+        """
         return self.b == 0.0 and self.c == 0.0
 
     @cached_property
@@ -370,7 +410,10 @@ class ShapeSeries(ContactSeries):
 
     @cached_property
     def radius_end(self) -> float:
-        """s (m) at which the compliance form's contact radius stops increasing, or passes the shape's end."""
+        """s (m) at which the compliance form's contact radius stops increasing, or passes the shape's end.
+
+        s is the parameter of the curve, a radius.
+        """
         last, widest = self.end, self.shape.max_radius
         if not self.by_force or self.c == 0.0:
             return last

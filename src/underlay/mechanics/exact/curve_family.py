@@ -131,7 +131,10 @@ class Cell(NamedTuple):
 
     @property
     def log_ratios(self) -> RatioSpan:
-        """Range of ln k of the cell."""
+        """Range of ln k of the cell.
+
+        k is the ratio in which the bodies of the family differ.
+        """
         return ratio_span(self.ratio)
 
     @property
@@ -148,6 +151,8 @@ class RatioSpan(NamedTuple):
 
     The variable is linear in ln k, or in 1/k where the range ends at a rigid base (`high` infinite).
 
+    k is the ratio in which the bodies of the family differ.
+
     Parameters
     ----------
     low, high : float
@@ -158,13 +163,19 @@ class RatioSpan(NamedTuple):
     high: float
 
     def place(self, log_ratios: FloatArray) -> FloatArray:
-        """Map ln k to the variable on [-1, 1]."""
+        """Map ln k to the variable on [-1, 1].
+
+        k is the ratio in which the bodies of the family differ.
+        """
         if self.high == inf:
             return np.asarray(1.0 - 2.0 * np.exp(self.low - log_ratios))
         return (log_ratios - self.low) * (2.0 / (self.high - self.low)) - 1.0
 
     def slope(self, log_ratio: float) -> float:
-        """Derivative of the variable with respect to ln k."""
+        """Derivative of the variable with respect to ln k.
+
+        k is the ratio in which the bodies of the family differ.
+        """
         return 2.0 * exp(self.low - log_ratio) if self.high == inf else 2.0 / (self.high - self.low)
 
     def ratios(self, places: FloatArray) -> FloatArray:
@@ -254,14 +265,20 @@ class CurveFamily:
     eps: float
 
     def tables(self, log_ratios: FloatArray) -> FloatArray:
-        """Coefficients (sets, pieces, 3, rows, 4) of the master curves at ln k = `log_ratios` (sets,)."""
+        """Coefficients (sets, pieces, 3, rows, 4) of the master curves at ln k = `log_ratios` (sets,).
+
+        k is the ratio in which the bodies of the family differ.
+        """
         count = len(self.coefficients)
         powers = self._position(log_ratios)[:, None] ** np.arange(count)
         flat = powers @ self.coefficients.reshape(count, -1)
         return flat.reshape(-1, *self.coefficients.shape[1:])
 
     def curve(self, log_ratio: float) -> MasterCurve:
-        """Master curve at one ln k, with its derivative d ln P/d ln k at fixed depth as a fourth column."""
+        """Master curve at one ln k, with its derivative d ln P/d ln k at fixed depth as a fourth column.
+
+        k is the ratio in which the bodies of the family differ.
+        """
         orders = np.arange(len(self.coefficients))
         powers = np.zeros((2, orders.size))
         powers[0] = self._position(np.array([log_ratio])) ** orders
@@ -272,7 +289,10 @@ class CurveFamily:
         return MasterCurve(self.stretch, self.edges, table, self.error_estimate)
 
     def _position(self, log_ratios: FloatArray) -> FloatArray:
-        """Values in [-1, 1] of the variable of `RatioSpan` at ln k; RangeError outside the range of the cell."""
+        """Values in [-1, 1] of the variable of `RatioSpan` at ln k; RangeError outside the range of the cell.
+
+        k is the ratio in which the bodies of the family differ.
+        """
         low, high = span = self.cell.log_ratios
         place = span.place(log_ratios)
         if (np.abs(place) > 1.0 + 1e-9).any():
@@ -307,6 +327,8 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     """Solve at `ratios` Chebyshev points in ln k, resample the curves on one variable, and expand in ln k.
 
     Starts again with more points where the interpolation errs by too much; None where that would be too many.
+
+    k is the ratio in which the bodies of the family differ.
     """
     span = cell.log_ratios
     angles = chebyshev_angles(ratios)
@@ -352,6 +374,8 @@ def _at_points(flat: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     `shape` is (terms, 3), that of the coefficients of one piece, which `flat` has flattened.
 
     varpi is the half-space contact radius at the depth over the thickness.
+
+    k is the ratio in which the bodies of the family differ.
     """
     terms = shape[0]
     values = np.cos(np.multiply.outer(chebyshev_angles(terms), np.arange(terms)))

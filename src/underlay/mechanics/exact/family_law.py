@@ -175,6 +175,8 @@ class _SideBySide:
 
     varpi is the half-space contact radius at the depth over the thickness.
 
+    k is the ratio in which the bodies of the family differ.
+
     Parameters
     ----------
     places : dict of (int, int) to int

@@ -282,11 +282,17 @@ class MasterCurve:
         return cls(stretch, tuple(edges), table, error + left_out, jumps)
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
-        """One of the three factors, `which`, at `varpi` (n,)."""
+        """One of the three factors, `which`, at `varpi` (n,).
+
+        The three factors are contact radius, force and stiffness over the half-space's.
+        """
         return np.exp(self.logarithm(which, varpi))
 
     def logarithm(self, which: Factor, varpi: FloatArray) -> FloatArray:
-        """Natural logarithm of one of the three factors, `which`, at `varpi` (n,)."""
+        """Natural logarithm of one of the three factors, `which`, at `varpi` (n,).
+
+        The three factors are contact radius, force and stiffness over the half-space's.
+        """
         return self.pieces(1.0, self.coefficients[:, which, None]).at(varpi, 0)
 
     def pieces(self, unit: float, tables: FloatArray) -> Pieces:

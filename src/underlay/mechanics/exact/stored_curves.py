@@ -111,6 +111,9 @@ class StoredCurves(NamedTuple):
 
     varpi is the half-space contact radius at the depth over the thickness.
 
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
+
     Parameters
     ----------
     made_for : ndarray
@@ -127,7 +130,12 @@ class StoredCurves(NamedTuple):
 
     @classmethod
     def through(cls, values: FloatArray, nodes: FloatArray) -> Self:
-        """Expand logarithms of the three factors, (ratios + 1, shares, terms, 3), known at the points of `grid`."""
+        """Expand logarithms of the three factors, (ratios + 1, shares, terms, 3), known at the points of `grid`.
+
+        The three factors are contact radius, force and stiffness over the half-space's. Bodies have two
+        parameters: r, the ratio of the elastic constants of base and layer, and a share that combines r
+        with Poisson's ratios (module's head).
+        """
         count, shares, terms, _ = values.shape
         on_base = np.tensordot(_expansion(count - 1), values[:-1], 1)
         both = np.concatenate((on_base, values[-1:]))
@@ -237,6 +245,9 @@ def _at(series: FloatArray, first: float, second: float) -> FloatArray:
     `first` and `second` are the body's coordinates from `_place`.
 
     varpi is the half-space contact radius at the depth over the thickness.
+
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
     """
     ratios, shares, *shape = series.shape
     if first == inf:
@@ -251,6 +262,9 @@ def grid() -> tuple[list[list[LayerKernel]], FloatArray]:
     """Bodies (ratios + 1, shares) and values of varpi (terms,) for which the file is solved.
 
     varpi is the half-space contact radius at the depth over the thickness.
+
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
     """
     log_ratios, spread, z = (np.cos(chebyshev_angles(count)) for count in _TERMS)
     low, high = _LOG_RATIOS
@@ -278,6 +292,9 @@ def _place(body: Kernel) -> tuple[float, float] | None:
     """Coordinates in [-1, 1] of a body in ln r and in the spread share; the first is infinite on a rigid base.
 
     None where the body is not an isotropic layer on an isotropic or rigid base, or r is outside the range.
+
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
     """
     if not isinstance(body, LayerKernel | SubstrateKernel):
         return None
@@ -301,7 +318,11 @@ def _first(ratio: float) -> float:
 
 
 def _spread(share: float) -> float:
-    """Coordinate of a share in [-1, 1]; infinite where the share is outside [0, 1] (a negative Poisson's ratio)."""
+    """Coordinate of a share in [-1, 1]; infinite where the share is outside [0, 1] (a negative Poisson's ratio).
+
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
+    """
     if not -_ROUNDING <= share <= 1.0 + _ROUNDING:
         return inf
     return 2.0 * log1p(_CROWDING * min(max(share, 0.0), 1.0)) / log1p(_CROWDING) - 1.0

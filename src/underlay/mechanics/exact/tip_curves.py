@@ -129,6 +129,8 @@ class PunchFamily:
 
     kappa is the flat punch's stiffness over that on a half-space.
 
+    k is the ratio in which the bodies of the family differ.
+
     Parameters
     ----------
     cell : PunchCell
@@ -151,7 +153,10 @@ class PunchFamily:
     coefficients: FloatArray
 
     def at(self, log_ratios: FloatArray, eps: FloatArray) -> PunchSolution:
-        """Solution on bodies of ratios ln k (...,), at contact radii over thickness `eps` (..., radii)."""
+        """Solution on bodies of ratios ln k (...,), at contact radii over thickness `eps` (..., radii).
+
+        k is the ratio in which the bodies of the family differ.
+        """
         terms, radii, columns = self.coefficients.shape
         if terms > 1 and self.cell.ratio is not None:
             place = ratio_span(self.cell.ratio).place(log_ratios)
@@ -194,6 +199,8 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
     """Solve at Chebyshev points in ln k and in a/h, and expand, with more points where needed; None if too many.
 
     `share` is the absolute error allowed, `ratios` the number of points in ln k.
+
+    k is the ratio in which the bodies of the family differ.
     """
     angles = chebyshev_angles(ratios)
     span = ratio_span(cell.ratio or 0)
@@ -261,6 +268,8 @@ def _told(body: Kernel, groups: list[_Group]) -> FloatArray:
     """The interpolated quantities ln kappa, ln g(1), g/kappa, rho/g(1) of one body, (radii, 2 + 2 nodes).
 
     kappa is the flat punch's stiffness over that on a half-space.
+
+    k is the ratio in which the bodies of the family differ.
     """
     return np.concatenate([_told_of(body, group) for group in groups])
 

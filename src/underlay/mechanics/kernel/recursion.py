@@ -79,7 +79,10 @@ class Sheet:
 
     @cached_property
     def roots(self) -> tuple[Real, Real]:
-        """Product p and sum sigma of the decay roots."""
+        """Product p and sum sigma of the decay roots.
+
+        Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+        """
         return self.constants.p, self.constants.sigma
 
 
@@ -160,6 +163,10 @@ class Recursion:
 
         The half-space is of the top layer's material. `functions` are the E_k of all sheets at `u`; `rows` selects
         among the minors after the first.
+
+        Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+        E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+        `waves`.
         """
         top, part = functions[..., -1, :, :], functions[..., -1, :-1, :]
         if self._alone:
@@ -169,14 +176,21 @@ class Recursion:
         return _applied(self._seen[..., rows, :, :], part, change) / _applied(self._unit, top, below)
 
     def _at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Wavenumbers and the functions E_k of each sheet there; with slip zero becomes a tiny number."""
+        """Wavenumbers and the functions E_k of each sheet there; with slip zero becomes a tiny number.
+
+        E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+        one layer.
+        """
         if any(sheet.slips for sheet in self._sheets):
             u = np.maximum(u, _NEAREST)
         v = (u * self._thicknesses).reshape(-1, u.size)
         return u, self._waves(v).reshape(*self._lead, WAVES, u.size)
 
     def _under_the_top(self, u: FloatArray, functions: FloatArray) -> FloatArray:
-        """Minors just above the interface under the top sheet, (..., 5, nodes or 1), up to a common factor."""
+        """Minors just above the interface under the top sheet, (..., 5, nodes or 1), up to a common factor.
+
+        Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+        """
         y = self._base
         for number, sheet in enumerate(self._sheets[:-1]):
             basis = functions[..., number, :, :]
@@ -198,6 +212,10 @@ def _applied(table: FloatArray, basis: FloatArray, y: FloatArray) -> FloatArray:
     """Rows of the propagator from a table (..., rows, 5, functions), its functions, times the minors y.
 
     `basis` (..., functions, nodes) are the functions E_k; the result is (..., rows, nodes).
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
     """
     *sets, rows, minors, functions = table.shape
     passage = table.reshape(*sets, rows * minors, functions) @ basis
@@ -207,7 +225,12 @@ def _applied(table: FloatArray, basis: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def _parts(of: PlaneConstants, y: Sequence[Real]) -> FloatArray:
-    """Minors above a sheet, by function E_k, from minors y below that do not depend on u: (..., 5, functions)."""
+    """Minors above a sheet, by function E_k, from minors y below that do not depend on u: (..., 5, functions).
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
+    """
     parts = products(of, y)
     if not isinstance(of.g, np.ndarray):
         return np.array(parts).T
@@ -215,14 +238,24 @@ def _parts(of: PlaneConstants, y: Sequence[Real]) -> FloatArray:
 
 
 def _passages(sheets: Sequence[Sheet]) -> FloatArray:
-    """Propagators of the sheets by function E_k: minors above from minors below, (sheets, ..., 5, 5, functions)."""
+    """Propagators of the sheets by function E_k: minors above from minors below, (sheets, ..., 5, 5, functions).
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
+    """
     of = PlaneConstants(*(_in_rows(column) for column in zip(*(s.constants for s in sheets), strict=True)))
     table = _table(products(of, list(np.eye(5))), (*_in_rows([s.roots[0] for s in sheets]).shape[:-1], 5, 5))
     return np.moveaxis(table, -4, 0)
 
 
 def _table(parts: Sequence[Sequence[Real]], shape: tuple[int, ...]) -> FloatArray:
-    """Five minors for each function E_k, each (..., columns), as one array (..., 5, columns, functions)."""
+    """Five minors for each function E_k, each (..., columns), as one array (..., 5, columns, functions).
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
+    """
     table = np.empty((*shape, WAVES))
     for k, part in enumerate(parts):
         for row, entry in enumerate(part):
@@ -238,7 +271,10 @@ def _in_rows(of_sheets: Sequence[Real]) -> FloatArray:
 
 
 def _halfspace_minors(base: PlaneConstants | None) -> tuple[Real, ...]:
-    """Minors of the surface of a half-space, floats or (sets, 1): the first is 1, the others 0 if rigid."""
+    """Minors of the surface of a half-space, floats or (sets, 1): the first is 1, the others 0 if rigid.
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    """
     if base is None:
         return 1.0, 0.0, 0.0, 0.0, 0.0
     g, p, gap, sigma = base.g, base.p, base.p_minus_q, base.sigma
@@ -247,12 +283,18 @@ def _halfspace_minors(base: PlaneConstants | None) -> tuple[Real, ...]:
 
 
 def _slid(minors: Sequence[Real]) -> tuple[Real, ...]:
-    """Minors above an interface that slides without friction, from those below."""
+    """Minors above an interface that slides without friction, from those below.
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    """
     return 0.0, 0.0, minors[_AXIAL], minors[_UNIT], 0.0
 
 
 def _opened(u: FloatArray, sheet: Sheet, y: FloatArray) -> FloatArray:
-    """Minors (..., 5, nodes or 1) above the interface under a sheet (springs, slip), from those below."""
+    """Minors (..., 5, nodes or 1) above the interface under a sheet (springs, slip), from those below.
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    """
     if sheet.sprung:
         y = y + np.zeros_like(u * sheet.opening)
         y[..., _AXIAL, :] += sheet.opening * u * y[..., _UNIT, :]

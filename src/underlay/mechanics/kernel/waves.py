@@ -58,6 +58,9 @@ def _sums() -> FloatArray:
     (-sigma)^i (4 d^2)^j with i + 2 j = k over (k + 3)!, that of v^(2k+4) the sum of sigma^(2i) (4 d^2)^j with i + j
     = k over (2k + 4)!: complete homogeneous sums of the nodes, and of their squares. The columns hold four powers
     of each series in turn.
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer.
     """
     table = np.zeros((_TERMS, _TERMS // 2, 2, _BLOCKS * 4))
     for i in range(_TERMS):
@@ -73,6 +76,10 @@ _SUMS = read_only(_sums())
 
 def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:
     """The five vectors that E_0 to E_4 multiply: y, A y, A^2 y and the two products of the module's head.
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
 
     Parameters
     ----------
@@ -107,7 +114,10 @@ def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:
 
 
 class _Roots(NamedTuple):
-    """Product p and sum sigma of the decay roots, and d = sqrt|sigma^2/4 - p|; floats, or (rows, 1)."""
+    """Product p and sum sigma of the decay roots, and d = sqrt|sigma^2/4 - p|; floats, or (rows, 1).
+
+    Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+    """
 
     p: Real
     sigma: Real
@@ -116,6 +126,9 @@ class _Roots(NamedTuple):
 
 class Waves:
     """The functions E_0 to E_4 (module's head) of layers with given decay roots, to be called at v.
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer. Displacements at wavenumber xi decay with depth z as exp(-root xi z).
 
     Parameters
     ----------
@@ -147,7 +160,11 @@ class Waves:
         self._series = (pairs.reshape(len(p), -1) @ _SUMS).reshape(len(p), -1, 4)
 
     def __call__(self, v: FloatArray) -> FloatArray:
-        """E_0 to E_4, (rows, 5, nodes), at `v` (rows, nodes), wavenumber times thickness, zero or more."""
+        """E_0 to E_4, (rows, 5, nodes), at `v` (rows, nodes), wavenumber times thickness, zero or more.
+
+        E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+        one layer.
+        """
         found = np.empty((len(v), WAVES, v.shape[1]))
         for rows, formula, roots in self._kinds:
             if len(v) == 1:
@@ -162,7 +179,11 @@ class Waves:
         return found
 
     def _start(self, v: FloatArray, out: FloatArray) -> None:
-        """Replace E_3 and E_4 in `out` by their Taylor series where v is small."""
+        """Replace E_3 and E_4 in `out` by their Taylor series where v is small.
+
+        E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+        one layer.
+        """
         z = self._scale * v
         near = (z < _SERIES)[:, None]
         np.minimum(z, _SERIES, out=z)
@@ -185,7 +206,11 @@ class Waves:
 
 
 def _turning(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
-    """E_0 to E_4 for complex decay roots, written to `out` (5, ...)."""
+    """E_0 to E_4 for complex decay roots, written to `out` (5, ...).
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer. Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+    """
     p, sigma, d = roots
     decay, phase = np.exp(-0.5 * sigma * v), d * v
     sh = decay * np.sin(phase) / d
@@ -195,7 +220,11 @@ def _turning(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
 
 
 def _near(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
-    """E_0 to E_4 for real roots whose ratio is not small, written to `out` (5, ...)."""
+    """E_0 to E_4 for real roots whose ratio is not small, written to `out` (5, ...).
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer.
+    """
     p, sigma, d = roots
     slow, fallen = np.exp(-p / (0.5 * sigma + d) * v), np.expm1((-2.0 * d) * v)
     sh = slow * fallen / (-2.0 * d)
@@ -204,7 +233,11 @@ def _near(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
 
 
 def _last(p: Real, sigma: Real, sh: FloatArray, e: FloatArray, out: FloatArray) -> None:
-    """E_3 and E_4 from E_0 to E_2, sh and e of the module's head, written to `out`."""
+    """E_3 and E_4 from E_0 to E_2, sh and e of the module's head, written to `out`.
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer.
+    """
     out[3] = (out[0] * e - out[1] + sigma * out[2]) * (0.25 / p)
     out[4] = (e - sh) * (e + sh) * (0.125 / p)
 

@@ -172,17 +172,25 @@ class Basis:
         """kappa of a half-space, b_0^2: Mossakovskii's (1-nu) ln(3-4nu)/(1-2nu) when isotropic.
 
         kappa is the punch's stiffness over that of a frictionless one on a half-space.
+
+        The functions are defined at `Basis`.
         """
         return self.load * self.load
 
     def values(self, rule: EndRule) -> ComplexArray:
-        """e_n at the nodes of a rule on (0, 1), (modes, nodes)."""
+        """e_n at the nodes of a rule on (0, 1), (modes, nodes).
+
+        The functions are defined at `Basis`.
+        """
         turned = np.exp(1j * self.eta * (np.log1p(rule.nodes) - np.log(rule.rest)))
         return self._scaled(self._polynomials(rule.nodes) * turned)
 
     @property
     def at_edge(self) -> ComplexArray:
-        """e_n / Z at the edge, y = 1: (modes,)."""
+        """e_n / Z at the edge, y = 1: (modes,).
+
+        The functions are defined at `Basis`.
+        """
         return self._scaled(self._polynomials(np.ones(1)))[:, 0]
 
     def transform(self, rho: float) -> Transform:
@@ -190,6 +198,8 @@ class Basis:
 
         cos(rho y) and sin(rho y)/y are interpolated by even polynomials at the nodes of a Gauss-Legendre rule, and
         these integrated against e_n.
+
+        The functions are defined at `Basis`.
         """
         count = _orders(rho)
         rule = _READY_RULES.get(count) or even_rule(count)
@@ -199,7 +209,10 @@ class Basis:
         return Transform(rule.nodes, even.T, (odd / rule.nodes).T)
 
     def outside(self, rule: EndRule) -> FloatArray:
-        """V_n(1/t) at the nodes t of a rule, (modes, nodes)."""
+        """V_n(1/t) at the nodes t of a rule, (modes, nodes).
+
+        The functions are defined at `Basis`.
+        """
         left = np.zeros((self.norms.size, rule.nodes.size))
         if not self.gamma:
             return left
@@ -220,6 +233,8 @@ class Basis:
         """Minimal (decaying) solution of the recurrence of V_n at y = cosh(alpha), over its first term.
 
         Shape (modes, nodes), with one row more if the number of modes is odd.
+
+        The functions are defined at `Basis`.
         """
         count = self.norms.size + self.norms.size % 2
         found = np.ones((count, y.size))
@@ -231,12 +246,18 @@ class Basis:
         return np.multiply.accumulate(found, axis=0)
 
     def _scaled(self, polynomials: ComplexArray) -> ComplexArray:
-        """Rows of `polynomials` times i^n N_n."""
+        """Rows of `polynomials` times i^n N_n.
+
+        The functions are defined at `Basis`.
+        """
         phases = np.array([1.0, 1j, -1.0, -1j])[np.arange(self.norms.size) % 4]
         return np.asarray((phases * self.norms)[:, None] * polynomials)
 
     def _polynomials(self, y: FloatArray) -> ComplexArray:
-        """P_n(y), (modes, nodes), by upward recurrence."""
+        """P_n(y), (modes, nodes), by upward recurrence.
+
+        The functions are defined at `Basis`.
+        """
         found = np.empty((self.norms.size + 1, y.size), dtype=np.complex128)
         found[0], found[1] = 1.0, y - 1j * self.eta
         for n in range(1, self.norms.size - 1):

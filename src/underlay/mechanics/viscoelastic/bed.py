@@ -225,6 +225,8 @@ def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) ->
     first force above zero is a sudden one. One loading and one unloading go by these closed constructions, any
     other history by the bed of springs.
 
+    t1 is the time during loading at which the contact had the same radius.
+
     Raises
     ------
     InputError

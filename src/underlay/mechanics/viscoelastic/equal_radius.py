@@ -53,6 +53,8 @@ def share_of(part: FloatArray, whole: FloatArray) -> FloatArray:
 class Search:
     """Search for the time t1 at which F (module's head) reaches its target, for all points of unloading.
 
+    t1 is the time during loading at which the contact had the same radius.
+
     Parameters
     ----------
     weights, constant : FloatArray
@@ -191,7 +193,10 @@ class EqualRadius:
 
     @property
     def regrowth(self) -> FloatArray:
-        """Largest amount (m) by which the contact, measured by w(t1), grows again in unloading; () or (sets,)."""
+        """Largest amount (m) by which the contact, measured by w(t1), grows again in unloading; () or (sets,).
+
+        t1 is the time during loading at which the contact had the same radius.
+        """
         fallen = np.minimum.accumulate(self.depth, axis=-1)
         return np.asarray((self.depth - fallen).max(axis=-1, initial=0.0))
 
@@ -203,6 +208,8 @@ def equal_radius(
 
     The step of the record is found by interpolation between some points of unloading, and by trial where that
     misses; the time by Newton's method in the step, over which w is linear.
+
+    t1 is the time during loading at which the contact had the same radius.
 
     Parameters
     ----------
@@ -285,6 +292,8 @@ class _Step:
         """Time (s) from the beginning of the step to where F has grown by `missing`.
 
         Over the step F grows by `rise` in all, at the rate `speed` e(t - t1), `speed` being dw/dt (m/s).
+
+        t1 is the time during loading at which the contact had the same radius.
         """
         memory, tau, width = self.memory, self.memory.tau, self.width
         constant = memory.modes.constant

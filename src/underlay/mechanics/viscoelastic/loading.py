@@ -200,6 +200,8 @@ class Unloading:
 
         t1 moves with e(t) so that its condition holds. Both force and condition change with t1 by e(t - t1), so
         dP = int_0^{t1} de(t - s) dP_el + k(w(t1)) int_{t1}^t de(t - s) dw.
+
+        t1 is the time during loading at which the contact had the same radius.
         """
         modes, found, count = self.memory.modes, self.found, self.path.shape[-1]
         n, tau, way_in = found.step, self.memory.tau, slice(self.turn + 1)
@@ -222,7 +224,10 @@ class Unloading:
         return ModeSlopes(constant, weights, modes.weights[:, None] * times)
 
     def _loads(self, elastic: Elastic) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Elastic forces (N) during loading, their bend in each step, and those at t1, from a single call."""
+        """Elastic forces (N) during loading, their bend in each step, and those at t1, from a single call.
+
+        t1 is the time during loading at which the contact had the same radius.
+        """
         way_in = self._way_in
         answers = elastic(np.concatenate((way_in.asked, self.found.depth), axis=-1))
         count = way_in.asked.shape[-1]
@@ -231,7 +236,11 @@ class Unloading:
     def _at_equal_radius(
         self, z: FloatArray, values: FloatArray, bend: FloatArray, load: FloatArray
     ) -> FloatArray:
-        """Integrals z_k of the elastic force up to t1, (K, ..., m)."""
+        """Integrals z_k of the elastic force up to t1, (K, ..., m).
+
+        t1 is the time during loading at which the contact had the same radius. z_k is int exp(-(t -
+        s)/tau_k) dP_el(s), P_el the elastic force.
+        """
         z1 = at(z, self.found.step)
         z1 *= self._past
         z1 += self._even * (load - at(values, self.found.step))
@@ -239,7 +248,10 @@ class Unloading:
         return z1
 
     def _bend_within(self, bend: FloatArray) -> FloatArray:
-        """Bend of the elastic force over the part of its step before t1."""
+        """Bend of the elastic force over the part of its step before t1.
+
+        t1 is the time during loading at which the contact had the same radius.
+        """
         return np.asarray(at(bend, self.found.step) * self.found.share**2)
 
     @cached_property
@@ -248,7 +260,11 @@ class Unloading:
 
     @cached_property
     def _travelled(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """y_k at every point and at t1, (K, n) and (K, m), and the derivatives of both in tau_k."""
+        """y_k at every point and at t1, (K, n) and (K, m), and the derivatives of both in tau_k.
+
+        t1 is the time during loading at which the contact had the same radius. y_k is int exp(-(t -
+        s)/tau_k) dw(s), w the depth.
+        """
         found, tau = self.found, self.memory.tau
         n = found.step
         path = np.array(self.path)
@@ -267,7 +283,10 @@ class Unloading:
 
     @cached_property
     def _part(self) -> FloatArray:
-        """Time from the beginning of its step to t1, over every relaxation time, (K, ..., m)."""
+        """Time from the beginning of its step to t1, over every relaxation time, (K, ..., m).
+
+        t1 is the time during loading at which the contact had the same radius.
+        """
         return np.asarray(self.found.elapsed / self.memory.tau)
 
     @cached_property
@@ -287,5 +306,8 @@ class Unloading:
 
     @cached_property
     def _left(self) -> FloatArray:
-        """exp(-(t - t1) / tau), (K, ..., m)."""
+        """exp(-(t - t1) / tau), (K, ..., m).
+
+        t1 is the time during loading at which the contact had the same radius.
+        """
         return np.exp((self.found.time - self.memory.time[self._out]) / self.memory.tau)

@@ -255,6 +255,8 @@ class Memory:
 
         With x = step / tau_k it obeys the recursion of z_k with x e^-x z_k - d x g1' - c x g2' over tau_k added,
         where x g1' = e^-x - g1 and x g2' = e^-x - g1 - 2 g2, d is the step of F and c its bend.
+
+        z_k is int exp(-(t - s)/tau_k) dF(s), F the function of time.
         """
         clock, steps = self.clock, slice(values.shape[-1] - 1)
         bent = (clock.decay - clock.even)[..., steps]
@@ -270,6 +272,8 @@ class Memory:
         """sum_k weight_k z_k at the points after number `number`, (..., n), if nothing is added after it.
 
         `z`, (K, ...), are the integrals z_k at that point.
+
+        z_k is int exp(-(t - s)/tau_k) dF(s), F the function of time.
         """
         left, weights = self.clock.since(number), self.modes.weights
         return np.asarray(
