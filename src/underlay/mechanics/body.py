@@ -147,7 +147,7 @@ class PlaneConstants(NamedTuple):
 
     @property
     def p_minus_q(self) -> Real:
-        """p - q, zero or more, without the cancellation of the difference."""
+        """p - q (dimensionless, zero or more), computed without cancellation; p is the property, q the entry."""
         size = magnitude(self.q)
         return self.c * self.g / (self.p + size) + (size - self.q)
 
@@ -539,5 +539,5 @@ class Stack(Body):
 
 
 def stacked(layers: Sequence[Layer], base: Base) -> Body:
-    """Return layers on a base, or the base alone where there are none."""
+    """Body of layers, from the top down, on a base; the base alone where there are no layers."""
     return Stack(layers, base) if layers else base

@@ -146,7 +146,7 @@ class IsotropicLayer:
 
     @classmethod
     def of(cls, layer: Material, base: Base) -> Self | None:
-        """Describe a layer on its base; None where either is anisotropic."""
+        """Layer and base in engineering constants; None where either is anisotropic."""
         if not (layer.isotropic and base.isotropic):
             return None
         return cls(layer, base if isinstance(base, Material) else None)

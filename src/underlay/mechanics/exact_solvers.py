@@ -76,7 +76,7 @@ class _ToTolerance(Solver):
         return isinstance(contact.indenter, PowerLawShape) and self._is_plain(contact)
 
     def table_number(self, contact: Contact, depth: float) -> int:
-        """Number of the range of tables that reaches `depth` (m); see `curve_family.range_number`."""
+        """Number of the range of depths whose table reaches `depth` (m)."""
         return table_number(contact, depth)
 
     def tabulated(
@@ -186,7 +186,7 @@ class Stuck(_ToTolerance):
     name: ClassVar[str] = "stuck"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Solve the contact problem without slip for depths up to `max_depth` (m), by `stuck_law`."""
+        """Solve the contact problem with full friction for depths up to `max_depth` (m), by `stuck_law`."""
         if not max_depth > 0.0:
             return _no_contact(contact, self.name)
         return stuck_law(contact, max_depth, self.rtol)
@@ -218,7 +218,7 @@ class Auto(_ToTolerance):
     name: ClassVar[str] = "auto"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build the cheapest law that keeps the tolerance in force, contact radius and stiffness."""
+        """Build the cheapest law with relative error `rtol` in force, contact radius and stiffness."""
         if not contact.layered:
             return halfspace_law(contact)
         if not max_depth > 0.0:

@@ -127,7 +127,10 @@ class Indenter(Part, ABC):
 
     @abstractmethod
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(int_0^a H ds, int_0^a H s^2 ds) (m^2, m^4) for contact radii a = `radius` (m)."""
+        """Moments int_0^a H ds (m^2) and int_0^a H s^2 ds (m^4) of H for contact radii a = `radius` (m).
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
 
     @abstractmethod
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
@@ -239,7 +242,7 @@ class PowerLawShape(Indenter):
 
     @property
     def power_law(self) -> Self:
-        """The shape itself."""
+        """The shape itself, which is a power law."""
         return self
 
     @cached_property
@@ -345,7 +348,7 @@ class Paraboloid(PowerLawShape):
 
     @property
     def coefficient(self) -> float:
-        """A = 1/(2R) (1/m)."""
+        """A = 1/(2R) (1/m) of the shape A r^2."""
         return 0.5 / self.radius
 
 
@@ -383,7 +386,7 @@ class Cone(PowerLawShape):
 
     @property
     def coefficient(self) -> float:
-        """A = cot(half_angle) (dimensionless)."""
+        """A = cot(half_angle) (dimensionless) of the shape A r."""
         return 1.0 / float(np.tan(self.half_angle))
 
     @classmethod
@@ -511,7 +514,10 @@ class Sphere(Indenter):
         return np.asarray(depth * radius - self.radius**2 * _first_moment(alpha))
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
-        """Solve a artanh(a/R) = w by Halley's method in t = artanh(a/R), where t tanh(t) = w/R."""
+        """Contact radius a (m) on a half-space at `depth` w (m): root of a artanh(a/R) = w by Halley's method.
+
+        In the variable t = artanh(a/R), where t tanh(t) = w/R.
+        """
         target = np.asarray(depth, dtype=np.float64) / self.radius
         # Right to the second order where w/R = y is small, and where it is large: within 3.2 % everywhere.
         t = np.sqrt(target * (target + 1.0 / (1.0 + target * (2.0 / 3.0 + 0.35 * target))))

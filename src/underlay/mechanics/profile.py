@@ -162,7 +162,7 @@ class Profile(Indenter):
         return np.asarray(first), np.asarray(second)
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
-        """Inverse of `abel`, by Newton steps kept inside a bracket."""
+        """Contact radius (m) on a half-space at `depth` (m), the inverse of `abel`, by Newton's method."""
         end = self.max_radius
         last = float(self.abel(np.array(end)))
         target = np.asarray(depth, dtype=np.float64)
@@ -350,7 +350,10 @@ def _refuse(wrong: NDArray[np.bool_], r: FloatArray, rule: str) -> None:
 
 
 def _slope_polygon(r: FloatArray, height: FloatArray) -> _Polygon:
-    """Build Phi' from the points: slope changes p, q on either side of each chord, then the extra knots."""
+    """Slope Phi' of the interpolating spline, from radii and heights (m) of the points.
+
+    p and q are the changes of slope on either side of each chord; each interval gets one extra knot.
+    """
     width = np.diff(r)
     # Chords that decrease within _ROUNDING are lifted to their neighbour, so that p and q are never negative.
     chord = np.maximum.accumulate(np.diff(height) / width)

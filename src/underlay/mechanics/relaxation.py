@@ -57,7 +57,7 @@ class Modes:
     times: FloatArray
 
     def __call__(self, time: FloatArray) -> FloatArray:
-        """e(t) at times (s), (n,)."""
+        """Relaxation function e(t) = E(t)/E(0) at times (s), (n,)."""
         decay = np.exp(-time[..., None] / self.times)
         return np.asarray(self.constant + decay @ self.weights)
 
@@ -218,7 +218,7 @@ class Prony(Relaxation):
         return max(self.times)
 
     def modulus(self, time: ArrayLike) -> FloatArray:
-        """E(t) / E at `time` (s) after a sudden strain, shape of `time`."""
+        """E(t)/E at `time` (s) after a sudden strain, shape of `time`; E is the instantaneous modulus."""
         return self.modes(0.0, np.inf)(as_finite(time, "time"))
 
     def modes(self, shortest: float, longest: float) -> Modes:
@@ -309,7 +309,7 @@ class PowerLawRelaxation(Relaxation):
         return False
 
     def modulus(self, time: ArrayLike) -> FloatArray:
-        """E(t) / E at `time` (s), positive, shape of `time`."""
+        """E(t)/E at `time` (s), positive, after a sudden strain; E is the modulus at the reference time."""
         t = as_finite(time, "time")
         if not (t > 0.0).all():
             raise InputError("a power-law relaxation has a modulus at positive times only")

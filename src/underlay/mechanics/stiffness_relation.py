@@ -124,7 +124,7 @@ class AreaFunction:
         return found
 
     def radius(self, contact_depth: ArrayLike) -> FloatArray:
-        """Radius (m) of the round contact of this area."""
+        """Radius (m) of the circle with the projected area at contact depths (m)."""
         return np.sqrt(self.area(contact_depth) / math.pi)
 
 

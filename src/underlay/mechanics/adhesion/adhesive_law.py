@@ -274,7 +274,7 @@ class AdhesiveBranch(ABC):
 
     @cached_property
     def force_scale(self) -> float:
-        """Size of the force (N) at the reference radius."""
+        """Magnitude of the force (N) at the contact radius `reference`, by which forces are made dimensionless."""
         return abs(float(self.at(np.array([self.reference])).force[0]))
 
     def path(self, compliance: float, rtol: float) -> StablePath:

@@ -149,7 +149,10 @@ def maugis_state(contact: Contact, radius: float, outer: float, stress: float) -
 
 
 class RangeLimit(NamedTuple):
-    """Longest range of the attraction (m) for which JKR holds, and the ring (c - a)/a that it acts on."""
+    """Longest range of the attraction (m) for which JKR holds, and the relative width (c - a)/a of its ring.
+
+    The attraction acts on the ring between the contact radius a and the radius c.
+    """
 
     separation: float
     ring: float

@@ -46,7 +46,11 @@ _STEPS, _CLOSE = 40, 1e-8
 
 
 class Quantity(IntEnum):
-    """The four tabulated functions of the contact radius: w_el, Q, P_el and K of the module's docstring."""
+    """The four tabulated functions of the contact radius a, those that JKR needs of the elastic contact.
+
+    Depth w_el and force P_el without adhesion, Q = sqrt(pi a/theta)/g(1) and K = 4 theta a kappa, with theta the
+    elastic constant and g(1) and kappa those of `radius_relation`.
+    """
 
     DEPTH = 0
     PULL = 1

@@ -146,7 +146,7 @@ class LayerRelation(RadiusRelation):
 
     @property
     def error_estimate(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """Truncation error of the logarithms of the factors."""
+        """Truncation error of the logarithms of depth, force and punch factors."""
         return self.series.error_estimate
 
     @property
@@ -182,7 +182,10 @@ def largest_radius(contact: Contact) -> float:
 
 
 def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelation:
-    """Solve for contact radii up to `radius` (m), at most `largest_radius`, at relative error `rtol`."""
+    """Solve the elastic contact for radii up to `radius` (m), at most `largest_radius`, at error `rtol`.
+
+    The result gives depth, force and the flat punch's factors by contact radius; solutions are cached.
+    """
     halfspace = HalfspaceRelation(contact.indenter, contact.theta)
     if not contact.layered:
         return halfspace

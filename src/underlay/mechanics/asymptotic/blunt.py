@@ -235,7 +235,7 @@ def kappa_infinity(eps: Real, a_0: Real, a_1: Real, *, order: int = 4, form: str
 
 
 def truncated(coefficients: Series, x: Real, order: int) -> Real:
-    """1 + c_1 x + ... + c_order x^order by Horner's rule."""
+    """1 + c_1 x + ... + c_order x^order, with c_1, c_2, ... the `coefficients`, by Horner's rule."""
     total: Real = np.zeros_like(x)
     for coefficient in reversed(coefficients[:order]):
         total = (total + coefficient) * x

@@ -140,7 +140,7 @@ class PunchSeries(ContactSeries):
 
     @property
     def radius_end(self) -> float:
-        """Infinite: the contact radius never changes."""
+        """Infinite: the contact radius of a flat punch never changes."""
         return np.inf
 
     def start(self, depth: FloatArray) -> FloatArray:
@@ -484,14 +484,20 @@ class ShapeSeries(ContactSeries):
         )
 
     def radius(self, s: FloatArray) -> FloatArray:
-        """Contact radius (m): the parameter itself, or a = s + (c/h^3) s^2 N/H'."""
+        """Contact radius (m) at the parameter s (m): s itself, or a = s + (c/h^3) s^2 N/H'.
+
+        The latter in the compliance form, with the symbols of the class's docstring.
+        """
         if not self.by_force or self.c == 0.0:
             return s
         N = s * self.shape.abel(s) - self.shape.abel_moments(s)[0]
         return s + self.c / self.thickness**3 * s**2 * N / self.shape.abel_slope(s)
 
     def _least_rate(self, s: FloatArray) -> FloatArray:
-        """The smaller of dw/ds and dP/ds, each over its half-space value."""
+        """The smaller of dw/ds and dP/ds, each over its half-space value; zero at a turning point.
+
+        w is the depth, P the force and s the parameter of the curve (m).
+        """
         slope = self.shape.abel_slope(s)
         depth_rate = self.depth(s)[1] / slope
         if self.by_force:

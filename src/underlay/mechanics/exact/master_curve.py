@@ -104,7 +104,7 @@ class Stretch:
         return Stretch(self.length[rows], self.rate[rows])
 
     def z(self, v: FloatArray) -> FloatArray:
-        """Map v to z."""
+        """Map v to z in [-1, 1], the variable of the polynomials: linear in ln(1 + rate v)."""
         t: FloatArray = self.rate * v
         np.log1p(t, out=t)
         t *= 2.0 / self.length
@@ -357,7 +357,10 @@ class Pieces(NamedTuple):
 
 
 def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
-    """Evaluate sum_j z^(4j) sum_i table[..., j, i] z^i at z (..., n): one product, then Horner in z^4."""
+    """Evaluate polynomials in z (..., n): sum_j z^(4j) sum_i table[..., j, i] z^i, `table` (..., rows, 4).
+
+    One matrix product for the powers below four, then Horner's rule in z^4.
+    """
     powers = np.empty((*z.shape[:-1], _BLOCK, z.shape[-1]))
     powers[..., 1, :] = z
     return _polynomial(table, powers)

@@ -72,7 +72,7 @@ class TableStore:
         return len(self._kept)
 
     def get(self, key: Hashable, build: Callable[[], Table]) -> Table:
-        """Return the table of a key, built where there is none; the key must say all that it depends on."""
+        """Table stored under `key`, made by `build` if there is none; the key must hold all it depends on."""
         with self._lock:
             if key in self._kept:
                 self._kept.move_to_end(key)

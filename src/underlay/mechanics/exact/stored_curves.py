@@ -170,7 +170,7 @@ class StoredCurves(NamedTuple):
 
     @property
     def resolution(self) -> Resolution:
-        """Nodes of the finest solution behind the file."""
+        """Node counts of the finest solution behind the stored curves."""
         radial, wavenumbers, scale, reach = self.nodes.tolist()
         return Resolution(int(radial), int(wavenumbers), scale, reach)
 
@@ -329,7 +329,7 @@ def _spread(share: float) -> float:
 
 
 def _polynomials(place: FloatArray, count: int) -> FloatArray:
-    """Chebyshev polynomials (n, count) at places (n,) in [-1, 1]."""
+    """Values (n, count) of the first Chebyshev polynomials at points (n,) in [-1, 1]."""
     angle = np.arccos(np.minimum(place, 1.0))
     return np.asarray(np.cos(np.multiply.outer(angle, np.arange(count))))
 

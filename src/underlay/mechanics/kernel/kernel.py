@@ -115,7 +115,7 @@ class Scales:
 
     @property
     def softness(self) -> float:
-        """Inverse of the a/h at which a softer substrate is first felt; 0 for a stiffer one."""
+        """Inverse of the a/h, contact radius over thickness, at which a softer substrate matters; 0 if stiffer."""
         return 0.0 if self.ratio >= 1.0 else self.ratio ** (-2.0 / 3.0) - 1.0
 
 

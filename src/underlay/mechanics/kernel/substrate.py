@@ -31,7 +31,7 @@ class _OneLayer(Kernel):
     @property
     @abstractmethod
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """Plane constants of layer and base; None for a rigid base."""
+        """Constants q, c, g, S (`PlaneConstants`) of layer and base; None for a rigid base."""
 
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,); (nodes,) or (batch, nodes).
@@ -91,7 +91,7 @@ class LayerKernel(_OneLayer):
 
     @property
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """Plane constants of layer and base, as given."""
+        """Constants q, c, g, S (`PlaneConstants`) of layer and base, as given."""
         return self.layer, self.base
 
     @property
@@ -143,7 +143,7 @@ class SubstrateKernel(_OneLayer):
 
     @cached_property
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """Plane constants of layer and substrate; None for a rigid one."""
+        """Constants q, c, g, S (`PlaneConstants`) of layer and substrate; None for a rigid substrate."""
         return self.layer.plane_constants, self.substrate.plane_constants
 
     @property

@@ -279,7 +279,10 @@ class Limit:
 
 
 class Factor(ABC):
-    """P / P_halfspace at equal depth, as a function of the dimensionless contact size u."""
+    """P/P_halfspace at equal depth, as a function of the dimensionless contact size u.
+
+    u is sqrt(R d)/h, d tan(half-angle)/h or a/h; see `LayerContact.variable`.
+    """
 
     @abstractmethod
     def value(self, u: FloatArray) -> FloatArray:

@@ -82,7 +82,7 @@ def published_corrections() -> tuple[PublishedCorrection, ...]:
 
 
 def published_names() -> tuple[str, ...]:
-    """Names of the corrections, each once."""
+    """Names of the published corrections, without repetition."""
     return _NAMES
 
 

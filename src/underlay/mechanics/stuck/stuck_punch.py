@@ -411,7 +411,7 @@ class Growth:
         carried = rule.nodes * (kappa @ flat).reshape(bond.shape)
 
         def grown(rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """What rates (..., terms) grow at every step, and w/H and P of them, (..., 2, radii)."""
+            """Contributions of growth rates (..., terms) at every step, and w/H and P from them, (..., 2, radii)."""
             steps = weights * (rates @ flat).reshape(*rates.shape[:-1], *bond.shape)
             return steps, np.stack((steps.sum(axis=-1), (steps * carried).sum(axis=-1)), axis=-2)
 
@@ -444,7 +444,10 @@ def _chebyshev(z: FloatArray, count: int) -> FloatArray:
 
 
 def _share_of_growth(indenter: Indenter, lengths: FloatArray, nodes: FloatArray) -> FloatArray:
-    """x H'(x t)/H(x) at contact radii x = `lengths` (m) and t = `nodes`: (radii, nodes) or (1, nodes)."""
+    """x H'(x t)/H(x), H the half-space depth of the indenter, at x = `lengths` (m) and t = `nodes`.
+
+    Shape (radii, nodes), or (1, nodes) for a power law.
+    """
     if isinstance(indenter, PowerLawShape):
         return np.asarray(indenter.exponent * nodes ** (indenter.exponent - 1.0))[None, :]
     slope = indenter.abel_slope(np.multiply.outer(lengths, nodes))

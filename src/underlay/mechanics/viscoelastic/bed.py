@@ -187,7 +187,7 @@ class Creep:
         return cls(Modes(float(constant), -parts, 1.0 / q), flow)
 
     def __call__(self, time: FloatArray) -> FloatArray:
-        """j(t) at times (s), (n,)."""
+        """Creep function j(t) at times (s), (n,)."""
         return np.asarray(self.modes(time) + self.flow * time)
 
     def hereditary(self, values: FloatArray, time: FloatArray) -> FloatArray:
@@ -208,7 +208,7 @@ def _zero(constant: float, weights: FloatArray, rates: FloatArray, low: float, h
     span = high - low
 
     def scaled(q: float) -> float:
-        """H(-q) times the distances to the ends of the span, at which it is infinite."""
+        """H(-q) times the distances of q from both ends of the interval, at which H is infinite."""
         to_high, from_low = (high - q) / span, (q - low) / span if low else 1.0
         rest = constant - float((weights[others] * q / (rates[others] - q)).sum())
         return rest * to_high * from_low + q / span * (at_low * to_high - at_high * from_low)

@@ -301,7 +301,7 @@ class _Step:
         overflows = bool((width > _LONG_STEP * tau.min()).any())
 
         def excess(elapsed: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """What F has grown, less what it must, and its derivative."""
+            """Growth of F since the beginning of the step minus the growth wanted, and its derivative in time."""
             part = elapsed / tau
             if overflows:
                 left = np.exp(part - (self.clock - self.begins) / tau)

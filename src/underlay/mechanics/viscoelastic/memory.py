@@ -225,7 +225,7 @@ class Memory:
         return self.clock.tau
 
     def weighted(self, parts: FloatArray) -> FloatArray:
-        """sum_k weight_k parts_k, (..., n)."""
+        """Sum over the exponentials of their weights times `parts` (K, ..., n): shape (..., n)."""
         weights = self.modes.weights
         return np.asarray(weights @ parts if weights.ndim == 1 else (weights * parts).sum(axis=0))
 
