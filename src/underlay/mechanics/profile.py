@@ -282,9 +282,10 @@ def _graded(knots: FloatArray) -> FloatArray:
 
 
 class _Polygon(NamedTuple):
-    """The slope Phi' of the interpolant: value m at the apex, jumps k_j and changes of inclination c_j.
+    """The slope Phi' of the interpolating spline: piecewise linear, with jumps at corners.
 
-    The radii (m) of both are beside them; see the module's head.
+    `apex` is its value at the apex; `corners` its jumps, at `corner_radii` (m); `bends` its changes of inclination
+    (1/m), at `bend_radii` (m).
     """
 
     apex: float

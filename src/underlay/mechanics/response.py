@@ -130,7 +130,9 @@ class History(Part, ABC):
         )
 
     def dynamic_modulus(self, frequency: FloatArray, longest: float) -> FloatArray:
-        """E*(i omega)/E, complex, at angular frequencies (1/s) of an oscillation that lasts `longest` (s).
+        """Complex dynamic modulus E*(i omega) over E at angular frequencies omega (1/s), same shape.
+
+        `longest` (s) is how long the oscillation lasts.
 
         Raises
         ------
@@ -352,7 +354,9 @@ class Remembered(Response):
         return np.asarray(self.history.depth(self.law, load, times))
 
     def dynamic_stiffness(self, depth: ArrayLike, frequency: ArrayLike, longest: float = 1e3) -> FloatArray:
-        """Complex stiffness (N/m) for small oscillations about a depth held: k(w) E*(i omega)/E.
+        """Complex stiffness (N/m) for small oscillations about a depth held.
+
+        It is the elastic stiffness at that depth times the dynamic modulus E*(i omega) over E.
 
         Parameters
         ----------

@@ -40,7 +40,8 @@ _DIVISIONS = 7
 class ContactSeries(ABC):
     """Depth, force and contact radius as functions of one parameter s (m), positive; all arrays are 1-D.
 
-    What s is depends on the form: see the module's head.
+    s is the contact radius (parametric form), the half-space contact radius at the depth (explicit form) or at the
+    force (compliance form); for a flat punch it is the depth.
     """
 
     shape: Indenter
@@ -238,7 +239,7 @@ class PowerLawSeries(ContactSeries):
         return depth * series, depth / s * (lam * series + eps * slope)
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) by (5.2), (5.9), or that of the half-space, and dP/ds.
+        """Force P (N) at the parameter s (m) by (5.2), (5.9), or that of the half-space, and dP/ds.
 
         Equation numbers are those of Argatov and Sabina.
         """
@@ -443,7 +444,7 @@ class ShapeSeries(ContactSeries):
         return self.shape.halfspace_radius(np.minimum(depth, last))
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Depth (m) by (4.15), or by the compliance form of the class's docstring, and dw/ds.
+        """Depth w (m) at the parameter s (m) by (4.15), or by the compliance form of the class, and dw/ds.
 
         Equation numbers are those of Argatov and Sabina.
         """
@@ -469,7 +470,7 @@ class ShapeSeries(ContactSeries):
         )
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) by (4.14), or that of the half-space (3.2), and dP/ds.
+        """Force P (N) at the parameter s (m) by (4.14), or that of the half-space (3.2), and dP/ds.
 
         Equation numbers are those of Argatov and Sabina.
         """

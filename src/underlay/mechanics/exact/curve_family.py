@@ -197,7 +197,7 @@ def ratio_span(number: int) -> RatioSpan:
 
 
 def ratio_number(ratio: float) -> int:
-    """Number of the range that holds a modulus ratio."""
+    """Number of the range of ratios (each a factor of four) that holds a modulus ratio base over layer."""
     return floor(log(ratio / _RATIO_EDGE) / log(_RATIO_STEP))
 
 

@@ -211,7 +211,7 @@ class NarrowLaw(ContactLaw):
         return self._sprung(depth).depth
 
     def _sprung(self, depth: FloatArray) -> Sprung:
-        """Balance at depths (m) in contact, (n,); the last one is cached, since derivatives use the same depths."""
+        """Balance of layer and sides' spring at depths (m) in contact, (n,); the last result is cached."""
         key = depth.tobytes()
         if key not in self._last:
             self._last.clear()

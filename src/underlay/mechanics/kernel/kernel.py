@@ -400,7 +400,11 @@ def u_rule(
 
 
 class _Plan(NamedTuple):
-    """Layout of the quadrature: edges and nodes per panel of tripling panels, then of equal ones."""
+    """Layout of a quadrature in u: panels that triple in width, then panels of equal width.
+
+    `edges` and `order` (nodes per panel) are those of the tripling panels, the others number and order of the equal
+    ones.
+    """
 
     edges: list[float]
     order: int
@@ -474,7 +478,7 @@ def _first_panel(
 
 
 def _reach(digits: float, power: int) -> float:
-    """x where the tail of int x^(power + 2) exp(-x) dx falls to exp(-digits) of the whole."""
+    """x beyond which the integral of x^(power + 2) exp(-x) is exp(-digits) of that from zero."""
     x = digits + power + 2.0
     for _ in range(6):
         x = digits + (power + 2.0) * log(x) - lgamma(power + 3.0)

@@ -411,7 +411,7 @@ class Growth:
         carried = rule.nodes * (kappa @ flat).reshape(bond.shape)
 
         def grown(rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """Contributions of growth rates (..., terms) at every step, and w/H and P from them, (..., 2, radii)."""
+            """Contributions of growth `rates` (..., terms) at every step, and their w/H and P (..., 2, radii)."""
             steps = weights * (rates @ flat).reshape(*rates.shape[:-1], *bond.shape)
             return steps, np.stack((steps.sum(axis=-1), (steps * carried).sum(axis=-1)), axis=-2)
 

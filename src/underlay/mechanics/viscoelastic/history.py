@@ -132,9 +132,10 @@ class Viscoelastic(History):
                 )
 
     def dynamic_modulus(self, frequency: FloatArray, longest: float) -> FloatArray:
-        """E*(i omega) / E, complex, at angular frequencies (1/s) of a small oscillation that lasts `longest` (s).
+        """Complex dynamic modulus E*(i omega) over E at angular frequencies omega (1/s), same shape.
 
-        The stiffness of a micro-oscillation is this times the elastic stiffness at the depth held.
+        `longest` (s) is how long the oscillation lasts. The stiffness of a micro-oscillation is this times the
+        elastic stiffness at the depth held.
         """
         omega = np.asarray(frequency, dtype=np.float64)
         modes = self.relaxation.modes(float(1.0 / omega.max()), longest)

@@ -94,7 +94,10 @@ class WayIn:
         return at.take(held.cumsum(), axis=-1), bend
 
     def read(self, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Elastic forces (N) at all points, (..., n), and their bends, (..., n - 1), from the forces at `asked`."""
+        """Elastic forces (N) at all points, (..., n), and their bends, (..., n - 1), from the forces at `asked`.
+
+        The bend of a step is 4 times the excess of the force in its middle over the mean of its ends.
+        """
         values, bend = self.moving(answers)
         still = self.depth.shape[-1] - 1 - self.rest
         if not still:
@@ -226,7 +229,8 @@ class Unloading:
     def _loads(self, elastic: Elastic) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Elastic forces (N) during loading, their bend in each step, and those at t1, from a single call.
 
-        t1 is the time during loading at which the contact had the same radius.
+        The bend of a step is 4 times the excess of the force in its middle over the mean of its ends; t1 is the
+        time during loading at which the contact had the same radius.
         """
         way_in = self._way_in
         answers = elastic(np.concatenate((way_in.asked, self.found.depth), axis=-1))
@@ -250,7 +254,8 @@ class Unloading:
     def _bend_within(self, bend: FloatArray) -> FloatArray:
         """Bend of the elastic force over the part of its step before t1.
 
-        t1 is the time during loading at which the contact had the same radius.
+        The bend of a step is 4 times the excess of the force in its middle over the mean of its ends; t1 is the
+        time during loading at which the contact had the same radius.
         """
         return np.asarray(at(bend, self.found.step) * self.found.share**2)
 
