@@ -193,8 +193,9 @@ class WholeHistory(History):
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
         """Forces (N), (sets, n), for many sets of parameters at once, and a mask (sets,) of those computed.
 
-        `depth` since contact (m) is (n,), or (sets, n) where contacts differ; `values` maps parameter paths to floats,
-        or to arrays (sets,) where they vary. The caller computes the others one by one; None, the default, for all.
+        `depth` since contact (m) is (n,), or (sets, n) where contacts differ; `values` maps parameter paths to
+        floats, or to arrays (sets,) where they vary. The caller computes the others one by one; None, the default,
+        leaves all to it.
         """
         del values, sets, depth, time
         return None
