@@ -75,7 +75,10 @@ def test_steps_do_not_change_the_size_of_the_file(tmp_path):
 def test_an_existing_file_is_not_overwritten(tmp_path):
     path = tmp_path / "chain.h5"
     path.write_text("notes")
-    with pytest.raises(ul.InputError, match=r"continue it \(resume\)"), ChainFile.create(path, NAMES, (10, 6)):
+    with (
+        pytest.raises(ul.InputError, match=r"continue it \(resume\)"),
+        ChainFile.create(path, NAMES, (10, 6)),
+    ):
         pass
     assert path.read_text() == "notes"
 

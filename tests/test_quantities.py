@@ -134,7 +134,7 @@ def test_a_name_is_a_path_and_maybe_a_curve(name, path, curve):
 def test_names_in_sentences_and_formulas():
     assert label("layer.E[1]") == "layer modulus (curve 2)"
     assert label("substrate.layers[0].E") == "layer 2 modulus"
-    assert label("mould.relaxation.times[1]") == "relaxation time of the mould, number 2"
+    assert label("mould.relaxation.times[1]") == "relaxation time of the mould (term 2)"
     assert label("layer.nu.stderr") == "standard error of the Poisson's ratio of the layer"
     assert symbol("substrate.nu") == r"\nu_2"
     assert symbol("layer.E[1]") == "E^{(2)}"

@@ -203,13 +203,11 @@ def _refuse_beyond_bounds(scene: Scene, pressed: float, peak: float, priors: dic
             return
     least, most = min(forces), max(forces)
     if peak > _BEYOND * most or peak < least / _BEYOND:
-        side = "more" if peak > most else "less"
+        times, side, end = (peak / most, "larger", high) if peak > most else (least / peak, "smaller", low)
         raise CurveError(
             f"depth, force or a unit looks wrong: {format_quantity(pressed, 'length')} beyond contact the force is "
-            f"{format_quantity(peak, 'force')}, over ten times {side} than any layer.E within its bounds "
-            f"({format_quantity(low, 'pressure')} to {format_quantity(high, 'pressure')}) gives with this tip "
-            f"({format_quantity(least, 'force')} to {format_quantity(most, 'force')}); check the units of the "
-            "columns, which column is the depth, and the bounds"
+            f"{times:.3g} times {side} than with layer.E at its bound of {format_quantity(end, 'pressure')}; check "
+            "the units, which column is which, and the bounds"
         )
 
 

@@ -1,17 +1,18 @@
-"""What a tip is pressed into: layers, how they hold together, a base, and what an indentation sees of them.
+"""What a tip is pressed into: layers, their bonds, a base, and the constants on which indentation depends.
 
 A `Layer` stands on a `Body`: a half-space (`Base`) of a `Material` or `RIGID`, or a `Stack` of further layers
-on one. It holds to what is under it bonded, free to slip, or by springs (`Spring`), or nobody knows.
+on one. It is bonded to what is under it, free to slip, or held by springs (`Spring`); the bond may be unknown.
 
 A transversely isotropic material (axis along the indentation) has five constants, but a frictionless
-axisymmetric indentation sees only four combinations of them (`PlaneConstants`), finite at nu = 0.5:
+axisymmetric indentation depends on only four combinations of them (`PlaneConstants`), finite at nu = 0.5:
 
 - q = A13/A33,  c = 1/A33,  g = A11 - A13^2/A33,  S = 1/A44  (stiffnesses A_ij, the paper's appendix);
 - from engineering constants, with n = E/E': q = n nu'/(1-nu), c = (1 - 2 n nu'^2/(1-nu))/E',
   g = E/(1-nu^2), S = 1/G'.
 
-From them p = sqrt(q^2 + c g), sigma = sqrt(S g - 2q + 2p), and theta = g/(p sigma), which is the paper's
-1/(2 pi H): half the indentation modulus. Isotropic: p = 1, sigma = 2, theta = E/(2(1-nu^2)).
+From them p = sqrt(q^2 + c g), sigma = sqrt(S g - 2q + 2p), and theta = g/(p sigma), which is the paper's 1/(2 pi
+H): half the indentation modulus. Isotropic: p = 1, sigma = 2, theta = E/(2(1-nu^2)). p and sigma are product and
+sum of the two decay roots: displacements at wavenumber xi decay with depth z as exp(-root xi z).
 """
 
 from __future__ import annotations
@@ -106,7 +107,7 @@ Bond: TypeAlias = str | Spring
 
 
 def as_bond(given: object) -> Bond:
-    """Return a bond that is one: ``"bonded"``, ``"slip"``, ``"unknown"`` or a `Spring`.
+    """Check and return a bond: ``"bonded"``, ``"slip"``, ``"unknown"`` or a `Spring`.
 
     Raises
     ------
@@ -121,14 +122,14 @@ def as_bond(given: object) -> Bond:
 
 
 def magnitude(value: Real) -> Real:
-    """|value|; keeps a float a float, which the scalar paths of the kernel live on."""
+    """|value|, a float for a float (faster than a numpy scalar) and an array for an array."""
     return np.abs(value) if isinstance(value, np.ndarray) else abs(value)
 
 
 class PlaneConstants(NamedTuple):
-    """What an axisymmetric indentation sees of a material; each entry a float or an array (batch,).
+    """The four constants q, c, g, S of a material on which axisymmetric indentation depends (module's head).
 
-    q is dimensionless; c and S are compliances (1/Pa); g is a stiffness (Pa).
+    q is dimensionless; c and S are compliances (1/Pa); g is a stiffness (Pa). Each is a float or an array (batch,).
     """
 
     q: Real
@@ -138,28 +139,34 @@ class PlaneConstants(NamedTuple):
 
     @property
     def p(self) -> Real:
-        """Product of the two decay roots of the material (dimensionless)."""
+        """Product of the two decay roots of the material (dimensionless).
+
+        Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+        """
         return (self.q * self.q + self.c * self.g) ** 0.5
 
     @property
     def p_minus_q(self) -> Real:
-        """p - q, zero or more, without the cancellation of the difference."""
+        """p - q (dimensionless, zero or more), computed without cancellation; p is the property, q the entry."""
         size = magnitude(self.q)
         return self.c * self.g / (self.p + size) + (size - self.q)
 
     @property
     def sigma(self) -> Real:
-        """Sum of the two decay roots of the material (dimensionless)."""
+        """Sum of the two decay roots of the material (dimensionless).
+
+        Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+        """
         return (self.S * self.g + 2.0 * self.p_minus_q) ** 0.5
 
     @property
     def theta(self) -> Real:
-        """The paper's elastic constant theta (Pa): half the indentation modulus."""
+        """The paper's elastic constant theta (Pa), half the indentation modulus; isotropic E/(2 (1 - nu^2))."""
         return self.g / (self.p * self.sigma)
 
     @property
     def coupling(self) -> float:
-        """gamma of the surface, of one material: what a shear moves axially, (1 - 2 nu)/(2 (1 - nu)) isotropic."""
+        """gamma, the coupling of shear load to normal displacement; (1 - 2 nu)/(2 (1 - nu)) when isotropic."""
         return float(self.p_minus_q / (self.sigma * self.p**0.5))
 
 
@@ -176,7 +183,7 @@ def isotropic_constants(E: Real, nu: Real) -> PlaneConstants:
 def transversely_isotropic_constants(
     E: Real, E_axial: Real, nu: Real, nu_axial: Real, G_axial: Real
 ) -> PlaneConstants:
-    """Plane constants from the paper's engineering constants E, E', nu, nu', G'; arrays allowed."""
+    """Plane constants from the paper's engineering constants E, E', nu, nu', G' (moduli in Pa); arrays allowed."""
     n = E / E_axial
     return PlaneConstants(
         q=n * nu_axial / (1.0 - nu),
@@ -197,25 +204,25 @@ class Body(Part, ABC):
     @property
     @abstractmethod
     def base(self) -> Base:
-        """The half-space that all stands on; of a half-space itself."""
+        """The half-space at the bottom; a half-space returns itself."""
 
     @abstractmethod
     def on(self, base: Base) -> Body:
-        """Return the body with another half-space under it."""
+        """Copy of the body with `base` as the half-space at the bottom."""
 
     @property
     @abstractmethod
     def in_plane(self) -> Body:
-        """The body with each anisotropic material replaced by the isotropic one of its in-plane E and nu."""
+        """The body with each anisotropic material replaced by the isotropic one with its in-plane E and nu."""
 
     @property
     def bonded(self) -> Body:
-        """The body without slip and springs between its layers."""
+        """The body with all its interfaces bonded: without slip and springs."""
         return self
 
 
 class Base(Body):
-    """A half-space of one material, or one that does not deform."""
+    """A half-space of one material, or a rigid one."""
 
     #: Whether its constants are those of an isotropic material; a rigid base has none and fits any.
     isotropic: ClassVar[bool] = False
@@ -223,12 +230,12 @@ class Base(Body):
     @property
     @abstractmethod
     def plane_constants(self) -> PlaneConstants | None:
-        """What the indentation sees of it; None where it does not deform."""
+        """The constants q, c, g, S on which indentation depends; None for a rigid base."""
 
     @staticmethod
     @abstractmethod
     def constants_of(**numbers: Any) -> PlaneConstants | None:
-        """`plane_constants` from the numbers of its fields, each a float or an array (sets,)."""
+        """`plane_constants` from the values of its fields by name, each a float or an array (sets,)."""
 
     @property
     def base(self) -> Self:
@@ -242,7 +249,7 @@ class Base(Body):
     @property
     @abstractmethod
     def in_plane(self) -> Base:
-        """The isotropic material of the in-plane E and nu."""
+        """The isotropic material with the in-plane E and nu."""
 
 
 class Material(Base):
@@ -260,26 +267,26 @@ class Material(Base):
 
     @property
     def drained(self) -> Material:
-        """The elastic material when no water is left that could drain: the material itself, unless it drains."""
+        """The elastic material at drained equilibrium; the material itself unless it is poroelastic."""
         return self
 
     @property
     @abstractmethod
     def plane_constants(self) -> PlaneConstants:
-        """What the indentation sees of the material."""
+        """The constants q, c, g, S on which indentation depends."""
 
     @property
     @abstractmethod
     def in_plane(self) -> Material:
-        """The isotropic material of its in-plane E and nu."""
+        """The isotropic material with its in-plane E and nu."""
 
     @property
     def theta(self) -> float:
-        """theta (Pa): the paper's 1/(2 pi H)."""
+        """Elastic constant theta (Pa), the paper's 1/(2 pi H): half the indentation modulus."""
         return float(self.plane_constants.theta)
 
     def relaxed_in_shear(self, kept: float) -> Material | None:
-        """Return the material with this share of its shear modulus and all of its bulk modulus; None if unknown."""
+        """The material with `kept` times its shear modulus and the same bulk modulus; None where not known."""
         del kept
         return None
 
@@ -292,12 +299,12 @@ class Rigid(Base):
 
     @staticmethod
     def constants_of(**numbers: Any) -> None:
-        """No plane constants: a rigid base has no numbers."""
+        """None: a rigid base has no plane constants."""
         del numbers
 
     @property
     def plane_constants(self) -> None:
-        """No plane constants: nothing of a rigid base is seen but that it stands still."""
+        """None: a rigid base has no plane constants."""
         return
 
     @property
@@ -307,7 +314,7 @@ class Rigid(Base):
 
     @property
     def choice(self) -> dict[str, Any]:
-        """Rigid: it has no moduli to be known by."""
+        """Entry of a scene file that stands for a rigid base, ``{"rigid": True}``."""
         return {"rigid": True}
 
     def __repr__(self) -> str:
@@ -319,7 +326,7 @@ RIGID = Rigid()
 
 
 class Stiffening(Part, ABC):
-    """How a layer stiffens as it is indented; its numbers stand under ``layer.stiffening.``.
+    """How a layer stiffens as it is indented; its parameters have paths that begin with ``layer.stiffening.``.
 
     A concrete class names itself in `model`; scene files know it by that name.
     """
@@ -333,18 +340,20 @@ class Stiffening(Part, ABC):
     @property
     @abstractmethod
     def unstiffened(self) -> Self:
-        """The same layer under large strains that does not stiffen, to compare with."""
+        """The model at large strains without strain stiffening, for comparison."""
 
     @abstractmethod
     def on(self, indenter: Any, layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> OnLaw:
-        """What stiffening puts on the law of an indenter on a layer on a base; refuses what was not measured.
+        """Modification of the linear law of an indenter on a layer on a base, for this model of stiffening.
 
-        `beside` says what else a test has, by what it is called: friction, adhesion, a history.
+        `beside` maps the names of the test's other effects (friction, adhesion, a history) to whether they are
+        present.
 
         Raises
         ------
         InputError
-            With the number that is beyond, the end of what is known, and what to do.
+            Outside the range in which the model was computed; the message names the number, the limit, and what to
+            do.
         """
 
 
@@ -359,17 +368,17 @@ class Layer(Part):
     thickness : float, default inf
         Thickness h (m), positive; infinite means a half-space.
     bond : "bonded", "slip", "unknown" or Spring, default "bonded"
-        How its lower face holds to what is under it: without gap and slip, without gap and friction, or by
-        springs. An unknown one is computed as bonded, and a fit says what slip would give.
+        How its lower face is held by what is under it: without gap and slip, without gap and friction, or by
+        springs. An unknown one is computed as bonded, and a fit reports what slip would give.
     relaxation : Relaxation, optional
-        How its modulus falls with time, e.g. `Prony`; without one it is elastic and no time is asked for.
+        How its modulus falls with time, e.g. `Prony`; without one it is elastic, and no times are needed.
     stiffening : Stiffening, optional
         How it stiffens as it is indented, e.g. `Gent`; its E is then that of small strains.
     half_width : float, optional
-        Half-width (m) of a sample with free sides, about the tip; without one, or infinite, it has none.
+        Half-width (m) of a sample with free sides, centred under the tip; None or infinite: no sides.
     shape : "plug", "block" or "ignored", default "plug"
-        Whether such a sample is round or square; or that its law leaves the sides out: a fit warns where they
-        would matter.
+        Whether a sample with sides is round or square; with "ignored" the law leaves the sides out, and a fit warns
+        where they would matter.
 
     Raises
     ------
@@ -414,28 +423,28 @@ class Layer(Part):
 
     @property
     def has_sides(self) -> bool:
-        """Whether its law has free sides."""
+        """Whether the free sides of the sample enter its law."""
         return self.half_width is not None and self.shape != "ignored"
 
     @property
     def linear(self) -> Layer:
-        """The layer in linear elasticity, without sides; itself where it is that."""
+        """The layer without stiffening and sides, as in linear elasticity; itself where it has none."""
         plain = self.stiffening is None and not self.has_sides
         return self if plain else replace(self, stiffening=None, half_width=None, shape="plug")
 
     @property
     def held(self) -> Layer:
-        """The layer as it is computed: bonded where nobody knows."""
+        """The layer as it is computed: an unknown bond is taken as bonded."""
         return replace(self, bond="bonded") if self.bond == "unknown" else self
 
     @property
     def in_plane(self) -> Layer:
-        """The layer of an isotropic material with its in-plane E and nu."""
+        """The layer of the isotropic material with its in-plane E and nu."""
         return replace(self, material=self.material.in_plane)
 
 
 def _check_sides(layer: Layer) -> None:
-    """Refuse a sample that is neither round nor square; an infinite half-width is none."""
+    """Refuse an unknown shape or a half-width that is not positive; set an infinite half-width to None."""
     if layer.shape not in SHAPES:
         raise InputError(f"a sample of finite width is one of {', '.join(SHAPES)}; got {layer.shape!r:.60}")
     if layer.half_width is not None:
@@ -515,20 +524,20 @@ class Stack(Body):
         object.__setattr__(self, "layers", given)
 
     def on(self, base: Base) -> Stack:
-        """Return the same layers on another half-space."""
+        """Copy with the same layers on another half-space."""
         return replace(self, base=base)
 
     @property
     def in_plane(self) -> Stack:
-        """The stack of isotropic materials of the in-plane E and nu."""
+        """The stack with each material replaced by the isotropic one with its in-plane E and nu."""
         return Stack([layer.in_plane for layer in self.layers], self.base.in_plane)
 
     @property
     def bonded(self) -> Stack:
-        """The stack without slip and springs."""
+        """The stack with all its interfaces bonded: without slip and springs."""
         return replace(self, layers=tuple(replace(layer, bond="bonded") for layer in self.layers))
 
 
 def stacked(layers: Sequence[Layer], base: Base) -> Body:
-    """Return layers on a base, or the base alone where there are none."""
+    """Body of layers, from the top down, on a base; the base alone where there are no layers."""
     return Stack(layers, base) if layers else base

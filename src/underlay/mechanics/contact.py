@@ -1,9 +1,9 @@
 """A contact as solvers see it: an indenter, a kernel and a surface modulus, not the materials behind them.
 
-The frictionless contact problem sees the body under the indenter through two things alone: the elastic
+The frictionless contact problem depends on the body under the indenter through two things alone: the elastic
 constant theta of its surface, and the kernel 1 - L(u) that says how the rest of the body changes the surface
-compliance with the wavenumber. So a solver works for every body that has a kernel. Here too stand what a model of
-adhesion is (`Adhesion`), what it tabulates, and what it asks of a solver (`BuildsElastic`).
+compliance with the wavenumber. So a solver works for every body that has a kernel. This module also has the
+interfaces of adhesion models: `Adhesion`, the tables they make, and what they need of a solver (`BuildsElastic`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "Beside", "BuildsEla
 
 
 class BuildsElastic(Protocol):
-    """What a model of adhesion asks of a solver: its accuracy, and the law without adhesion."""
+    """What an adhesion model needs of a solver: its accuracy, and the law without adhesion."""
 
     sees_base: ClassVar[bool]
 
@@ -37,14 +37,14 @@ class BuildsElastic(Protocol):
 
     @property
     def tolerance(self) -> float:
-        """Relative error against the exact contact problem; zero: no such promise."""
+        """Relative error against the exact contact problem; zero where the solver promises none."""
 
     def law(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Law of a contact up to `max_depth` (m)."""
+        """Law of a contact without adhesion for depths up to `max_depth` (m)."""
 
 
 class AdhesiveReadings(NamedTuple):
-    """Contact force (N) and stiffness dP/dw (N/m), (sets, n), and which sets could be read."""
+    """Contact force (N) and stiffness dP/dw (N/m), each (sets, n), and a mask (sets,) of the sets computed."""
 
     force: FloatArray
     stiffness: FloatArray
@@ -52,43 +52,49 @@ class AdhesiveReadings(NamedTuple):
 
     @classmethod
     def empty(cls, sets: int, points: int) -> Self:
-        """Room for `sets` sets, none of which is read yet."""
+        """Arrays of zeros for `sets` sets of `points` points, none of them computed yet."""
         return cls(np.zeros((sets, points)), np.zeros((sets, points)), np.zeros(sets, dtype=bool))
 
 
 class AdhesionTable(ABC):
-    """Contacts of any work of adhesion that differ in one number more at most, for many sets at once."""
+    """Table of adhesive contacts: any work of adhesion, and a range of one ratio of the body where that varies.
+
+    It gives force and stiffness of many parameter sets at once.
+    """
 
     @abstractmethod
     def readings(
         self, work: FloatArray, travel: FloatArray, compliance: FloatArray, ratio: FloatArray | None
     ) -> AdhesiveReadings:
-        """Force and stiffness of many sets.
+        """Force and stiffness of many sets at given travels.
 
         Parameters
         ----------
         work : FloatArray
             Works of adhesion (J/m^2), (sets,).
         travel : FloatArray
-            Travels (m) since contact of the other end of a spring, (sets, n), in the order they are reached.
+            Depth plus the spring's deflection (m), since contact, (sets, n), in the order they are reached.
         compliance : FloatArray
             Of the spring (m/N), (sets,); zero where the depth itself is given.
         ratio : FloatArray or None
-            Values of the number on which the contact depends, (sets,); None where it is the same for all.
+            Values of the ratio on which the contact depends, (sets,); None where it is the same for all.
 
         Returns
         -------
         AdhesiveReadings
-            A set that the table does not reach is not possible here; a caller then asks for a law of its own.
+            Sets outside the table's range are marked as not possible; the caller then builds a law for each.
         """
 
     @abstractmethod
     def pull_offs(self, work: FloatArray, ratio: FloatArray | None) -> FloatArray:
-        """Pull-off force (N, positive, load given) and depth (m, depth given), (2, sets); NaN out of reach."""
+        """Pull-off force (N, positive, under load control) and depth (m, under depth control), (2, sets).
+
+        For works of adhesion (J/m^2) and values of the ratio, each (sets,); NaN outside the table's range.
+        """
 
 
 class Adhesion(Part, ABC):
-    """What holds tip and surface together; its numbers stand under ``adhesion.``.
+    """Model of the adhesion between tip and surface; its parameters have paths that begin with ``adhesion.``.
 
     A concrete class names itself in `model`; scene files know it by that name.
     """
@@ -100,27 +106,27 @@ class Adhesion(Part, ABC):
 
     @property
     def short_ranged(self) -> Adhesion:
-        """The same work of adhesion with an attraction of no range, where the model has one: what JKR says."""
+        """The model with the same work of adhesion and an attraction of zero range (JKR), where it has a range."""
         return self
 
     def about_range(self, contact: Contact, solver: BuildsElastic) -> str:
-        """Say for which range of the attraction the model holds; empty where it does not know."""
+        """Sentence on the range of the attraction for which the model holds in this contact; "" if unknown."""
         del contact, solver
         return ""
 
     def table(
         self, contact: Contact, contact_at: Callable[[float], Contact], solver: BuildsElastic
     ) -> AdhesionTable | None:
-        """Return contacts like this one at any work of adhesion; None where sets are asked for one by one.
+        """Table of contacts like this one at any work of adhesion; None where the model has none.
 
-        `contact_at` is the contact at a value of the one number more that may vary, a ratio of moduli.
+        `contact_at` maps a value of the one ratio of moduli that may vary to the contact there.
         """
         del contact, contact_at, solver
         return None
 
     @abstractmethod
     def law(self, contact: Contact, max_depth: float, solver: BuildsElastic) -> ContactLaw:
-        """Law of a contact that sticks, for depths up to `max_depth` (m); `solver` says how the body is solved."""
+        """Law of an adhesive contact for depths up to `max_depth` (m); `solver` gives the law without adhesion."""
 
 
 @dataclass(frozen=True)
@@ -130,9 +136,9 @@ class IsotropicLayer:
     Parameters
     ----------
     layer : Isotropic
-        What the layer is made of.
+        Material of the layer.
     base : Isotropic or None
-        What it is bonded to; None is rigid.
+        Material it is bonded to; None is rigid.
     """
 
     layer: Material
@@ -140,23 +146,23 @@ class IsotropicLayer:
 
     @classmethod
     def of(cls, layer: Material, base: Base) -> Self | None:
-        """Describe a layer on its base; None where either is anisotropic."""
+        """Layer and base in engineering constants; None where either is anisotropic."""
         if not (layer.isotropic and base.isotropic):
             return None
         return cls(layer, base if isinstance(base, Material) else None)
 
 
 class Beside(NamedTuple):
-    """A body a small step away from that of a contact, in one number.
+    """A body that differs from a contact's by a small step in one parameter s, for the derivative in s.
 
     Parameters
     ----------
     kernel : Kernel
         Of that body.
     log_theta : float
-        ln of its theta over the contact's.
+        ln of its elastic constant theta over the contact's.
     step : float
-        Of the number, small enough for a difference of kernels to be their derivative.
+        The step in s, small enough for a difference of kernels to be their derivative.
     thickness : float, default 1
         Its thickness over the contact's: the kernel is one of u, the wavenumber times its own.
     """
@@ -170,12 +176,23 @@ class Beside(NamedTuple):
 def laws_on(
     indenter: Indenter, layer: Layer, base: Body | None, beside: Mapping[str, bool] | None = None
 ) -> tuple[OnLaw, ...]:
-    """What a layer puts on the law of linear elasticity, from the inside out.
+    """Modifications of the linear elastic law for a layer: stiffening, then free sides; inner ones first.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        Shape of the tip.
+    layer : Layer
+        The layer, which may stiffen or have free sides.
+    base : Body or None
+        What it stands on.
+    beside : mapping, optional
+        Other effects of the test, by name (friction, adhesion, history, ...), each with whether it is present.
 
     Raises
     ------
     InputError
-        If it is not known for this contact, or beside what else the test has (`Stiffening.on`).
+        If a modification is not known for this contact, or not together with one of these effects.
     """
     found: list[OnLaw] = []
     if layer.stiffening is not None:
@@ -207,14 +224,15 @@ class Contact:
         The body in engineering constants, where it is an isotropic layer on an isotropic or rigid base; None
         for any other body. Formulas from the literature need it; a solver of the contact problem does not.
     adhesion : Adhesion or None
-        What holds tip and surface together; None where nothing does. Solvers know nothing of it: the law of a
+        Model of the adhesion; None without adhesion. Solvers ignore it: the law of a
         contact with adhesion is built by `Adhesion.law`.
     friction : str
         One of `FRICTIONS`; ``"unknown"`` is computed as ``"none"``.
     beside : tuple of Beside
-        Bodies towards which the law's derivatives are wanted; a solver that cannot tell them leaves them aside.
+        Bodies a small step away in one parameter each, for derivatives of the force; solvers without such
+        derivatives ignore them.
     on_law : tuple of OnLaw
-        What is put on the law of linear elasticity, from the inside out; solvers know nothing of it.
+        Modifications of the linear elastic law, inner ones first; solvers ignore them.
     """
 
     indenter: Indenter
@@ -229,7 +247,7 @@ class Contact:
 
     @classmethod
     def of(cls, indenter: Indenter, layer: Layer, substrate: Body | None) -> Self:
-        """Contact with a layer on a substrate or on further layers; None continues the layer."""
+        """Contact with a layer on a substrate or on further layers; `substrate` None: the layer is a half-space."""
         if layer.linear is not layer:
             linear = cls.of(indenter, layer.linear, substrate)
             return replace(linear, on_law=laws_on(indenter, layer, substrate))
@@ -248,10 +266,10 @@ class Contact:
         )
 
     def simplified(self, max_depth: float, allowed: float) -> tuple[Self, str]:
-        """Join the layers of a stack that contacts up to `max_depth` (m) cannot tell apart, and say which.
+        """The contact with layers merged that depths up to `max_depth` (m) cannot tell apart, and a message.
 
-        The relative change of force, contact radius and stiffness is at most `allowed`; the words are empty where
-        nothing is joined.
+        The relative change of force, contact radius and stiffness is at most `allowed`. The message names the
+        layers merged; it is empty where none are.
         """
         found = self.kernel.simpler(float(self.varpi(np.array([max_depth]))[0]), allowed)
         if found is None:
@@ -261,12 +279,12 @@ class Contact:
 
     @property
     def sticks(self) -> bool:
-        """Whether points of the surface stick to the tip where they touch it."""
+        """Whether there is full friction: no point of the surface slides along the tip."""
         return self.friction == "stuck"
 
     @property
     def layered(self) -> bool:
-        """Whether something under the surface differs from it."""
+        """Whether the body differs from a half-space of the surface's material."""
         return not self.kernel.uniform and bool(np.isfinite(self.thickness))
 
     def varpi(self, depth: FloatArray) -> FloatArray:

@@ -1,13 +1,13 @@
-"""What every solver hands back: a contact law, and the same law seen through the factors of similarity.
+"""What every solver returns: a contact law; and the same law rescaled for a similar contact.
 
-A `ContactLaw` turns indentation depth into force, contact radius and stiffness for one indenter on one body.
-Callers never ask which solver stands behind it. To add a law: derive a frozen dataclass, implement the three
-primitives for depths inside the law's `domain`, and leave the border (scalars, Series, points before contact,
-depths beyond the range) to this base class.
+A `ContactLaw` turns indentation depth into force, contact radius and stiffness for one indenter on one body,
+whichever solver made it. To add a law: derive a frozen dataclass, implement the three primitives (`_force`,
+`_contact_radius`, `_stiffness`) for depths inside the law's `domain`, and leave the rest (scalars, Series, points
+before contact, depths beyond the range) to this base class.
 
-`ScaledLaw` is one law seen through the factors of similarity: what a fit in which the ratios stay put asks.
-`DeeperThanLayer` is the doubt about a tip pressed deeper than the layer is thick, where linear elasticity has
-nothing to say.
+`ScaledLaw` is the law of a contact whose ratios of lengths and moduli are the same, obtained by scaling depth,
+force and radius; fits in which these ratios are fixed use it. `DeeperThanLayer` is the warning about a tip pressed
+deeper than the layer is thick, where linear elasticity does not hold.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ _DRAWN = 400
 
 @dataclass(frozen=True)
 class DeeperThanLayer:
-    """A tip goes deeper than the layer is thick.
+    """Warning that a tip goes deeper than the layer is thick.
 
     Every law here is linear in the displacements. On a rigid base such a tip would stand inside the base; on a
-    soft one a film may bend that far, and its stretch is not in the law. The numbers are those of the linear
-    problem, so they are given, and doubted: a sample is not fitted worse for being refused.
+    soft one a film may bend that far, and its stretch is not in the law. The results are those of the linear
+    problem, given with this warning rather than refused.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class DeeperThanLayer:
 
     @classmethod
     def of(cls, depth: float, thickness: float) -> DeeperThanLayer | None:
-        """The doubt, None where the tip stays within the thickness."""
+        """The warning for a `depth` (m); None where that is at most the `thickness` (m)."""
         return cls(depth, thickness) if depth > thickness else None
 
     def __str__(self) -> str:
@@ -81,7 +81,7 @@ class ContactState(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ContactLaw(Response, ABC):
-    """Force against depth for one indenter and body: the response that ignores time.
+    """Force against depth for one indenter and body, independent of time.
 
     Depth is the indentation depth w (m) from first contact, positive into the sample; force is positive in
     compression (N). Up to the smallest depth of its `domain`, zero unless a law says otherwise, there is no
@@ -92,14 +92,14 @@ class ContactLaw(Response, ABC):
     method : str
         Name of the solver, e.g. ``"halfspace"``, ``"asymptotic"``, ``"exact"``.
     reason : str
-        Why this solver was taken, in words.
+        Why this solver was chosen, in words.
     max_depth : float
-        Largest depth (m) at which the law may be asked.
+        Largest depth (m) at which the law can be evaluated.
     error_estimate : float
         Estimated relative error of the force against the exact contact problem, for depths up to
         `max_depth`.
     warnings : tuple, default ()
-        What of this contact lies outside the law's range; each entry says it in words.
+        Warnings about this contact, whose ``str`` are sentences.
     """
 
     method: str
@@ -109,7 +109,7 @@ class ContactLaw(Response, ABC):
     warnings: tuple[object, ...] = ()
 
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Force P (N), shape of `depth` (m); an elastic sample does not ask for `time`.
+        """Force P (N), shape of `depth` (m); `time` is ignored, since the sample is elastic.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class ContactLaw(Response, ABC):
         InputError
             If a depth is not finite.
         LawError
-            If the law itself fails, or answers with NaN or in another shape.
+            If the law itself fails, or returns NaN or another shape.
         """
         del time
         return self._in_contact(depth, self._force)
@@ -128,12 +128,15 @@ class ContactLaw(Response, ABC):
         return self._in_contact(depth, self._contact_radius)
 
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Incremental stiffness dP/dw (N/m) (9.1), shape of `depth` (m); raises as `force` does."""
+        """Incremental stiffness dP/dw (N/m) (9.1), shape of `depth` (m); raises as `force` does.
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         del time
         return self._in_contact(depth, self._stiffness)
 
     def force_and_stiffness(self, depth: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Force P (N) and dP/dw (N/m), each of the shape of `depth` (m), for less than the two alone cost.
+        """Force P (N) and dP/dw (N/m), each of the shape of `depth` (m), cheaper than the two separately.
 
         Raises as `force` does.
         """
@@ -141,7 +144,7 @@ class ContactLaw(Response, ABC):
         return both[0], both[1]
 
     def depth(self, force: ArrayLike) -> FloatArray:
-        """Indentation depth (m) at `force` (N): the inverse of `force` for a law that increases.
+        """Indentation depth (m) at `force` (N): the inverse of `force`, which must increase with depth.
 
         Raises
         ------
@@ -170,55 +173,61 @@ class ContactLaw(Response, ABC):
 
     @property
     def beginning(self) -> tuple[float, float]:
-        """Depth (m) and force (N) with which contact begins or is lost: `Response.beginning`."""
+        """Depth (m) and force (N) at which contact begins or is lost, as in `Response.beginning`."""
         return self.domain[0], self._least_force
 
     @property
     def linear_law(self) -> ContactLaw:
-        """The law of linear elasticity underneath; the law itself where nothing is put on it."""
+        """The linear elastic law without modifications (stiffening, free sides); itself where there are none."""
         return self
 
     # --- where the contact is lost: an elastic law has no tension, and says zero --------------------------------
 
     @property
     def pull_off_force(self) -> float:
-        """Tension (N, positive) that takes the tip off when the load is given: the largest the contact bears."""
+        """Largest tension (N, positive) that the contact bears under load control; zero without adhesion."""
         return -self._least_force
 
     @property
     def pull_off_depth(self) -> float:
-        """Depth (m, negative for most that stick) at which the contact is lost when the depth is given."""
+        """Depth (m) at which the contact is lost under depth control; mostly negative with adhesion."""
         return self.domain[0]
 
     @property
     def zero_load_radius(self) -> float:
-        """Contact radius (m) at which the tip rests without load."""
+        """Contact radius (m) in equilibrium without load."""
         return float(self.contact_radius(self.depth(0.0))) if self._least_force else 0.0
 
     def pull_off(self, compliance: float = 0.0) -> ContactState:
-        """Where the tip comes off behind a spring (m/N): 0 for a given depth, inf for a given load."""
+        """State in which the tip comes off, behind a spring of `compliance` (m/N).
+
+        Zero is a given depth (depth control), inf a given load.
+        """
         del compliance
         start = self.domain[0]
         edge = np.array([start])
         return ContactState(start, self._least_force, float(self._contact_radius(edge)[0]) if start else 0.0)
 
     def jump_in(self, compliance: float = 0.0) -> ContactState:
-        """State right after the first touch behind a spring (m/N)."""
+        """State right after first contact, behind a spring of `compliance` (m/N); zero without adhesion."""
         del compliance
         return ContactState(0.0, 0.0, 0.0)
 
     def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
-        """Travels (m) of the other end of a spring (m/N) at which the force jumps; none without adhesion."""
+        """Travels (m) at which the force jumps, behind a spring of `compliance` (m/N); none without adhesion.
+
+        The travel is the depth plus the spring's deflection.
+        """
         first, least = self.beginning
         return (first + compliance * least,) if least else ()
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
-        """Depths (m) and forces (N), each (n,), of every contact up to `max_depth` (m), unstable ones included."""
+        """Depths (m) and forces (N), each (n,), of all equilibria up to `max_depth` (m), unstable ones included."""
         depth = np.linspace(self.domain[0], max_depth, _DRAWN)
         return depth, self.force(depth)
 
     def warned(self, doubt: object) -> Self:
-        """Return the same law with one more entry among its `warnings`."""
+        """Copy of the law with `doubt`, whose ``str`` is a sentence, added to its `warnings`."""
         law = copy(self)
         # Not `replace`: a law of one's own may be made in another way than from its fields.
         object.__setattr__(law, "warnings", (*self.warnings, doubt))
@@ -226,20 +235,20 @@ class ContactLaw(Response, ABC):
 
     @property
     def known_slopes(self) -> int:
-        """In how many numbers, of those it was asked for, the law knows its derivatives: see `with_slopes`."""
+        """Number of parameters in which the law gives the derivative of its force: see `with_slopes`."""
         return 0
 
     def with_slopes(self, depth: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Force P (N) and dP/dw (N/m), each (n,), and dP/ds (N), (known_slopes, n), at depths (m), (n,).
 
-        s is the logarithm of a ratio of moduli where the law is one of a table, then that of the thickness where
-        it is one of a table of tips; else the numbers of `Contact.beside`. Raises as `force` does.
+        s are the parameters of `Contact.beside`; for laws read off tables, the logarithm of a ratio of moduli, and
+        for tips that are no power law then that of the thickness. Raises as `force` does.
         """
         rows = self._in_contact(depth, self._with_slopes, 2 + self.known_slopes)
         return rows[0], rows[1], rows[2:]
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
-        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,); None where the law does not know it."""
+        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,); None where the law does not provide it."""
         del depth
         return None
 
@@ -260,23 +269,26 @@ class ContactLaw(Response, ABC):
         return np.stack((self._force(depth), self._stiffness(depth)))
 
     def _with_slopes(self, depth: FloatArray) -> FloatArray:
-        """Force (N), dP/dw (N/m) and dP/ds (N) of `known_slopes` numbers, as rows (2 + numbers, n)."""
+        """Rows of force (N), dP/dw (N/m) and the `known_slopes` derivatives dP/ds (N): (2 + known_slopes, n)."""
         return self._force_and_stiffness(depth)
 
     @property
     def nodes(self) -> int | None:
-        """Radial nodes of the solution behind the law, where there is one."""
+        """Number of radial nodes of the numerical solution; None for closed formulas."""
         return None
 
     @property
     @abstractmethod
     def _beyond(self) -> str:
-        """Why `max_depth` is the end, and what to do next; completes the sentence of a RangeError."""
+        """Why the law ends at `max_depth`, and what to do: the last clause of a RangeError's message."""
 
     def _in_contact(
         self, depth: ArrayLike, primitive: Callable[[FloatArray], FloatArray], *rows: int
     ) -> FloatArray:
-        """Ask `primitive` where there is contact; `rows` are the axes that it puts before that of the depths."""
+        """Evaluate `primitive` at the depths in contact and put zeros elsewhere, after checking the range.
+
+        `primitive` maps depths (n,) to values (*rows, n); the result has the shape (*rows, *depth.shape).
+        """
         w = np.asarray(depth, dtype=np.float64)
         flat = w.reshape(-1)
         # NaN fails the comparison too, and so does inf where the law has no end: as_finite names them.
@@ -304,13 +316,13 @@ class ContactLaw(Response, ABC):
         return values.reshape((*rows, *w.shape))[()]
 
     def _touching(self, depth: FloatArray) -> NDArray[np.bool_]:
-        """Where there is contact, at depths (..., n) in the order in which they are reached."""
+        """Mask of the depths (..., n), given in the order in which they are reached, that are in contact."""
         return depth > self.domain[0]
 
     def _answer(
         self, primitive: Callable[[FloatArray], FloatArray], depth: FloatArray, rows: tuple[int, ...]
     ) -> FloatArray:
-        """What `primitive` says at depths (n,), (*rows, n); a law that breaks its contract is named."""
+        """Values (*rows, n) of `primitive` at depths (n,); LawError if it fails or returns NaN or another shape."""
         try:
             values = primitive(depth)
         except UnderlayError:
@@ -329,7 +341,7 @@ class ContactLaw(Response, ABC):
     def _broken(
         self, primitive: Callable[[FloatArray], FloatArray], what: str, depth: FloatArray
     ) -> LawError:
-        """The error that names this law, what it did, and the first depth at which it does so alone."""
+        """LawError saying that `primitive` did `what`, with the first depth that alone causes it."""
         name = getattr(primitive, "__name__", "").removeprefix("_") or "answer"
         at = depth
         for one in depth[:, None] if len(depth) > 1 else ():
@@ -348,22 +360,24 @@ class ContactLaw(Response, ABC):
 
     @property
     def _least_force(self) -> float:
-        """Force (N) at the beginning of the domain."""
+        """Force (N) at the smallest depth of the domain."""
         start = self.domain[0]
         return float(self._force(np.array([start]))[0]) if start else 0.0
 
 
 class OnLaw(ABC):
-    """What is put on the law of linear elasticity of one contact: it sees that law alone."""
+    """Modification of the linear elastic law of a contact, such as stiffening or free sides."""
 
     @abstractmethod
     def law(self, inner: Callable[[float], ContactLaw], max_depth: float) -> ContactLaw:
-        """Law up to `max_depth` (m); `inner` builds the law underneath, up to a depth (m)."""
+        """Modified law up to `max_depth` (m); `inner` builds the law to be modified, up to a given depth (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScaledLaw(ContactLaw):
-    """The law of a similar contact: P(w) = c P_ref(b w), a(w) = s a_ref(b w).
+    """Law of a similar contact, from a reference law: P(w) = c P_ref(b w), a(w) = s a_ref(b w).
+
+    Contacts are similar if their ratios of lengths and of moduli are the same.
 
     Parameters
     ----------
@@ -380,7 +394,7 @@ class ScaledLaw(ContactLaw):
 
     @classmethod
     def of(cls, law: ContactLaw, b: float, c: float, s: float) -> Self:
-        """Scale a law: `b` times its depths, `c` its forces and `s` its contact radii, all positive."""
+        """Law P(w) = c P_ref(b w), a(w) = s a_ref(b w) of the reference `law`; `b`, `c` and `s` positive."""
         return cls(
             method=law.method,
             reason=law.reason,
@@ -400,43 +414,43 @@ class ScaledLaw(ContactLaw):
 
     @property
     def nodes(self) -> int | None:
-        """Radial nodes of the reference."""
+        """Number of radial nodes of the reference law's solution."""
         return self.law.nodes
 
     @property
     def known_slopes(self) -> int:
-        """Number of slopes that the reference knows."""
+        """Number of derivatives that the reference law gives."""
         return self.law.known_slopes
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
-        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,): the reference's times c, or None."""
+        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,): c times the reference's, or None."""
         slope = self.law.work_slope(self.b * depth)
         return None if slope is None else self.c * slope
 
     @property
     def pull_off_force(self) -> float:
-        """Largest tension (N, positive) that the contact bears when the load is given: the reference's times c."""
+        """Largest tension (N, positive) under load control: c times the reference's."""
         return self.c * self.law.pull_off_force
 
     @property
     def zero_load_radius(self) -> float:
-        """Contact radius (m) at which the tip rests without load: the reference's times s."""
+        """Contact radius (m) in equilibrium without load: s times the reference's."""
         return self.s * self.law.zero_load_radius
 
     def pull_off(self, compliance: float = 0.0) -> ContactState:
-        """Where the tip comes off behind a spring (m/N); the reference is asked at the spring b c C."""
+        """State in which the tip comes off, behind a spring of `compliance` (m/N), scaled from the reference's."""
         return self._here(self.law.pull_off(self.b * self.c * compliance))
 
     def jump_in(self, compliance: float = 0.0) -> ContactState:
-        """State right after the first touch behind a spring (m/N); the reference is asked at the spring b c C."""
+        """State right after first contact, behind a spring of `compliance` (m/N), scaled from the reference's."""
         return self._here(self.law.jump_in(self.b * self.c * compliance))
 
     def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
-        """Travels (m) of the other end of a spring (m/N) at which the force jumps: the reference's over b."""
+        """Travels (m) at which the force jumps, behind a spring of `compliance` (m/N): the reference's over b."""
         return tuple(travel / self.b for travel in self.law.jump_travels(self.b * self.c * compliance))
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
-        """Depths (m) and forces (N), each (n,), of every contact up to `max_depth` (m): the reference's, scaled."""
+        """Depths (m) and forces (N), each (n,), of all equilibria up to `max_depth` (m), from the reference's."""
         depth, force = self.law.equilibria(self.b * max_depth)
         return depth / self.b, self.c * force
 
@@ -444,11 +458,14 @@ class ScaledLaw(ContactLaw):
         return ContactState(there.depth / self.b, self.c * there.force, self.s * there.radius)
 
     def depth(self, force: ArrayLike) -> FloatArray:
-        """Indentation depth (m), shape of `force` (N), by the reference's own inverse."""
+        """Indentation depth (m), shape of `force` (N), from the inverse of the reference law."""
         return np.asarray(self.law.depth(np.asarray(force, dtype=np.float64) / self.c) / self.b)
 
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray | None:
-        """Depth (m), (n,), at travels y (m) behind a spring C (m/N): the reference's at b y and b c C, over b."""
+        """Depth w (m), (n,), with w + `compliance` P(w) = `travel` (m), from the reference law; None if unknown.
+
+        `compliance` is that of the spring (m/N).
+        """
         w = self.law.tip_depth(self.b * travel, self.b * self.c * compliance)
         return None if w is None else w / self.b
 

@@ -1,14 +1,14 @@
-"""What linear elasticity without friction leaves out: friction, large strains, and a law with both put in.
+"""Effects left out by frictionless linear elasticity: friction, large strains, and a law with both added.
 
-What large strains add is one measured function (`finite_strain_excess`) of independent finite elements (a true
+What large strains add is one function (`finite_strain_excess`) fitted to independent finite elements (a true
 sphere on a neo-Hookean layer, mu/2 (I1bar - 3) + K/2 (J - 1)^2, no friction, bonded to a rigid base). Another
 strain energy gives another force (at nu = 0.3, w = 0.1 R and h = R 4.5 % in place of 5.4 %; at w = 0.5 R 19 %
 in place of 32 %): it is not a correction to be trusted, but an error of which the shape is known, and the size
 within about a half. The leading error is of order a/R, the square root of w/R, with w the depth, a the contact
 radius, h the thickness and R the sphere's radius.
 
-Friction is a share of what full friction adds (`as_friction` has what may be said of it). The two are not a
-sum: what friction adds goes as the square of how far points would slide, and in large strains they would slide
+Friction is a share of what full friction adds (`as_friction` has the allowed values). The two effects do not simply
+add: what friction adds goes as the square of how far points would slide, and in large strains they would slide
 further (`friction_in_large_strains`). `DiscrepantLaw` is a law with a share of full friction, and large strains
 with and without friction.
 """
@@ -50,7 +50,7 @@ _STEP = 1e-3
 
 
 def as_friction(given: object) -> str:
-    """Return what is said of friction under the tip, one of `FRICTIONS`.
+    """Check and return the friction under the tip, one of `FRICTIONS`.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def finite_strain_excess(contact: Contact, depth: FloatArray, radius: FloatArray
     Parameters
     ----------
     contact : Contact
-        One for which `why_unmeasured` is empty; the function is not continued beyond.
+        One for which `why_unmeasured` is empty; the function is not extrapolated.
     depth, radius : FloatArray
         Indentation depth and contact radius of the linear law (m), (n,).
     """
@@ -89,14 +89,14 @@ def finite_strain_excess(contact: Contact, depth: FloatArray, radius: FloatArray
 
 
 def excess_of(nu: PerSet, deep: FloatArray, wide: FloatArray) -> FloatArray:
-    """Formula of `finite_strain_excess` by its numbers without dimensions.
+    """The formula of `finite_strain_excess` in dimensionless variables.
 
     Parameters
     ----------
     nu : float or FloatArray
         Poisson's ratios that broadcast with the rest.
     deep, wide : FloatArray
-        w/h and a/R, (..., n).
+        w/h and a/R, (..., n): depth over thickness, contact radius over the sphere's.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def excess_of(nu: PerSet, deep: FloatArray, wide: FloatArray) -> FloatArray:
 def friction_in_large_strains(
     contact: Contact, sticks: FloatArray, free: FloatArray, depth: FloatArray
 ) -> FloatArray:
-    """What a tip that sticks adds in large strains beyond what it adds in small ones, over the force, (n,).
+    """Force added by friction in large strains beyond that in small ones, over the force P, (n,).
 
     With f = P_stuck/P - 1 the excess of a stuck tip in small strains, it is (+-sqrt(f) + q)^2 in large ones by
     the finite elements of tests/studies/finite_elements.py, q = w/(4 R) + w/(2 h), the sign that of outward
@@ -136,16 +136,16 @@ def friction_in_large_strains(
 def further_of(
     sticks: FloatArray, free: FloatArray, depth: FloatArray, radius: PerSet, thickness: PerSet
 ) -> FloatArray:
-    """Formula of `friction_in_large_strains` by its numbers.
+    """The formula of `friction_in_large_strains`, from arrays.
 
     Parameters
     ----------
     sticks, free : FloatArray
-        Forces (N) in small strains, (..., n).
+        Forces (N) in small strains with full and without friction, (..., n).
     depth : FloatArray
         Indentation depth (m), (..., n).
     radius, thickness : float or FloatArray
-        R and h (m), which broadcast with the rest.
+        Radius R of the tip and thickness h (m), which broadcast with the rest.
 
     Returns
     -------
@@ -160,9 +160,10 @@ def further_of(
 
 
 def require_measured(contact: Contact, depth: float, size: str = "") -> None:
-    """Refuse a contact at `depth` (m) at which large strains were not measured.
+    """Raise for a contact at `depth` (m) outside the range of the finite elements on large strains.
 
-    `size` is the path of the number that asks for it.
+    `size` is the path of the parameter that asks for large strains, for the message; "" for ``finite_strain =
+    true``.
 
     Raises
     ------
@@ -176,7 +177,7 @@ def require_measured(contact: Contact, depth: float, size: str = "") -> None:
 
 
 def why_unmeasured(contact: Contact, depth: float) -> str:
-    """Why large strains are not known for this contact at `depth` (m), with the range; empty where they are."""
+    """Why large strains are not known for this contact at `depth` (m), with the range; "" where they are."""
     radius, thickness = contact.indenter.curvature_radius, contact.thickness
     if contact.isotropic is None or radius is None:
         return "measured for spheres on one isotropic layer, bonded"
@@ -204,7 +205,7 @@ def why_unmeasured(contact: Contact, depth: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class DiscrepantLaw(ContactLaw):
-    """Law with what linear elasticity without friction leaves out: P + s (P_stuck - P) + P (A e + B g).
+    """Law with friction and large strains added to linear elasticity: P + s (P_stuck - P) + P (A e + B g).
 
     Parameters
     ----------
@@ -213,11 +214,11 @@ class DiscrepantLaw(ContactLaw):
     sticks : ContactLaw or None
         P_stuck, of a tip that sticks; None where s and B are zero.
     friction, finite_strain, both : float
-        s, A and B.
+        The sizes s, A and B: the share of full friction, of the large strains, and of friction in large strains.
     excess : callable
         e at depths (m), (n,); see `finite_strain_excess`.
     further : callable
-        g of the forces P_stuck and P (N) at depths (m), each (n,); see `friction_in_large_strains`.
+        g from the forces P_stuck and P (N) at depths (m), each (n,); see `friction_in_large_strains`.
     """
 
     free: ContactLaw
@@ -237,7 +238,7 @@ class DiscrepantLaw(ContactLaw):
         excess: Callable[[FloatArray], FloatArray],
         further: Callable[[FloatArray, FloatArray, FloatArray], FloatArray],
     ) -> Self:
-        """Put s, A and B into a law."""
+        """Add the effects to a law, with `sizes` (s, A, B); the other parameters are those of the class."""
         friction, finite_strain, both = sizes
         laws = [free] if sticks is None else [free, sticks]
         return cls(
@@ -260,7 +261,7 @@ class DiscrepantLaw(ContactLaw):
 
     @property
     def nodes(self) -> int | None:
-        """Radial nodes of the law without friction."""
+        """Number of radial nodes of the law without friction."""
         return self.free.nodes
 
     def _force(self, depth: FloatArray) -> FloatArray:
@@ -269,7 +270,7 @@ class DiscrepantLaw(ContactLaw):
         return found + force * self._strained(depth) if self.finite_strain or self.both else found
 
     def _strained(self, depth: FloatArray) -> FloatArray:
-        """A e + B g at depths (m), (n,)."""
+        """Relative excess of large strains, A e + B g, at depths (m), (n,)."""
         found = self.finite_strain * self.excess(depth) if self.finite_strain else np.zeros_like(depth)
         if self.sticks is not None and self.both:
             found = found + self.both * self.further(self.sticks.force(depth), self.free.force(depth), depth)

@@ -32,7 +32,7 @@ _RANGES = 4096  # more than there are powers of two
 
 @dataclass(frozen=True)
 class _ToTolerance(Solver):
-    """What solvers of the contact problem to a tolerance have in common."""
+    """Base of the solvers that solve the contact problem to a relative error `rtol`."""
 
     rtol: float = 1e-6
     scaling: ClassVar[Scaling] = Scaling.POWER_LAW
@@ -52,41 +52,44 @@ class _ToTolerance(Solver):
         return self.rtol
 
     def with_tolerance(self, rtol: float) -> Solver:
-        """Return the same solver at `rtol`."""
+        """Return the same solver with relative error `rtol`."""
         return replace(self, rtol=rtol)
 
     @property
     def without_slip(self) -> Solver:
-        """`Stuck` at the same tolerance."""
+        """The solver `Stuck` at the same tolerance."""
         return Stuck(self.rtol)
 
     def for_differences(self, rtol: float) -> Solver:
-        """Return the exact solver, at `rtol` or finer."""
+        """The solver `Exact`, at `rtol` or finer."""
         return Exact(min(self.rtol, rtol))
 
     def _is_plain(self, contact: Contact, *, isotropic: bool = False) -> bool:
-        """Whether a tip slides on a layer, which may have to be isotropic, without adhesion."""
+        """Whether the contact is frictionless, not adhesive, and on a layer (an isotropic one if `isotropic`)."""
         slides = self.slides and not contact.sticks and contact.adhesion is None
         return (
             slides and bool(np.isfinite(contact.thickness)) and not (isotropic and contact.isotropic is None)
         )
 
     def has_table(self, contact: Contact) -> bool:
-        """Whether there are tables: for power-law tips that slide on layers, without adhesion."""
+        """Whether there are tables: for frictionless contacts of power-law tips on layers, without adhesion."""
         return isinstance(contact.indenter, PowerLawShape) and self._is_plain(contact)
 
     def table_number(self, contact: Contact, depth: float) -> int:
-        """Number of the range of tables that reaches `depth` (m); see `curve_family.range_number`."""
+        """Number of the range of depths whose table reaches `depth` (m)."""
         return table_number(contact, depth)
 
     def tabulated(
         self, contact: Contact, family: Family | None, ratio: float, depth: float, *, alone: bool = False
     ) -> ContactLaw | None:
-        """Law read off a table, by `family_law.tabulated_law`; None where there is none."""
+        """Law read off a table, by `family_law.tabulated_law`; None without a table."""
         return tabulated_law(contact, family, ratio, depth, self.rtol, alone=alone)
 
     def kept_law(self, contact: Contact, depth: float) -> ContactLaw | None:
-        """Law for depths up to `depth` (m) at least, kept for contacts like this one; None where none is kept."""
+        """Cached law for depths up to `depth` (m) or more, solved on first use; None where none is cached.
+
+        Laws are cached for power-law tips on isotropic layers.
+        """
         body = contact.isotropic
         if body is None or not self.has_table(contact):
             return None
@@ -98,20 +101,20 @@ class _ToTolerance(Solver):
     def side_by_side(
         self, contact: Contact, family: Family, ratios: Sequence[float], depth: float
     ) -> Callable[[FloatArray], FloatArray] | None:
-        """Forces of several bodies in one call, by `family_law.side_by_side`; None where a body has no curve."""
+        """Function from depths to the forces of several bodies, by `family_law.side_by_side`; or None."""
         return side_by_side(contact, family, ratios, depth, self.rtol)
 
     def has_slopes(self, contact: Contact) -> bool:
-        """Whether laws say their slopes: of tips (no flat punch) that slide on layers, without adhesion."""
+        """Whether laws give derivatives: for frictionless contacts of all tips but the flat punch on layers."""
         return not contact.indenter.has_edge and self._is_plain(contact)
 
     def has_tip_tables(self, contact: Contact) -> bool:
-        """Whether there are tables of such tips: of those that end, or spheres, on an isotropic layer."""
+        """Whether there are tables for the tip: one of finite size, such as a sphere, on an isotropic layer."""
         tip = contact.indenter
         return np.isfinite(tip.max_radius) and not tip.has_edge and self._is_plain(contact, isotropic=True)
 
     def tip_number(self, contact: Contact, depth: float) -> int:
-        """Number of the range of `tip_laws` that reaches `depth` (m)."""
+        """Number of the range of depths of `tip_laws` that reaches `depth` (m)."""
         return tip_range(contact, depth)
 
     def tabulated_tips(
@@ -125,13 +128,13 @@ class _ToTolerance(Solver):
         return tip_laws(contacts, family, ratios, depths, self.rtol)
 
     def has_batches(self, contact: Contact) -> bool:
-        """Whether `ExactBatch` serves: for smooth tips on an isotropic layer."""
+        """Whether `ExactBatch` can solve such contacts: for smooth tips on an isotropic layer."""
         return contact.indenter.smooth and self._is_plain(contact, isotropic=True)
 
     def has_surfaces(self, contact: Contact) -> bool:
-        """Whether laws are smooth in one number, and dear.
+        """Whether laws are smooth in one parameter and costly to solve.
 
-        Those of a tip that sticks, where it has no corners, and of a smooth one that ends on an isotropic layer.
+        True for smooth tips with full friction, and for smooth tips of finite size on an isotropic layer.
         """
         tip = contact.indenter
         if contact.sticks or not self.slides:
@@ -139,13 +142,13 @@ class _ToTolerance(Solver):
         return tip.smooth and bool(np.isfinite(tip.max_radius)) and self._is_plain(contact, isotropic=True)
 
     def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
-        """Both the range that a law is solved for and that of its table."""
+        """Range numbers (sets,) of depths (m): combine the range a law is solved for with that of its table."""
         octaves = super().ranges(contact, depth)
         return octaves + _RANGES * range_numbers(contact.varpi(depth)) if self.has_table(contact) else octaves
 
 
 def _no_contact(contact: Contact, name: str) -> ContactLaw:
-    """Law of a test that never touches: any law says that there is no force."""
+    """Law of a record that never touches: the force is zero."""
     return replace(halfspace_law(contact), method=name, max_depth=0.0, reason="no contact")
 
 
@@ -171,7 +174,7 @@ class Exact(_ToTolerance):
 
 @dataclass(frozen=True)
 class Stuck(_ToTolerance):
-    """The contact problem without slip: points stick where the tip touches them.
+    """The contact problem with full friction: points of the surface stick where the tip touches them.
 
     Parameters
     ----------
@@ -183,13 +186,13 @@ class Stuck(_ToTolerance):
     name: ClassVar[str] = "stuck"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Solve the contact problem without slip for depths up to `max_depth` (m), by `stuck_law`."""
+        """Solve the contact problem with full friction for depths up to `max_depth` (m), by `stuck_law`."""
         if not max_depth > 0.0:
             return _no_contact(contact, self.name)
         return stuck_law(contact, max_depth, self.rtol)
 
     def law(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build the law; a contact with adhesion is refused."""
+        """Build the law; raises InputError for a contact with adhesion."""
         if contact.adhesion is not None:
             raise InputError(
                 "adhesion beside a tip that sticks is not simulated: leave the adhesion out, or take friction "
@@ -198,7 +201,7 @@ class Stuck(_ToTolerance):
         return super().law(contact, max_depth)
 
     def for_differences(self, rtol: float) -> Solver:
-        """Return the solver without slip, at `rtol` or finer."""
+        """The same solver, at `rtol` or finer."""
         return Stuck(min(self.rtol, rtol))
 
 
@@ -215,7 +218,7 @@ class Auto(_ToTolerance):
     name: ClassVar[str] = "auto"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build the cheapest law that keeps the tolerance in force, contact radius and stiffness."""
+        """Build the cheapest law with relative error `rtol` in force, contact radius and stiffness."""
         if not contact.layered:
             return halfspace_law(contact)
         if not max_depth > 0.0:

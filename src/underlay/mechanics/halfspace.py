@@ -35,9 +35,9 @@ def largest_halfspace_depth(indenter: Indenter) -> float:
 
 
 def layer_effect(contact: Contact, max_depth: float) -> float:
-    """Bound on the relative effect of what is under the surface, for depths up to `max_depth` (m).
+    """Bound on the relative change of force, radius and stiffness by what is under the surface.
 
-    It holds for force, contact radius and stiffness.
+    Holds for depths up to `max_depth` (m); zero for a half-space.
     """
     if not contact.layered or not max_depth > 0.0:
         return 0.0
@@ -84,10 +84,9 @@ class HalfspaceLaw(ContactLaw):
 
 
 def halfspace_law(contact: Contact, max_depth: float = 0.0) -> HalfspaceLaw:
-    """Build the law of a half-space of what the indenter touches, whatever is under it.
+    """Build the law of a half-space of the surface's material, ignoring what is under it.
 
-    It reaches to the end of the indenter's shape; its error, what is under the surface does, is that of depths up
-    to `max_depth` (m).
+    It reaches to the end of the indenter's shape; its error estimate is for depths up to `max_depth` (m).
     """
     return HalfspaceLaw(
         method="halfspace",

@@ -57,7 +57,7 @@ class Indenter(Part, ABC):
 
     @classmethod
     def kinds(cls) -> dict[str, type[Self]]:
-        """Every shape there is by its name, those of other packages among them."""
+        """Every indenter class by the name of its shape, those of plug-in packages included."""
         plugged_indenters()
         return super().kinds()
 
@@ -73,26 +73,28 @@ class Indenter(Part, ABC):
 
     @property
     def curvature_radius(self) -> float | None:
-        """Radius of curvature (m) of a tip that is round at its apex; None of one that is flat or pointed."""
+        """Radius of curvature (m) at the apex of a round tip; None for one that is flat or pointed."""
         return None
 
     @property
     def opening(self) -> float | None:
-        """Half-angle of a cone (radians, from its axis); None of any other shape."""
+        """Half-angle of a cone (radians, from its axis); None for any other shape."""
         return None
 
     def in_its_unit(self) -> tuple[Indenter, float]:
-        """Return the tip in a unit of its own (m), in which tips of other sizes are the same, and the unit."""
+        """The tip scaled to a unit of length in which tips of all sizes coincide, and that unit (m)."""
         return self, 1.0
 
     @property
     def power_law(self) -> PowerLawShape:
-        """Power law that measures depth: the shape itself, that of its curvature, or one as deep at its end.
+        """Power-law shape by which depths are made dimensionless in the exact law.
+
+        The shape itself if it is a power law, the paraboloid of its curvature, or a power law as deep at its end.
 
         Raises
         ------
         InputError
-            If the shape is neither and never ends: nothing says how near its apex is.
+            If the shape is none of these and has no end, so that no power law can be chosen.
         """
         if self.curvature_radius is not None:
             return Paraboloid(self.curvature_radius)
@@ -118,18 +120,27 @@ class Indenter(Part, ABC):
 
     @abstractmethod
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r) (dimensionless) at `radius` (m); never negative."""
+        """H'(r) (dimensionless) at `radius` (m); never negative.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
 
     @abstractmethod
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(int_0^a H ds, int_0^a H s^2 ds) (m^2, m^4) for contact radii a = `radius` (m)."""
+        """Moments int_0^a H ds (m^2) and int_0^a H s^2 ds (m^4) of H for contact radii a = `radius` (m).
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
 
     @abstractmethod
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
         """Inverse of `abel`: contact radius (m) on a half-space at positive `depth` (m)."""
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """P/(4 theta) (m^2) on a half-space, w a - int_0^a H ds, at a `depth` (m) and its contact `radius` (m)."""
+        """P/(4 theta) (m^2) on a half-space, w a - int_0^a H ds, at a `depth` (m) and its contact `radius` (m).
+
+        theta is the elastic constant of the surface.
+        """
         return np.asarray(depth * radius - self.abel_moments(radius)[0])
 
 
@@ -153,19 +164,25 @@ class FlatPunch(Indenter):
         return self.radius
 
     def surface(self, radius: FloatArray) -> FloatArray:
-        """Zero under the face, infinite outside."""
+        """Phi(r) (m): zero under the face, infinite outside."""
         return np.where(radius <= self.radius, 0.0, np.inf)
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """Zero: the face is flat."""
+        """H(r) = 0, because the face is flat.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         return np.zeros_like(radius)
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """Zero: the face is flat."""
+        """H'(r) = 0, because the face is flat.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         return np.zeros_like(radius)
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Zero: the face is flat."""
+        """Both moments of H are zero, because the face is flat."""
         return np.zeros_like(radius), np.zeros_like(radius)
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
@@ -193,15 +210,22 @@ def _heirs(kind: type[Part]) -> list[type[Any]]:
 
 
 def abel_factor(exponent: float | FloatArray) -> FloatArray:
-    """F_2(lambda) of (5.5), written with the beta function so that lambda = 200 does not overflow.
+    """F_2(lambda) of (5.5), with H(r) = A F_2 r^lambda for the shape A r^lambda; lambda = `exponent`.
 
-    F_2 = lambda 2^(lambda-2) Gamma(lambda/2)^2 / Gamma(lambda) = (lambda/2) B(lambda/2, 1/2).
+    F_2 = lambda 2^(lambda-2) Gamma(lambda/2)^2 / Gamma(lambda) = (lambda/2) B(lambda/2, 1/2), written with the beta
+    function so that lambda = 200 does not overflow.
+
+    H(r) is the depth at which the contact radius on a half-space is r. Equation numbers are those of
+    Argatov and Sabina.
     """
     return np.asarray(0.5 * exponent * special.beta(0.5 * exponent, 0.5))
 
 
 class PowerLawShape(Indenter):
-    """Phi(r) = A r^lambda (5.1): the family in which every relation has a closed form."""
+    """Phi(r) = A r^lambda (5.1): the family in which every relation has a closed form.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
 
     smooth: ClassVar[bool] = True
 
@@ -218,56 +242,90 @@ class PowerLawShape(Indenter):
 
     @property
     def power_law(self) -> Self:
-        """The shape itself."""
+        """The shape itself, which is a power law."""
         return self
 
     @cached_property
     def abel_coefficient(self) -> float:
-        """A F_2(lambda): H(r) = A F_2 r^lambda."""
+        """A F_2(lambda), the coefficient in H(r) = A F_2 r^lambda.
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`. H(r) is the depth at which the contact radius
+        on a half-space is r.
+        """
         return self.coefficient * float(abel_factor(self.exponent))
 
     @cached_property
     def _steepness(self) -> float:
-        """(A F_2)^(1/lambda) (m^(1/lambda-1)): H(r) is a power of it times r, and underflows where H does."""
+        """(A F_2)^(1/lambda) (m^(1/lambda-1)), with H(r) = (steepness r)^lambda; avoids underflow of A F_2.
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`. H(r) is the depth at which the contact radius
+        on a half-space is r.
+        """
         return float(
             (self.coefficient ** (1.0 / self.exponent)) * abel_factor(self.exponent) ** (1.0 / self.exponent)
         )
 
     @cached_property
     def unit_radius(self) -> float:
-        """Half-space radius over w^(1/lambda) (m^(1-1/lambda)): `halfspace_radius` at a depth of one."""
+        """Half-space contact radius over w^(1/lambda), w the depth (m^(1-1/lambda)).
+
+        The shape is A r^lambda.
+        """
         return 1.0 / self._steepness
 
     def surface(self, radius: FloatArray) -> FloatArray:
-        """Phi(r) = A r^lambda (5.1)."""
+        """Phi(r) = A r^lambda (5.1).
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         return np.asarray((self.coefficient ** (1.0 / self.exponent) * radius) ** self.exponent)
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) = A F_2(lambda) r^lambda, the leading term of (5.3)."""
+        """H(r) = A F_2(lambda) r^lambda, the leading term of (5.3).
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`. H(r) is the depth at which the contact radius
+        on a half-space is r. Equation numbers are those of Argatov and Sabina.
+        """
         return np.asarray((self._steepness * radius) ** self.exponent)
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r) = lambda A F_2(lambda) r^(lambda-1)."""
+        """H'(r) = lambda A F_2(lambda) r^(lambda-1).
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`. H(r) is the depth at which the contact radius
+        on a half-space is r.
+        """
         steepness = self._steepness
         return np.asarray(self.exponent * steepness * (steepness * radius) ** (self.exponent - 1.0))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """A F_2 a^(lambda+1)/(lambda+1) and A F_2 a^(lambda+3)/(lambda+3)."""
+        """Moments int_0^a H ds = A F_2 a^(lambda+1)/(lambda+1) and int_0^a H s^2 ds, a = `radius` (m).
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`.
+        """
         depth = self.abel(radius)
         return depth * radius / (self.exponent + 1.0), depth * radius**3 / (self.exponent + 3.0)
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """P/(4 theta) (m^2) on a half-space: w a lambda/(lambda + 1), the moment of H being a share of w a."""
+        """P/(4 theta) (m^2) on a half-space: w a lambda/(lambda + 1), at a `depth` w (m) and its `radius` a (m).
+
+        The shape is A r^lambda. theta is the elastic constant of the surface.
+        """
         return np.asarray(self.exponent / (self.exponent + 1.0) * depth * radius)
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
-        """a = (w / (A F_2))^(1/lambda): the paper's varpi h (5.8)."""
+        """a = (w / (A F_2))^(1/lambda) (m) at `depth` w (m): the paper's varpi times h, (5.8).
+
+        The shape is A r^lambda. F_2(lambda) is `abel_factor`.
+        """
         return np.asarray(depth ** (1.0 / self.exponent) / self._steepness)
 
 
 @dataclass(frozen=True)
 class Paraboloid(PowerLawShape):
-    """Phi(r) = r^2/(2R) (5.11): what most AFM software calls a sphere. `radius` R in metres."""
+    """Phi(r) = r^2/(2R) (5.11): what most AFM software calls a sphere. `radius` R in metres.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
 
     shape: ClassVar[str] = "paraboloid"
 
@@ -285,12 +343,12 @@ class Paraboloid(PowerLawShape):
 
     @property
     def exponent(self) -> float:
-        """Exponent of the power law, two."""
+        """Exponent of the power law, 2."""
         return 2.0
 
     @property
     def coefficient(self) -> float:
-        """A = 1/(2R) (1/m)."""
+        """A = 1/(2R) (1/m) of the shape A r^2."""
         return 0.5 / self.radius
 
 
@@ -323,12 +381,12 @@ class Cone(PowerLawShape):
 
     @property
     def exponent(self) -> float:
-        """Exponent of the power law, one."""
+        """Exponent of the power law, 1."""
         return 1.0
 
     @property
     def coefficient(self) -> float:
-        """A = cot(half_angle) (dimensionless)."""
+        """A = cot(half_angle) (dimensionless) of the shape A r."""
         return 1.0 / float(np.tan(self.half_angle))
 
     @classmethod
@@ -345,6 +403,8 @@ class Cone(PowerLawShape):
 @dataclass(frozen=True)
 class PowerLaw(PowerLawShape):
     """Phi(r) = `coefficient` * r^`exponent` (5.1).
+
+    Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -375,7 +435,10 @@ class PowerLaw(PowerLawShape):
 
 @dataclass(frozen=True)
 class Sphere(Indenter):
-    """A true sphere, Phi = R - sqrt(R^2 - r^2) (6.1); `radius` R in metres, contact radius a < R."""
+    """A true sphere, Phi = R - sqrt(R^2 - r^2) (6.1); `radius` R in metres, contact radius a < R.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
 
     shape: ClassVar[str] = "sphere"
     smooth: ClassVar[bool] = True
@@ -393,7 +456,7 @@ class Sphere(Indenter):
         return self.radius
 
     def in_its_unit(self) -> tuple[Sphere, float]:
-        """The sphere of unit radius, and the unit R (m)."""
+        """The sphere of unit radius, and the radius R (m) as the unit."""
         return Sphere(1.0), self.radius
 
     @cached_property
@@ -403,7 +466,10 @@ class Sphere(Indenter):
 
     @property
     def max_radius(self) -> float:
-        """0.9999 R: there the flank is 89.2 degrees steep and H(r) grows without bound towards R."""
+        """0.9999 R: there the flank is 89.2 degrees steep and H(r) grows without bound towards R.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         return _STEEPEST * self.radius
 
     def surface(self, radius: FloatArray) -> FloatArray:
@@ -411,16 +477,25 @@ class Sphere(Indenter):
         return np.asarray(radius**2 / (self.radius + np.sqrt(self.radius**2 - radius**2)))
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) = r artanh(r/R), the first identity of section 6."""
+        """H(r) = r artanh(r/R), the first identity of section 6.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         return np.asarray(radius * np.arctanh(radius / self.radius))
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r) = artanh(r/R) + (r/R)/(1 - (r/R)^2)."""
+        """H'(r) = artanh(r/R) + (r/R)/(1 - (r/R)^2).
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         alpha = np.asarray(radius, dtype=np.float64) / self.radius
         return np.asarray(np.arctanh(alpha) + alpha / ((1.0 - alpha) * (1.0 + alpha)))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """First and second moment of H: the second and third identities of section 6, by (3.2)."""
+        """First and second moment of H: the second and third identities of section 6, by (3.2).
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         alpha = np.asarray(radius, dtype=np.float64) / self.radius
         second = _from_series(
             alpha,
@@ -431,12 +506,18 @@ class Sphere(Indenter):
         return self.radius**2 * _first_moment(alpha), self.radius**4 * second
 
     def halfspace_force(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """P/(4 theta) (m^2) on a half-space, as for any shape, without computing the second moment."""
+        """P/(4 theta) (m^2) on a half-space at a `depth` (m) and its `radius` (m), from the first moment alone.
+
+        theta is the elastic constant of the surface.
+        """
         alpha = np.asarray(radius, dtype=np.float64) / self.radius
         return np.asarray(depth * radius - self.radius**2 * _first_moment(alpha))
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
-        """Solve a artanh(a/R) = w by Halley's method in t = artanh(a/R), where t tanh(t) = w/R."""
+        """Contact radius a (m) on a half-space at `depth` w (m): root of a artanh(a/R) = w by Halley's method.
+
+        In the variable t = artanh(a/R), where t tanh(t) = w/R.
+        """
         target = np.asarray(depth, dtype=np.float64) / self.radius
         # Right to the second order where w/R = y is small, and where it is large: within 3.2 % everywhere.
         t = np.sqrt(target * (target + 1.0 / (1.0 + target * (2.0 / 3.0 + 0.35 * target))))
@@ -449,14 +530,17 @@ class Sphere(Indenter):
 
 
 def _first_moment(alpha: FloatArray) -> FloatArray:
-    """First moment of H of a unit sphere up to the radii `alpha`."""
+    """int_0^alpha H ds of a unit sphere at `alpha`, radii over R."""
     return _from_series(alpha, 3, _FIRST, lambda large: 0.5 * (large - (1.0 - large**2) * np.arctanh(large)))
 
 
 def _from_series(
     alpha: FloatArray, power: int, coefficients: FloatArray, closed: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """alpha^power times its even series, or the closed form where that does not subtract nearly equal numbers."""
+    """alpha^power times an even series at small alpha, and the closed form `closed` at large alpha.
+
+    The closed form loses digits at small alpha, by cancellation.
+    """
     small = np.minimum(alpha, _SERIES_LIMIT)
     value = small**power * _even_series(coefficients, small * small)
     if (alpha > _SERIES_LIMIT).any():
@@ -465,7 +549,7 @@ def _from_series(
 
 
 def _even_series(coefficients: FloatArray, square: FloatArray) -> FloatArray:
-    """Sum of coefficients * square^n; the terms below 1e-17 of the first, at the largest square, are left."""
+    """Sum of coefficients_n * square^n; terms below 1e-17 of the first, at the largest square, are left out."""
     largest = max(float(np.max(square, initial=0.0)), 1e-17)
     count = min(1 + int(np.log(1e-17) / np.log(largest)), coefficients.size)
     total = np.full_like(square, coefficients[count - 1])

@@ -121,7 +121,7 @@ def depth_at_loads(
 
 
 def _ceiling(force: Primitive, top: float, least: float, domain: tuple[float, float], beyond: str) -> float:
-    """A depth (m) above the beginning of the domain whose force is at least `top` (N)."""
+    """A depth (m), counted from the beginning of the domain, whose force is at least `top` (N)."""
     start, end = domain
     if np.isfinite(end):
         largest = float(force(np.array([end]))[0])

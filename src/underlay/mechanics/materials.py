@@ -72,12 +72,12 @@ class Isotropic(Material):
 
     @staticmethod
     def constants_of(**numbers: Any) -> PlaneConstants:
-        """Plane constants of the numbers E (Pa) and nu, each a float or an array (sets,)."""
+        """Plane constants from E (Pa) and nu, each a float or an array (sets,)."""
         return isotropic_constants(**numbers)
 
     @property
     def plane_constants(self) -> PlaneConstants:
-        """The combinations of E and nu that an axisymmetric indentation sees."""
+        """The constants q, c, g, S on which an axisymmetric indentation depends."""
         return isotropic_constants(self.E, self.nu)
 
     @property
@@ -91,7 +91,7 @@ class Isotropic(Material):
         return self
 
     def relaxed_in_shear(self, kept: float) -> Isotropic:
-        """Return the material with this share of its shear modulus and all of its bulk modulus."""
+        """The material with `kept` times its shear modulus and the same bulk modulus."""
         if self.nu == _INCOMPRESSIBLE:
             return Isotropic(kept * self.E, self.nu)
         shear = 0.5 * kept * self.E / (1.0 + self.nu)
@@ -225,12 +225,12 @@ class TransverselyIsotropic(Material):
 
     @staticmethod
     def constants_of(**numbers: Any) -> PlaneConstants:
-        """Plane constants of the numbers of its fields, each a float or an array (sets,)."""
+        """Plane constants from the values of its fields by name, each a float or an array (sets,)."""
         return transversely_isotropic_constants(**numbers)
 
     @property
     def plane_constants(self) -> PlaneConstants:
-        """The combinations of its constants that an axisymmetric indentation sees."""
+        """The constants q, c, g, S on which an axisymmetric indentation depends."""
         constants = transversely_isotropic_constants(
             self.E, self.E_axial, self.nu, self.nu_axial, self.G_axial
         )
@@ -239,5 +239,5 @@ class TransverselyIsotropic(Material):
 
     @property
     def in_plane(self) -> Isotropic:
-        """The isotropic material of its in-plane E and nu; an in-plane ratio above 0.5 becomes 0.5."""
+        """The isotropic material with its in-plane E and nu; a nu above 0.5 becomes 0.5."""
         return Isotropic(self.E, min(self.nu, _INCOMPRESSIBLE))

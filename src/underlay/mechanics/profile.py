@@ -83,7 +83,7 @@ class Profile(Indenter):
         object.__setattr__(self, "height", read_only(height - height[0]))
 
     def __eq__(self, other: object) -> bool:
-        """Equal where all points are."""
+        """Whether both have the same radii and heights."""
         return (
             isinstance(other, Profile)
             and np.array_equal(self.r, other.r)
@@ -91,7 +91,7 @@ class Profile(Indenter):
         )
 
     def __hash__(self) -> int:
-        """Hash of the points."""
+        """Hash of radii and heights."""
         return hash((self.r.tobytes(), self.height.tobytes()))
 
     @property
@@ -115,24 +115,36 @@ class Profile(Indenter):
         return _Table.of(self)
 
     def abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) (m) of the interpolant: exactly at few radii, by a table to 1e-12 at many."""
+        """H(r) (m) of the interpolant at `radius` (m): exact for few radii, by a table to 1e-12 for many.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         many = np.size(radius) >= _MANY and np.max(radius) <= self.max_radius
         return self._table.depth(np.asarray(radius)) if many else self._abel(radius)
 
     def _abel(self, radius: FloatArray) -> FloatArray:
-        """H(r) (m), by its sums."""
+        """H(r) (m), by the sums of the module's head.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         depth = corner.angle @ p.corners + (bend.leg - bend.t * bend.angle) @ p.bends
         return np.asarray(x * (0.5 * np.pi * p.apex + depth))
 
     def abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r), as `abel`; it grows without bound towards a corner from outside."""
+        """H'(r), computed as `abel` is; it grows without bound towards a corner from outside.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         many = np.size(radius) >= _MANY and np.max(radius) <= self.max_radius
         return self._table.slope(np.asarray(radius)) if many else self._abel_slope(radius)
 
     def _abel_slope(self, radius: FloatArray) -> FloatArray:
-        """H'(r), by its sums."""
+        """H'(r), by the derivative of the sums of the module's head.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         outside = np.divide(corner.t, corner.leg, out=np.zeros_like(corner.leg), where=corner.leg > 0.0)
@@ -140,7 +152,7 @@ class Profile(Indenter):
         return np.asarray(0.5 * np.pi * p.apex + (corner.angle + outside) @ p.corners + bends)
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Both moments of H (m^2, m^4), exactly for the interpolant."""
+        """(int_0^a H ds, int_0^a H s^2 ds) (m^2, m^4) for a = `radius` (m), exact for the interpolant."""
         p, x = self._polygon, np.asarray(radius, dtype=np.float64)
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         first = 0.25 * np.pi * p.apex * x**2
@@ -150,7 +162,7 @@ class Profile(Indenter):
         return np.asarray(first), np.asarray(second)
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
-        """Inverse of `abel`, by Newton steps kept inside a bracket."""
+        """Contact radius (m) on a half-space at `depth` (m), the inverse of `abel`, by Newton's method."""
         end = self.max_radius
         last = float(self.abel(np.array(end)))
         target = np.asarray(depth, dtype=np.float64)
@@ -171,24 +183,25 @@ class Profile(Indenter):
 
 @dataclass(frozen=True)
 class _Table:
-    """H and H' between knots, as polynomials in the root of the way from the last knot.
+    """H(r) and its slope between knots, as polynomials in the root of the distance from the previous knot.
 
-    Outside a knot H grows by (x - t)^(3/2) and whole powers, at a corner by (x - t)^(1/2): polynomials in
-    2 ((x - t)/(next t - t))^(1/2) - 1, whose terms fall by 3.3 and more where no interval is more than twice the
-    one before it. H' beyond a corner is left to the sums.
+    H(r) is the depth at which the contact radius on a half-space is r. Outside a knot t it grows by (x - t)^(3/2)
+    and whole powers, at a corner by (x - t)^(1/2): polynomials in 2 ((x - t)/(next t - t))^(1/2) - 1, whose terms
+    fall by 3.3 and more where no interval is more than twice the one before it. Beyond a corner H' is computed from
+    the exact sums.
 
     Parameters
     ----------
     tip : Profile
-        Whose sums it stands for.
+        The tip.
     knots, depths : ndarray (knots,)
         Radii (m) from zero to the last, and H (m) at them.
     log_radii, log_depths : ndarray (knots - 1,)
-        Their logarithms, but for the apex.
+        Logarithms of these, without the apex.
     depth_terms, slope_terms : ndarray (terms, intervals)
-        Coefficients, the power first.
+        Coefficients of the polynomials for H and H', by power.
     cornered : ndarray (intervals,)
-        Where H' has no bound.
+        Whether H' is unbounded at the beginning of the interval.
     """
 
     tip: Profile
@@ -202,7 +215,7 @@ class _Table:
 
     @classmethod
     def of(cls, tip: Profile) -> _Table:
-        """Sums at Chebyshev points of every interval."""
+        """Fit the polynomials to exact values of H and H' at Chebyshev points of every interval."""
         p = tip._polygon  # noqa: SLF001  the table is a part of the tip
         knots = _graded(np.unique(np.concatenate(([0.0], p.corner_radii, p.bend_radii, tip.r))))
         knots = knots[knots <= tip.max_radius]
@@ -223,12 +236,15 @@ class _Table:
         )
 
     def depth(self, radius: FloatArray) -> FloatArray:
-        """H (m) at radii (m) up to the last knot."""
+        """H (m), the half-space depth, at radii (m) up to the last knot."""
         value, interval = self._value(radius, self.depth_terms)
         return np.where(interval == 0, self._apex(radius)[0], value)
 
     def slope(self, radius: FloatArray) -> FloatArray:
-        """H' at radii (m) up to the last knot."""
+        """H' at radii (m) up to the last knot.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         value, interval = self._value(radius, self.slope_terms)
         beyond = self.cornered[interval]
         if beyond.any():
@@ -236,7 +252,10 @@ class _Table:
         return np.where(interval == 0, self._apex(radius)[1], value)
 
     def _apex(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """H and H' up to the first knot, where polynomials would keep the digits of H there."""
+        """H and H' up to the first knot, in closed form, where polynomials would lose relative accuracy.
+
+        H(r) is the depth at which the contact radius on a half-space is r.
+        """
         p = self.tip._polygon  # noqa: SLF001  as above
         level, bend = 0.5 * np.pi * p.apex, float(p.bends[p.bend_radii == 0.0].sum())
         return radius * (level + bend * radius), level + 2.0 * bend * radius
@@ -253,7 +272,7 @@ class _Table:
 
 
 def _graded(knots: FloatArray) -> FloatArray:
-    """Knots with more between them, so that no interval is more than twice the one before it."""
+    """Knots with others inserted, so that no interval is more than twice as long as the one before it."""
     found = knots[:2].tolist()
     for knot in knots[2:].tolist():
         while knot - found[-1] > 2.0 * (found[-1] - found[-2]):
@@ -263,7 +282,11 @@ def _graded(knots: FloatArray) -> FloatArray:
 
 
 class _Polygon(NamedTuple):
-    """Phi' of the interpolant: m; the jumps k_j and the changes of inclination c_j, each with their radii."""
+    """The slope Phi' of the interpolating spline: piecewise linear, with jumps at corners.
+
+    `apex` is its value at the apex; `corners` its jumps, at `corner_radii` (m); `bends` its changes of inclination
+    (1/m), at `bend_radii` (m).
+    """
 
     apex: float
     corners: FloatArray
@@ -298,7 +321,7 @@ class _Triangle:
 
 
 def _check(r: FloatArray, height: FloatArray) -> None:
-    """Refuse what is not a convex tip, naming the first radius where it is not."""
+    """Raise InputError unless radii and heights (m) are those of a convex tip, naming the first bad radius."""
     if r.ndim != 1 or r.shape != height.shape:
         raise InputError(
             f"a profile needs radii and heights in one row each, of equal length; got shapes {r.shape} and "
@@ -328,7 +351,10 @@ def _refuse(wrong: NDArray[np.bool_], r: FloatArray, rule: str) -> None:
 
 
 def _slope_polygon(r: FloatArray, height: FloatArray) -> _Polygon:
-    """Build Phi' from the points: slope changes p, q on either side of each chord, then the extra knots."""
+    """Slope Phi' of the interpolating spline, from radii and heights (m) of the points.
+
+    p and q are the changes of slope on either side of each chord; each interval gets one extra knot.
+    """
     width = np.diff(r)
     # Chords that decrease within _ROUNDING are lifted to their neighbour, so that p and q are never negative.
     chord = np.maximum.accumulate(np.diff(height) / width)
@@ -358,5 +384,5 @@ def _slope_polygon(r: FloatArray, height: FloatArray) -> _Polygon:
 
 
 def _ratio(rise: FloatArray, run: FloatArray) -> FloatArray:
-    """rise/run, zero where the rise is."""
+    """rise/run elementwise, zero where the rise is zero."""
     return np.divide(rise, run, out=np.zeros_like(rise), where=rise > 0.0)

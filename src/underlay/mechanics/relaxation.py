@@ -1,12 +1,12 @@
 """Relaxation functions: how the stress after a sudden strain falls with time, e(t) = E(t) / E0.
 
-Poisson's ratio is taken as constant, so every modulus of the layer relaxes in the same proportion. What computes
-with a relaxation asks for its `Modes`, a sum of exponentials
+Poisson's ratio is taken as constant, so every modulus of the layer relaxes in the same proportion. Computations
+use the `Modes` of a relaxation, a sum of exponentials
 
     e(t) = constant + sum_k weight_k exp(-t / time_k),
 
 which is the definition of a Prony series and a quadrature of any other function that falls completely
-monotonically. To add one: derive a frozen dataclass from `Relaxation` and declare its numbers in its fields.
+monotonically. To add one: derive a frozen dataclass from `Relaxation` and declare its parameters in its fields.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ _EXPONENTS = (0.01, 0.7)
 
 @dataclass(frozen=True)
 class Modes:
-    """A relaxation as a sum of exponentials.
+    """A relaxation function e(t) as a sum of exponentials (K of them).
 
     Parameters
     ----------
     constant : float
-        What never relaxes.
+        The part that does not relax.
     weights, times : FloatArray
         Weight (dimensionless) and relaxation time (s) of each exponential, (K,).
     """
@@ -57,25 +57,25 @@ class Modes:
     times: FloatArray
 
     def __call__(self, time: FloatArray) -> FloatArray:
-        """e(t) at times (s), (n,)."""
+        """Relaxation function e(t) = E(t)/E(0) at times (s), (n,)."""
         decay = np.exp(-time[..., None] / self.times)
         return np.asarray(self.constant + decay @ self.weights)
 
 
 class ModesOfSets(NamedTuple):
-    """Exponentials of many sets, beside points: constants (sets, 1), weights and times (s) (K, sets, 1)."""
+    """`Modes` of many parameter sets: constants (sets, 1), weights and times (s), each (K, sets, 1)."""
 
     constant: FloatArray
     weights: FloatArray
     times: FloatArray
 
     def of(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> ModesOfSets:
-        """Exponentials of the sets that `rows` picks."""
+        """Modes of the sets selected by `rows`, indices or a mask."""
         return ModesOfSets(self.constant[rows], self.weights[:, rows], self.times[:, rows])
 
 
 class Relaxation(Part, ABC):
-    """How the modulus of a layer falls with time; its numbers stand under ``layer.relaxation.``.
+    """How the modulus of a layer falls with time; its parameters' paths begin with ``layer.relaxation.``.
 
     A concrete class names itself in `model`; scene files know it by that name.
     """
@@ -90,24 +90,24 @@ class Relaxation(Part, ABC):
 
     @abstractmethod
     def modulus(self, time: ArrayLike) -> FloatArray:
-        """E(t) / E at `time` (s) after a sudden strain, shape of `time`; E is the layer's modulus."""
+        """E(t)/E at `time` (s) after a sudden strain, shape of `time`; E is the layer's modulus in the scene."""
 
     @abstractmethod
     def modes(self, shortest: float, longest: float) -> Modes:
-        """Exponentials that stand for it between the times `shortest` and `longest` (s)."""
+        """Sum of exponentials that represents it between the times `shortest` and `longest` (s)."""
 
     def mode_slopes(self, modes: Modes) -> Mapping[str, Modes] | None:
-        """d modes / d number by field name (``times[0]``): of the constant, the weights and the times.
+        """Derivatives of constant, weights and times of `modes` in each parameter, by field name (``times[0]``).
 
-        None where it does not know them; a caller then takes differences.
+        None where they are not available; a caller then takes finite differences.
         """
         del modes
         return None
 
     def modes_of(self, numbers: Mapping[str, FloatArray]) -> tuple[ModesOfSets, NDArray[np.bool_]] | None:
-        """Exponentials of many sets of its numbers, (sets,) by field name, and which of the sets can be, (sets,).
+        """Modes of many sets of its parameters, (sets,) by field name, and a mask (sets,) of the valid sets.
 
-        None where they differ in how many exponentials there are.
+        None where the number of exponentials differs between sets.
         """
         del numbers
         return None
@@ -115,16 +115,16 @@ class Relaxation(Part, ABC):
     @property
     @abstractmethod
     def longest_time(self) -> float:
-        """Longest time (s) that it names."""
+        """Longest time (s) among its parameters."""
 
     @property
     @abstractmethod
     def equilibrium(self) -> float:
-        """e(t) for t without end."""
+        """Limit of e(t) at long times."""
 
     @property
     def bounded(self) -> bool:
-        """Whether a sudden strain meets a finite modulus."""
+        """Whether the instantaneous modulus e(0) is finite."""
         return True
 
 
@@ -134,7 +134,7 @@ def _checked_relaxes(given: str) -> None:
 
 
 def _numbers(values: object, what: str) -> tuple[float, ...]:
-    """The entries as floats, or an error that names the field."""
+    """The entries of `values` as floats; InputError, naming the field `what`, if they are not numbers."""
     if not isinstance(values, Sequence | np.ndarray) or isinstance(values, str) or len(values) == 0:
         raise InputError(f"{what} must be a list of at least one number; got {values!r:.80}")
     return tuple(finite(value, f"{what}[{index}]", "") for index, value in enumerate(values))
@@ -218,16 +218,16 @@ class Prony(Relaxation):
         return max(self.times)
 
     def modulus(self, time: ArrayLike) -> FloatArray:
-        """E(t) / E at `time` (s) after a sudden strain, shape of `time`."""
+        """E(t)/E at `time` (s) after a sudden strain, shape of `time`; E is the instantaneous modulus."""
         return self.modes(0.0, np.inf)(as_finite(time, "time"))
 
     def modes(self, shortest: float, longest: float) -> Modes:
-        """The series itself, whatever the times `shortest` and `longest` (s) of a record."""
+        """The series itself, which does not depend on the times `shortest` and `longest` (s)."""
         del shortest, longest
         return Modes(self.equilibrium, np.array(self.fractions), np.array(self.times))
 
     def modes_of(self, numbers: Mapping[str, FloatArray]) -> tuple[ModesOfSets, NDArray[np.bool_]]:
-        """Exponentials of many sets; a set whose fractions are negative or sum over 1 cannot be."""
+        """Modes of many sets, and a mask of valid ones: no negative fraction, and a sum of at most 1."""
         count = range(len(self.times))
         weights = np.stack([numbers[f"fractions[{k}]"] for k in count])
         times = np.stack([numbers[f"times[{k}]"] for k in count])
@@ -237,7 +237,7 @@ class Prony(Relaxation):
         return ModesOfSets(constant[:, None], weights[..., None], times[..., None]), possible
 
     def mode_slopes(self, modes: Modes) -> Mapping[str, Modes]:
-        """A fraction is a weight, taken from the constant; a time is a time."""
+        """Derivatives of the modes in each fraction (a weight, taken from the constant) and each time."""
         del modes
         unit, none = np.eye(len(self.times)), np.zeros(len(self.times))
         return {f"fractions[{k}]": Modes(-1.0, row, none) for k, row in enumerate(unit)} | {
@@ -247,9 +247,9 @@ class Prony(Relaxation):
 
 @dataclass(frozen=True)
 class PowerLawRelaxation(Relaxation):
-    """e(t) = (t / time)**-exponent: no time of its own; the layer's modulus is the one at t = time.
+    """e(t) = (t / time)**-exponent, without a characteristic time; the layer's modulus is the one at t = time.
 
-    A sudden strain meets an infinite modulus, so depths must grow from zero within the record.
+    The instantaneous modulus is infinite, so depths must grow from zero within the record.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ class PowerLawRelaxation(Relaxation):
     time : float, default 1.0
         Time (s) at which the modulus is the layer's E.
     relaxes : str, default "shear_and_bulk"
-        As of `Prony`.
+        As in `Prony`.
 
     Raises
     ------
@@ -295,28 +295,28 @@ class PowerLawRelaxation(Relaxation):
 
     @property
     def equilibrium(self) -> float:
-        """Zero: it relaxes without end."""
+        """Zero: e(t) falls to zero at long times."""
         return 0.0
 
     @property
     def longest_time(self) -> float:
-        """The time of its modulus (s)."""
+        """The reference time (s) at which the modulus is the layer's."""
         return self.time
 
     @property
     def bounded(self) -> bool:
-        """Never: e(t) is infinite at t = 0."""
+        """False: e(t) is infinite at t = 0."""
         return False
 
     def modulus(self, time: ArrayLike) -> FloatArray:
-        """E(t) / E at `time` (s), positive, shape of `time`."""
+        """E(t)/E at `time` (s), positive, after a sudden strain; E is the modulus at the reference time."""
         t = as_finite(time, "time")
         if not (t > 0.0).all():
             raise InputError("a power-law relaxation has a modulus at positive times only")
         return np.asarray((t / self.time) ** -self.exponent)
 
     def modes(self, shortest: float, longest: float) -> Modes:
-        """Trapezoid rule for t^-a = (1 / Gamma(a)) int exp(a y - t e^y) dy; y = ln(1 / time).
+        """Exponentials by the trapezoid rule for t^-a = (1 / Gamma(a)) int exp(a y - t e^y) dy, y = ln(1/time).
 
         The slow end, y < y0, changes too little within the longest time to be told from its value at t = 0, the
         geometric sum of exp(a y): off by (longest exp(y0))^(1 + a) / Gamma(a). The fast modes left out, from X on,
@@ -331,7 +331,7 @@ class PowerLawRelaxation(Relaxation):
         return Modes(constant, scale * _STEP * np.exp(a * y), np.exp(-y))
 
     def mode_slopes(self, modes: Modes) -> Mapping[str, Modes]:
-        """With the rule's points where they are: what they stand for does not depend on where those are."""
+        """Derivatives of the modes in exponent and time, with the points of the quadrature kept fixed."""
         a, none = self.exponent, np.zeros(len(modes.times))
         common = math.log(self.time) - float(special.digamma(a))
         low = -math.log(modes.times[0])

@@ -1,14 +1,15 @@
-"""What a sample answers to a depth, in time or without it.
+"""How a sample responds to indentation depths, dependent on time or not.
 
-A `Response` turns indentation depths into forces. A `ContactLaw` is the response that ignores time. A sample
-that remembers is a law behind a `History`: the force is then made of the elastic forces of all earlier depths,
+A `Response` turns indentation depths into forces. A `ContactLaw` is a response independent of time. The response of
+a sample with memory is a law combined with a `History`: the force follows from the elastic forces of all earlier
+depths,
 
     P(t) = H[P_el(w(.))](t),   e.g.  P(t) = int_0^t e(t - s) dP_el(w(s))      (Lee and Radok 1960),
 
 with H *linear* in the elastic force. So whatever changes that force by a small amount changes the response by H
-of that amount: derivatives in the law's numbers and in the contact point go through the same operator.
+of that amount: derivatives in the law's parameters and in the contact point go through the same operator.
 
-To add a memory: a frozen dataclass that derives from `History`, its numbers declared in its fields.
+To add a memory: a frozen dataclass that derives from `History`, its parameters declared in its fields.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ _STEP = 1e-5
 
 @runtime_checkable
 class Invertible(Protocol):
-    """A law that says the depth of a force, as every `ContactLaw` does."""
+    """A law that also gives the depth at a force, as every `ContactLaw` does."""
 
     def depth(self, force: ArrayLike) -> FloatArray:
         """Depth (m), shape of `force` (N)."""
@@ -56,39 +57,40 @@ class Invertible(Protocol):
 
 
 class Response(ABC):
-    """Force against depth and, where the sample remembers, time."""
+    """Force against depth and, where the sample has a memory, time."""
 
     max_depth: float
 
     @property
     def domain(self) -> tuple[float, float]:
-        """Smallest and largest depth (m); up to the smallest there is no contact."""
+        """Smallest and largest depth (m) of the law; up to the smallest there is no contact."""
         return 0.0, self.max_depth
 
     @abstractmethod
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Force (N), shape of `depth` (m); `time` (s), (n,), where the response depends on it."""
+        """Force (N), shape of `depth` (m); `time` (s), (n,), is needed where the response depends on it."""
 
     @abstractmethod
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Stiffness dP/dw (N/m) against a sudden change of depth, shape of `depth` (m)."""
+        """Instantaneous stiffness dP/dw (N/m), to a sudden change of depth, shape of `depth` (m)."""
 
     @property
     def beginning(self) -> tuple[float, float]:
-        """Depth (m) and force (N) with which contact begins or is lost: zero where nothing sticks."""
+        """Depth (m) and force (N) at which contact begins or is lost: zero without adhesion."""
         return 0.0, 0.0
 
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray | None:
-        """Depth w (m) with w + `compliance` P(w) = `travel` (m), (n,), where the law knows better than Newton.
+        """Depth w (m), (n,), with w + `compliance` P(w) = `travel` (m), where the law has its own solution.
 
-        None: the caller solves for it, which works wherever the force increases with depth.
+        `compliance` is that of a spring (m/N). None: the caller solves by Newton's method, which works wherever the
+        force increases with depth.
         """
         del travel, compliance
         return None
 
 
 class History(Part, ABC):
-    """What a sample makes of its earlier depths; its numbers stand under ``history.``.
+    """How earlier depths act on the force (memory); its parameters have paths that begin with ``history.``.
 
     A concrete class names itself in `model`; scene files know it by that name.
     """
@@ -120,7 +122,7 @@ class History(Part, ABC):
         Raises
         ------
         InputError
-            If that is not simulated, as here, or not for such forces.
+            If it is not available for this history (the default), or not for such forces.
         """
         del law, force, time
         raise InputError(
@@ -128,25 +130,29 @@ class History(Part, ABC):
         )
 
     def dynamic_modulus(self, frequency: FloatArray, longest: float) -> FloatArray:
-        """E*(i omega) / E, complex, at angular frequencies (1/s) of an oscillation that lasts `longest` (s).
+        """Complex dynamic modulus E*(i omega) over E at angular frequencies omega (1/s), same shape.
+
+        `longest` (s) is how long the oscillation lasts.
 
         Raises
         ------
         InputError
-            If that is not known, as here.
+            If it is not available for this history (the default).
         """
         del frequency, longest
         raise InputError(f"the history {self.model or type(self).__name__} has no dynamic modulus")
 
     def prepared(self, depth: FloatArray, time: FloatArray) -> Motion:
-        """One motion, to be asked for several elastic forces and for derivatives.
+        """The map from elastic forces to forces for one motion: depths since contact (m) and times (s), each (n,).
 
-        Override it where the motion alone decides a good part of the work, or where derivatives are known.
+        Override it where the motion alone decides much of the work, or where derivatives are known.
         """
         return Motion(self, depth, time)
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
-        """Refuse numbers at the paths `free` of which a record at these times (s) says nothing; default: none.
+        """Raise if a record at these times (s) cannot determine one of the free parameters, given by their paths.
+
+        By default nothing is raised.
 
         Raises
         ------
@@ -157,7 +163,10 @@ class History(Part, ABC):
 
 
 class Doubt(NamedTuple):
-    """What a memory says of a fit of its numbers: a verdict's word, what is the case, why, and what to do."""
+    """Advice on a fit of a memory's parameters: verdict word, finding, cause, and what to do next.
+
+    `setting` is the path of a parameter and the value to set it to, if there is one.
+    """
 
     word: str
     reason: str
@@ -167,9 +176,9 @@ class Doubt(NamedTuple):
 
 
 class WholeHistory(History):
-    """A memory that is not linear in the force of one elastic law: it answers a motion itself.
+    """A memory whose force is not linear in the force of one elastic law, and which computes it itself.
 
-    Its numbers are those of the scene that it is made of (its fields are the scene's parts), under their own paths.
+    Its parameters are those of the scene's parts that are its fields, under their own paths.
     """
 
     parts: ClassVar[tuple[str, ...]] = ()
@@ -177,47 +186,51 @@ class WholeHistory(History):
 
     @abstractmethod
     def answer(self, depth: FloatArray, time: FloatArray) -> FloatArray:
-        """Force (N), (n,), of depths since contact (m) at times (s), (n,) each."""
+        """Force (N), (n,), at depths since contact (m) and times (s), each (n,)."""
 
     def answers(
         self, values: Mapping[str, float | FloatArray], sets: int, depth: FloatArray, time: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]] | None:
-        """Answers (N), (sets, n), with each of many sets of numbers, by path, (sets,) where they vary.
+        """Forces (N), (sets, n), for many sets of parameters at once, and a mask (sets,) of those computed.
 
-        Depths since contact (m) are (n,), or (sets, n) where contacts differ. And which sets are answered, (sets,);
-        others are asked one by one. None, the default, answers none.
+        `depth` since contact (m) is (n,), or (sets, n) where contacts differ; `values` maps parameter paths to
+        floats, or to arrays (sets,) where they vary. The caller computes the others one by one; None, the default,
+        leaves all to it.
         """
         del values, sets, depth, time
         return None
 
     @abstractmethod
     def stiffness(self, depth: FloatArray, force: FloatArray) -> FloatArray:
-        """dP/dw (N/m), (n,), were all depths (m) larger by one share, from the force (N) that it answered."""
+        """dP/dw (N/m), (n,), for a change of all depths (m) by one factor; `force` (N) is that of `answer`."""
 
     @abstractmethod
     def slopes(self, paths: Sequence[str], depth: FloatArray, time: FloatArray) -> Mapping[str, FloatArray]:
-        """d force / d number (SI), (n,), at `paths` of its numbers, and of ``instrument.contact_depth``."""
+        """Derivatives of the force, (n,), by parameter path (SI), at `paths` and ``instrument.contact_depth``."""
 
     @abstractmethod
     def starts(
         self, free: Mapping[str, tuple[float, float]], depth: FloatArray, force: FloatArray, time: FloatArray
     ) -> Sequence[Mapping[str, float]]:
-        """Values (SI) to begin a search from, best first, of the `free` paths with their bounds, from a record.
+        """Starting values (SI) for a search, best first, from a record.
 
-        Depths since contact (m), forces (N) and times (s), (n,) each.
+        `free` maps the paths of the free parameters to their bounds; depths since contact (m), forces (N) and times
+        (s) are (n,) each.
         """
 
     def doubts(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> Sequence[Doubt]:
-        """What a record of depths since contact (m), forces (N) and times (s) cannot tell, at fitted numbers."""
+        """Advice on a fit: what the record of depths (m), forces (N) and times (s) cannot determine; none here."""
         del depth, force, time
         return ()
 
     def derived(self) -> Mapping[str, float]:
-        """What follows from its numbers (SI), by name; none by default."""
+        """Quantities that follow from its parameters (SI), by name; none by default."""
         return {}
 
     def require_record(self, depth: FloatArray, force: FloatArray, time: FloatArray) -> None:
-        """Refuse a record of depths (m), forces (N) and times (s), (n,) each, that cannot tell its numbers.
+        """Raise if a record of depths (m), forces (N) and times (s), (n,) each, cannot determine its parameters.
+
+        By default nothing is raised.
 
         Raises
         ------
@@ -226,12 +239,12 @@ class WholeHistory(History):
         """
 
     def force(self, elastic: Elastic, depth: FloatArray, time: FloatArray) -> FloatArray:
-        """Force (N), (n,), by `answer`; the elastic force of one law is not what it goes by."""
+        """Force (N), (n,), by `answer`; `elastic` is ignored."""
         del elastic
         return self.answer(depth, time)
 
     def at(self, values: Mapping[str, float]) -> WholeHistory:
-        """The same memory with the numbers of `values`, by path; others than its own are left aside."""
+        """Copy with the parameter values of `values`, by path; paths that are not its own are ignored."""
         own = numbers_of(self)
         told = {path: value for path, value in values.items() if path in own and value != own[path].value}
         return replace_values(self, told, known=own) if told else self
@@ -239,12 +252,12 @@ class WholeHistory(History):
 
 @dataclass(frozen=True)
 class Motion:
-    """One motion of the tip as a history sees it: the map from elastic forces to forces.
+    """One motion of the tip on a sample with memory: a map from elastic forces to forces.
 
     Parameters
     ----------
     history : History
-        What remembers.
+        The memory.
     depth : FloatArray
         Depths since contact (m), (n,), negative before it.
     time : FloatArray
@@ -256,11 +269,11 @@ class Motion:
     time: FloatArray
 
     def __call__(self, elastic: Elastic) -> FloatArray:
-        """Force (N), (n,), that the history makes of an elastic force; linear in it."""
+        """Force (N), (n,), for an elastic force as a function of depth; linear in it."""
         return self.history.force(elastic, self.depth, self.time)
 
     def slopes(self, paths: Sequence[str], law: Response) -> Mapping[str, FloatArray]:
-        """d force / d number, (n,), at the history's own `paths` (``history.time``); by differences here."""
+        """Derivatives of the force, (n,), in the history's own parameters `paths`; by finite differences here."""
         history = self.history
         numbers, found = numbers_of(history, history.prefix), {}
         for path in paths:
@@ -278,19 +291,19 @@ class Motion:
 
 @dataclass(frozen=True)
 class Remembered(Response):
-    """A law seen through a history.
+    """Response of a sample with memory: an elastic law combined with a history.
 
     Parameters
     ----------
     law : Response
         The elastic law.
     history : History
-        What the sample remembers.
+        The memory.
 
     Raises
     ------
     InputError
-        If the law holds on below its first contact, as adhesion makes it.
+        If the law has contact at negative depths, as with adhesion.
     """
 
     law: Response
@@ -305,7 +318,7 @@ class Remembered(Response):
 
     @property
     def max_depth(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """Largest depth (m)."""
+        """Largest depth (m) of the elastic law."""
         return self.law.max_depth
 
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
@@ -322,7 +335,7 @@ class Remembered(Response):
         return np.asarray(self.history.force(self.law.force, w, checked_times(time, w)))
 
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Stiffness of the elastic law (N/m): at once the sample answers elastically."""
+        """Stiffness of the elastic law (N/m): the instantaneous response is elastic."""
         return self.law.stiffness(depth, time)
 
     def depth(self, force: ArrayLike, time: ArrayLike | None) -> FloatArray:
@@ -342,7 +355,9 @@ class Remembered(Response):
         return np.asarray(self.history.depth(self.law, load, times))
 
     def dynamic_stiffness(self, depth: ArrayLike, frequency: ArrayLike, longest: float = 1e3) -> FloatArray:
-        """Stiffness against a micro-oscillation about a depth held, complex (N/m): k(w) E*(i omega) / E.
+        """Complex stiffness (N/m) for small oscillations about a depth held.
+
+        It is the elastic stiffness at that depth times the dynamic modulus E*(i omega) over E.
 
         Parameters
         ----------
@@ -361,12 +376,12 @@ class Remembered(Response):
 
 
 def checked_times(time: ArrayLike | None, depth: FloatArray, what: str = "depth") -> FloatArray:
-    """Times (s), (n,), of depths (n,), or of `what` else, for a sample that remembers.
+    """Return `time` (s) as an array (n,) after checking it against `depth` (n,); `what` names it in messages.
 
     Raises
     ------
     InputError
-        If they are missing, do not increase, or do not match.
+        If the times are missing, do not increase, or do not match.
     """
     if time is None:
         raise InputError(f"this sample remembers: it needs the times of every {what}; pass time (s)")

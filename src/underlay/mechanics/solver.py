@@ -1,8 +1,8 @@
-"""What builds a contact law: the seam at which a solver is plugged in.
+"""The interface of solvers: what builds a contact law.
 
-To add one, derive a frozen dataclass from `Solver` and implement `build`; its fields are what can be asked of
-it. It can then be computed, fitted, sampled, mapped and reported wherever a ``solver=`` is taken. The other
-methods say what callers may rely on (accuracy, tables, batches, derivatives); the defaults promise nothing.
+To add one, derive a frozen dataclass from `Solver` and implement `build`; its fields are its settings. It can then
+be computed, fitted, sampled, mapped and reported wherever a ``solver=`` is taken. The other methods say what
+callers may rely on (accuracy, tables, batches, derivatives); the defaults promise nothing.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["Scaling", "Solver"]
 
 
 class Scaling(Enum):
-    """How the laws of a solver follow from one another when the numbers of a contact change."""
+    """How the laws of a solver follow from one another when the parameters of a contact change."""
 
     #: Nothing is known: a law has constants of its own, e.g. an energy of adhesion.
     NONE = "none"
@@ -66,7 +66,7 @@ class Solver(ABC):
 
     @abstractmethod
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build the law for depths up to `max_depth` (m), which is zero where no contact is asked for.
+        """Build the law for depths up to `max_depth` (m), which is zero for a record without contact.
 
         Raises
         ------
@@ -83,28 +83,28 @@ class Solver(ABC):
 
     @property
     def label(self) -> str:
-        """Name of the solver with what tells it from others of that name."""
+        """Name with whatever tells the solver from others of that name, such as its order."""
         return self.name
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """What was asked of it, by name: its fields, where it is a dataclass."""
+        """Its settings by name: the fields, where it is a dataclass."""
         own: object = self
         return {field.name: getattr(self, field.name) for field in fields(own)} if is_dataclass(own) else {}
 
     @property
     def tolerance(self) -> float:
-        """Relative error against the exact contact problem that its laws keep; zero: no such promise."""
+        """Relative error against the exact contact problem that its laws keep; zero where none is promised."""
         return 0.0
 
     def with_tolerance(self, rtol: float) -> Solver:
-        """Return the same solver at another tolerance, where it has one."""
+        """The same solver with relative error `rtol`; itself where it has no tolerance."""
         del rtol
         return self
 
     @property
     def without_slip(self) -> Solver:
-        """The solver of the same contact with a tip that sticks.
+        """The solver for the same contact with full friction (a tip on which points stick).
 
         Raises
         ------
@@ -116,30 +116,39 @@ class Solver(ABC):
         )
 
     def for_differences(self, rtol: float) -> Solver:
-        """Return a solver whose laws may be subtracted: of one kind, and smooth within `rtol`."""
+        """A solver whose laws may be subtracted for finite differences: of one kind, and smooth within `rtol`."""
         del rtol
         return self
 
     # --- many contacts -----------------------------------------------------------------------------------
 
     def has_table(self, contact: Contact) -> bool:
-        """Whether laws of contacts that differ from this one in one ratio are read off a table."""
+        """Whether laws of contacts that differ from this one in one ratio can be read off a table."""
         del contact
         return False
 
     def table_number(self, contact: Contact, depth: float) -> int:
-        """Number of the range of tables that reaches `depth` (m)."""
+        """Number of the range of depths whose table reaches `depth` (m)."""
         del contact, depth
         return 0
 
     def tabulated(
         self, contact: Contact, family: Family | None, ratio: float, depth: float, *, alone: bool = False
     ) -> ContactLaw | None:
-        """Law read off a table, for `depth` (m) and to the end of the table's range; None: there is none.
+        """Law read off a table, for `depth` (m) and up to the end of the table's range; None without a table.
 
-        `family` are the bodies, of which `ratio` tells which stands in place of the contact's own; None where
-        there is one alone, an isotropic layer on a rigid base. Where no ratio near this one will be asked for,
-        the law may be solved for `alone`.
+        Parameters
+        ----------
+        contact : Contact
+            Gives tip, thickness and modulus of the layer.
+        family : Family or None
+            The bodies, which differ in one ratio; None for an isotropic layer on a rigid base, a single body.
+        ratio : float
+            The ratio to use; that of `contact` is ignored.
+        depth : float
+            Depth (m) that must be reached.
+        alone : bool
+            Whether no ratio near this one will be needed: the law may then be solved directly, without a table.
         """
         del contact, family, ratio, depth, alone
         return None
@@ -147,22 +156,26 @@ class Solver(ABC):
     def side_by_side(
         self, contact: Contact, family: Family, ratios: Sequence[float], depth: float
     ) -> Callable[[FloatArray], FloatArray] | None:
-        """Forces (N) of several bodies at depths (m) up to `depth`, (bodies, n) or (1, n) for all; None: none."""
+        """Function from depths (m) to the forces (N) of several bodies, (bodies, n); None where not available.
+
+        The bodies are those of `family` with the given `ratios`, `depth` (m) the largest. The function takes depths
+        (bodies, n), or (1, n) for all.
+        """
         del contact, family, ratios, depth
         return None
 
     def has_slopes(self, contact: Contact) -> bool:
-        """Whether laws of contacts like this one say their derivatives towards the bodies `Contact.beside`."""
+        """Whether laws of contacts like this one give derivatives in the parameters of `Contact.beside`."""
         del contact
         return False
 
     def has_tip_tables(self, contact: Contact) -> bool:
-        """Whether laws of tips that are no power law are read off tables, on bodies that differ in one ratio."""
+        """Whether laws of tips that are no power law are read off tables, for bodies that differ in one ratio."""
         del contact
         return False
 
     def tip_number(self, contact: Contact, depth: float) -> int:
-        """Number of the range of such laws that reaches `depth` (m)."""
+        """Number of the range of depths of `tabulated_tips` that reaches `depth` (m)."""
         del contact, depth
         return 0
 
@@ -173,37 +186,52 @@ class Solver(ABC):
         ratios: Sequence[float] | None,
         depths: Sequence[float],
     ) -> Sequence[ContactLaw | RangeError | None]:
-        """Laws of such contacts, each for its depth (m) and to the end of its range.
+        """Laws of tips that are no power law, each for its depth (m) and to the end of its range.
 
-        Or why there is no law so deep; None: there is no table. `ratios` tells which body stands in place of each
-        contact's own; None where there is one alone.
+        Parameters
+        ----------
+        contacts : sequence of Contact
+            Tips of one shape on bodies of one family.
+        family : Family
+            The bodies, which differ in one ratio.
+        ratios : sequence of float or None
+            The ratio of each contact; None for a family with a single member.
+        depths : sequence of float
+            Depths (m) that must be reached.
+
+        Returns
+        -------
+        sequence of ContactLaw, RangeError or None
+            A RangeError (returned, not raised) where no law reaches so deep; None without a table.
         """
         del family, ratios, depths
         return [None] * len(contacts)
 
     def has_batches(self, contact: Contact) -> bool:
-        """Whether many contacts like this one, with other moduli, may be solved by `ExactBatch` at once."""
+        """Whether many contacts like this one, with other moduli, can be solved at once by `ExactBatch`."""
         del contact
         return False
 
     def has_surfaces(self, contact: Contact) -> bool:
-        """Whether laws of contacts that differ from this one in one number are smooth in it, and dear to solve."""
+        """Whether laws of such contacts are smooth in one parameter and costly, so that interpolation pays."""
         del contact
         return False
 
     def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
-        """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""
+        """Range numbers (sets,) of depths (m), (sets,): sets in one range can share a law."""
         del contact
         return np.ceil(np.log2(np.maximum(depth, np.finfo(float).tiny)))
 
     @one_thread()
     def law(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build a law and see that it is one, with a warning where it is to go deeper than the layer is thick.
+        """Build and check the law of a contact, with adhesion, friction and modifications as the contact has them.
+
+        Adds a warning where `max_depth` (m) is more than the layer's thickness.
 
         Raises
         ------
         LawError
-            If `build` fails with an error that is not underlay's, or hands back something else.
+            If `build` fails with an error that is not underlay's, or returns something else.
         UnderlayError
             As `build` does.
         """

@@ -1,9 +1,9 @@
-"""The solvers there are, by name, and the door to the mechanics: `contact_law`.
+"""The available solvers, by name, and the entry point to the mechanics: `contact_law`.
 
 ==================  ===========================================================================================
 ``Auto``            half-space where a bound says that nothing under the surface matters, else exact
 ``Exact``           the contact problem solved to a relative error
-``Stuck``           the same with a tip on which points stick where they touch
+``Stuck``           the same with full friction: points stick where they touch the tip
 ``Asymptotic``      the paper's explicit formulas, orders 0 to 4: contacts smaller than the layer is thick
 ``HalfSpace``       no layer effect: Hertz, Sneddon, Boussinesq
 ``Published``       a correction from the literature, by name
@@ -54,6 +54,8 @@ AnySolver: TypeAlias = Solver | PublishedCorrection | str | Any
 class Asymptotic(Solver):
     """The paper's asymptotic model: explicit formulas, for contacts smaller than the layer is thick.
 
+    Equation numbers are those of Argatov and Sabina.
+
     Parameters
     ----------
     order : int, default 4
@@ -75,7 +77,7 @@ class Asymptotic(Solver):
 
     @property
     def label(self) -> str:
-        """``"asymptotic:4"``: with its order."""
+        """Name with the order, ``"asymptotic:4"``."""
         return f"asymptotic:{self.order}"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
@@ -85,10 +87,10 @@ class Asymptotic(Solver):
 
 @dataclass(frozen=True)
 class HalfSpace(Solver):
-    """No layer effect: the half-space of what the indenter touches.
+    """No layer effect: a half-space of the material that the indenter touches.
 
-    On a layered body the law's `error_estimate` bounds what is under the surface would do; where that is more than
-    the force itself it says no more than so.
+    On a layered body the law's `error_estimate` is a bound on the effect of what is under the surface; a bound
+    above 1 only says that this effect may exceed the force.
     """
 
     scaling: ClassVar[Scaling] = Scaling.POWER_LAW
@@ -96,7 +98,7 @@ class HalfSpace(Solver):
     name: ClassVar[str] = "halfspace"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build the half-space law to the end of the indenter's shape; its error holds up to `max_depth` (m)."""
+        """Build the half-space law, to the end of the indenter's shape; its error is for up to `max_depth` (m)."""
         return halfspace_law(contact, max_depth)
 
 
@@ -135,7 +137,7 @@ class Published(Solver):
 
 @dataclass(frozen=True, eq=False)
 class _Own(Solver):
-    """An object that builds laws and is no `Solver`: nothing more is known of it."""
+    """Wrapper for a caller's object with a method ``build``, which is no `Solver`."""
 
     builder: Any
 
@@ -158,12 +160,12 @@ _NAMED: Mapping[str, type[Any]] = {
 
 
 def solver_names() -> tuple[str, ...]:
-    """List the names that `as_solver` knows, those of other packages among them."""
+    """Names that `as_solver` accepts, those of plug-in packages included."""
     return (*_NAMED, *published_names(), *_plugged())
 
 
 def plugged_solvers() -> tuple[Plugin, ...]:
-    """Load the solvers that other packages add; see `underlay.plugins`."""
+    """Load the solvers of plug-in packages; see `underlay.plugins`."""
     return plugins(SOLVERS, _fault)
 
 
@@ -176,12 +178,12 @@ def _fault(name: str, thing: object) -> str:
 
 
 def _plugged() -> dict[str, Any]:
-    """Solver classes and corrections of other packages that can be used, by name."""
+    """Solver classes and corrections of plug-in packages that passed the checks, by name."""
     return {entry.name: entry.thing for entry in plugged_solvers() if not entry.fault}
 
 
 def as_solver(given: AnySolver) -> Solver:
-    """Return the solver that a ``solver=`` stands for.
+    """Return the `Solver` for an argument ``solver=``: a name, a solver, a correction, or an object with ``build``.
 
     Raises
     ------
@@ -220,12 +222,12 @@ def as_solver(given: AnySolver) -> Solver:
 
 
 def solver_named(name: str, **numbers: Any) -> Solver:
-    """Return the solver of a name with its numbers, as a scene file gives them.
+    """Return the solver of a given name with its settings (``rtol``, ``order``), as a scene file has them.
 
     Raises
     ------
     InputError
-        If there is no solver of that name, or it has no such number.
+        If there is no solver of that name, or it has no such setting.
 
     Examples
     --------
@@ -246,12 +248,12 @@ def solver_named(name: str, **numbers: Any) -> Solver:
 
 
 def solver_record(solver: Solver) -> dict[str, Any]:
-    """Return ``{"name": ..., numbers}``, from which `solver_named` makes it again.
+    """Return ``{"name": ..., settings}``, the arguments from which `solver_named` makes it again.
 
     Raises
     ------
     InputError
-        If it is a solver of one's own, which has no name here.
+        If it is a caller's own solver, which has no registered name.
     """
     if isinstance(solver, Published) and isinstance(solver.correction, str):
         return {"name": solver.name}

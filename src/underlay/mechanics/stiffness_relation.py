@@ -124,7 +124,7 @@ class AreaFunction:
         return found
 
     def radius(self, contact_depth: ArrayLike) -> FloatArray:
-        """Radius (m) of the round contact of this area."""
+        """Radius (m) of the circle with the projected area at contact depths (m)."""
         return np.sqrt(self.area(contact_depth) / math.pi)
 
 
@@ -147,6 +147,8 @@ def modulus_from_stiffness(
     solver: str | Solver = "exact",
 ) -> FloatArray:
     """Young's modulus (Pa) of a layer from the unloading stiffness and the contact area (9.6).
+
+    Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -221,7 +223,10 @@ def _punch_factor(solver: Solver) -> _PunchFactor:
 
 
 def _solve(halfspace: float, eps: float, nu: float, substrate: Base, factor: _PunchFactor) -> float:
-    """Solve E kappa_inf(E) = `halfspace` in ln E between brackets that double."""
+    """Young's modulus E (Pa) with E kappa_inf(E) = `halfspace`, by bracketing in ln E.
+
+    `halfspace` (Pa) is the modulus that the half-space formula gives; `eps` is a/h, `nu` the layer's.
+    """
 
     def excess(log_modulus: float) -> float:
         modulus = float(np.exp(log_modulus))

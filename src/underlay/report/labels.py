@@ -44,7 +44,7 @@ def _words(path: str) -> str:
         return _FOREIGN.sub("?", path)
     number = _INDEX.search(last)
     words = known.label.format(part=_part(_FOREIGN.sub("?", place)))
-    return f"{words}, number {int(number[1]) + 1}" if number else words
+    return f"{words} (term {int(number[1]) + 1})" if number else words
 
 
 def _part(place: str) -> str:

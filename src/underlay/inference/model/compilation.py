@@ -179,8 +179,8 @@ def against_travel(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[S
     at_rest = float(np.median(curve.force[np.argpartition(curve.depth, count)[:count]]))
     travel = curve.depth + (curve.force - at_rest) / stiffness
     note = (
-        f"the noise of a lever of {format_quantity(stiffness, 'stiffness')} is in depth and force alike: the curve "
-        "is fitted against the travel (depth + force/k), with the lever in series"
+        f"fitted against the travel, with the lever of {format_quantity(stiffness, 'stiffness')} in series: its "
+        "noise is in depth and force alike"
     )
     instrument = replace(scene.instrument, compliance=1.0 / stiffness)
     notes = (*curve.metadata.get("notes", ()), note)

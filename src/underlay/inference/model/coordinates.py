@@ -18,6 +18,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.priors import Flat, Given, LogUniform, Prior, Uniform
 from underlay.quantities import Quantity
+from underlay.units import format_quantity
 
 __all__ = ["Coordinate", "ScaledSpace", "Spans", "make_coordinate"]
 
@@ -203,9 +204,10 @@ def make_coordinate(
     possible = quantity.bounds
     low, high = max(prior.support[0], possible[0]), min(prior.support[1], possible[1])
     if not low <= start <= high:
+        begin, *ends = (format_quantity(number, quantity.kind) for number in (start, low, high))
         raise InputError(
-            f"the start of {name} is {start:.6g}, outside its bounds [{low:.6g}, {high:.6g}] (SI): "
-            "change the value in the scene, or the bounds"
+            f"{name} starts at {begin}, outside its bounds ({' to '.join(ends)}): change the value in the scene, "
+            "or the bounds"
         )
     scale = None if logarithmic else _scale(quantity, prior, spans)
     return Coordinate(name, path, quantity, prior, low, high, start, scale)

@@ -136,7 +136,11 @@ def _assumed(path: str, value: float) -> tuple[float, float, str] | None:
     section, _, name = path.rpartition(".")
     of_tip, of_base = section == "indenter", section.startswith("substrate")
     if name == "nu":
-        return (_NEARLY, 0.0, f"-{_NEARLY:g}") if value == _INCOMPRESSIBLE else (_NU, _NU, f"± {_NU:g}")
+        return (
+            (_NEARLY, 0.0, f"{value - _NEARLY:g} to {value:g}")
+            if value == _INCOMPRESSIBLE
+            else (_NU, _NU, f"± {_NU:g}")
+        )
     if name == "nu_axial":
         return _NU_AXIAL, _NU_AXIAL, f"± {_NU_AXIAL:g}"
     if name == "permeability_ratio":

@@ -291,15 +291,15 @@ def _walked(density: Density, coordinate: int, chosen: Sequence[int]) -> list[No
     likelihood = density.likelihood
     fit, bounds = likelihood.fit, likelihood.fit.problem.bounds
     heaviest = chosen[int(np.argmax(likelihood.combined.weights[list(chosen)]))]
-    moments, start = [curve.moments for curve in density.curves], fit.vector
+    moments, settled = [curve.moments for curve in density.curves], None
     misses = [np.zeros_like(own.residual) for own in moments]
     without = [np.zeros((len(own.residual), 0)) for own in moments]
     correcting = len(moments) == 1 and bool(likelihood.states[0].hypotheses.corrects[heaviest])
     if correcting:
         misses, without = [moments[0].residual], [moments[0].basis @ moments[0].taken[heaviest]]
-        start = _near(fit.vector, likelihood.mixture.means[heaviest])
     path = Path(density, bounds, misses, without, likelihood.priors)
-    settled = path.settled(start, None) if correcting else None
+    if correcting:
+        settled = path.settled(_near(fit.vector, likelihood.mixture.means[heaviest]), None)
 
     def level(node: Node) -> float:
         found = conditionals(density, [node], coordinate, chosen)[0]
@@ -307,7 +307,8 @@ def _walked(density: Density, coordinate: int, chosen: Sequence[int]) -> list[No
 
     deviation = float(likelihood.mixture.deviations[coordinate])
     deviation = deviation if deviation > _HELD else 1.0
-    return walk(path, start if settled is None else settled.vector, coordinate, deviation, level)
+    # Where the correction leads to a place without a law, the walk begins at least squares.
+    return walk(path, fit.vector if settled is None else settled.vector, coordinate, deviation, level)
 
 
 def _near(vector: FloatArray, other: FloatArray) -> FloatArray:

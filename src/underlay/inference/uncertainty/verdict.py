@@ -287,7 +287,9 @@ def _of_widths(answers: Sequence[Answer]) -> Iterator[Advice]:
                 CHECK,
                 f"{known.name} is known to a factor of {known.high / known.low:.2g} only",
                 _largest(known),
-                "indent deeper or with a second tip; state an input's uncertainty where it is smaller",
+                "indent deeper, or with a second tip too"
+                if known.contributions[0].origin == "seen"
+                else "measure that better, and state its uncertainty",
             )
 
 

@@ -1,17 +1,17 @@
-"""The law of a tip that sticks: its equilibria by contact radius, and the stable part of them by depth.
+"""The law of an adhesive tip: its equilibria by contact radius, and the stable part of them by depth.
 
-A model of adhesion says depth w and force P of a contact of given radius a, `AdhesiveBranch.at`. Which of these
-contacts are there depends on what is held: the depth (a branch ends at dw/da = 0), the load (dP/da = 0), or the
-far end of a spring, a cantilever of stiffness k (dP/da + k dw/da = 0). With y what is held (depth, force, or
-travel of the spring's end), `stable_path` turns y(a) round into a(y), and `AdhesiveLaw` is force against depth
+A model of adhesion gives depth w and force P of a contact of given radius a, `AdhesiveBranch.at`. Which of these
+equilibria are stable depends on what is controlled: the depth (a branch ends at dw/da = 0), the load (dP/da = 0),
+or the far end of a spring, a cantilever of stiffness k (dP/da + k dw/da = 0). With y what is controlled (depth,
+force, or travel of the spring's end), `stable_path` inverts y(a) to a(y), and `AdhesiveLaw` is force against depth
 along it.
 
-Pulled off slowly, a contact follows y(a) inwards from its widest until y has a minimum: there it has nowhere to
-go but to the next narrower contact at the same y, or off. So the stable contact at y is the widest of those
-with y(a) = y: the pieces of the curve at which y is below all that lies outside of them.
+Pulled off slowly, a contact follows y(a) inwards from its widest until y has a minimum: from there it can only jump
+to the next narrower contact at the same y, or come off. So the stable contact at y is the widest of those with y(a)
+= y: the pieces of the curve at which y is below all that lies outside of them.
 
 At the minimum y - y_end grows as (a - a_end)^2: in x = arcsinh(sqrt((y - y_end)/|y_end|)) the radius is smooth
-and cubic splines give it back.
+and is interpolated by cubic splines.
 """
 
 from __future__ import annotations
@@ -61,7 +61,10 @@ _DRAWN = 600
 
 
 class Jump(NamedTuple):
-    """A jump at the value `at` of y from the contact radius `outer` (m) to `inner` (m), zero where it comes off."""
+    """A jump, at the value `at` of y, from contact radius `outer` to `inner` (m); zero where the tip comes off.
+
+    y is the variable of `stable_path`: depth, force or travel.
+    """
 
     at: float
     outer: float
@@ -70,7 +73,10 @@ class Jump(NamedTuple):
 
 @dataclass(frozen=True)
 class _Piece:
-    """One piece: y from `end`, a minimum at the radius `radius`, up to `top`."""
+    """One stable piece: y from its minimum `end`, at contact radius `radius`, up to `top`.
+
+    y is the controlled quantity: depth, force, or travel of the spring's far end.
+    """
 
     end: float
     top: float
@@ -82,38 +88,58 @@ class _Piece:
         return np.arcsinh(np.sqrt((y - self.end) / self.scale))
 
     def rate(self, x: FloatArray) -> FloatArray:
-        """Derivative of y in the variable x of the splines."""
+        """dy/dx, x the variable of the splines."""
         return np.asarray(self.scale * np.sinh(2.0 * x))
 
 
 @dataclass(frozen=True)
 class StablePath:
-    """Stable contacts: ln a and further columns, interpolated against y in [`end`, `top`]; see `stable_path`."""
+    """Stable contacts: ln a and further columns, interpolated in y in [`end`, `top`]; see `stable_path`.
+
+    y is the controlled quantity: depth, force, or travel of the spring's far end.
+    """
 
     pieces: tuple[_Piece, ...]
     jumps: tuple[Jump, ...]
 
     @property
     def end(self) -> float:
-        """Smallest y at which there is contact."""
+        """Smallest y at which there is contact.
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
+        """
         return self.pieces[-1].end
 
     @property
     def end_radius(self) -> float:
-        """Contact radius (m) there."""
+        """Contact radius (m) at y = `end`.
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
+        """
         return self.pieces[-1].radius
 
     @property
     def top(self) -> float:
-        """Largest y."""
+        """Largest y of the path.
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
+        """
         return self.pieces[0].top
 
     def radius(self, y: FloatArray) -> FloatArray:
-        """Contact radius (m), (n,), at y (n,) in [`end`, `top`]."""
+        """Contact radius (m), (n,), at y (n,) in [`end`, `top`].
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
+        """
         return np.asarray(np.exp(self.values(y)[0][:, 0]))
 
     def values(self, y: FloatArray, *, slopes: bool = False) -> tuple[FloatArray, FloatArray]:
-        """ln a and the further columns, (n, 1 + k), at y (n,), and their derivatives in y (zero unless asked)."""
+        """ln a and the further columns at y (n,), and their derivatives in y, each (n, 1 + k).
+
+        The derivatives are zero unless `slopes` is true.
+
+        y is the controlled quantity: depth, force, or travel of the spring's far end.
+        """
         found = np.empty((y.size, self.pieces[0].spline.c.shape[-1]))
         slope = np.zeros_like(found)
         for number, piece in enumerate(self.pieces):
@@ -132,16 +158,16 @@ class StablePath:
 def stable_path(
     curve: Curve, grid: FloatArray, columns: Columns | None = None, rtol: float = 1e-6
 ) -> StablePath:
-    """Find the stable pieces of y(a) on `grid` and interpolate them.
+    """Find the stable pieces of y(a) on `grid` and interpolate them; y is what is controlled (module's head).
 
     Parameters
     ----------
     curve : callable
         Radii (m), (n,), to (y, dy/da).
     grid : FloatArray
-        Radii (m), increasing, fine enough to show every minimum of y; from the last inwards y must decrease.
+        Radii (m), increasing, fine enough to resolve every minimum of y; from the last inwards y must decrease.
     columns : callable, optional
-        Radii (m), (n,), to further columns (n, k).
+        Radii (m), (n,), to further columns (n, k) to be interpolated.
     rtol : float
         Relative error of the interpolation.
 
@@ -185,7 +211,10 @@ def _piece(curve: Curve, lower: float, upper: float, columns: Columns | None, rt
 
 
 def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
-    """Radius of the minimum of y next to grid point `start`."""
+    """Radius (m) of the minimum of y near grid point `start`.
+
+    y is the controlled quantity: depth, force, or travel of the spring's far end.
+    """
     if start == 0:
         raise RangeError(
             f"the contact holds down to the smallest radius that is solved for, {grid[0]:.4g} m: it has no "
@@ -202,7 +231,10 @@ def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
 
 
 def _crossing(curve: Curve, level: float, low: float, high: float) -> float:
-    """Radius between `low` and `high` at which y is `level`."""
+    """Radius (m) between `low` and `high` at which y is `level`.
+
+    y is the controlled quantity: depth, force, or travel of the spring's far end.
+    """
 
     def excess(radius: float) -> float:
         return float(curve(np.array([radius]))[0][0]) - level
@@ -211,7 +243,7 @@ def _crossing(curve: Curve, level: float, low: float, high: float) -> float:
 
 
 class BranchPoint(NamedTuple):
-    """States of given contact radii, each (n,): w (m), P (N), dw/da (dimensionless), dP/da (N/m)."""
+    """Equilibria at given contact radii, each (n,): w (m), P (N), dw/da (dimensionless), dP/da (N/m)."""
 
     depth: FloatArray
     force: FloatArray
@@ -220,7 +252,7 @@ class BranchPoint(NamedTuple):
 
 
 class AdhesiveBranch(ABC):
-    """Equilibria from the radius `start` to `end` (m).
+    """Equilibria of an adhesive contact, stable or not, for contact radii from `start` to `end` (m).
 
     A concrete class also holds `reference` (m), the radius at which the depth is zero on a half-space: the scale
     of the contact; and `nodes`, the radial nodes of the solution behind it, where there is one.
@@ -233,23 +265,23 @@ class AdhesiveBranch(ABC):
 
     @abstractmethod
     def at(self, radius: FloatArray) -> BranchPoint:
-        """States at radii (m), (n,)."""
+        """Depth, force and their slopes at radii (m), (n,)."""
 
     def work_slope(self, radius: FloatArray) -> FloatArray | None:
-        """dP/d ln(work) (N) at fixed depth, (n,), at radii (m), (n,); None: a caller takes differences."""
+        """dP/d ln(work of adhesion) (N) at fixed depth, at radii (m), (n,); None: use finite differences."""
         del radius
         return None
 
     @cached_property
     def force_scale(self) -> float:
-        """Size of the force (N) at the reference radius."""
+        """Magnitude of the force (N) at the contact radius `reference`, by which forces are made dimensionless."""
         return abs(float(self.at(np.array([self.reference])).force[0]))
 
     def path(self, compliance: float, rtol: float) -> StablePath:
-        """Stable states behind a spring of this compliance (m/N): 0 for a given depth, inf for a given load.
+        """Stable states behind a spring of this compliance C (m/N): 0 for depth control, inf for load control.
 
-        The path's variable is the travel w + C P (m) of the spring's other end; the force (N) for a given load.
-        Next to ln a it holds arcsinh(P/scale).
+        The path's variable is the travel w + C P (m) of the spring's other end; under load control the force (N).
+        Next to ln a it holds arcsinh(P/scale), scale being `force_scale`.
         """
         count = 2 + int(_PER_DECADE * np.log10(self.end / self.start))
         grid = np.geomspace(self.start, self.end, count)
@@ -269,7 +301,10 @@ class AdhesiveBranch(ABC):
 
 
 def in_touch(states: str, travel: FloatArray, end: float | FloatArray) -> NDArray[np.bool_]:
-    """Whether there is contact at travels (..., n) that are reached in this order; it is lost at `end`."""
+    """Whether there is contact at travels (..., n), given in the order they are reached; it is lost at `end`.
+
+    `states` is one of `STATES`.
+    """
     if states == "approaching":
         return np.asarray(travel > 0.0)
     if states == "separating":
@@ -282,18 +317,18 @@ def in_touch(states: str, travel: FloatArray, end: float | FloatArray) -> NDArra
 
 @dataclass(frozen=True, kw_only=True)
 class AdhesiveLaw(ContactLaw):
-    """A rounded or pointed tip that sticks; the law's domain reaches to the pull-off.
+    """Law of a rounded or pointed adhesive tip; its domain begins at the pull-off.
 
     Parameters
     ----------
     branch : AdhesiveBranch
         All equilibria.
     path : StablePath
-        Those that are stable when the depth is given.
+        Those that are stable under depth control.
     rtol : float
         Relative error of interpolations.
     states : str
-        One of `STATES`.
+        One of `STATES`: which of several states at one depth is taken (see `JKR`).
     """
 
     branch: AdhesiveBranch
@@ -305,49 +340,58 @@ class AdhesiveLaw(ContactLaw):
 
     @property
     def pull_off_force(self) -> float:
-        """Tension (N, positive) that takes the tip off when the load is given: the largest the contact bears."""
+        """Largest tension (N, positive) that the contact bears under load control."""
         return -self.load_path.end
 
     @property
     def pull_off_depth(self) -> float:
-        """Depth (m, negative for most) at which the contact is lost when the depth is given."""
+        """Depth (m, mostly negative) at which the contact is lost under depth control."""
         return self.path.end
 
     @cached_property
     def zero_load_radius(self) -> float:
-        """Contact radius (m) at which the tip rests without load."""
+        """Contact radius (m) in equilibrium without load."""
         return float(self.load_path.radius(np.zeros(1))[0])
 
     @cached_property
     def load_path(self) -> StablePath:
-        """States that are stable when the load is given, by force (N)."""
+        """States that are stable under load control, by force (N)."""
         return self.branch.path(np.inf, self.rtol)
 
     @property
     def jumps(self) -> tuple[Jump, ...]:
-        """Depths (m) at which the contact radius jumps to another while the tip is withdrawn; mostly none."""
+        """Depths (m) at which the contact radius jumps during withdrawal without being lost; mostly none."""
         return tuple(jump for jump in self.path.jumps if jump.inner)
 
     def pull_off(self, compliance: float = 0.0) -> ContactState:
-        """Where the tip comes off behind a spring (m/N): 0 for a given depth, inf for a given load."""
+        """State in which the tip comes off, behind a spring of `compliance` (m/N).
+
+        Zero is depth control, inf load control.
+        """
         path = self._behind(compliance)
         here = self.branch.at(np.array([path.end_radius]))
         return ContactState(float(here.depth[0]), float(here.force[0]), path.end_radius)
 
     def jump_in(self, compliance: float = 0.0) -> ContactState:
-        """State (depth, force, radius) right after the first touch behind a spring (m/N)."""
+        """State (depth, force, radius) right after first contact, behind a spring of `compliance` (m/N)."""
         path = self._behind(compliance)
         radius = path.radius(np.zeros(1))
         here = self.branch.at(radius)
         return ContactState(float(here.depth[0]), float(here.force[0]), float(radius[0]))
 
     def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
-        """Travels (m) at which the contact jumps behind a spring (m/N); several on a film that folds."""
+        """Travels (m) at which the contact jumps, behind a spring of `compliance` (m/N).
+
+        Several where a film folds, so that depth is not a single-valued function of radius.
+        """
         touch, lost = (0.0,), tuple(jump.at for jump in self._behind(compliance).jumps)
         return {"approaching": touch, "separating": lost, "cycle": (*touch, *lost)}[self.states]
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
-        """All equilibria as `ContactLaw.equilibria`, from a tenth of the pull-off's radius outwards."""
+        """Depths (m) and forces (N), each (n,), of all equilibria up to `max_depth` (m), stable or not.
+
+        From a tenth of the pull-off's contact radius outwards.
+        """
         widest = float(self.path.radius(np.array([max_depth]))[0])
         narrowest = max(0.1 * self.path.end_radius, self.branch.start)
         radius = np.geomspace(narrowest, widest, _DRAWN)
@@ -356,9 +400,9 @@ class AdhesiveLaw(ContactLaw):
         return here.depth, here.force
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
-        """dP/d ln(work) (N) at fixed depth, (n,), at depths (m); zero where there is no contact.
+        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,); zero without contact.
 
-        None where the model does not know it.
+        None where the model does not provide it.
         """
         slope, here = np.zeros_like(depth), self._touching(depth)
         values, _ = self.path.values(depth[here], slopes=True)
@@ -372,16 +416,16 @@ class AdhesiveLaw(ContactLaw):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """From the depth at which the contact is lost (of an approach: zero) to `max_depth` (m)."""
+        """Depths (m) of the law: from where contact is lost (zero for an approach) to `max_depth`."""
         return (0.0 if self.states == "approaching" else self.path.end), self.max_depth
 
     @property
     def nodes(self) -> int | None:
-        """Radial nodes of the solution behind it."""
+        """Number of radial nodes of the elastic solution; None on a half-space."""
         return self.branch.nodes
 
     def depth(self, force: ArrayLike) -> FloatArray:
-        """Depth (m) at forces (N), the widest contact that bears them when the load is given.
+        """Depth (m) at forces (N) under load control: that of the widest contact with this force.
 
         Raises
         ------
@@ -407,9 +451,9 @@ class AdhesiveLaw(ContactLaw):
         return depth
 
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray:
-        """Depth (m) behind a spring of this compliance (m/N) at travels (m), (n,); the travel where it is off.
+        """Depth (m) behind a spring of this compliance (m/N) at travels (m), (n,); the travel if out of contact.
 
-        Below zero it is a lever that bends less than was taken off.
+        A negative compliance is that of a cantilever which bends less than was subtracted from the readings.
         """
         path = self.branch.path(compliance, self.rtol) if compliance < 0.0 else self._behind(compliance)
         here = in_touch(self.states, travel, path.end)

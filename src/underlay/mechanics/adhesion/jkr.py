@@ -1,8 +1,8 @@
 """Johnson, Kendall and Roberts on any layer, explicit in the contact radius, and how short-ranged it must be.
 
-Formula: let go of f(1) = 0 in the contact problem of `punch_solution`. With the radius a and the depth w given,
+Formula: drop f(1) = 0 in the contact problem of `punch_solution`. With the radius a and the depth w given,
 the solution is f = f_el + (w - w_el(a)) g, g the flat punch's, w_el and P_el depth and force without adhesion.
-At the edge the surface is the layer's: the energy set free by a shrinking contact is G = theta f(1)^2/(pi a),
+At the edge the surface is the layer's: the energy release rate of a shrinking contact is G = theta f(1)^2/(pi a),
 and G = dgamma, the work of adhesion, gives
 
     w(a) = w_el(a) - q,   P(a) = P_el(a) - 4 theta a kappa q,   q = sqrt(pi a dgamma/theta)/g(1),
@@ -14,10 +14,10 @@ and with eps = a/h, kappa = int_0^1 g dx and d(eps kappa)/d eps = g(1)^2
 On a half-space g = kappa = 1: Johnson, Kendall and Roberts (1971), Proc. R. Soc. A 324, 301. The flat punch
 (w_el = P_el = 0): Kendall (1971), J. Phys. D 4, 1186.
 
-Assumes what the elastic law assumes, and an attraction whose range is short against the gap outside of the
-contact: `range_limit` says how short, from one state of an attraction of finite range (`maugis_state`). The contact
-ends where its branch has no neighbour any more: dw/da = 0 when the depth is given, dP/da = 0 when the force is,
-dP/da + k dw/da = 0 behind a spring k.
+Assumes what the elastic law assumes, and an attraction whose range is short against the gap outside of the contact:
+`range_limit` gives the longest range, from one state of an attraction of finite range (`maugis_state`). The contact
+is lost where its branch of equilibria ends: dw/da = 0 under depth control, dP/da = 0 under load control, dP/da + k
+dw/da = 0 behind a spring k.
 """
 
 from __future__ import annotations
@@ -82,7 +82,10 @@ _WIDEN = 2.0**0.5
 
 
 class MaugisState(NamedTuple):
-    """One equilibrium: depth w (m), force P (N), separation delta (m) at the radius `outer` c (m)."""
+    """One equilibrium: depth w (m), force P (N), and the separation delta (m) at the radius `outer` c (m).
+
+    The attraction acts on the ring between contact radius and c.
+    """
 
     depth: float
     force: float
@@ -107,6 +110,8 @@ def maugis_state(contact: Contact, radius: float, outer: float, stress: float) -
     Given a and c all is explicit; given delta, c is a root. The annulus has nodes s = sqrt(c^2 - (c^2 - a^2)
     t^2), t those of Gauss and Legendre on (0, 1), which takes out both square roots. On a half-space: Maugis
     (1992), J. Colloid Interface Sci. 150, 243.
+
+    theta is the elastic constant of the surface.
 
     Parameters
     ----------
@@ -144,20 +149,23 @@ def maugis_state(contact: Contact, radius: float, outer: float, stress: float) -
 
 
 class RangeLimit(NamedTuple):
-    """Longest range of the attraction (m) for which JKR holds, and the ring (c - a)/a that it acts on."""
+    """Longest range of the attraction (m) for which JKR holds, and the relative width (c - a)/a of its ring.
+
+    The attraction acts on the ring between the contact radius a and the radius c.
+    """
 
     separation: float
     ring: float
 
 
 def range_limit(contact: Contact, work: float, radius: float, elastic: float, share: float) -> RangeLimit:
-    """Longest range at which what adhesion adds to the force is JKR's within `share`.
+    """Longest range of the attraction at which adhesion adds to the force what JKR says, within `share`.
 
-    An attraction that ends at the separation delta acts on a ring of the width c - a around the contact, and
-    JKR is the limit of a narrow ring. How narrow it must be depends on the layer, which the usual Tabor number,
-    formed with the tip's radius and the modulus alone, does not know. Without load a paraboloid allows a ring
-    of 0.054 for 5 % on a half-space; on an incompressible bonded layer 0.041 at a/h = 1.6 and 0.032 at a/h =
-    4.9. Pressed so that adhesion is small against the load it is less still.
+    An attraction that ends at the separation delta acts on a ring of the width c - a around the contact, and JKR is
+    the limit of a narrow ring. How narrow it must be depends on the layer, which the usual Tabor number, formed
+    with the tip's radius and the modulus alone, does not take into account. Without load a paraboloid allows a ring
+    of 0.054 for 5 % on a half-space; on an incompressible bonded layer 0.041 at a/h = 1.6 and 0.032 at a/h = 4.9.
+    Pressed so that adhesion is small against the load it is less still.
 
     Parameters
     ----------
@@ -168,14 +176,14 @@ def range_limit(contact: Contact, work: float, radius: float, elastic: float, sh
     radius : float
         Contact radius (m) at which JKR has no load.
     elastic : float
-        Force (N) of the contact of this radius without adhesion: what JKR takes away there.
+        Force (N) of the contact of this radius without adhesion, which JKR's adhesion cancels there.
     share : float
-        What is allowed, of `elastic`.
+        Deviation allowed, as a share of `elastic`.
 
     Returns
     -------
     RangeLimit
-        The end of what can be solved where that is not yet too long.
+        The largest range that can be solved, where that still meets `share`.
     """
     widest = min(_WIDEST, 0.999 * (largest_radius(contact) / radius - 1.0))
 
@@ -191,7 +199,7 @@ def range_limit(contact: Contact, work: float, radius: float, elastic: float, sh
 
 
 def _stress(contact: Contact, work: float, radius: float, outer: float) -> float:
-    """Attraction (Pa) with which a ring out to `outer` (m) does this work of adhesion (J/m^2)."""
+    """Attraction (Pa) for which a ring out to `outer` (m) gives this work of adhesion (J/m^2)."""
 
     def excess(log_stress: float) -> float:
         stress = float(np.exp(log_stress))
@@ -208,7 +216,7 @@ def _stress(contact: Contact, work: float, radius: float, outer: float) -> float
 
 @dataclass(frozen=True)
 class JKR(Adhesion):
-    """Short-ranged adhesion of Johnson, Kendall and Roberts, on whatever is under the surface.
+    """Short-ranged adhesion of Johnson, Kendall and Roberts, on any body.
 
     Parameters
     ----------
@@ -217,7 +225,7 @@ class JKR(Adhesion):
     branch : str, default "separating"
         Which states a law takes. ``"separating"``: the tip was pressed in and is withdrawn; there is contact
         down to the pull-off. ``"approaching"``: there is none before the tip touches at depth zero and jumps
-        in. ``"cycle"``: depths are asked in the order in which they are reached; contact begins at zero and
+        in. ``"cycle"``: depths are given in the order in which they are reached; contact begins at zero and
         ends at the pull-off.
 
     Examples
@@ -240,7 +248,7 @@ class JKR(Adhesion):
             raise InputError(f"unknown branch {self.branch!r} of adhesion; known: {', '.join(STATES)}")
 
     def law(self, contact: Contact, max_depth: float, solver: BuildsElastic) -> ContactLaw:
-        """Build the law for depths up to `max_depth` (m); it reaches the zero-load radius in any case.
+        """Build the law for depths up to `max_depth` (m), and at least up to the contact without load.
 
         Raises
         ------
@@ -276,7 +284,10 @@ class JKR(Adhesion):
         )
 
     def about_range(self, contact: Contact, solver: BuildsElastic) -> str:
-        """How short the attraction must reach for JKR to hold, in words, by the ring (c - a)/a of `range_limit`."""
+        """Sentence on how short-ranged the attraction must be for JKR to hold in this contact, by `range_limit`.
+
+        Empty for a flat punch.
+        """
         if contact.indenter.has_edge:
             return ""
         body = _body(contact, solver)
@@ -295,7 +306,7 @@ class JKR(Adhesion):
     def table(
         self, contact: Contact, contact_at: Callable[[float], Contact], solver: BuildsElastic
     ) -> AdhesionTable | None:
-        """Table for many works of adhesion, as `Adhesion.table`; None for a flat punch."""
+        """Table of such contacts at any work of adhesion (see `Adhesion.table`); None for a flat punch."""
         if contact.indenter.has_edge:
             return None
         return JKRTable(
@@ -308,7 +319,7 @@ class JKR(Adhesion):
 
 @dataclass(frozen=True)
 class JKRBranch(AdhesiveBranch):
-    """Every equilibrium of one contact, by its radius.
+    """Every equilibrium of one contact, stable or not, by its contact radius.
 
     Parameters
     ----------
@@ -327,16 +338,16 @@ class JKRBranch(AdhesiveBranch):
 
     @property
     def start(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """Smallest radius (m) of the equilibria, far below the end of every branch."""
+        """Smallest contact radius (m), far below that of pull-off."""
         return _SMALLEST * self.reference
 
     @property
     def nodes(self) -> int | None:  # type: ignore[override]  # as above
-        """Radial nodes of the elastic solution; None on a half-space."""
+        """Number of radial nodes of the elastic solution; None on a half-space."""
         return self.relation.nodes
 
     def at(self, radius: FloatArray) -> BranchPoint:
-        """States at radii (m), (n,), positive and at most `end`; explicit."""
+        """Depth, force and their slopes at radii (m), (n,), positive and at most `end`, in closed form."""
         theta, elastic = self.relation.theta, self.relation.at(radius)
         q = np.sqrt(np.pi * radius * self.work / theta) / elastic.edge
         slope = elastic.depth_slope - q * (0.5 / radius - elastic.edge_rate)
@@ -345,23 +356,23 @@ class JKRBranch(AdhesiveBranch):
         return BranchPoint(elastic.depth - q, elastic.force - stiffness * q, slope, force_slope)
 
     def work_slope(self, radius: FloatArray) -> FloatArray:
-        """dP/d ln dgamma (N) at fixed depth, (n,), at radii (m), (n,): - 2 pi a dgamma da/dw."""
+        """dP/d ln(work of adhesion) (N) at fixed depth, at radii a (m), (n,): -2 pi a dgamma da/dw."""
         return -2.0 * np.pi * self.work * radius / self.at(radius).depth_slope
 
 
 def _body(contact: Contact, solver: BuildsElastic) -> Contact:
-    """The contact as the solver sees it."""
+    """The contact that the solver solves: a half-space where it ignores what is under the surface."""
     return contact if solver.sees_base else replace(contact, thickness=np.inf)
 
 
 def elastic_tolerance(solver: BuildsElastic) -> float:
-    """Relative error of a solver that adhesion can stand on.
+    """Relative error of a solver that adhesion can be computed with.
 
     Raises
     ------
     InputError
-        If it is neither the exact law nor the half-space: adhesion pulls at the edge of the contact, of which
-        corrections of the force say nothing.
+        If it is neither the exact law nor the half-space: adhesion acts at the edge of the contact, which
+        corrections of the force do not describe.
     """
     if solver.tolerance > 0.0:
         return solver.tolerance
@@ -374,7 +385,7 @@ def elastic_tolerance(solver: BuildsElastic) -> float:
 
 
 def jkr_branch(contact: Contact, work: float, max_depth: float, rtol: float) -> JKRBranch:
-    """Equilibria from a vanishing contact to one at `max_depth` (m) and under no tension.
+    """Equilibria from a vanishing contact radius up to one at `max_depth` (m) and without tension.
 
     Raises
     ------
@@ -408,14 +419,17 @@ def jkr_branch(contact: Contact, work: float, max_depth: float, rtol: float) -> 
 
 
 def _punch(contact: Contact, work: float, max_depth: float, rtol: float) -> ExactPunchLaw:
-    """Kendall's flat punch: the elastic law down to w = -q, where it comes off at once."""
+    """Kendall's flat punch: the elastic law down to w = -q (module's head), where it comes off at once."""
     law = exact_punch_law(contact, max_depth, rtol)
     pull = float(np.sqrt(np.pi * law.radius * work / contact.theta)) / law.edge
     return replace(law, reason=f"JKR with a flat punch (Kendall); {law.reason}", lowest=-pull)
 
 
 def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: float, widest: float) -> float:
-    """Radius (m) that is wide enough on a half-space of the layer."""
+    """Contact radius (m) on a half-space of the layer's material at `max_depth` (m) and without tension.
+
+    `reference` is the radius of zero depth, `widest` the largest allowed (m).
+    """
     halfspace = HalfspaceRelation(contact.indenter, contact.theta)
     end = min(1.2 * reference, widest)
     while end < widest:
@@ -427,7 +441,7 @@ def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: f
 
 
 def _too_wide(branch: JKRBranch, contact: Contact, asked: float) -> RangeError:
-    """The error where no contact is wide enough: it names the largest depth, or the largest work of adhesion."""
+    """RangeError for a contact that is not wide enough, with the largest depth or work of adhesion possible."""
     edge = np.array([branch.end])
     last, elastic = branch.at(edge), branch.relation.at(edge)
     shape = contact.indenter.max_radius <= largest_radius(contact)

@@ -1,18 +1,18 @@
 """JKR for many parameter sets at once: one tip, any work of adhesion, any depths, one ratio of moduli.
 
-The elastic contact does not know the work of adhesion. So the four functions of its radius a that JKR needs,
+The elastic contact does not depend on the work of adhesion. So the four functions of its radius a that JKR needs,
 
     w_el,   Q = sqrt(pi a/theta)/g(1),   P_el,   K = 4 theta a kappa,
 
-are tabulated once over ln a (`PunchNodes`) and, where a ratio of moduli varies, over its logarithm (`Span`). A
-set of the work dgamma is the curve w = w_el - sqrt(dgamma) Q and P = P_el - sqrt(dgamma) K Q. Behind a spring
-of compliance C the travel of its other end is y = w + C P. A set's contact radius at a given travel is the root
-of y(a) beyond the minimum of y, by Newton's method for all sets and points together; the minimum is where the
-tip comes off.
+are tabulated once over ln a (`PunchNodes`) and, where a ratio of moduli varies, over its logarithm (`Span`). They
+are depth and force without adhesion, and factors from the flat punch (g(1) and kappa of `radius_relation`). A set
+of work dgamma is the curve w = w_el - sqrt(dgamma) Q and P = P_el - sqrt(dgamma) K Q. Behind a spring of compliance
+C the travel of its other end is y = w + C P. A set's contact radius at a given travel is the root of y(a) beyond
+the minimum of y, by Newton's method for all sets and points together; at the minimum the tip comes off.
 
-The radii at which tables end, and the spans of the ratio, are fixed numbers: a set's answer does not depend on
-the sets beside it. Branches with more than one stable piece, and adhesion that is tiny against the load, are
-left to the single law.
+The radii at which tables end, and the ranges of the ratio, are fixed numbers: the result for a set does not depend
+on the other sets. Branches with more than one stable piece, and adhesion that is tiny against the load, are left to
+the law of a single contact.
 """
 
 from __future__ import annotations
@@ -46,7 +46,11 @@ _STEPS, _CLOSE = 40, 1e-8
 
 
 class Quantity(IntEnum):
-    """The four tabulated functions of the contact radius: w_el, Q, P_el and K of the module's docstring."""
+    """The four tabulated functions of the contact radius a, those that JKR needs of the elastic contact.
+
+    Depth w_el and force P_el without adhesion, Q = sqrt(pi a/theta)/g(1) and K = 4 theta a kappa, with theta the
+    elastic constant and g(1) and kappa those of `radius_relation`.
+    """
 
     DEPTH = 0
     PULL = 1
@@ -56,15 +60,17 @@ class Quantity(IntEnum):
 
 @dataclass(frozen=True)
 class PunchNodes:
-    """The four functions over ln a for one or several bodies.
+    """The four functions (`Quantity`) over ln a for one or several bodies, as cubic Hermite interpolants.
 
-    Cubics of the logarithms that have their values and slopes at the nodes. The slopes are exact: dP_el/da = K
+    The logarithms have their exact values and slopes at the nodes: dP_el/da = K
     dw_el/da and d(a kappa)/da = g(1)^2. With 20 nodes to an octave the error is below 1e-8, held by a test.
+
+    kappa is the flat punch's stiffness over that on a half-space.
 
     Parameters
     ----------
     log_radius : ndarray (nodes,)
-        ln a, evenly.
+        ln a, evenly spaced.
     cubics : ndarray (4, 4, bodies, nodes - 1)
         For each function the coefficients of 1, t, t^2, t^3 of its logarithm, with t from 0 to 1 in each interval.
     """
@@ -74,7 +80,7 @@ class PunchNodes:
 
     @classmethod
     def of(cls, relation: RadiusRelation, end: float) -> Self:
-        """Tabulate one relation from `end` (m) inwards."""
+        """Tabulate the elastic contact of one body from radius `end` (m) inwards."""
         log_radius = np.log(end) + np.linspace(-_OCTAVES * np.log(2.0), 0.0, _OCTAVES * _PER_OCTAVE + 1)
         radius = np.minimum(np.exp(log_radius), end)
         here, theta = relation.at(radius), relation.theta
@@ -97,19 +103,19 @@ class PunchNodes:
 
     @property
     def step(self) -> float:
-        """Between two nodes, in ln a."""
+        """Spacing of the nodes in ln a."""
         return float(self.log_radius[1] - self.log_radius[0])
 
 
 class Columns:
-    """The four functions at given ln a.
+    """Evaluates the four functions (`Quantity`) at given ln a.
 
     Parameters
     ----------
     nodes : PunchNodes
         The tables.
     table : ndarray of int
-        Which body, for each entry of `log_radius`.
+        Index of the body, for each entry of `log_radius`.
     log_radius : ndarray
         ln a.
     """
@@ -121,7 +127,7 @@ class Columns:
         self._nodes, self._t, self._place = nodes, place - cell, cell + cells * table
 
     def at(self, which: Quantity) -> tuple[FloatArray, FloatArray]:
-        """One of the four and its derivative in ln a."""
+        """Values of one of the four functions, and their derivatives in ln a."""
         t = self._t
         one, two, three, four = (np.take(row, self._place) for row in self._nodes.cubics[which])
         value = np.exp(one + t * (two + t * (three + t * four)))
@@ -130,18 +136,18 @@ class Columns:
 
 @dataclass(frozen=True)
 class Span:
-    """Tables up to one radius, of a fixed body or at the Chebyshev points of a span of the ratio.
+    """Tables up to one contact radius, of a fixed body or at the Chebyshev points of a range of the ratio.
 
-    Over ln k, k the ratio of moduli, the functions are polynomials at the points of Chebyshev in spans of ln 4.
-    They are analytic in ln k with their nearest poles at Im ln k = pi (see `curve_family`): each point gains a
-    factor of 9.
+    In ln k, k the ratio of moduli, the functions are interpolated by polynomials through Chebyshev points in ranges
+    of ln 4. They are analytic in ln k with their nearest poles at Im ln k = pi (see `curve_family`): each point
+    gains a factor of 9.
 
     Parameters
     ----------
     points : tuple of PunchNodes
-        One, or one at each point of the ratio.
+        One, or one at each Chebyshev point of the ratio.
     middle : float
-        Of the span, in ln k.
+        Middle of the range, in ln k.
     """
 
     points: tuple[PunchNodes, ...]
@@ -149,7 +155,7 @@ class Span:
 
     @staticmethod
     def numbers(sets: int, ratio: FloatArray | None) -> NDArray[np.intp]:
-        """Numbers of the spans that ratios (sets,) belong to; zero where there is none."""
+        """Numbers of the ranges that hold the ratios (sets,); zeros where no ratio varies (None)."""
         if ratio is None:
             return np.zeros(sets, dtype=np.intp)
         return np.floor((np.log(ratio) - _EDGE) / _SPAN).astype(np.intp)
@@ -158,7 +164,10 @@ class Span:
     def solve(
         cls, contact_at: Callable[[float], Contact], end: float, rtol: float, number: int | None
     ) -> Self | None:
-        """Solve up to the radius `end` (m), for the span of this number or a fixed body; None where it cannot."""
+        """Solve up to the radius `end` (m), for range `number` of the ratio, or a fixed body (None).
+
+        None where there is no solution.
+        """
         middle = 0.0 if number is None else _EDGE + (number + 0.5) * _SPAN
         places = np.zeros(1) if number is None else _chebyshev(_POINTS)
         try:
@@ -169,7 +178,7 @@ class Span:
         return cls(tuple(PunchNodes.of(relation, end) for relation in relations), middle)
 
     def nodes(self, sets: int, ratio: FloatArray | None) -> tuple[PunchNodes, NDArray[np.intp]]:
-        """Tables of `sets` sets, and which of them each set has."""
+        """Tables of `sets` sets at their ratios (sets,), and the index of each set's table."""
         first = self.points[0]
         if ratio is None:
             return first, np.zeros(sets, dtype=np.intp)
@@ -182,12 +191,12 @@ class Span:
 
 
 def _chebyshev(count: int) -> FloatArray:
-    """Points of Chebyshev in (-1, 1)."""
+    """Chebyshev points in (-1, 1), (count,)."""
     return np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 
 def _weights(x: FloatArray, points: FloatArray) -> FloatArray:
-    """Weights of Lagrange's polynomials, (x, points): products, which are exact at the points too."""
+    """Lagrange polynomials of `points` at x, (x, points), as products, which are exact at the points too."""
     differences = x[:, None] - points
     weights = np.ones((x.size, points.size))
     for column, point in enumerate(points):
@@ -199,16 +208,16 @@ def _weights(x: FloatArray, points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Sets:
-    """Curves of some sets on their tables.
+    """Curves w(a), P(a) of parameter sets, from tables.
 
     Parameters
     ----------
     nodes : PunchNodes
         The tables, one for all or one for each set.
     table : ndarray
-        Which of them, for each entry.
+        Index of the table of each set.
     root_work : ndarray
-        sqrt(dgamma) of each.
+        sqrt(dgamma) of each, dgamma the work of adhesion (J/m^2).
     compliance : ndarray
         Of the spring (m/N) of each.
     """
@@ -219,27 +228,27 @@ class _Sets:
     compliance: FloatArray
 
     def of(self, rows: NDArray[np.intp] | tuple[slice, None]) -> _Sets:
-        """One set for each entry of `rows`."""
+        """Sets selected by `rows`, which may repeat; ``(slice, None)`` adds an axis for points."""
         return _Sets(self.nodes, self.table[rows], self.root_work[rows], self.compliance[rows])
 
     def columns(self, log_radius: FloatArray) -> Columns:
-        """The four functions at ln a."""
+        """The four functions at ln a, an array that broadcasts with the sets."""
         return Columns(self.nodes, self.table, log_radius)
 
     def force(self, here: Columns) -> tuple[FloatArray, FloatArray]:
-        """Force P (N) and dP/d ln a (N) without regard to the spring."""
+        """Contact force P (N) and dP/d ln a (N)."""
         force, pull, stiffness = (here.at(i) for i in (Quantity.FORCE, Quantity.PULL, Quantity.STIFFNESS))
         product = stiffness[0] * pull[0]
         slope = stiffness[1] * pull[0] + stiffness[0] * pull[1]
         return force[0] - self.root_work * product, force[1] - self.root_work * slope
 
     def depth(self, here: Columns) -> tuple[FloatArray, FloatArray]:
-        """The depth w and dw/d ln a."""
+        """Depth w (m) and dw/d ln a (m)."""
         depth, pull = here.at(Quantity.DEPTH), here.at(Quantity.PULL)
         return depth[0] - self.root_work * pull[0], depth[1] - self.root_work * pull[1]
 
     def travel(self, log_radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The travel y = w + C P and dy/d ln a; the force where the load is given."""
+        """Travel y = w + C P (m) and dy/d ln a; force and its slope under load control (C infinite)."""
         here = self.columns(log_radius)
         if np.isinf(self.compliance).all():
             return self.force(here)
@@ -252,12 +261,12 @@ class _Sets:
 
 @dataclass(frozen=True)
 class JKRTable(AdhesionTable):
-    """JKR with one tip on one body, for any work of adhesion.
+    """JKR contacts of one tip on one body (or bodies differing in one ratio), for any work of adhesion.
 
     Parameters
     ----------
     contact_at : callable
-        The contact at a value of the ratio of moduli that varies; the same whatever the value where none does.
+        The contact at a value of the ratio of moduli that varies; the same at any value where none does.
     contact : Contact
         One of these.
     states : str
@@ -265,8 +274,7 @@ class JKRTable(AdhesionTable):
     rtol : float
         Relative error of the elastic solution.
     spans : dict
-        Tables that were asked for, by the octave of the radius at which they end and the span of the ratio; filled
-        as they are needed.
+        Cache of tables, by the octave of the radius at which they end and the number of the range of the ratio.
     """
 
     contact_at: Callable[[float], Contact]
@@ -278,14 +286,14 @@ class JKRTable(AdhesionTable):
     def readings(
         self, work: FloatArray, travel: FloatArray, compliance: FloatArray, ratio: FloatArray | None
     ) -> AdhesiveReadings:
-        """What the sets read at given travels of the spring's far end; see `AdhesionTable.readings`."""
+        """Force and stiffness of sets at given travels of the spring's far end: `AdhesionTable.readings`."""
         found = AdhesiveReadings.empty(*travel.shape)
         for rows, sets, wide in self._groups(work, np.maximum(travel.max(axis=1), 0.0), compliance, ratio):
             self._solve(sets, rows, wide, travel, found)
         return found
 
     def pull_offs(self, work: FloatArray, ratio: FloatArray | None) -> FloatArray:
-        """Where the tip comes off, for each set; see `AdhesionTable.pull_offs`."""
+        """Pull-off force (N) and depth (m) of each set, (2, sets); see `AdhesionTable.pull_offs`."""
         found, shallow = np.full((2, work.size), np.nan), np.zeros(work.size)
         for compliance, sign, row in ((np.inf, -1.0, found[0]), (0.0, 1.0, found[1])):
             held = np.full(work.size, compliance)
@@ -297,7 +305,10 @@ class JKRTable(AdhesionTable):
     def _groups(
         self, work: FloatArray, deepest: FloatArray, compliance: FloatArray, ratio: FloatArray | None
     ) -> Iterator[tuple[NDArray[np.intp], _Sets, NDArray[np.bool_]]]:
-        """Sets that share a table, and which of them it is wide enough for; the others come again with a wider."""
+        """Iterate over groups of sets that share a table: row numbers, the sets, and for which it is wide enough.
+
+        Sets for which it is not come again with a wider table. `deepest` (m), (sets,), are the largest depths.
+        """
         octave = self._first_octaves(work, deepest)
         cells = Span.numbers(work.size, ratio)
         waiting = np.ones(work.size, dtype=bool)
@@ -318,14 +329,14 @@ class JKRTable(AdhesionTable):
                 waiting[rows] = False
 
     def _first_octaves(self, work: FloatArray, deepest: FloatArray) -> NDArray[np.intp]:
-        """Octaves of the radius that each set needs on a half-space; the layer may ask for more."""
+        """Octave of the contact radius that each set needs on a half-space; on a layer it may need more."""
         measure = self.contact.indenter.power_law
         wide = np.maximum(1.2 * self._reference(measure, work), measure.halfspace_radius(deepest))
         octave = np.ceil(np.log2(wide / self._unit))
         return (np.minimum(octave, 0.0) if self._ends else octave).astype(np.intp)
 
     def _reference(self, measure: PowerLawShape, work: FloatArray) -> FloatArray:
-        """Radii (m) of zero depth on a half-space."""
+        """Contact radii (m) of zero depth on a half-space, for works of adhesion (J/m^2)."""
         drop = np.sqrt(np.pi * work / self.contact.theta) / measure.abel_coefficient
         return np.asarray(drop ** (1.0 / (measure.exponent - 0.5)))
 
@@ -335,14 +346,14 @@ class JKRTable(AdhesionTable):
 
     @property
     def _unit(self) -> float:
-        """Radius (m) at which octave 0 ends: the largest there is, or a metre where there is none."""
+        """Radius (m) at which octave 0 ends: the largest that can be solved, or 1 m where there is no limit."""
         return largest_radius(self.contact) if self._ends else 1.0
 
     def _is_last(self, number: int) -> bool:
         return self._ends and number >= 0
 
     def _span(self, octave: int, cell: int, *, varies: bool) -> Span | None:
-        """Tables that end at the radius of this octave; None where there is no solution."""
+        """Cached tables that end at the radius of this octave; None where there is no solution."""
         key = (octave, cell)
         if key not in self.spans:
             end = self._unit * 2.0**octave
@@ -353,7 +364,10 @@ class JKRTable(AdhesionTable):
     def _branches(
         self, sets: _Sets, wide: NDArray[np.bool_]
     ) -> tuple[FloatArray, NDArray[np.intp], NDArray[np.intp]]:
-        """The travel at the nodes, where it is least, and the sets that have one stable branch from there."""
+        """Travels at the nodes, (sets, nodes), the index of their minimum, and the usable sets.
+
+        Usable are sets for which the table is wide enough and that have a single stable branch.
+        """
         grid = sets.nodes.log_radius
         y = sets.of((slice(None), None)).travel(grid)[0]
         least = y.argmin(axis=1)
@@ -370,7 +384,7 @@ class JKRTable(AdhesionTable):
         travel: FloatArray,
         found: AdhesiveReadings,
     ) -> None:
-        """Put the readings of those sets into `found` that the table is wide enough for and has one branch of."""
+        """Write force and stiffness of the usable sets (see `_branches`) into `found`."""
         y, least, good = self._branches(sets, wide)
         if not good.size:
             return
@@ -387,14 +401,17 @@ class JKRTable(AdhesionTable):
 
 
 def _reaches(sets: _Sets, deepest: FloatArray) -> NDArray[np.bool_]:
-    """Whether the widest contact of the table lies beyond the deepest point and bears a load, as for one law."""
+    """Whether the widest contact of the table is at least as deep as `deepest` (m) and without tension, (sets,)."""
     here = sets.columns(np.full(sets.root_work.size, sets.nodes.log_radius[-1]))
     depth, force = sets.depth(here), sets.force(here)
     return (depth[1] > 0.0) & (force[1] > 0.0) & (depth[0] >= deepest) & (force[0] >= 0.0)
 
 
 def _ends_of(sets: _Sets, least: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-    """ln a and y where y is least, from the node at which it is: dy/d ln a = 0 by the regula falsi of Illinois."""
+    """ln a and y at the minimum of y (pull-off), from the node where it is least.
+
+    dy/d ln a = 0 is solved by the Illinois variant of the regula falsi.
+    """
     grid = sets.nodes.log_radius
     low, high = grid[least - 1], grid[np.minimum(least + 1, grid.size - 1)]
     below, above = sets.travel(low)[1], sets.travel(high)[1]
@@ -420,7 +437,11 @@ def _brackets(
     which: NDArray[np.intp],
     target: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """ln a below and above each root, and a first guess."""
+    """Lower and upper bracket in ln a of each root of y = `target`, and a first guess.
+
+    `y` (sets, nodes) are the travels at the nodes, `end` and `start` ln a and y at pull-off, (sets,), and `which`
+    the set of each target.
+    """
     upper = np.empty(target.size, dtype=np.intp)
     edges = np.searchsorted(which, np.arange(y.shape[0] + 1))
     for row, (first, last) in enumerate(pairwise(edges.tolist())):
@@ -441,7 +462,7 @@ def _brackets(
 def _roots(
     sets: _Sets, target: FloatArray, brackets: tuple[FloatArray, FloatArray, FloatArray]
 ) -> FloatArray:
-    """ln a at which each set's travel is `target`, by Newton's method inside the brackets."""
+    """ln a at which each set's travel is `target`, by Newton's method within brackets."""
     low, high, x = brackets
     for _ in range(_STEPS):
         value, slope = sets.travel(x)

@@ -1,11 +1,11 @@
 """Attraction of finite range: Maugis-Dugdale, and Derjaguin-Muller-Toporov outside a Hertzian contact.
 
-`Maugis` takes a constant stress up to a separation, on any layer, and is the reference for JKR. One state, for
-a contact radius a and an attraction out to c, is `maugis_state`; here are those of a given work and range, and
-the branch they make. Nothing in it knows of energy release rates: that its limit for c -> a is JKR is an
-independent check of `jkr`. And (c - a)/a says whether JKR may be used (`range_limit`): a Tabor number formed
-with R and E* alone does not tell on a thin layer. `DMT` is the other limit, attraction outside of a contact
-that adhesion does not deform.
+`Maugis` takes a constant stress up to a separation, on any layer, and is the reference for JKR. One state, for a
+contact radius a and an attraction out to radius c, is `maugis_state`; here are those of a given work of adhesion
+and range, and the branch they make. No energy release rate enters, so its limit for c -> a, which is JKR, is an
+independent check of `jkr`. And (c - a)/a tells whether JKR may be used (`range_limit`): a Tabor number formed with
+R and E* alone does not on a thin layer. `DMT` is the other limit, attraction outside of a contact that adhesion
+does not deform.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ _NEAR = 1e-2  # where the first search begins
 class Maugis(Adhesion):
     """Adhesion of finite range: a constant attraction up to a separation, after Maugis and Dugdale.
 
-    A reference: each contact radius is a solution of its own, and a law takes a good part of a second. In a
-    scene it also answers whether JKR would do; see `Scene.effects`.
+    Meant as a reference: each contact radius is a solution of its own, and a law takes a good part of a second. In
+    a scene it also decides whether JKR would do; see `Scene.effects`.
 
     Parameters
     ----------
@@ -75,16 +75,18 @@ class Maugis(Adhesion):
 
     @property
     def short_ranged(self) -> JKR:
-        """JKR with the same work."""
+        """JKR with the same work of adhesion."""
         return JKR(self.work)
 
     @property
     def stress(self) -> float:
-        """Attraction sigma0 (Pa)."""
+        """Attraction sigma0 (Pa), work of adhesion over range."""
         return self.work / self.range
 
     def state(self, contact: Contact, radius: float, near: float = _NEAR) -> MaugisState:
-        """Equilibrium of a contact of this radius (m); the search begins at (c - a)/a = `near`.
+        """Equilibrium of a contact of radius a = `radius` (m); c is the outer radius of the attraction.
+
+        `near` is the value of (c - a)/a at which the search for c begins.
 
         Raises
         ------
@@ -107,7 +109,7 @@ class Maugis(Adhesion):
         return maugis_state(contact, radius, radius * (1.0 + share), self.stress)
 
     def law(self, contact: Contact, max_depth: float, solver: BuildsElastic) -> ContactLaw:
-        """Build the law of the withdrawn tip for depths up to `max_depth` (m), to 1e-6.
+        """Build the law of a tip being withdrawn, for depths up to `max_depth` (m), at relative error 1e-6.
 
         Raises
         ------
@@ -146,7 +148,7 @@ class Maugis(Adhesion):
 
 @dataclass(frozen=True)
 class _MaugisBranch(AdhesiveBranch):
-    """States of Maugis and Dugdale, interpolated in ln a; depth and force are the two columns."""
+    """Equilibria of Maugis and Dugdale, interpolated in ln a; the spline's columns are depth (m) and force (N)."""
 
     spline: CubicSpline
     start: float
@@ -155,7 +157,7 @@ class _MaugisBranch(AdhesiveBranch):
     nodes: int | None = None
 
     def at(self, radius: FloatArray) -> BranchPoint:
-        """States at radii (m), (n,), inside the branch, interpolated."""
+        """States at radii (m), (n,), within the branch."""
         place = np.log(radius)
         values, slopes = self.spline(place), self.spline(place, 1) / radius[:, None]
         return BranchPoint(values[:, 0], values[:, 1], slopes[:, 0], slopes[:, 1])
@@ -173,7 +175,7 @@ def _branch(adhesion: Maugis, contact: Contact, reference: float, end: float) ->
 
 
 def _bracket(excess: Callable[[float], float], start: float, highest: float) -> tuple[float, float]:
-    """Ends between which an increasing function changes its sign, by growing steps from `start`."""
+    """Interval in which an increasing function changes sign, found by growing steps from `start`."""
     low = high = min(start, highest)
     step, lowest = _STEP, float(np.log(_NARROWEST))
     while high < highest and excess(high) < 0.0:
@@ -185,26 +187,26 @@ def _bracket(excess: Callable[[float], float], start: float, highest: float) -> 
 
 @dataclass(frozen=True, kw_only=True)
 class DMTLaw(ContactLaw):
-    """An elastic law less a constant attraction while there is contact; see `DMT`.
+    """An elastic law minus a constant attraction while in contact; see `DMT`.
 
     Parameters
     ----------
     elastic : ContactLaw
         The law without adhesion.
     attraction : float
-        The pull (N, positive): 2 pi R dgamma.
+        The pull (N, positive): 2 pi R dgamma, with tip radius R and work of adhesion dgamma.
     """
 
     elastic: ContactLaw
     attraction: float
 
     def work_slope(self, depth: FloatArray) -> FloatArray:
-        """dP/d ln dgamma (N) at fixed depth, (n,), at depths (m)."""
+        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,)."""
         return np.where(depth > 0.0, -self.attraction, 0.0)
 
     @property
     def nodes(self) -> int | None:
-        """Radial nodes of the elastic law."""
+        """Number of radial nodes of the elastic law."""
         return self.elastic.nodes
 
     @property
@@ -227,14 +229,14 @@ class DMTLaw(ContactLaw):
 
 @dataclass(frozen=True)
 class DMT(Adhesion):
-    """Long-ranged adhesion of a paraboloid or sphere, as Derjaguin, Muller and Toporov take it.
+    """Long-ranged adhesion of a paraboloid or sphere, after Derjaguin, Muller and Toporov.
 
     P = P_el(w) - 2 pi R dgamma, a = a_el(w), with R the radius of the tip and dgamma the work of adhesion:
     attraction outside of a contact that adhesion does not deform. It acts across the gap of the undeformed
     shapes (Derjaguin's approximation), so that the layer does not enter. Range: tips whose apex is a
     paraboloid, and an attraction that reaches far against the elastic deformation at the edge. On a thin
-    incompressible layer JKR's pull-off, up to 3 pi R dgamma, passes this one: the order known from the
-    half-space is reversed. Behind a spring the tip is one that was pressed in and is withdrawn: it holds on
+    incompressible layer JKR's pull-off, up to 3 pi R dgamma, exceeds this one: the order known from the
+    half-space is reversed. The tip is taken as one being withdrawn: behind a spring, contact lasts
     until the depth is zero.
 
     Parameters
@@ -280,7 +282,7 @@ class DMT(Adhesion):
 def _elastic(
     contact: Contact, max_depth: float, attraction: float, radius: float, solver: BuildsElastic
 ) -> ContactLaw:
-    """Elastic law that reaches `max_depth` (m), and the depth at which it balances the attraction (N)."""
+    """Elastic law up to `max_depth` (m) or deeper, where that is needed to balance the attraction (N)."""
     balanced = (3.0 * attraction / (8.0 * contact.theta * np.sqrt(radius))) ** (2.0 / 3.0)  # on a half-space
     depth = max(max_depth, float(balanced))
     law = solver.law(contact, depth)

@@ -1,19 +1,19 @@
-"""Depth, force and flat-punch factors of the elastic contact against its radius: all that adhesion needs of it.
+"""Depth, force and flat-punch factors of the elastic contact against its radius, as adhesion needs them.
 
 For a contact of radius a (the notation of `punch_solution`, eps = a/h),
 
     w_el(a), P_el(a)      depth and force of the contact without adhesion, f(1) = 0,
     kappa(eps)            int_0^1 g dx, the flat punch's stiffness over that on a half-space,
-    g(1; eps)             the flat punch's solution at the edge: what adhesion pulls on.
+    g(1; eps)             the flat punch's solution at the edge, which sets the stress intensity there.
 
-They hang together exactly, for every kernel:
+They are related exactly, for every kernel:
 
     d(eps kappa)/d eps = g(1)^2,     dP_el/da = 4 theta a kappa dw_el/da.
 
 On a half-space g = kappa = 1. On a layer the logarithms of the four, over those of the half-space, are smooth
 in eps and become Chebyshev series. So does [g(1) dw_el/da - H'(a)] a/H(a), an integral over the contact: a measured
 tip has corners in its curvature, and the derivative of a series of w_el/H is right to 1e-3 where w_el is to 1e-6.
-This module is the only one of `adhesion` that knows the exact solver of rounded tips.
+No other module of `adhesion` imports the exact solver of rounded tips.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _MOST_TERMS = 400
 
 
 class AtRadius(NamedTuple):
-    """The elastic contact of given radii, each entry (n,)."""
+    """The elastic contact at given contact radii, each entry (n,)."""
 
     depth: FloatArray
     """w_el (m)."""
@@ -75,7 +75,10 @@ class AtRadius(NamedTuple):
 
 
 class RadiusRelation(ABC):
-    """Elastic contact against its radius (m), up to `end` (m), on a surface of elastic constant `theta` (Pa)."""
+    """Elastic contact as a function of its radius (m), up to `end` (m), on a surface of elastic constant `theta`.
+
+    `theta` is in Pa; `error_estimate` is relative, `nodes` the number of radial nodes of the solution.
+    """
 
     theta: float
     end: float
@@ -84,12 +87,15 @@ class RadiusRelation(ABC):
 
     @abstractmethod
     def at(self, radius: FloatArray) -> AtRadius:
-        """Contact at radii (m), (n,), positive and at most `end`."""
+        """Depth, force and punch factors at radii (m), (n,), positive and at most `end`."""
 
 
 @dataclass(frozen=True)
 class HalfspaceRelation(RadiusRelation):
-    """Elastic contact against its radius on a half-space: w = H(a), P = 4 theta (a H - int_0^a H ds) (2.13), (3.2).
+    """Elastic contact on a half-space by its radius a: w = H(a), P = 4 theta (a H - int_0^a H ds) (2.13), (3.2).
+
+    H(r) is the depth at which the contact radius on a half-space is r. Equation numbers are those of
+    Argatov and Sabina.
 
     Parameters
     ----------
@@ -110,7 +116,7 @@ class HalfspaceRelation(RadiusRelation):
         return self.indenter.max_radius
 
     def at(self, radius: FloatArray) -> AtRadius:
-        """Contact at radii (m), (n,), positive and at most `end`, in closed form."""
+        """Depth, force and punch factors at radii (m), (n,), positive and at most `end`, in closed form."""
         depth, one = self.indenter.abel(radius), np.ones_like(radius)
         work = self.indenter.halfspace_force(depth, radius)
         slope = self.indenter.abel_slope(radius)
@@ -119,7 +125,7 @@ class HalfspaceRelation(RadiusRelation):
 
 @dataclass(frozen=True)
 class LayerRelation(RadiusRelation):
-    """Elastic contact against its radius on a layer: the half-space's times factors.
+    """Elastic contact on a layer by its radius: the half-space's relation times factors.
 
     Parameters
     ----------
@@ -140,12 +146,12 @@ class LayerRelation(RadiusRelation):
 
     @property
     def error_estimate(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """Truncation error of the logarithms of the factors."""
+        """Truncation error of the logarithms of depth, force and punch factors."""
         return self.series.error_estimate
 
     @property
     def nodes(self) -> int:  # type: ignore[override]  # as above
-        """Radial nodes of the solution."""
+        """Number of radial nodes of the solution."""
         return self.series.nodes
 
     @property
@@ -154,7 +160,7 @@ class LayerRelation(RadiusRelation):
         return self.halfspace.theta
 
     def at(self, radius: FloatArray) -> AtRadius:
-        """Contact at radii (m), (n,), positive and at most `end`, by the series."""
+        """Depth, force and punch factors at radii (m), (n,), positive and at most `end`, by the series."""
         eps = radius / self.thickness
         # The last radius may round to beyond 1. Cosines: the recursion of the polynomials would take a step a term.
         angle = np.arccos(np.minimum(self.series.stretch.z(eps), 1.0))
@@ -171,12 +177,15 @@ class LayerRelation(RadiusRelation):
 
 
 def largest_radius(contact: Contact) -> float:
-    """Largest contact radius (m) there is a solution for: the end of the shape, or 20 thicknesses."""
+    """Largest contact radius (m) that can be solved for: the end of the shape, or 20 thicknesses."""
     return min(contact.indenter.max_radius, LARGEST_EPS * contact.thickness if contact.layered else np.inf)
 
 
 def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelation:
-    """Solve for contact radii up to `radius` (m), at most `largest_radius`, at relative error `rtol`."""
+    """Solve the elastic contact for radii up to `radius` (m), at most `largest_radius`, at error `rtol`.
+
+    The result gives depth, force and the flat punch's factors by contact radius; solutions are cached.
+    """
     halfspace = HalfspaceRelation(contact.indenter, contact.theta)
     if not contact.layered:
         return halfspace
@@ -199,19 +208,22 @@ def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelati
 
 @dataclass(frozen=True)
 class _Series:
-    """Factors of a layer's relation over that on a half-space, over eps = a/h; one series for tips of any size.
+    """Chebyshev series in eps = a/h of a layer's relation over the half-space's, for tips of any size.
+
+    kappa is the flat punch's stiffness over that on a half-space. H(r) is the depth at which the
+    contact radius on a half-space is r.
 
     Parameters
     ----------
     stretch : Stretch
-        Of eps.
+        The variable ln(1 + rate eps).
     coefficients : ndarray (terms, 6)
         Chebyshev coefficients of ln(w_el/H), ln(P_el/P_half), ln kappa, ln g(1), [g(1) dw_el/da - H'] a/H, and of
         the derivative of ln g(1).
     error_estimate : float
         Of the logarithms.
     nodes : int
-        Radial nodes of the solution.
+        Number of radial nodes of the solution.
     """
 
     stretch: Stretch
@@ -221,7 +233,7 @@ class _Series:
 
     @classmethod
     def solve(cls, contact: Contact, last: float, fine: float) -> Self:
-        """Solve up to eps = `last` at a relative error `fine`."""
+        """Solve for eps = a/h up to `last`, at relative error `fine`."""
         body, measure = contact.kernel, contact.indenter.power_law
         halfspace = HalfspaceRelation(contact.indenter, contact.theta)
         resolution = proved_resolution(body, last, fine)
@@ -251,9 +263,10 @@ class _Series:
 
 
 def kernel_rule(contact: Contact, radius: float, rtol: float) -> tuple[FloatArray, FloatArray]:
-    """Wavenumbers k (1/m) and weights c with (2/(pi h)) K(x/h, y/h) = sum c cos(kx) cos(ky), x, y <= `radius`.
+    """Wavenumbers k (1/m) and weights c with (2/(pi h)) K(x/h, y/h) = sum c cos(kx) cos(ky).
 
-    Empty where nothing is under the surface.
+    K is the kernel of the contact problem (`punch_solution`); for x and y up to `radius` (m), at error `rtol`.
+    Empty on a half-space.
     """
     if not contact.layered:
         return np.empty(0), np.empty(0)

@@ -43,7 +43,11 @@ Series: TypeAlias = "tuple[Real, Real, Real, Real]"
 
 
 def kernel_terms(a_0: Real, a_1: Real) -> tuple[Real, Real]:
-    """Return (b, c) = (2 a_0/pi, 8 a_1/(3 pi)): the flat punch's 1/kappa = 1 - b eps - c eps^3 + O(eps^5)."""
+    """Return (b, c) = (2 a_0/pi, 8 a_1/(3 pi)): the flat punch's 1/kappa = 1 - b eps - c eps^3 + O(eps^5).
+
+    eps is a/h, contact radius over thickness. kappa is the flat punch's stiffness over that on a
+    half-space. a_0 and a_1 are moments of the kernel (1.8).
+    """
     return 2.0 * a_0 / np.pi, 8.0 * a_1 / (3.0 * np.pi)
 
 
@@ -51,17 +55,28 @@ def force_prefactor(exponent: Real) -> Real:
     """F_1(lambda) of (5.4): P = theta A F_1 a^(lambda+1) on a half-space.
 
     (5.4) is 4 lambda/(lambda+1) times F_2 of (5.5), which is finite at lambda = 200.
+
+    The shape is A r^lambda, lambda = `exponent`. theta is the layer's elastic constant. Equation
+    numbers are those of Argatov and Sabina.
     """
     return 4.0 * exponent / (exponent + 1.0) * abel_factor(exponent)
 
 
 def force_factor(exponent: Real) -> Real:
-    """F_3(lambda) of (5.10): P = theta A^(-1/lambda) F_3 w^(1+1/lambda) on a half-space."""
+    """F_3(lambda) of (5.10): P = theta A^(-1/lambda) F_3 w^(1+1/lambda) on a half-space.
+
+    The shape is A r^lambda, lambda = `exponent`. theta is the layer's elastic constant. Equation
+    numbers are those of Argatov and Sabina.
+    """
     return 4.0 * exponent / (exponent + 1.0) * abel_factor(exponent) ** (-1.0 / exponent)
 
 
 def radius_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """B_1..B_4 of (5.7): a/h = varpi (1 + B_1 varpi + ... + B_4 varpi^4)."""
+    """B_1..B_4 of (5.7): a/h = varpi (1 + B_1 varpi + ... + B_4 varpi^4), a the contact radius.
+
+    varpi is the half-space contact radius at the depth over the thickness. Equation numbers are those
+    of Argatov and Sabina.
+    """
     b, c = kernel_terms(a_0, a_1)
     lam, one, three = exponent, exponent + 1.0, exponent + 3.0
     return (
@@ -74,7 +89,11 @@ def radius_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
 
 
 def force_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """C_1..C_4 of (5.9): the indentation scaling factor f_lambda = 1 + C_1 varpi + ... (7.2)."""
+    """C_1..C_4 of (5.9), of the force over the half-space's: f_lambda = 1 + C_1 varpi + ... (7.2).
+
+    varpi is the half-space contact radius at the depth over the thickness. Equation numbers are those
+    of Argatov and Sabina.
+    """
     b, c = kernel_terms(a_0, a_1)
     lam, one, three = exponent, exponent + 1.0, exponent + 3.0
     return (
@@ -90,6 +109,10 @@ def inverse_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
     """D_1..D_4 of (8.2): varpi = P~ (1 + D_1 P~ + ... + D_4 P~^4), the inverse of (8.1).
 
     The paper leaves them unwritten; (8.4) is their lambda-th power, whose second and fourth terms vanish.
+
+    varpi is the half-space contact radius at the depth over the thickness. The shape is A r^lambda,
+    lambda = `exponent`. P~ is the half-space contact radius at the force over the thickness. Equation
+    numbers are those of Argatov and Sabina.
     """
     b, c = kernel_terms(a_0, a_1)
     lam, one = exponent, exponent + 1.0
@@ -103,7 +126,11 @@ def inverse_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
 
 
 def scaled_contact_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (7.3): varpi = eps (1 + ... eps + ... eps^4), the inverse of (5.7)."""
+    """Coefficients of (7.3): varpi = eps (1 + ... eps + ... eps^4), the inverse of (5.7).
+
+    varpi is the half-space contact radius at the depth over the thickness. eps is a/h, contact radius
+    over thickness. Equation numbers are those of Argatov and Sabina.
+    """
     b, c = kernel_terms(a_0, a_1)
     lam, one, three = exponent, exponent + 1.0, exponent + 3.0
     return (
@@ -116,7 +143,13 @@ def scaled_contact_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
 
 
 def parametric_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (5.3): w = A F_2 a^lambda (1 + ... eps + ... eps^4); the second is zero."""
+    """Coefficients of (5.3), depth w by contact radius: w = A F_2 a^lambda (1 + ... eps + ... eps^4).
+
+    The second is zero.
+
+    F_2(lambda) is `abel_factor`. eps is a/h, contact radius over thickness. Equation numbers are those
+    of Argatov and Sabina.
+    """
     b, c = kernel_terms(a_0, a_1)
     lam, one, three = exponent, exponent + 1.0, exponent + 3.0
     return (
@@ -128,14 +161,25 @@ def parametric_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Serie
 
 
 def compliance_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (8.4): w = A F_2 (P~ h)^lambda (1 + ... P~ + ... P~^4); second and fourth are zero."""
+    """Coefficients of (8.4), depth w by scaled force P~: w = A F_2 (P~ h)^lambda (1 + ... P~ + ... P~^4).
+
+    The second and fourth are zero.
+
+    F_2(lambda) is `abel_factor`. P~ is the half-space contact radius at the force over the thickness.
+    Equation numbers are those of Argatov and Sabina.
+    """
     b, c = kernel_terms(a_0, a_1)
     lam, one = exponent, exponent + 1.0
     return -lam / one * b, 0.0 * b, -lam * (lam + 2.0) / (one * (lam + 3.0)) * c, 0.0 * b
 
 
 def kappa_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (7.5), erratum applied: kappa_lambda(eps) = 1 + ...; (7.6) is lambda = 2."""
+    """Coefficients of (7.5), erratum applied: kappa_lambda(eps) = 1 + ..., force over the half-space's.
+
+    Both at the same depth, as a function of eps = a/h; (7.6) is lambda = 2.
+
+    The shape is A r^lambda, lambda = `exponent`. Equation numbers are those of Argatov and Sabina.
+    """
     b, c = kernel_terms(a_0, a_1)
     lam, one, three = exponent, exponent + 1.0, exponent + 3.0
     two = 2.0 * lam + 1.0
@@ -149,13 +193,20 @@ def kappa_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
 
 
 def kappa_infinity_coefficients(a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (7.7) and (9.3): the flat punch's kappa_inf(eps) = 1 + b eps + ..., lambda -> inf."""
+    """Coefficients of (7.7) and (9.3): the flat punch's kappa_inf(eps) = 1 + b eps + ..., lambda -> inf.
+
+    The shape is A r^lambda, lambda = `exponent`. eps is a/h, contact radius over thickness. Equation
+    numbers are those of Argatov and Sabina.
+    """
     b, c = kernel_terms(a_0, a_1)
     return b, b**2, b**3 + c, b**4 + 2.0 * b * c
 
 
 def kappa_infinity(eps: Real, a_0: Real, a_1: Real, *, order: int = 4, form: str = "explicit") -> FloatArray:
     """The flat punch's factor kappa_inf = dP/dw / (4 theta a) (9.5) at eps = a/h.
+
+    The shape is A r^lambda, lambda = `exponent`. theta is the layer's elastic constant. Equation
+    numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -184,7 +235,7 @@ def kappa_infinity(eps: Real, a_0: Real, a_1: Real, *, order: int = 4, form: str
 
 
 def truncated(coefficients: Series, x: Real, order: int) -> Real:
-    """1 + c_1 x + ... + c_order x^order by Horner's rule."""
+    """1 + c_1 x + ... + c_order x^order, with c_1, c_2, ... the `coefficients`, by Horner's rule."""
     total: Real = np.zeros_like(x)
     for coefficient in reversed(coefficients[:order]):
         total = (total + coefficient) * x

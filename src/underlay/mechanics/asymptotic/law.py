@@ -76,7 +76,14 @@ FORMS = ("auto", "explicit", "parametric", "compliance")
 
 
 def fifth_coefficient(exponent: Real, a_2: Real) -> Real:
-    """d_5 of w = A F_2 s^lambda (1 + d_1 eps + d_3 eps^3 + d_5 eps^5 + ...); flat punch: -256 a_2/(45 pi)."""
+    """d_5 of w = A F_2 s^lambda (1 + d_1 eps + d_3 eps^3 + d_5 eps^5 + ...), the depth at given force.
+
+    s is the half-space contact radius at the force, eps = s/h, and a_2 the third moment (1.8); `exponent` lambda
+    may be inf (flat punch): -256 a_2/(45 pi).
+
+    The shape is A r^lambda. F_2(lambda) is `abel_factor`. Equation numbers are those of Argatov and
+    Sabina.
+    """
     # In 1/(lambda + 1), so that the flat punch, lambda = inf, needs no case of its own.
     v = 1.0 / (exponent + 1.0)
     squares = 16.0 / 15.0 / (1.0 + 4.0 * v) + 16.0 / 9.0 / (1.0 + 2.0 * v) ** 2
@@ -84,17 +91,30 @@ def fifth_coefficient(exponent: Real, a_2: Real) -> Real:
 
 
 def sixth_coefficient(a_1: Real) -> Real:
-    """d_6 for a flat punch, -64 a_1^2/(45 pi^2); taken for every shape."""
+    """d_6 of the series of `fifth_coefficient` for a flat punch, -64 a_1^2/(45 pi^2); used for every shape.
+
+    a_0 and a_1 are moments of the kernel (1.8).
+    """
     return -64.0 * a_1**2 / (45.0 * np.pi**2)
 
 
 def omitted_terms(exponent: Real, a_1: Real, a_2: Real, eps: Real) -> Real:
-    """|d_5| eps^5 + |d_6| eps^6: the compliance form's error in depth, relative to the half-space depth."""
+    """|d_5| eps^5 + |d_6| eps^6: the compliance form's error in depth over the half-space depth.
+
+    eps is the half-space contact radius at the force over the thickness, a_1 and a_2 moments of the kernel (1.8).
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     return np.abs(fifth_coefficient(exponent, a_2)) * eps**5 + np.abs(sixth_coefficient(a_1)) * eps**6
 
 
 def punch_error(kappa: float, eps: float, moments: Moments) -> float:
-    """Estimate the relative error of a flat punch's `kappa` at eps = a/h; infinite where nothing is left."""
+    """Estimated relative error of a flat punch's factor `kappa` at eps = a/h; inf where the form breaks down.
+
+    `moments` are (a_0, a_1, a_2) of (1.8).
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     a_0, a_1, a_2 = moments
     inverse = 1.0 / blunt.kappa_infinity(eps, a_0, a_1, form="compliance")
     omitted = omitted_terms(np.inf, a_1, a_2, eps)
@@ -117,6 +137,8 @@ def force_error(
     times softer; equal moduli with other Poisson's ratios), four shapes, a/h = 0.05 to 1, all forms and orders,
     it was 0.5 to 120 times the error, 1.1 times in the median and below 5 times in 19 cases of 20
     (tests/test_asymptotic.py).
+
+    Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -148,7 +170,7 @@ def force_error(
 
 
 def _sampled(compliance: ContactSeries, depth: float) -> FloatArray | None:
-    """Parameters of the compliance curve at fractions of `depth` (m), to 0.5 %; None beyond its end.
+    """Parameters s (m) of the compliance curve at fractions of `depth` (m), to 0.5 %; None beyond its end.
 
     The error is estimated at the depths of these parameters, so that they need not be exact, and no equation
     is solved.
@@ -167,7 +189,7 @@ def _sampled(compliance: ContactSeries, depth: float) -> FloatArray | None:
 
 
 def _exponent_and_depth(curve: ContactSeries, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Exponent of the power law that fits the shape at s, dlnH/dlns, and H(s) (m)."""
+    """Local exponent dlnH/dlns of the shape's half-space depth H at s (m), and H(s) (m)."""
     shape = curve.shape
     H = shape.abel(s)
     return s * shape.abel_slope(s) / H, H
@@ -189,12 +211,12 @@ class AsymptoticLaw(ContactLaw):
     error_depth : float
         Depth (m) up to which `error_estimate` holds: the one the law was built for.
     max_radius_depth : float
-        Largest depth (m) at which `contact_radius` may be asked: beyond, its series decreases or passes the
+        Largest depth (m) for `contact_radius`: beyond, its series decreases or passes the
         end of the indenter's shape.
     series : ContactSeries
-        The curve (w, P, a)(s).
+        Depth, force and contact radius as functions of the parameter s (m).
     series_end : float
-        Largest s (m) that is looked at: depth and force increase up to there.
+        Largest s (m) used: depth and force increase up to there.
     """
 
     order: int
@@ -237,6 +259,8 @@ def asymptotic_law(
     contact: Contact, max_depth: float, *, order: int = 4, form: str = "auto"
 ) -> AsymptoticLaw:
     """Build the asymptotic law of a contact.
+
+    Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -306,7 +330,10 @@ def _check(order: int, form: str) -> None:
 
 
 def kernel_moments(contact: Contact) -> Moments:
-    """Return (a_0, a_1, a_2) of (1.8): zero, and no kernel computed, on a half-space."""
+    """Moments (a_0, a_1, a_2) of the kernel, (1.8); zeros, without computing a kernel, on a half-space.
+
+    Equation numbers are those of Argatov and Sabina.
+    """
     if not contact.layered:
         return 0.0, 0.0, 0.0
     a_0, a_1, a_2 = contact.kernel.coefficients(3)
@@ -314,7 +341,7 @@ def kernel_moments(contact: Contact) -> Moments:
 
 
 def choose_form(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
-    """Return the form to use and why."""
+    """The form to use for an indenter and the moment a_0, and the reason in words."""
     closed = indenter.has_edge or isinstance(indenter, PowerLawShape)
     if form == "explicit" and not closed:
         raise InputError(
@@ -340,7 +367,7 @@ def choose_form(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
 
 
 def contact_series(contact: Contact, moments: Moments, order: int, form: str) -> ContactSeries:
-    """Build the curve of the chosen form and order."""
+    """Depth, force and contact radius as a curve of one parameter, in the chosen form and order."""
     a_0, a_1, _ = moments
     if a_0 == 0.0 and a_1 == 0.0:
         # A half-space: the corrections are zeros, and order 0 solves nothing.
@@ -359,7 +386,11 @@ def contact_series(contact: Contact, moments: Moments, order: int, form: str) ->
 
 
 def punch_factor(eps: float, a_0: float, a_1: float, *, order: int = 4, form: str = "auto") -> float:
-    """kappa_inf (9.5) at eps = a/h in one order and form.
+    """kappa_inf (9.5), a flat punch's stiffness over that on a half-space, at eps = a/h in one order and form.
+
+    a_0 and a_1 are moments of the kernel (1.8).
+
+    Equation numbers are those of Argatov and Sabina.
 
     Raises
     ------
@@ -382,12 +413,12 @@ def punch_factor(eps: float, a_0: float, a_1: float, *, order: int = 4, form: st
 
 
 def _depth_at(series: ContactSeries, s: float) -> float:
-    """Depth (m) at the end of a curve."""
+    """Depth (m) at the parameter s (m) of a curve; inf where s is."""
     return float(series.depth(np.array([s]))[0][0]) if np.isfinite(s) else np.inf
 
 
 def _error(series: ContactSeries, contact: Contact, moments: Moments, depth: float) -> float:
-    """Estimate the relative error in force up to `depth`; a half-space needs none."""
+    """Estimated relative error of the force up to `depth` (m); zero on a half-space."""
     if moments == (0.0, 0.0, 0.0):
         return 0.0
     if isinstance(series, PunchSeries):

@@ -38,48 +38,79 @@ _DIVISIONS = 7
 
 
 class ContactSeries(ABC):
-    """A curve (w, P, a)(s); s is positive and all arrays are 1-D."""
+    """Depth, force and contact radius as functions of one parameter s (m), positive; all arrays are 1-D.
+
+    s is the contact radius (parametric form), the half-space contact radius at the depth (explicit form) or at the
+    force (compliance form); for a flat punch it is the depth.
+    """
 
     shape: Indenter
 
     @property
     @abstractmethod
     def end(self) -> float:
-        """Largest s up to which w and P both increase and the shape is defined; inf where none."""
+        """Largest s (m) up to which w and P both increase and the shape is defined; inf where there is none.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @property
     @abstractmethod
     def radius_end(self) -> float:
-        """Largest s up to which the contact radius increases; inf where none."""
+        """Largest s (m) up to which the contact radius increases; inf where there is none.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @abstractmethod
     def start(self, depth: FloatArray) -> FloatArray:
-        """First guess of s at `depth` (m)."""
+        """First guess of s (m) at `depth` (m).
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @abstractmethod
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Depth w (m) and dw/ds."""
+        """Depth w (m) and dw/ds at s (m).
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @abstractmethod
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force P (N) and dP/ds."""
+        """Force P (N) and dP/ds at s (m).
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @abstractmethod
     def radius(self, s: FloatArray) -> FloatArray:
-        """Contact radius a (m)."""
+        """Contact radius a (m) at s (m).
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
 
     @property
     def is_explicit(self) -> bool:
-        """Whether `start` is already the solution of w(s) = depth."""
+        """Whether `start` is already the solution of w(s) = depth.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
         return False
 
     def load(self, depth: FloatArray, s: FloatArray) -> FloatArray:
-        """Force P (N) at s, where w(s) = `depth` (m): as `force`, possibly cheaper."""
+        """Force P (N) at s, given also `depth` = w(s) (m), which may make it cheaper than `force`.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
         del depth
         return self.force(s)[0]
 
     def parameter(self, depth: FloatArray, end: float | None = None) -> FloatArray:
-        """Solve w(s) = `depth` (m, positive, at most w(`end`)); a known `end` (m) saves finding it again."""
+        """Parameter s (m) at which w(s) = `depth` (m), positive and at most w(`end`); a given `end` saves time.
+
+        s is the parameter of the curve: a radius, or for a flat punch the depth.
+        """
         start = self.start(depth)
         if self.is_explicit:
             return start
@@ -88,7 +119,11 @@ class ContactSeries(ABC):
 
 @dataclass(frozen=True)
 class PunchSeries(ContactSeries):
-    """The flat punch: P = 4 theta a kappa_inf w, with s = w."""
+    """The flat punch, P = 4 theta a kappa_inf w, whose parameter s is the depth w.
+
+    `kappa` is kappa_inf, the punch's stiffness over that on a half-space, and `theta` the layer's elastic constant
+    (Pa).
+    """
 
     shape: Indenter
     theta: float
@@ -96,17 +131,17 @@ class PunchSeries(ContactSeries):
 
     @property
     def is_explicit(self) -> bool:
-        """The parameter is the depth."""
+        """True: the parameter is the depth."""
         return True
 
     @property
     def end(self) -> float:
-        """A flat punch is linear: no end."""
+        """Infinite: the law is linear."""
         return np.inf
 
     @property
     def radius_end(self) -> float:
-        """Infinite: the contact radius never changes."""
+        """Infinite: the contact radius of a flat punch never changes."""
         return np.inf
 
     def start(self, depth: FloatArray) -> FloatArray:
@@ -118,7 +153,10 @@ class PunchSeries(ContactSeries):
         return s, np.ones_like(s)
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """P = 4 theta a kappa_inf w, (9.5) integrated."""
+        """Force (N), P = 4 theta a kappa_inf w, (9.5) integrated, and dP/ds.
+
+        theta is the layer's elastic constant. Equation numbers are those of Argatov and Sabina.
+        """
         stiffness = 4.0 * self.theta * self.shape.max_radius * self.kappa
         return stiffness * s, np.full_like(s, stiffness)
 
@@ -131,6 +169,12 @@ class PunchSeries(ContactSeries):
 class PowerLawSeries(ContactSeries):
     """w = A F_2 s^lambda W(s/h), P = theta A F_1 s^(lambda+1) Q(s/h), a = s R(s/h): (5.2), (5.3), (5.7) ...
 
+    W, Q and R are polynomials; F_1 and F_2 are those of (5.4) and (5.5).
+
+    Equation numbers are those of Argatov and Sabina.
+
+    s is the parameter of the curve, a radius.
+
     Parameters
     ----------
     shape : PowerLawShape
@@ -140,7 +184,7 @@ class PowerLawSeries(ContactSeries):
     thickness : float
         h (m); inf for a half-space.
     depth_terms, force_terms, radius_terms : tuple of float
-        Coefficients of 1, eps, eps^2, ... in W, Q and R.
+        Coefficients of 1, eps, eps^2, ... in W, Q and R, eps = s/h.
     """
 
     shape: PowerLawShape
@@ -152,12 +196,15 @@ class PowerLawSeries(ContactSeries):
 
     @property
     def is_explicit(self) -> bool:
-        """W = 1: s is the half-space radius at the depth."""
+        """Whether W = 1, so that s is the half-space radius at the depth."""
         return len(self.depth_terms) == 1
 
     @cached_property
     def end(self) -> float:
-        """First turning point of w or P: positive roots of lambda W + eps W' and (lambda+1) Q + eps Q'."""
+        """First turning point (m) of w or P: positive roots of lambda W + eps W' and (lambda+1) Q + eps Q'.
+
+        eps is s/h, the parameter s over the thickness.
+        """
         lam = self.shape.exponent
         return self.thickness * min(
             _first_turn(lam, self.depth_terms), _first_turn(lam + 1.0, self.force_terms)
@@ -165,29 +212,49 @@ class PowerLawSeries(ContactSeries):
 
     @cached_property
     def radius_end(self) -> float:
-        """First turning point of s R(s/h)."""
+        """First turning point (m) of the contact radius s R(s/h).
+
+        s is the parameter of the curve, a radius.
+        """
         return self.thickness * _first_turn(1.0, self.radius_terms)
 
     def start(self, depth: FloatArray) -> FloatArray:
-        """The half-space radius, varpi h of (5.8)."""
+        """The half-space contact radius (m) at `depth` (m), varpi h of (5.8).
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         return self.shape.halfspace_radius(depth)
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Depth (m) by (5.3), (8.4), or w = H(s), and dw/ds."""
+        """Depth (m) by (5.3), (8.4), or w = H(s), and dw/ds.
+
+        H(r) is the depth at which the contact radius on a half-space is r. Equation numbers are those of
+        Argatov and Sabina.
+
+        s is the parameter of the curve, a radius.
+        """
         lam, eps = self.shape.exponent, s / self.thickness
         depth = self.shape.abel(s)
         series, slope = _polynomial(self.depth_terms, eps)
         return depth * series, depth / s * (lam * series + eps * slope)
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) by (5.2), (5.9), or that of the half-space, and dP/ds."""
+        """Force P (N) at the parameter s (m) by (5.2), (5.9), or that of the half-space, and dP/ds.
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         lam, eps = self.shape.exponent, s / self.thickness
         force = 4.0 * self.theta * lam / (lam + 1.0) * self.shape.abel(s)
         series, slope = _polynomial(self.force_terms, eps)
         return force * s * series, force * ((lam + 1.0) * series + eps * slope)
 
     def load(self, depth: FloatArray, s: FloatArray) -> FloatArray:
-        """P = 4 theta lambda/(lambda+1) w s Q/W: no second power of s."""
+        """Force (N) by P = 4 theta lambda/(lambda+1) w s Q/W, without a second power of s.
+
+        The shape is A r^lambda. theta is the layer's elastic constant.
+
+        s is the parameter of the curve, a radius.
+        """
         lam = self.shape.exponent
         load = _horner(self.force_terms, s / self.thickness)
         if len(self.depth_terms) > 1:
@@ -198,7 +265,12 @@ class PowerLawSeries(ContactSeries):
         return load
 
     def radius(self, s: FloatArray) -> FloatArray:
-        """Contact radius (m) by (5.7), (8.5), or s itself."""
+        """Contact radius (m) by (5.7), (8.5), or s itself.
+
+        Equation numbers are those of Argatov and Sabina.
+
+        s is the parameter of the curve, a radius.
+        """
         return s * _horner(self.radius_terms, s / self.thickness)
 
 
@@ -211,7 +283,7 @@ def power_law_series(
     order: int,
     form: str,
 ) -> PowerLawSeries:
-    """Build the curve of a power-law shape in the given form and order from (a_0, a_1)."""
+    """Build the curve of a power-law shape in the given form and order from the kernel's `moments` (a_0, a_1)."""
     lam, none = shape.exponent, (0.0, 0.0, 0.0, 0.0)
     c = float(blunt.kernel_terms(*moments)[1])
     if form == "explicit":
@@ -230,7 +302,7 @@ def power_law_series(
 
 
 def _terms(series: blunt.Series, order: int) -> tuple[float, ...]:
-    """Return 1 and the coefficients kept, without the zeros at the end."""
+    """1 and the first `order` coefficients of a series, without zeros at the end."""
     terms = [1.0, *(float(term) for term in series[:order])]
     while terms[-1] == 0.0:
         terms.pop()
@@ -238,7 +310,7 @@ def _terms(series: blunt.Series, order: int) -> tuple[float, ...]:
 
 
 def _horner(terms: tuple[float, ...], x: FloatArray) -> FloatArray:
-    """Polynomial with coefficients of 1, x, x^2, ..."""
+    """Value of the polynomial with coefficients `terms` of 1, x, x^2, ..."""
     value = np.full_like(x, terms[-1])
     for term in reversed(terms[:-1]):
         value *= x
@@ -247,7 +319,7 @@ def _horner(terms: tuple[float, ...], x: FloatArray) -> FloatArray:
 
 
 def _polynomial(terms: tuple[float, ...], x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Value and derivative by Horner's rule."""
+    """Value and derivative of the polynomial with coefficients `terms` of 1, x, x^2, ..."""
     value = np.full_like(x, terms[-1])
     slope = np.zeros_like(x)
     for term in reversed(terms[:-1]):
@@ -257,7 +329,10 @@ def _polynomial(terms: tuple[float, ...], x: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _first_turn(power: float, terms: tuple[float, ...]) -> float:
-    """Smallest positive eps at which eps^power (t_0 + t_1 eps + ...) stops increasing; inf if none."""
+    """Smallest positive eps at which eps^power (t_0 + t_1 eps + ...) stops increasing; inf if none.
+
+    eps is s/h, the parameter s over the thickness.
+    """
     rates = [(power + n) * term for n, term in enumerate(terms)]
     if min(rates) >= 0.0:
         return np.inf
@@ -284,6 +359,9 @@ class ShapeSeries(ContactSeries):
     It is England's expansion (6.10), (6.11) for a sphere and (8.4), (8.5) for a power law. The a_0 term is exact
     in it (a shift of the surface proportional to the force), which is why it stays good on soft substrates.
 
+    eps is a/h, contact radius over thickness. a_0 and a_1 are moments of the kernel (1.8). Equation
+    numbers are those of Argatov and Sabina.
+
     Parameters
     ----------
     shape : Indenter
@@ -306,12 +384,15 @@ class ShapeSeries(ContactSeries):
 
     @property
     def is_explicit(self) -> bool:
-        """No layer effect kept: s is the half-space radius."""
+        """Whether no effect of the base is kept, so that s is the half-space radius.
+
+        s is the parameter of the curve, a radius.
+        """
         return self.b == 0.0 and self.c == 0.0
 
     @cached_property
     def end(self) -> float:
-        """First zero of dw/ds or dP/ds, by repeated division of the step in which the first one lies."""
+        """First zero (m) of dw/ds or dP/ds, by repeated subdivision of the interval that holds it."""
         last = self.shape.max_radius
         if self.is_explicit:
             return last
@@ -330,7 +411,10 @@ class ShapeSeries(ContactSeries):
 
     @cached_property
     def radius_end(self) -> float:
-        """Where the expanded contact radius of the compliance form stops increasing, or passes the shape's end."""
+        """s (m) at which the compliance form's contact radius stops increasing, or passes the shape's end.
+
+        s is the parameter of the curve, a radius.
+        """
         last, widest = self.end, self.shape.max_radius
         if not self.by_force or self.c == 0.0:
             return last
@@ -355,12 +439,15 @@ class ShapeSeries(ContactSeries):
         return float(found.x)
 
     def start(self, depth: FloatArray) -> FloatArray:
-        """The half-space radius; over a soft base the depth may pass the half-space's last one."""
+        """The half-space contact radius (m) at `depth` (m), at most that at the end of the shape."""
         last = self.shape.abel(np.array(self.shape.max_radius))
         return self.shape.halfspace_radius(np.minimum(depth, last))
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Depth (m) by (4.15), or by the compliance form of the class's docstring, and dw/ds."""
+        """Depth w (m) at the parameter s (m) by (4.15), or by the compliance form of the class, and dw/ds.
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         h, b, c = self.thickness, self.b, self.c
         H, slope = self.shape.abel(s), self.shape.abel_slope(s)
         first, second = self.shape.abel_moments(s)
@@ -383,7 +470,10 @@ class ShapeSeries(ContactSeries):
         )
 
     def force(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) by (4.14), or that of the half-space (3.2), and dP/ds."""
+        """Force P (N) at the parameter s (m) by (4.14), or that of the half-space (3.2), and dP/ds.
+
+        Equation numbers are those of Argatov and Sabina.
+        """
         H, slope = self.shape.abel(s), self.shape.abel_slope(s)
         N = s * H - self.shape.abel_moments(s)[0]
         if self.by_force:
@@ -395,14 +485,20 @@ class ShapeSeries(ContactSeries):
         )
 
     def radius(self, s: FloatArray) -> FloatArray:
-        """Contact radius (m): the parameter itself, or a = s + (c/h^3) s^2 N/H'."""
+        """Contact radius (m) at the parameter s (m): s itself, or a = s + (c/h^3) s^2 N/H'.
+
+        The latter in the compliance form, with the symbols of the class's docstring.
+        """
         if not self.by_force or self.c == 0.0:
             return s
         N = s * self.shape.abel(s) - self.shape.abel_moments(s)[0]
         return s + self.c / self.thickness**3 * s**2 * N / self.shape.abel_slope(s)
 
     def _least_rate(self, s: FloatArray) -> FloatArray:
-        """The smaller of dw/ds and dP/ds, each over its half-space value."""
+        """The smaller of dw/ds and dP/ds, each over its half-space value; zero at a turning point.
+
+        w is the depth, P the force and s the parameter of the curve (m).
+        """
         slope = self.shape.abel_slope(s)
         depth_rate = self.depth(s)[1] / slope
         if self.by_force:

@@ -52,21 +52,23 @@ _MARGIN = 1.06
 class CurveBatch:
     """Master curves of many parameter sets, one polynomial each.
 
+    varpi is the contact radius of `measure` on a half-space at the depth over the thickness.
+
     Parameters
     ----------
     measure : PowerLawShape
-        Shape that measures depth.
+        Power law by which depth is made dimensionless.
     top : float or ndarray (sets,)
-        Largest varpi.
+        Largest varpi for which the curves hold.
     stretch : Stretch
-        Of the curves, (sets, 1).
+        The variable of the polynomials, ln(1 + rate varpi), with lengths and rates (sets, 1).
     coefficients : ndarray (sets, 3, rows, 4)
-        As in `MasterCurve`.
+        Logarithms of the three factors (see `Factor`) in powers, laid out as in `MasterCurve`.
     error_estimate : ndarray (sets,)
         Relative error of each; above the `rtol` of the batch where a set's materials lie too far from those
         it was compiled for: solve such a set alone.
     slopes : ndarray (sets, numbers, rows, 4), optional
-        Of d ln P/ds at fixed depth, s each of the numbers in which neighbouring curves differ.
+        d ln P/ds at fixed depth for each parameter s in which neighbouring curves differ, laid out likewise.
     """
 
     measure: PowerLawShape
@@ -77,7 +79,7 @@ class CurveBatch:
     slopes: FloatArray | None = None
 
     def part(self, rows: slice | list[int]) -> Self:
-        """Curves of some of the sets."""
+        """Curves of the sets given by `rows`, a slice or a list of indices."""
         return type(self)(
             self.measure,
             self.top[rows] if isinstance(self.top, np.ndarray) else self.top,
@@ -88,7 +90,10 @@ class CurveBatch:
         )
 
     def logarithms(self, varpi: FloatArray) -> FloatArray:
-        """Logarithms of the three factors of all sets at the same `varpi` (n,), shape (sets, 3, n)."""
+        """Logarithms (sets, 3, n) of the three factors (see `Factor`) of all sets at the same `varpi` (n,).
+
+        The three factors are contact radius, force and stiffness over the half-space's.
+        """
         z = self.stretch.z(np.repeat(varpi[None], len(self.stretch.length), axis=0))
         return polynomial(self.coefficients, z[:, None, :])
 
@@ -108,7 +113,8 @@ class CurveBatch:
         theta, thickness : ndarray (sets,)
             Elastic constant (Pa) and thickness (m) of the layers.
         abel_coefficient : ndarray (sets,), optional
-            A F_2(lambda) of the shapes, where they differ from the compiled one.
+            Coefficient c of the half-space relation depth = c radius^lambda of each set's tip (A F_2(lambda) for a
+            profile A r^lambda), where tips differ from `measure`.
 
         Raises
         ------
@@ -120,9 +126,10 @@ class CurveBatch:
         return self._evaluate(depth, thickness, abel_coefficient, (Factor.FORCE,), scale, with_depth=True)
 
     def of_one_layer(self, depth: FloatArray, theta: float, thickness: float) -> FloatArray:
-        """Forces (N), (sets, n), as `force`, where the bodies under one tip and layer alone differ.
+        """Forces (N), (sets, n), of sets that share tip and layer and differ only in the body under the layer.
 
-        `depth` (m) is (sets, n), or (1, n): curves of one stretched variable then share it, which costs most of it.
+        `depth` (m) is (sets, n), or (1, n) for all; `theta` (Pa) and `thickness` (m) are the layer's. Faster than
+        `force` where the sets share one stretched variable, which is then computed once.
         """
         touching, radius, _ = self._half_space(depth, np.full(1, thickness), None)
         varpi = radius / thickness
@@ -155,7 +162,11 @@ class CurveBatch:
         *,
         with_depth: bool,
     ) -> FloatArray:
-        """Half-space radius times the factors times `scale`, and times the depth where asked."""
+        """Half-space radius (m) times the product of `factors` times `scale`, (sets, n).
+
+        `scale` is (sets,); with `with_depth` the result is also multiplied by the depth. The other arguments are
+        those of `force`.
+        """
         touching, radius, per_set = self._half_space(depth, thickness, abel_coefficient)
         to_varpi = per_set / thickness
         sets, size = thickness.size, radius.shape[-1]
@@ -183,10 +194,10 @@ class CurveBatch:
         thickness: FloatArray,
         abel_coefficient: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Forces (N) and dP/dw (N/m), (sets, n), and dP/ds (N), (sets, numbers, n), of the numbers of `slopes`.
+        """Forces (N) and dP/dw (N/m), each (sets, n), and dP/ds (N), (sets, numbers, n), for s of `slopes`.
 
-        Arguments and errors as for `force`. For a few sets of few depths: what they cost is calls, and here one
-        polynomial serves all.
+        Arguments and errors as for `force`. Meant for few sets and depths, where calls cost more than arithmetic:
+        one polynomial evaluation serves all three.
         """
         touching, radius, per_set = self._half_space(depth, thickness, abel_coefficient)
         z = self.stretch.z(radius * (per_set / thickness)[:, None])
@@ -248,25 +259,26 @@ def curves_through(
     top: float | FloatArray,
     stretch: Stretch,
 ) -> CurveBatch:
-    """Return the polynomials through given points, as `MasterCurve.through` does for one curve.
+    """Polynomials through given points of many curves; `MasterCurve.through` does this for one curve.
 
     Parameters
     ----------
     measure : PowerLawShape
-        Shape that measures depth.
+        Power law by which depth is made dimensionless.
     varpi : ndarray (sets, n)
-        Increasing in every row, and close to Chebyshev points of the stretched variable.
+        Half-space contact radii at the depths over the thickness: increasing in every row, and close to Chebyshev
+        points of the stretched variable.
     logarithms : ndarray (sets, n, 3 + numbers)
-        Of the factors, and columns of derivatives after them: see `CurveBatch.slopes`.
+        Of the three factors, and columns of derivatives after them: see `CurveBatch.slopes`.
     top : float or ndarray (sets,)
-        Largest varpi that is asked for.
+        Largest varpi at which the curves will be evaluated.
     stretch : Stretch
-        Of the rate of the stretched variable.
+        Gives the rate of the stretched variable ln(1 + rate varpi).
 
     Returns
     -------
     CurveBatch
-        Its error estimates are what the polynomials leave out, up to `top`.
+        Its error estimates are the truncation errors of the polynomials up to `top`.
     """
     count = varpi.shape[1]
     last = varpi[:, -1:]
@@ -292,24 +304,26 @@ def curves_through(
 
 @dataclass(frozen=True)
 class ExactBatch:
-    """The exact contact problem of one shape, compiled for parameter sets up to a largest varpi.
+    """The exact contact problem of one shape with nodes fixed beforehand, for many sets of materials.
 
-    Compile it once, at the middle of the parameters to come; call `curves` for every batch of materials.
+    Compile it once, at the middle of the parameters to come; call `curves` for every batch of materials. varpi is
+    the contact radius of `measure` on a half-space at the depth over the thickness.
 
     Parameters
     ----------
     indenter : Indenter
         Shape; its size may change from set to set through `CurveBatch.force` if it is a power law.
     measure : PowerLawShape
-        Power law that measures depth.
+        Power law by which depth is made dimensionless.
     top : float
         Largest varpi.
     rtol : float
         Relative error asked for.
     grid : PunchGrid
-        Contact radii over thickness, and nodes.
+        Contact radii over thickness, and the quadrature nodes.
     products : ndarray (wavenumbers, radii (nodes + 1) nodes) or None
-        eps cos(eps x_i u) cos(eps x_j u); None where they would be too many to keep.
+        eps cos(eps x_i u) cos(eps x_j u), with eps = a/h, x = r/a and u the wavenumber times the thickness; None
+        where they would be too many to keep.
     """
 
     indenter: Indenter
@@ -323,14 +337,20 @@ class ExactBatch:
     def compile(
         cls, indenter: Indenter, kernel: Kernel, *, thickness: float, max_depth: float, rtol: float = 1e-6
     ) -> Self:
-        """Place the nodes, for bodies near that of `kernel`.
+        """Fix contact radii and nodes, for bodies near that of `kernel`.
 
         Parameters
         ----------
+        indenter : Indenter
+            Shape of the tip.
+        kernel : Kernel
+            1 - L(u) of a typical body.
         thickness : float
             Of the thinnest layer (m).
         max_depth : float
             Largest depth (m).
+        rtol : float
+            Relative error allowed.
 
         Raises
         ------
@@ -365,7 +385,7 @@ class ExactBatch:
     def curves(
         self, inner: PlaneConstants, outer: PlaneConstants | None, thickness: FloatArray | float = 1.0
     ) -> CurveBatch:
-        """Solve for a batch of materials.
+        """Solve for the master curves of a batch of materials.
 
         Parameters
         ----------
@@ -377,7 +397,11 @@ class ExactBatch:
         return self.curves_of(LayerKernel(inner, outer).values(self.u), thickness)
 
     def curves_of(self, kernels: FloatArray, thickness: FloatArray | float = 1.0) -> CurveBatch:
-        """Solve for a batch of bodies by their 1 - L at `u`, (sets, wavenumbers) or (wavenumbers,)."""
+        """Solve for the master curves of bodies given by 1 - L at the nodes `u`, (sets, wavenumbers).
+
+        `kernels` may be (wavenumbers,) for one body. `thickness` (m), (sets,) or a float, is needed only where the
+        indenter is not a power law.
+        """
         punch = self._punch(kernels)
         lengths = np.reshape(np.asarray(thickness, dtype=np.float64), (-1, 1))
         # A set whose radii pass the end of the shape is solved on the thickest layer that fits, and marked.

@@ -90,20 +90,21 @@ _FINEST = 1e-12
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """A shape over a thickness, on a body.
+    """An indenter over a layer of given thickness on a given body: solved at contact radii, not at depths.
 
     Parameters
     ----------
     indenter : Indenter
         Any shape but the flat punch.
     measure : PowerLawShape
-        Power law that measures depth: varpi is its half-space radius over the thickness.
+        Power-law shape by which depth is made dimensionless: varpi, its contact radius on a half-space at that
+        depth over the layer's thickness. The indenter itself where that is a power law.
     thickness : float
-        Of the layer (m).
+        Thickness of the layer (m).
     kernel : Kernel
-        Of the body.
+        1 - L(u) of the body (layer and what lies under it), u the wavenumber times the thickness.
     beside : tuple of Beside
-        Bodies towards which derivatives are wanted.
+        Bodies a small step away in one parameter each, for the derivatives of the force in these parameters.
     """
 
     indenter: Indenter
@@ -121,24 +122,25 @@ class ContactProblem:
 
     @property
     def scales(self) -> Scales:
-        """Scales of the body: what the node counts depend on."""
+        """Characteristic rates and stiffness ratios of the body, from which the node counts are chosen."""
         return self.kernel.scales
 
     @property
     def end(self) -> float:
-        """Largest chi: a/h = 20, or the end of the shape."""
+        """Largest chi (radius variable of the method `chi`): that of a/h = 20, or of the end of the shape."""
         return self.chi(min(self.indenter.max_radius / self.thickness, LARGEST_EPS))
 
     @property
     def unevenness(self) -> float:
-        """Factor on estimated truncation errors."""
+        """Safety factor on estimated truncation errors: 1 for a power law, `UNEVEN` for other shapes."""
         return 1.0 if self.indenter is self.measure else UNEVEN
 
     def chi(self, eps: float) -> float:
-        """Radius over thickness at which the measure has the half-space depth H(a) of the indenter.
+        """chi of a contact radius eps = a/h: the radius over h at which `measure` is as deep as the tip.
 
-        It stands for the contact radius in every expansion: where a sphere's H grows without bound, chi does
-        too, and varpi(chi) stays smooth.
+        As deep means: the power law `measure` has there the half-space depth H(a) that the indenter has at radius
+        a. For a power law chi is a/h. It stands for the contact radius in every expansion: where a sphere's H grows
+        without bound, chi does too, and varpi(chi) stays smooth.
         """
         if self.indenter is self.measure:
             return eps
@@ -146,7 +148,10 @@ class ContactProblem:
         return float(self.measure.halfspace_radius(depth)[0]) / self.thickness
 
     def eps(self, chi: FloatArray) -> FloatArray:
-        """Contact radius over thickness at `chi`, within the shape."""
+        """Contact radius over thickness, a/h, at `chi` (n,), at most the end of the shape: inverse of `chi`.
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         if self.indenter is self.measure:
             return chi
         deepest = self.indenter.abel(np.array(self.indenter.max_radius))
@@ -154,11 +159,14 @@ class ContactProblem:
         return np.minimum(self.indenter.halfspace_radius(depth), self.indenter.max_radius) / self.thickness
 
     def widest(self, chi: float) -> float:
-        """Contact radius over thickness at one `chi`, within the shape: `eps` of a single float."""
+        """Contact radius over thickness, a/h, at one value of chi: `eps` for a single float.
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         return chi if self.indenter is self.measure else float(self.eps(np.array([chi]))[0])
 
     def resolution(self, eps: float, rtol: float) -> Resolution:
-        """Nodes for contact radii up to `eps`, proved where they were not fitted to bodies of this kind."""
+        """Node counts for a/h up to `eps` at error `rtol`, checked by doubling where none were fitted."""
         return proved_resolution(self.kernel, eps, rtol)
 
     def solve(
@@ -168,11 +176,23 @@ class ContactProblem:
         rtol: float | None = None,
         octaves: dict[int, Resolution] | None = None,
     ) -> tuple[FloatArray, FloatArray]:
-        """Varpi (radii,) and the logarithms of the three factors (radii, 3) at radii `chi`.
+        """Solve at radii `chi` (radii,) for varpi (radii,) and a table of logarithms (radii, 3 + bodies beside).
 
-        After these, a column each, d ln P/ds at fixed depth towards the bodies beside. With the relative error
-        `rtol` for which `resolution` was chosen, narrow contacts among many take the fewer nodes that do for them,
-        kept in `octaves` for whoever asks again up to the same radius.
+        varpi is the half-space contact radius at the depth over the thickness. The first three columns are the
+        logarithms of the factors (radius, force, stiffness over those of the half-space, see `Factor`); then, for
+        each body of `beside`, d ln P/ds at fixed depth, s the parameter in which that body differs.
+
+        Parameters
+        ----------
+        chi : ndarray (radii,)
+            Radii in the variable of the method `chi`.
+        resolution : Resolution
+            Nodes that serve the largest radius.
+        rtol : float, optional
+            Relative error for which `resolution` was chosen. If given, and the system is large, narrower contacts
+            are solved with fewer nodes, an octave of radii at a time.
+        octaves : dict, optional
+            Cache of those node counts by octave, filled here, for later calls up to the same largest radius.
         """
         eps = self.eps(chi)
         if rtol is None or eps.size * resolution.size < _MUCH:
@@ -190,7 +210,10 @@ class ContactProblem:
         return varpi, columns
 
     def on(self, grid: PunchGrid) -> tuple[FloatArray, FloatArray]:
-        """Varpi (radii,) and the other columns of `solve` (radii, 3 + bodies) at the contact radii of a grid."""
+        """varpi (radii,) and the table of `solve` (radii, 3 + bodies) at the contact radii and nodes of a grid.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         if not self.beside:
             punch = grid.solve(self.kernel.values(grid.u))
             return contact_factors(punch, self.indenter, self.measure, self.thickness)
@@ -215,10 +238,11 @@ def contact_factors(
     thickness: Real,
     lengths: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Varpi (..., radii) and the logarithms of the three factors (..., radii, 3).
+    """varpi (..., radii) and the logarithms of the three factors (..., radii, 3) from solutions for the flat punch.
 
-    `thickness` (m) is a float, or (batch, 1) with a batch of solutions; `lengths` are the contact radii (m), where
-    fewer than there are solutions.
+    varpi is the half-space contact radius of `measure` at the depth over the thickness; the factors are radius,
+    force and stiffness over those of the half-space (see `Factor`). `thickness` (m) is a float, or (batch, 1) with
+    a batch of solutions; `lengths` are the contact radii (m), to be given where several solutions share one radius.
     """
     exponent = measure.exponent
     factors = np.empty((*punch.kappa.shape, len(Factor)))
@@ -242,7 +266,11 @@ def contact_factors(
 def weights_over_depth(
     indenter: Indenter, measure: PowerLawShape, rule: EvenRule, lengths: FloatArray
 ) -> FloatArray:
-    """Weights of int_0^1 H(a x)/H(a) p(x) dx at contact radii `lengths` (m): of a power law (nodes,), for all."""
+    """Weights of int_0^1 H(a x)/H(a) p(x) dx, H the indenter's half-space depth, p smooth and even.
+
+    For contact radii a = `lengths` (m): shape (..., radii, nodes); for a power law (nodes,), the same for all
+    radii.
+    """
     if indenter is measure:
         key = ("power", rule.nodes.size, measure.exponent)
         return TABLES.get(key, lambda: rule.power_weights(measure.exponent))
@@ -254,6 +282,8 @@ def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> F
 
     A smooth step bunches the nodes at both ends, where H may be |x|^lambda or nearly singular; p has degree
     2 n - 2, up to n half waves squeezed by two, and takes its share of them.
+
+    H(r) is the depth at which the contact radius on a half-space is r.
     """
     count = rule.nodes.size
     nodes = (_SMOOTH_NODES if indenter.smooth else _MEASURED_NODES) + 4 * count
@@ -262,7 +292,7 @@ def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> F
 
 
 def _shape_rule(nodes: int, rule: EvenRule) -> tuple[FloatArray, FloatArray]:
-    """Nodes x (nodes,), and their weights times the projection on the rule's (nodes, rule)."""
+    """Nodes x in (0, 1), (nodes,), and their weights times the interpolation from `rule`, (nodes, rule)."""
     s, weights = legendre_rule(nodes)
     s = 0.5 * (s + 1.0)
     fine = s**3 * (10.0 - s * (15.0 - 6.0 * s))
@@ -273,18 +303,18 @@ def _shape_rule(nodes: int, rule: EvenRule) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class SolvedCurve:
-    """A master curve and how it was found.
+    """A master curve with the accuracy and the node counts of its solution.
 
     Parameters
     ----------
     curve : MasterCurve
-        The relation.
+        Force, contact radius and stiffness against depth, without dimensions.
     resolution : Resolution
-        Nodes of the solution behind it.
+        Node counts of the solutions behind it.
     eps : float
-        The largest of them, over the thickness.
+        Largest contact radius over thickness that was solved for.
     error_estimate : float
-        Relative error of the three factors.
+        Estimated relative error of force, contact radius and stiffness.
     """
 
     curve: MasterCurve
@@ -296,10 +326,19 @@ class SolvedCurve:
 def solve_curve(
     problem: ContactProblem, top: float, rtol: float, left_out: float = SHARE_OF_CURVE
 ) -> SolvedCurve:
-    """Solve for varpi in [0, `top`] at relative error `rtol`.
+    """Solve for the master curve up to `top` at relative error `rtol`.
 
-    Terms that this may take are left out while they and those that were never solved for make up the share
-    `left_out` of `rtol`: zero for curves that are interpolated, of which each would leave out others.
+    Parameters
+    ----------
+    problem : ContactProblem
+        Indenter, layer and body.
+    top : float
+        Largest varpi, the half-space contact radius at the depth over the thickness.
+    rtol : float
+        Relative error allowed in force, contact radius and stiffness.
+    left_out : float
+        Share of `rtol` up to which small last terms of the polynomials may be dropped. Zero where curves are then
+        interpolated between bodies, since each would drop other terms.
 
     Raises
     ------
@@ -319,9 +358,10 @@ def solve_curve(
 def _on_grid(
     problem: ContactProblem, guess: RadiusGuess, top: float, rtol: float, left_out: float
 ) -> SolvedCurve | None:
-    """One polynomial through the radii of a kept grid; None where there is none, or that does not reach `rtol`.
+    """One polynomial through radii of a cached grid that bodies much alike share; None where that misses `rtol`.
 
-    Not for stacks: their contacts may lie so far from the guess that estimates of 1e-6 were 1e-4 off.
+    None too where there is no such grid: on stacks, whose contacts may lie so far from the guess that estimated
+    errors of 1e-6 were 1e-4 in truth, and on soft bases.
     """
     if not (problem.scales.charted and problem.scales.softest > SOFT):
         return None
@@ -349,7 +389,12 @@ def _on_grid(
 
 
 def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:
-    """Expand in the radius first, then invert: works for any varpi(chi), folds included."""
+    """Expand the depth in the contact radius first, then invert: works for any varpi(chi), folds included.
+
+    `last` is the largest chi to begin with; `gain` the growth of errors from depth to radius (see `_placement`).
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     fine = max(rtol / gain, _FINEST)
     series, resolution = _series(problem, last, fine)
     while last < problem.end and (reached := float(series.varpi(np.array([last]))[0])) < top:
@@ -363,11 +408,13 @@ def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, 
 
 @dataclass(frozen=True)
 class RadiusGuess:
-    """Contact radius against varpi, a little too large: chi = varpi (1 + gain rate varpi/(1 + rate varpi)).
+    """Guessed contact radius for a depth, a little too large: chi = varpi (1 + gain rate varpi/(1 + rate varpi)).
 
-    The gain is that of a thin incompressible layer on a rigid base, a = (F_2 (lambda+2)/2)^(1/lambda) a_half,
-    and two thirds of it for a compressible one; the rate is fitted. A layer on a rigid base is met within
-    5 %; an elastic substrate stays below.
+    varpi is the half-space contact radius at the depth and chi the contact radius (of a power law), both over the
+    thickness. The gain is that of a thin incompressible layer on a rigid base, a = (F_2 (lambda+2)/2)^(1/lambda)
+    a_half, lambda the exponent of the shape and F_2 its Abel factor, and two thirds of it for a compressible one;
+    the rate is fitted. On a rigid base the guess is within 5 % of the solution; on an elastic one the solution
+    stays below it.
     """
 
     gain: float
@@ -375,27 +422,34 @@ class RadiusGuess:
 
     @classmethod
     def of(cls, scales: Scales, exponent: float) -> Self:
-        """Guess for one body and one shape exponent."""
+        """Guess for a body, by its scales, and for the exponent of the shape."""
         gain = float((0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent)) - 1.0
         gain *= (0.66 + 0.34 * scales.firmness) * max(0.0, 1.0 - 1.0 / scales.stiffest)
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
     def radius(self, varpi: Any) -> Any:
-        """Contact radius chi at `varpi`, a float or an array, a little too large."""
+        """Guessed contact radius over thickness (chi) at `varpi`, a float or an array.
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         share = self.rate * varpi
         return varpi * (1.0 + self.gain * share / (1.0 + share))
 
     def grid(self, end: float, terms: int, resolution: Resolution) -> PunchGrid:
-        """So many contact radii up to a/h = `end`, kept for every body whose guess is nearly this one.
+        """`terms` contact radii up to a/h = `end` with the nodes of `resolution`, cached.
 
-        Gains rounded to tenths move the points by 3 % at most.
+        Bodies of nearly the same guess share them: the guess is rounded (its gain to tenths), which moves the
+        points by 3 % at most.
         """
         near = RadiusGuess(round(self.gain, 1), self.rate)
         key = ("grid", near, end, terms, resolution)
         return TABLES.get(key, lambda: PunchGrid.of(near.radii(end, terms), resolution))
 
     def radii(self, end: float, terms: int) -> FloatArray:
-        """Radii up to `end` at Chebyshev points of the stretched varpi."""
+        """`terms` radii over thickness up to about `end`, with the stretched varpi at Chebyshev points.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         # Where varpi is `end` the quadratic of `radius` has this root.
         half, most = 0.5 * (1.0 - self.rate * end), self.rate * (1.0 + self.gain)
         top = (sqrt(half * half + most * end) - half) / most
@@ -405,11 +459,15 @@ class RadiusGuess:
 def _placement(
     problem: ContactProblem, guess: RadiusGuess, top: float, last: float
 ) -> tuple[Callable[[FloatArray], FloatArray] | None, float, float]:
-    """Where to put the radii for given varpi, the largest, and how errors of depth grow in the radius.
+    """How to place contact radii for given varpi: a function of varpi, the largest chi, and how errors grow.
 
-    The guess will do unless something under the surface is much softer than the layer: then a coarse solution
-    tells. Where varpi(chi) folds, or stops short, there is no placing beforehand (None). The growth is the
-    largest slope d ln chi/d ln varpi: one, but near a fold.
+    The guess serves unless something under the surface is much softer than the layer: then a coarse solution comes
+    first. Where varpi(chi) folds, or ends before `top`, radii cannot be placed beforehand, and the function is
+    None. The growth of relative errors from depth to radius is the largest slope d ln chi/d ln varpi: one, except
+    near a fold.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
     """
     if problem.scales.softest > SOFT:
         return guess.radius, last, 1.0
@@ -439,7 +497,14 @@ def _direct(
     gain: float,
     left_out: float,
 ) -> SolvedCurve | None:
-    """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
+    """One polynomial in varpi through radii placed beforehand; None where that does not reach `rtol`.
+
+    `place` maps varpi to chi, `last` is the largest chi, and `gain` the growth of errors, all from `_placement`;
+    the other parameters are those of `solve_curve`.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
+    """
     wanted = Stretch.to(top, problem.scales.softness)
     fine = max(rtol / gain, _FINEST)
     widen = last / float(place(np.array([top]))[0])
@@ -466,7 +531,10 @@ def _direct(
 
 
 def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
-    """Solve at Chebyshev points up to `last` and expand in chi, with as many terms as it takes."""
+    """Solve at Chebyshev points in chi up to `last`, and expand in chi with as many terms as `rtol` takes.
+
+    chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+    """
     stretch = Stretch.to(last, problem.scales.softness)
     # What is asked for to place the radii of another solution needs no proof.
     nodes = problem.resolution if rtol < _COARSE else partial(Resolution.choose, problem.scales)
@@ -491,10 +559,13 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
 
 
 def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> float:
-    """Take `wider` as the largest chi; at the end of the shape only if that reaches varpi = `top`.
+    """Return `wider` as the next largest chi, or the end of the range if it is beyond.
 
-    Without the check the curve would be extrapolated: over a thin layer a sphere's contact reaches its
-    equator long before the guess does.
+    At the end, RangeError is raised if varpi = `top` is not reached there. Without this check the curve would be
+    extrapolated: over a thin layer a sphere's contact reaches its equator long before the guess does.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
     """
     if wider >= problem.end:
         _check_reach(problem, top, rtol)
@@ -503,7 +574,10 @@ def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> 
 
 
 def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
-    """Raise if varpi = `top` asks for a contact radius beyond the end."""
+    """Raise RangeError if varpi = `top` needs a contact radius beyond the end of the shape or of a/h = 20.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     end = problem.end
     last = float(problem.solve(np.array([end]), problem.resolution(problem.widest(end), rtol))[0][0])
     if last >= top:
@@ -516,7 +590,7 @@ def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
 
 
 def too_wide(asked: float, deepest: float) -> RangeError:
-    """Why there is no law at a depth `asked` (m), where the widest contact is that at the depth `deepest` (m)."""
+    """RangeError for a depth `asked` (m) that needs a/h > 20; `deepest` (m) is the depth at which a/h = 20."""
     why = (
         f"there the contact radius is {LARGEST_EPS:g} thicknesses; use less depth or, for contacts wider still, "
         "the half-space law of the substrate"

@@ -77,40 +77,40 @@ _MOST_RATIOS = 24
 
 
 class IsotropicPair(NamedTuple):
-    """An isotropic layer on an isotropic base: their Poisson's ratios; the number is the ratio of moduli."""
+    """Isotropic layers on isotropic bases of given Poisson's ratios, differing in the ratio of moduli."""
 
     layer_nu: float
     base_nu: float
 
     def kernel(self, ratio: float) -> LayerKernel:
-        """Kernel with a base `ratio` times as stiff as the layer."""
+        """Kernel of the body whose base has `ratio` times the layer's Young's modulus."""
         return LayerKernel(isotropic_constants(1.0, self.layer_nu), isotropic_constants(ratio, self.base_nu))
 
 
 class RigidBase(NamedTuple):
-    """An isotropic layer on a rigid base: its Poisson's ratio. A family of one, whatever the number."""
+    """An isotropic layer of given Poisson's ratio on a rigid base: a family with a single member."""
 
     layer_nu: float
 
     def kernel(self, ratio: float) -> LayerKernel:
-        """Kernel of the layer, whatever the ratio."""
+        """Kernel of the layer on a rigid base; `ratio` is ignored."""
         del ratio
         return LayerKernel(isotropic_constants(1.0, self.layer_nu), None)
 
 
 class Cell(NamedTuple):
-    """Which table: the tip's exponent, the bodies, the spans and the accuracy.
+    """Key of one table: the tip's exponent, the family of bodies, the ranges of ratio and depth, and the accuracy.
 
     Parameters
     ----------
     exponent : float
         Of the tip's power law.
     family : Family
-        The bodies.
+        The bodies, which differ in one ratio k.
     ratio : int
-        Number of the span in ln k.
+        Number of the range of ln k (`ratio_span`).
     range : int
-        Number of the span in varpi.
+        Number of the range of varpi, the half-space contact radius at the depth over the thickness (`range_end`).
     rtol : float
         Relative error asked for.
     """
@@ -123,24 +123,35 @@ class Cell(NamedTuple):
 
     @classmethod
     def holding(cls, exponent: float, family: Family, ratio: float, varpi: float, rtol: float) -> Cell:
-        """Cell that holds a ratio and a largest varpi."""
+        """Cell whose ranges hold the given ratio k and largest varpi.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         return cls(exponent, family, ratio_number(ratio), range_number(varpi), rtol)
 
     @property
     def log_ratios(self) -> RatioSpan:
-        """Span of the cell in ln k."""
+        """Range of ln k of the cell.
+
+        k is the ratio in which the bodies of the family differ.
+        """
         return ratio_span(self.ratio)
 
     @property
     def top(self) -> float:
-        """Largest varpi of the cell."""
+        """Largest varpi of the cell.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         return range_end(self.range)
 
 
 class RatioSpan(NamedTuple):
-    """A span of ratios k, and the variable on [-1, 1] in which what is told of its bodies is expanded.
+    """A range of ratios k, and the variable on [-1, 1] in which curves are expanded over it.
 
-    That is ln k, and up to a rigid base 1/k.
+    The variable is linear in ln k, or in 1/k where the range ends at a rigid base (`high` infinite).
+
+    k is the ratio in which the bodies of the family differ.
 
     Parameters
     ----------
@@ -152,77 +163,91 @@ class RatioSpan(NamedTuple):
     high: float
 
     def place(self, log_ratios: FloatArray) -> FloatArray:
-        """Map ln k to the variable."""
+        """Map ln k to the variable on [-1, 1].
+
+        k is the ratio in which the bodies of the family differ.
+        """
         if self.high == inf:
             return np.asarray(1.0 - 2.0 * np.exp(self.low - log_ratios))
         return (log_ratios - self.low) * (2.0 / (self.high - self.low)) - 1.0
 
     def slope(self, log_ratio: float) -> float:
-        """Derivative of the variable in ln k."""
+        """Derivative of the variable with respect to ln k.
+
+        k is the ratio in which the bodies of the family differ.
+        """
         return 2.0 * exp(self.low - log_ratio) if self.high == inf else 2.0 / (self.high - self.low)
 
     def ratios(self, places: FloatArray) -> FloatArray:
-        """Inverse of `place`, as k."""
+        """Ratios k at values of the variable: inverse of `place`."""
         if self.high == inf:
             return np.asarray(2.0 * exp(self.low) / (1.0 - places))
         return np.asarray(np.exp(0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * places))
 
     @property
     def middle(self) -> float:
-        """The ratio k in the middle."""
+        """The ratio k in the middle of the range."""
         return float(self.ratios(np.array(0.0)))
 
 
 def ratio_span(number: int) -> RatioSpan:
-    """Span of modulus ratios of a given number, as `ratio_number` or `end_numbers` counts them."""
+    """Range of modulus ratios with a given number, as `ratio_number` or `end_numbers` counts them."""
     low = log(_RATIO_EDGE) + (_STIFF if number == STIFF_END else number) * log(_RATIO_STEP)
     return RatioSpan(low, inf if number == STIFF_END else low + log(_RATIO_STEP))
 
 
 def ratio_number(ratio: float) -> int:
-    """Number of the span that holds a modulus ratio."""
+    """Number of the range of ratios (each a factor of four) that holds a modulus ratio base over layer."""
     return floor(log(ratio / _RATIO_EDGE) / log(_RATIO_STEP))
 
 
 def range_number(varpi: float) -> int:
-    """Number of the range that reaches `varpi`."""
+    """Number of the smallest range of depths that reaches `varpi`, half-space contact radius over thickness."""
     return ceil(log(max(varpi, range_end(_SMALLEST_RANGE)) / _RANGE_EDGE) / log(_RANGE_STEP))
 
 
 def ratio_numbers(ratio: FloatArray) -> FloatArray:
-    """Numbers of the spans that hold modulus ratios (sets,), as whole floats: `ratio_number` of many."""
+    """Numbers (sets,), as whole floats, of the ranges that hold modulus ratios: `ratio_number` for arrays."""
     return np.asarray(np.floor(np.log(ratio / _RATIO_EDGE) / log(_RATIO_STEP)), dtype=np.float64)
 
 
 def end_numbers(ratio: FloatArray) -> FloatArray:
-    """As `ratio_numbers`, where the stiffest bases, up to a rigid one, share `STIFF_END`."""
+    """`ratio_numbers`, except that the stiffest bases, up to a rigid one, share the range number `STIFF_END`."""
     number = ratio_numbers(ratio)
     return np.where(number < _STIFF, number, STIFF_END)
 
 
 def range_numbers(varpi: FloatArray) -> FloatArray:
-    """Numbers of the ranges that reach varpi (sets,), as whole floats: `range_number` of many."""
+    """Numbers (sets,), as whole floats, of the ranges that reach varpi (sets,): `range_number` for arrays.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     smallest = _RANGE_EDGE * _RANGE_STEP**_SMALLEST_RANGE
     return np.ceil(np.log(np.maximum(varpi, smallest) / _RANGE_EDGE) / log(_RANGE_STEP))
 
 
 def range_end(number: int) -> float:
-    """Largest varpi of the range of a given number."""
+    """Largest varpi of the range with a given number.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     return _RANGE_EDGE * _RANGE_STEP**number
 
 
 @dataclass(frozen=True)
 class CurveFamily:
-    """The three factors against varpi and the modulus ratio, over one cell.
+    """The three factors of a master curve against varpi and the modulus ratio k, over one cell.
+
+    varpi is the half-space contact radius at the depth over the thickness.
 
     Parameters
     ----------
     cell : Cell
-        Where it holds.
+        Tip, bodies, and the ranges for which the table holds.
     stretch, edges
         As in `MasterCurve`.
     coefficients : ndarray (ratio terms, pieces, 3, rows, 4)
-        What `MasterCurve` holds, in powers of the place of ln k in the span.
+        The coefficients of `MasterCurve` as polynomials, in powers of the variable of `RatioSpan`.
     error_estimate : float
         Relative error of the three factors, everything included.
     resolution : Resolution
@@ -240,14 +265,20 @@ class CurveFamily:
     eps: float
 
     def tables(self, log_ratios: FloatArray) -> FloatArray:
-        """Coefficients (sets, pieces, 3, rows, 4) of the curves at `log_ratios` (sets,)."""
+        """Coefficients (sets, pieces, 3, rows, 4) of the master curves at ln k = `log_ratios` (sets,).
+
+        k is the ratio in which the bodies of the family differ.
+        """
         count = len(self.coefficients)
         powers = self._position(log_ratios)[:, None] ** np.arange(count)
         flat = powers @ self.coefficients.reshape(count, -1)
         return flat.reshape(-1, *self.coefficients.shape[1:])
 
     def curve(self, log_ratio: float) -> MasterCurve:
-        """Master curve at one ratio, with its slope in ln k."""
+        """Master curve at one ln k, with its derivative d ln P/d ln k at fixed depth as a fourth column.
+
+        k is the ratio in which the bodies of the family differ.
+        """
         orders = np.arange(len(self.coefficients))
         powers = np.zeros((2, orders.size))
         powers[0] = self._position(np.array([log_ratio])) ** orders
@@ -258,7 +289,10 @@ class CurveFamily:
         return MasterCurve(self.stretch, self.edges, table, self.error_estimate)
 
     def _position(self, log_ratios: FloatArray) -> FloatArray:
-        """Place of ln k in the span, in [-1, 1]."""
+        """Values in [-1, 1] of the variable of `RatioSpan` at ln k; RangeError outside the range of the cell.
+
+        k is the ratio in which the bodies of the family differ.
+        """
         low, high = span = self.cell.log_ratios
         place = span.place(log_ratios)
         if (np.abs(place) > 1.0 + 1e-9).any():
@@ -270,7 +304,10 @@ class CurveFamily:
 
 
 def curve_family(cell: Cell) -> CurveFamily | None:
-    """Table of one cell; None where there is none: beyond 20 thicknesses, at a fold, out of terms, no body."""
+    """Table of one cell, cached; None where none can be made.
+
+    None: contact radii beyond 20 thicknesses, a fold, too many terms, or parameters that are no possible body.
+    """
     return TABLES.get(("family", cell), lambda: _tabulated(cell))
 
 
@@ -282,12 +319,17 @@ def _tabulated(cell: Cell) -> CurveFamily | None:
 
 
 def first_ratios(error: float) -> int:
-    """How many ratios of a span to begin with where the interpolation may err by so much."""
+    """Number of ratios to solve at first, where the interpolation between them may err by `error`."""
     return ceil(-log10(error) / _DIGITS_PER_TERM) + 1
 
 
 def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
-    """Solve at Chebyshev points in ln k, bring the curves to one stretch, and expand; more points if need be."""
+    """Solve at `ratios` Chebyshev points in ln k, resample the curves on one variable, and expand in ln k.
+
+    Starts again with more points where the interpolation errs by too much; None where that would be too many.
+
+    k is the ratio in which the bodies of the family differ.
+    """
     span = cell.log_ratios
     angles = chebyshev_angles(ratios)
     tip, share = PowerLaw(cell.exponent, 1.0), _SHARE_OF_SOLUTIONS * cell.rtol
@@ -327,7 +369,14 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
 
 
 def _at_points(flat: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Series in ln k (ratios, points 3) of the factors at the Chebyshev points of varpi."""
+    """Values (ratios, 3 x points) at the Chebyshev points of varpi, of series in ln k of the factors' coefficients.
+
+    `shape` is (terms, 3), that of the coefficients of one piece, which `flat` has flattened.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+
+    k is the ratio in which the bodies of the family differ.
+    """
     terms = shape[0]
     values = np.cos(np.multiply.outer(chebyshev_angles(terms), np.arange(terms)))
     series = np.einsum("pt,rtf->rpf", values, flat.reshape(-1, *shape))
@@ -335,7 +384,7 @@ def _at_points(flat: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 
 
 class _Piece(NamedTuple):
-    """A piece of all curves: its ends in z, Chebyshev coefficients (curves, terms, 3), what they leave out."""
+    """One piece of all curves: ends in z, Chebyshev coefficients (curves, terms, 3), and their error."""
 
     ends: tuple[float, float]
     values: FloatArray
@@ -345,7 +394,7 @@ class _Piece(NamedTuple):
 def _pieces(
     curves: Sequence[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float
 ) -> list[_Piece] | None:
-    """Bring curves to one stretch, in as few pieces as the accuracy allows; None if it takes too many."""
+    """Resample curves on one variable, in as few pieces as the accuracy allows; None if it takes too many."""
     piece = _resampled(curves, stretch, ends, rtol)
     if piece.left_out <= _SHARE_OF_PIECE * rtol:
         return [piece]
@@ -361,7 +410,7 @@ def _pieces(
 def _resampled(
     curves: Sequence[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float
 ) -> _Piece:
-    """One piece of curves on one stretch, of as many terms as there may be but for those that add up to little."""
+    """One piece of the curves on one variable, with at most `MOST_TERMS` terms, negligible last ones dropped."""
     low, high = ends
     angles = chebyshev_angles(MOST_TERMS)
     varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles))

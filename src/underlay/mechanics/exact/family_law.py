@@ -41,34 +41,35 @@ __all__ = ["family_batch", "side_by_side", "table_number", "tabulated_law"]
 
 
 def table_number(contact: Contact, depth: float) -> int:
-    """Number of the range of tables that reaches `depth` (m)."""
+    """Number of the range of varpi (half-space contact radius over thickness) whose table reaches `depth` (m)."""
     return range_number(float(contact.indenter.halfspace_radius(np.asarray(depth))) / contact.thickness)
 
 
 def tabulated_law(
     contact: Contact, family: Family | None, ratio: float, depth: float, rtol: float, *, alone: bool = False
 ) -> ExactLaw | None:
-    """Exact law of a power-law tip on one body of a family, read off its table, or solved for and kept.
+    """Exact law of a power-law tip on one body of a family, read off its table or solved for and cached.
 
     Parameters
     ----------
     contact : Contact
         Of a power-law tip on one of them.
     family : Family or None
-        The bodies; None for an isotropic layer on a rigid base, of which there is one.
+        The bodies, which differ in one ratio k; None for an isotropic layer on a rigid base, a single body.
     ratio : float
-        Which, in place of the contact's own.
+        The ratio k to use; that of `contact` is ignored.
     depth : float
         Depth (m) that must be reached; the law goes to the end of its cell.
     rtol : float
         Relative error allowed.
     alone : bool
-        Whether no other ratio near this one will be asked for: solved for itself, with no derivative in the ratio.
+        Whether no other ratio near this one will be needed: then it is solved directly, without a table over ratios
+        and without the derivative in the ratio.
 
     Returns
     -------
     ExactLaw
-        Off a table it knows dP/d ln k too. None where there is no table.
+        From a table it has dP/d ln k too. None where there is no table.
     """
     indenter, body, thickness, theta = contact.indenter, contact.isotropic, contact.thickness, contact.theta
     if not isinstance(indenter, PowerLawShape):
@@ -101,16 +102,16 @@ def tabulated_law(
 def side_by_side(
     contact: Contact, family: Family, ratios: Sequence[float], depth: float, rtol: float
 ) -> Callable[[FloatArray], FloatArray] | None:
-    """Laws of bodies of a family in one call, each solved for itself, as `tabulated_law` has them `alone`.
+    """Forces of several bodies of a family in one call, each solved directly (`tabulated_law` with ``alone=True``).
 
-    Calls, not their arithmetic, are what few numbers cost.
+    One call for all bodies, since for few depths calls cost more than arithmetic.
 
     Parameters
     ----------
     contact, family, depth, rtol
         As in `tabulated_law`.
     ratios : sequence of float
-        Which bodies.
+        The ratio k of each body.
 
     Returns
     -------
@@ -150,7 +151,7 @@ def side_by_side(
 
 
 def _alone(exponent: float, family: Family, ratio: float, reach: int, rtol: float) -> SolvedCurve | None:
-    """Curve of a tip of any size on a layer of unit thickness on one body; None beyond 20 h, or at a fold."""
+    """Curve of a power-law tip on a layer of unit thickness, cached; None beyond a/h = 20, or at a fold."""
     key = ("alone", exponent, family, ratio, reach, rtol)
     return TABLES.get(key, lambda: _solved_alone(exponent, family, ratio, reach, rtol))
 
@@ -168,20 +169,24 @@ def _solved_alone(
 
 @dataclass(frozen=True)
 class _SideBySide:
-    """Tables of one tip and one family of bodies, side by side; every array has one entry a cell.
+    """Tables of one tip and one family of bodies, stacked into arrays with one entry per cell.
 
-    A set without a table finds an entry with an infinite error.
+    A cell without a table has an entry with an infinite error.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+
+    k is the ratio in which the bodies of the family differ.
 
     Parameters
     ----------
     places : dict of (int, int) to int
-        Entry of a cell, by the numbers of its spans.
+        Index of a cell in the arrays, by the numbers of its ranges of ratio and of varpi.
     coefficients : ndarray (cells, ratio terms, 3, rows, 4)
-        In powers of the ratio's place in its span; see `CurveFamily`.
+        As in `CurveFamily`, for tables of one piece.
     middles, halves : ndarray (cells,)
-        Of the span in ln k.
+        Middle and half length of the range of ln k.
     lengths, rates, tops, errors : ndarray (cells,)
-        Of the curves; see `CurveBatch`.
+        Stretch, largest varpi and error estimate of the curves; see `CurveBatch`.
     """
 
     places: dict[tuple[int, int], int] = field(default_factory=dict)
@@ -194,7 +199,7 @@ class _SideBySide:
     errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def with_table(self, cell: Cell, family: CurveFamily | None) -> Self:
-        """Return them with one table more; one in several pieces counts as none here."""
+        """Return a copy with one cell more; a table in several pieces is stored as if there were none."""
         if family is not None and len(family.edges) > 2:
             family = None
         low, high = cell.log_ratios
@@ -233,18 +238,18 @@ def family_batch(
     indenter : PowerLawShape
         The tip; its size may change from set to set through `CurveBatch.force`.
     family : Family
-        The bodies.
+        The bodies, which differ in one ratio k.
     ratio, varpi : ndarray (sets,)
-        Which of them, and the largest varpi.
+        k of each set, and its largest varpi, the half-space contact radius over the thickness.
     rtol : float
         Relative error asked for.
     slopes : bool
-        Whether the curves say their derivative in the ratio.
+        Whether to give d ln P/d ln k as well.
 
     Returns
     -------
     CurveBatch
-        With an infinite error estimate where there is no table.
+        With an infinite error estimate for sets without a table.
     """
     numbers = list(zip(ratio_numbers(ratio).tolist(), range_numbers(varpi).tolist(), strict=True))
     key = ("side by side", indenter.exponent, family, rtol)

@@ -30,7 +30,7 @@ __all__ = ["ExactLaw", "ExactPunchLaw", "exact_law", "exact_punch_law"]
 
 @dataclass(frozen=True, kw_only=True)
 class ExactLaw(ContactLaw):
-    """The exact contact problem of a rounded or pointed indenter.
+    """Contact law of a rounded or pointed indenter, from the master curve of its exact contact problem.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class ExactLaw(ContactLaw):
     theta : float
         Elastic constant of the layer (Pa).
     thickness : float
-        Length (m) that makes varpi of the measure's radius: the layer's thickness.
+        Thickness of the layer (m); on a half-space any length, by which the curve was made dimensionless.
     curve : MasterCurve
         The dimensionless relation. It holds for any `theta`, and any `thickness` if the indenter is a power
         law: replace those to use it again.
@@ -55,21 +55,22 @@ class ExactLaw(ContactLaw):
 
     @property
     def nodes(self) -> int:
-        """Radial nodes of the solution."""
+        """Number of radial nodes of the solution."""
         return self.resolution.radial
 
     @property
     def known_slopes(self) -> int:
-        """Number of derivatives dP/ds known, one for each body of `Contact.beside`; none where it folds."""
+        """Number of derivatives dP/ds known, one for each s of `Contact.beside`; zero where the relation folds."""
         return int(self.curve.coefficients.shape[1]) - len(Factor)
 
     _beyond: ClassVar[str] = "the law was solved up to there; ask for less depth, or build it for more"
 
     @cached_property
     def _by_root(self) -> Pieces:
-        """Polynomials in the root w^(1/lambda) of the depth, whose constants are those of this contact.
+        """Polynomials in root = w^(1/lambda), w the depth, lambda the exponent of `measure`: fast to evaluate.
 
-        Of ln P/(w root) and ln (dP/dw)/root, of the slopes d ln P/ds, and of ln a/root.
+        Columns, with all dimensional constants of this contact included: ln P/(w root), ln (dP/dw)/root, the
+        derivatives d ln P/ds, and ln a/root.
         """
         unit, own = self.measure.unit_radius, self.curve.coefficients
         # The factors stand in the order of radius, force, stiffness.
@@ -98,7 +99,7 @@ class ExactLaw(ContactLaw):
         return self._rows(depth, 2 + self.known_slopes)
 
     def _rows(self, depth: FloatArray, count: int) -> FloatArray:
-        """The first `count` of force (N), dP/dw (N/m), and dP/ds (N) of the numbers known: rows (count, n)."""
+        """The first `count` rows of force (N), dP/dw (N/m) and the known derivatives dP/ds (N): (count, n)."""
         root = self._root(depth)
         rows = self._by_root.at(root, slice(count))
         both = rows[:2]
@@ -121,6 +122,10 @@ class ExactLaw(ContactLaw):
 class ExactPunchLaw(ContactLaw):
     """The exact contact problem of a flat punch: force proportional to depth, P = 4 theta a kappa_inf w.
 
+    theta is the layer's elastic constant, kappa_inf the stiffness over that on a half-space (9.5).
+
+    Equation numbers are those of Argatov and Sabina.
+
     Parameters
     ----------
     radius : float
@@ -130,10 +135,10 @@ class ExactPunchLaw(ContactLaw):
     resolution : Resolution
         Nodes of the solution.
     edge : float, optional
-        g(1), the solution at the edge: what adhesion pulls on. Not a number where nothing can pull: adhesion
-        beside friction is refused.
+        g(1), the solution at the edge (`punch_solution`), from which the stress intensity for adhesion follows. NaN
+        where adhesion is not possible: together with friction it is refused.
     lowest : float, default 0
-        Depth (m) at which the punch comes off, whether depth or load is given: negative where it sticks.
+        Depth (m) at which the punch comes off, whether depth or load is given: negative where it adheres.
     """
 
     radius: float
@@ -144,16 +149,19 @@ class ExactPunchLaw(ContactLaw):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """From where it comes off to `max_depth` (m)."""
+        """Depths (m) of the law: from where the punch comes off to `max_depth`."""
         return self.lowest, self.max_depth
 
     def work_slope(self, depth: FloatArray) -> FloatArray:
-        """dP/d ln dgamma (N) at fixed depth: zero, the work of adhesion moves the pull-off alone."""
+        """Derivative of the force in the logarithm of the work of adhesion (N) at fixed depths (n,): zero.
+
+        The work of adhesion of a flat punch moves only the depth at which it comes off.
+        """
         return np.zeros_like(depth)
 
     @property
     def nodes(self) -> int:
-        """Radial nodes of the solution."""
+        """Number of radial nodes of the solution."""
         return self.resolution.radial
 
     _beyond: ClassVar[str] = "the law was asked for up to there; ask for less depth, or build it for more"
@@ -232,7 +240,7 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
 
 
 def exact_punch_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> ExactPunchLaw:
-    """Solve the contact problem of a flat punch: `exact_law` for this shape, with its parameters and errors."""
+    """Solve the contact problem of a flat punch; parameters and errors as for `exact_law`."""
     radius = contact.indenter.max_radius
     eps = radius / contact.thickness
     if eps > LARGEST_EPS:

@@ -60,7 +60,11 @@ MOST_IN_POWERS = 44
 
 
 class Factor(IntEnum):
-    """Columns of the curve: the three factors."""
+    """Columns of a master curve: contact radius over, force over, and stiffness over that of the half-space.
+
+    RADIUS is a/a_half and FORCE P/P_half at the same depth, a_half and P_half those of the half-space of the
+    layer's material; STIFFNESS is kappa_inf = (dP/dw)/(4 theta a), theta the layer's elastic constant.
+    """
 
     RADIUS = 0
     FORCE = 1
@@ -69,9 +73,12 @@ class Factor(IntEnum):
 
 @dataclass(frozen=True)
 class Stretch:
-    """The variable t(v) = ln(1 + rate v) on [0, length], mapped to z in [-1, 1].
+    """The variable t(v) = ln(1 + rate v) on [0, length], mapped linearly to z in [-1, 1]; v is varpi or chi.
 
-    Of many curves at once, their lengths and rates are (sets, 1).
+    `length` and `rate` are floats, or (sets, 1) for many curves at once.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
     """
 
     length: Any
@@ -79,25 +86,25 @@ class Stretch:
 
     @classmethod
     def to(cls, top: Any, softness: float) -> Stretch:
-        """Cover v in [0, top] of a body of a `Scales.softness`."""
+        """Variable for v in [0, `top`] on a body of the given `Scales.softness`, which sets the rate."""
         return cls(0.0, _STIFF_RATE + softness).over(top)
 
     @classmethod
     def of_all(cls, stretches: Sequence[Stretch]) -> Self:
-        """Stretches of many curves as one, lengths and rates (sets, 1)."""
+        """Join the variables of many curves into one with lengths and rates (sets, 1)."""
         return cls(*(np.array([[getattr(one, name)] for one in stretches]) for name in ("length", "rate")))
 
     def over(self, top: Any) -> Stretch:
-        """Cover v in [0, top] at the same rate."""
+        """Variable for v in [0, `top`] with the same rate."""
         log = np.log1p if isinstance(top, np.ndarray) else log1p
         return Stretch(log(self.rate * top), self.rate)
 
     def part(self, rows: slice | list[int]) -> Stretch:
-        """Stretch of some rows of many curves."""
+        """Variables of some of many curves, `rows` a slice or a list of indices."""
         return Stretch(self.length[rows], self.rate[rows])
 
     def z(self, v: FloatArray) -> FloatArray:
-        """Map v to z."""
+        """Map v to z in [-1, 1], the variable of the polynomials: linear in ln(1 + rate v)."""
         t: FloatArray = self.rate * v
         np.log1p(t, out=t)
         t *= 2.0 / self.length
@@ -105,21 +112,21 @@ class Stretch:
         return t
 
     def dz(self, v: FloatArray) -> FloatArray:
-        """dz/dv."""
+        """Derivative dz/dv at v."""
         return np.asarray((2.0 / self.length) * self.rate / (1.0 + self.rate * v))
 
     def v(self, z: FloatArray) -> FloatArray:
-        """Inverse of `z`."""
+        """Map z back to v."""
         return np.asarray(np.expm1((0.5 * self.length) * (z + 1.0)) / self.rate)
 
 
 def chebyshev_angles(count: int) -> FloatArray:
-    """Angles of the Chebyshev points z = cos(angle), from z near -1 to z near 1."""
+    """Angles of `count` Chebyshev points z = cos(angle), from z near -1 to z near 1."""
     return np.asarray((np.pi / (2 * count)) * np.arange(2 * count - 1, 0, -2), dtype=np.float64)
 
 
 def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray:
-    """Coefficients (..., count, columns) of the interpolants of `values` at the Chebyshev points."""
+    """Coefficients (..., count, columns) of the interpolants of `values`, alike, at the Chebyshev points."""
     count = angles.size
     scale = np.full((count, 1), 2.0 / count)
     scale[0] = 1.0 / count
@@ -127,7 +134,7 @@ def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray
 
 
 def _monomial_table(count: int) -> FloatArray:
-    """Row k: the coefficients of T_k in powers of z."""
+    """Matrix (count, count) whose row k has the coefficients of the Chebyshev polynomial T_k in powers of z."""
     table = np.zeros((count, count))
     table[0, 0] = table[1, 1] = 1.0
     for k in range(2, count):
@@ -140,12 +147,12 @@ _MONOMIALS = _monomial_table(MOST_IN_POWERS)
 
 
 def monomials(count: int) -> FloatArray:
-    """Coefficients (count, count) of T_0 ... T_(count - 1), one a row, in powers; at most `MOST_IN_POWERS`."""
+    """Matrix (count, count): row k has the coefficients of T_k in powers; `count` at most `MOST_IN_POWERS`."""
     return _MONOMIALS[:count, :count]
 
 
 def in_powers(coefficients: FloatArray) -> FloatArray:
-    """Turn Chebyshev coefficients (..., terms, 3) into powers of z (..., 3, rows, 4) for `polynomial`."""
+    """Convert Chebyshev coefficients (..., terms, 3) to powers of z, (..., 3, rows, 4), for `polynomial`."""
     terms = coefficients.shape[-2]
     rows = -(-terms // _BLOCK)
     table = np.swapaxes(coefficients, -1, -2) @ _MONOMIALS[:terms, : rows * _BLOCK]
@@ -153,10 +160,10 @@ def in_powers(coefficients: FloatArray) -> FloatArray:
 
 
 def truncation_error(coefficients: FloatArray) -> FloatArray:
-    """Error of a Chebyshev interpolant, from how its coefficients (..., terms, columns) fall.
+    """Estimated truncation error of Chebyshev interpolants, from how their coefficients (..., terms, columns) fall.
 
-    The last four give the rate, pair against pair; the terms left out, and their aliases, are then within
-    three times the sum of a geometric series. A rate of 0.9 and more is taken as 0.9.
+    The ratio of the last two to the two before gives the rate; the terms left out, and their aliases, are then
+    within three times the sum of a geometric series. A rate of 0.9 and more is taken as 0.9.
     """
     sizes = np.abs(coefficients[..., -4:, :]).max(axis=-1)
     last, before = sizes[..., 2] + sizes[..., 3], sizes[..., 0] + sizes[..., 1]
@@ -165,7 +172,10 @@ def truncation_error(coefficients: FloatArray) -> FloatArray:
 
 
 def shortened(coefficients: FloatArray, allowed: float) -> tuple[int, float]:
-    """How many terms of series (..., terms, columns) do, in whole rows of a table, and what is left out."""
+    """Number of terms to keep of series (..., terms, columns), and the sum of the terms dropped, at most `allowed`.
+
+    Terms are dropped from the end in fours, the row length of the tables of `polynomial`.
+    """
     sizes = np.abs(coefficients).max(axis=-1)
     sizes = sizes.reshape(-1, sizes.shape[-1]).max(axis=0).tolist() if sizes.ndim > 1 else sizes.tolist()
     kept, left_out = len(sizes), 0.0
@@ -179,26 +189,29 @@ def shortened(coefficients: FloatArray, allowed: float) -> tuple[int, float]:
 
 
 def reach(count: int) -> float:
-    """Length of the interval of `count` Chebyshev points over that up to the last, at z = cos(pi/2n)."""
+    """Length of an interval of `count` Chebyshev points over the length up to its last point.
+
+    That point is at z = cos(pi/(2 count)).
+    """
     return 2.0 / (1.0 + cos(0.5 * pi / count))
 
 
 def growth_beyond(share: FloatArray | float, count: int) -> FloatArray:
-    """How much the error of an interpolant of `count` terms grows at `share` times the length of its interval.
+    """Growth of the error of an interpolant of `count` terms at `share` times the length of its interval.
 
-    The first term left out grows as the Chebyshev polynomial that it is; inside the interval it is one.
+    It is that of the first Chebyshev polynomial left out; inside the interval (`share` up to 1) it is one.
     """
     return np.asarray(np.cosh(count * np.arccosh(np.maximum(2.0 * share - 1.0, 1.0))))
 
 
 @dataclass(frozen=True)
 class MasterCurve:
-    """The three factors against varpi.
+    """The three factors of `Factor` against varpi, the half-space contact radius at the depth over the thickness.
 
     Parameters
     ----------
     stretch : Stretch
-        Of varpi, up to the largest.
+        The variable of the polynomials, ln(1 + rate varpi), up to the largest varpi.
     edges : tuple of pieces + 1 floats
         Ends of the pieces in z, from -1 to 1.
     coefficients : ndarray (pieces, 3, rows, 4)
@@ -221,7 +234,9 @@ class MasterCurve:
     def through(
         cls, varpi: FloatArray, logarithms: FloatArray, wanted: Stretch, allowed: float
     ) -> MasterCurve:
-        """Return the polynomial through given points, for varpi in the interval of `wanted`.
+        """Return the curve of one polynomial through given points, for varpi in the interval of `wanted`.
+
+        varpi is the half-space contact radius at the depth over the thickness.
 
         Parameters
         ----------
@@ -231,9 +246,9 @@ class MasterCurve:
         logarithms : ndarray (n, 3)
             Of the factors, and columns of derivatives after them.
         wanted : Stretch
-            Covers [0, largest varpi asked for].
+            Covers [0, largest varpi at which the curve will be evaluated].
         allowed : float
-            Error below which terms may be left out: see `of_pieces`.
+            Error up to which last terms may be dropped: see `of_pieces`.
         """
         stretch = Stretch(wanted.over(varpi[-1]).length * reach(varpi.size), wanted.rate)
         angles = np.arccos(stretch.z(varpi))
@@ -253,10 +268,11 @@ class MasterCurve:
         jumps: tuple[float, ...] = (),
         growth: float = 1.0,
     ) -> MasterCurve:
-        """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece.
+        """Return the curve made of Chebyshev coefficients (terms, 3), one array per piece.
 
-        `growth` is by how much the last piece errs more where it is asked for beyond its points. As long as the
-        error stays within `allowed` the last terms are left out, a row of the table at a time.
+        `edges` are the ends of the pieces in z. `growth` is the factor by which the error of the last piece grows
+        where it is evaluated beyond its points. As long as the error stays within `allowed` the last terms are
+        dropped, four at a time.
         """
         stacked = np.array(pieces)
         error = growth * float(truncation_error(stacked[..., : len(Factor)]).max())
@@ -266,15 +282,26 @@ class MasterCurve:
         return cls(stretch, tuple(edges), table, error + left_out, jumps)
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
-        """One of the factors at `varpi` (n,)."""
+        """One of the three factors, `which`, at `varpi` (n,).
+
+        The three factors are contact radius, force and stiffness over the half-space's.
+        """
         return np.exp(self.logarithm(which, varpi))
 
     def logarithm(self, which: Factor, varpi: FloatArray) -> FloatArray:
-        """Logarithm of one of the factors at `varpi` (n,)."""
+        """Natural logarithm of one of the three factors, `which`, at `varpi` (n,).
+
+        The three factors are contact radius, force and stiffness over the half-space's.
+        """
         return self.pieces(1.0, self.coefficients[:, which, None]).at(varpi, 0)
 
     def pieces(self, unit: float, tables: FloatArray) -> Pieces:
-        """Polynomials of x = varpi/unit from tables (pieces, columns, rows, 4) like `coefficients`."""
+        """Polynomials of x = varpi/unit, for fast evaluation, from tables laid out like `coefficients`.
+
+        `tables` is (pieces, columns, rows, 4).
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         half_span = 0.5 * self.stretch.length
         orders = np.arange(float(tables[0, 0].size)).reshape(-1, _BLOCK)
         variables, turned = [], []
@@ -288,16 +315,16 @@ class MasterCurve:
 
 
 class Pieces(NamedTuple):
-    """Polynomials in y = ln(1 + shift + slope x), other ones between some `ends`.
+    """Piecewise polynomials in y = ln(1 + shift + slope x), another polynomial on each interval of x.
 
     Parameters
     ----------
     ends : ndarray (pieces - 1,)
-        Where one begins and another ends.
+        Values of x where one interval ends and the next begins.
     variables : list of (float, float)
-        Shifts and slopes: y is even about zero.
+        shift and slope of each piece, such that y is zero in the middle of the piece.
     tables : list of ndarray (columns, rows, 4)
-        In powers of y, as `MasterCurve.coefficients`.
+        Coefficients in powers of y, laid out as in `MasterCurve.coefficients`.
     """
 
     ends: FloatArray
@@ -305,7 +332,7 @@ class Pieces(NamedTuple):
     tables: list[FloatArray]
 
     def at(self, x: FloatArray, columns: slice | int = slice(None)) -> FloatArray:
-        """Some of the columns at x (n,), (columns, n), or one (n,)."""
+        """Values at x (n,) of the chosen columns: (columns, n), or (n,) for one column given by its number."""
         if x.size <= _CHUNK and len(self.tables) == 1:
             return self._piece(0, x, columns)
         value = np.empty((*self.tables[0][columns].shape[:-2], x.size))
@@ -330,14 +357,17 @@ class Pieces(NamedTuple):
 
 
 def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
-    """Evaluate sum_j z^(4j) sum_i table[..., j, i] z^i at z (..., n): one product, then Horner in z^4."""
+    """Evaluate polynomials in z (..., n): sum_j z^(4j) sum_i table[..., j, i] z^i, `table` (..., rows, 4).
+
+    One matrix product for the powers below four, then Horner's rule in z^4.
+    """
     powers = np.empty((*z.shape[:-1], _BLOCK, z.shape[-1]))
     powers[..., 1, :] = z
     return _polynomial(table, powers)
 
 
 def _polynomial(table: FloatArray, powers: FloatArray) -> FloatArray:
-    """Do so at z = `powers` (..., 1, n) of an array (..., 4, n) for the first powers."""
+    """Evaluate the sum of `polynomial`, given `powers` (..., 4, n) with z in row 1; fills the other rows."""
     powers[..., 0, :] = 1.0
     z = powers[..., 1, :]
     square = np.multiply(z, z, out=powers[..., 2, :])

@@ -49,18 +49,18 @@ _GRADING_STEPS = 6
 
 
 class TableStore:
-    """Tables of master curves used last, kept for the whole process; safe for threads.
+    """Cache of the tables used last, kept for the whole process; safe for threads.
 
     Two threads may at most build one table twice. A table is a pure function of its key (exponent, Poisson's
-    ratios, cell, tolerance): it holds nothing of a caller, and whoever asks first pays its 10 to 50 ms for all
-    who ask later. A store owned by a solver or a problem would be made anew for every fit of a series, since
+    ratios, cell, tolerance): it holds nothing of a caller, and the first to need it pays the 10 to 50 ms for all
+    later uses. A store owned by a solver or a problem would be made anew for every fit of a series, since
     ``solver="auto"`` names a solver and holds none. So there is one, of bounded size, the only store of the
     package that outlives its callers; `tests/test_house.py` holds that there is no other.
 
     Parameters
     ----------
     most : int
-        Tables kept.
+        Number of tables kept; the one unused for longest is dropped first.
     """
 
     def __init__(self, most: int) -> None:
@@ -72,7 +72,7 @@ class TableStore:
         return len(self._kept)
 
     def get(self, key: Hashable, build: Callable[[], Table]) -> Table:
-        """Return the table of a key, built where there is none; the key must say all that it depends on."""
+        """Table stored under `key`, made by `build` if there is none; the key must hold all it depends on."""
         with self._lock:
             if key in self._kept:
                 self._kept.move_to_end(key)
@@ -81,7 +81,7 @@ class TableStore:
         return self.put(key, build())
 
     def put(self, key: Hashable, table: Table) -> Table:
-        """Keep a table in place of the one of that key."""
+        """Store a table under a key, in place of any table there, and return it."""
         with self._lock:
             self._kept[key] = table
             self._kept.move_to_end(key)
@@ -97,7 +97,7 @@ PER_OCTAVE = 8.0
 
 
 def even_legendre(nodes: FloatArray, count: int) -> FloatArray:
-    """P_0, P_2, ..., P_(2 count - 2) at `nodes`: shape (nodes, count)."""
+    """Values of the even Legendre polynomials P_0, P_2, ..., P_(2 count - 2) at `nodes`: shape (nodes, count)."""
     return np.asarray(np.polynomial.legendre.legvander(nodes, 2 * count - 2)[:, ::2], dtype=np.float64)
 
 
@@ -135,12 +135,13 @@ class EvenRule(NamedTuple):
 
 
 def _legendre(*counts: int) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Nodes by Newton's method on P_n, weights 2/((1 - x^2) P_n'^2), for even counts, which increase.
+    """Gauss-Legendre nodes and weights for several even node counts, in increasing order, to full precision.
 
-    The recurrence of P_n runs once for all counts, so that the rules of them all take as long as the largest alone,
-    and once for all steps: they are made on its Taylor series about the starting points, from Legendre's equation.
-    numpy's and scipy's rules, from eigenvalues, carry weights with errors of 1e-11 at 128 nodes and 1e-10 at
-    400, which the condition of wide contacts raises to 1e-8; these stay at 1e-15 in every integral tried.
+    Nodes by Newton's method on P_n, weights 2/((1 - x^2) P_n'^2). The recurrence of P_n runs once for all counts,
+    so that together they cost as much as the largest alone, and the Newton steps are taken on a Taylor series of
+    P_n about the starting points, from Legendre's equation. numpy's and scipy's rules, from eigenvalues, carry
+    weights with errors of 1e-11 at 128 nodes and 1e-10 at 400, which the condition of wide contacts raises to 1e-8;
+    these stay at 1e-15 in every integral tried.
     """
     sizes = [count // 2 for count in counts]
     ends = np.cumsum(sizes)
@@ -176,7 +177,7 @@ def _legendre(*counts: int) -> dict[int, tuple[FloatArray, FloatArray]]:
 
 
 def _polynomial(coefficients: FloatArray, x: FloatArray) -> FloatArray:
-    """Sum of coefficients (terms, n) times powers of x (n,)."""
+    """Values (n,) of n power series, each at its own point: coefficients (terms, n), points x (n,)."""
     total = np.zeros_like(x)
     for coefficient in coefficients[::-1]:
         total = total * x + coefficient
@@ -208,22 +209,22 @@ _EVEN = {count: _even(count) for count in range(1, 21)}
 
 
 def even_rule(count: int) -> EvenRule:
-    """Return the rule of `count` nodes on (0, 1) for even integrands."""
+    """Gauss-Legendre rule of `count` nodes on (0, 1) for even integrands."""
     return _EVEN[count] if count in _EVEN else TABLES.get(("even rule", count), lambda: _even(count))
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """Nodes of one solution.
+    """Node counts of one numerical solution of the contact problem.
 
     Parameters
     ----------
     radial : int
-        Nodes in x = r/a.
+        Number of nodes in x = r/a.
     wavenumbers : int
-        Nodes in u: Gauss-Legendre in s, u = first (exp(s) - 1).
+        Number of nodes in u, the wavenumber times the thickness: Gauss-Legendre in s, u = first (exp(s) - 1).
     first, reach : float
-        Scale of the smallest wavenumbers, and the largest (dimensionless).
+        The scale of the smallest u in that map, and the largest u.
     """
 
     radial: int
@@ -233,12 +234,12 @@ class Resolution:
 
     @classmethod
     def choose(cls, scales: Scales, eps: float, rtol: float) -> Self:
-        """Nodes for contact radii up to `eps` = a/h at relative error `rtol`.
+        """Node counts for contact radii up to `eps` = a/h at relative error `rtol`, on a body of these `scales`.
 
         Raises
         ------
         RangeError
-            If there would be more than `MOST_NODES`, which is said before any is made.
+            If radial nodes times wavenumbers would pass `MOST_NODES`, before any is computed.
         """
         digits = 0.5 - log10(rtol)
         wide = eps / scales.decay
@@ -263,11 +264,14 @@ class Resolution:
 
     @property
     def size(self) -> int:
-        """Cosines that one contact radius takes."""
+        """Number of cosines cos(eps x u) that one contact radius takes: radial nodes times wavenumbers.
+
+        eps is a/h, contact radius over thickness.
+        """
         return self.radial * self.wavenumbers
 
     def scaled(self, radial: float, wavenumbers: float) -> Resolution:
-        """Grade alike with `radial` and `wavenumbers` times as many nodes."""
+        """The same grading with the node counts multiplied by `radial` and `wavenumbers`."""
         return replace(
             self,
             radial=ceil(radial * self.radial),
@@ -275,7 +279,7 @@ class Resolution:
         )
 
     def finer(self, share: float = 1.0) -> Resolution:
-        """Twice the nodes, graded finer and reaching further, or a share of that: to prove a solution with."""
+        """About twice the nodes, graded finer and reaching further, as a check; `share` < 1 refines less."""
         return Resolution(
             ceil(1.5**share * self.radial) + 1,
             4 * ceil(0.25 * 2.0**share * self.wavenumbers),
@@ -284,7 +288,7 @@ class Resolution:
         )
 
     def wavenumber_rule(self) -> tuple[FloatArray, FloatArray]:
-        """Nodes u and weights (wavenumbers,).
+        """Nodes u (the wavenumber times the thickness) and their weights, each (wavenumbers,).
 
         Of the rules tried (tripling and equal panels, Gauss-Laguerre, this one) the single Gauss rule on an
         exponential variable takes the fewest nodes: 24 instead of 35 at a/h = 2 and 1e-6.
@@ -296,20 +300,23 @@ class Resolution:
 
 
 def series_terms(scales: Scales, eps: float, rtol: float) -> int:
-    """Contact radii up to `eps` for an expansion in the radius (`RadiusSeries`).
+    """Number of terms of an expansion in the contact radius, for a/h up to `eps` at relative error `rtol`.
 
-    Fitted to 1500 expansions over layers on bases of every stiffness. What decays slowly bends it more: 60 random
-    layers whose roots turn took so much more.
+    The expansion is that of `RadiusSeries`. Fitted to 1500 expansions over layers on bases of every stiffness. For
+    anisotropic layers whose displacements decay slowly with depth (`Scales.decay` < 1) it is larger, as 60 random
+    layers with complex decay roots needed.
     """
     length = float(Stretch.to(eps, scales.softness).length) * (1.0 - log(min(scales.decay, 1.0)))
     return ceil((0.5 - log10(rtol)) * (0.8 + (1.0 if scales.softness == 0.0 else 0.75) * length) + 1.0)
 
 
 def curve_terms(scales: Scales, varpi: float, exponent: float, rtol: float) -> int:
-    """Contact radii for one polynomial in varpi up to `varpi`.
+    """Number of terms of one polynomial for the master curve up to `varpi`, at relative error `rtol`.
 
-    Fitted to 2700 curves of power laws on layers of every Poisson's ratio, to 1e-3 to 1e-8, of which one in ten
-    takes a second solution with more.
+    There are as many contact radii to solve for. varpi is the half-space contact radius at the depth over the
+    thickness, `exponent` that of the power law that measures it. Fitted to 2700 curves of power laws on layers of
+    every Poisson's ratio, for errors of 1e-3 to 1e-8; one curve in ten needs more terms than this, and is solved
+    again.
     """
     digits = 1.0 - log10(rtol)
     start, bend = (0.4, 1.12 + 0.26 * scales.firmness) if scales.softness == 0.0 else (0.5, 0.6)
@@ -319,12 +326,13 @@ def curve_terms(scales: Scales, varpi: float, exponent: float, rtol: float) -> i
 
 
 def _graded(scales: Scales, wide: float, digits: float, reach: float) -> tuple[float, float]:
-    """Scale of the smallest wavenumbers and the number of nodes.
+    """Scale of the smallest wavenumbers (`Resolution.first`) and the number of nodes in u.
 
-    A pole of L at -x costs exp(-4 n sqrt(x/(first span))) with n nodes on s in [0, span]: the smaller x, the
-    finer the grading. The layer's fastest decay is one. A substrate softer than the layer adds one where the
+    `wide` is a/h over the slowest decay rate, `digits` about -log10 of the error allowed, `reach` the largest u. A
+    pole of L at -x costs exp(-4 n sqrt(x/(first span))) with n nodes on s in [0, span]: the smaller x, the finer
+    the grading. The layer's fastest decay is one. A substrate softer than the layer adds one where the
     layer bends, at ratio^(1/3) (0.3 of it where measured), and one at `stretch`, which carries less of the
-    kernel; the digits asked of each are fitted.
+    kernel; the digits needed of each are fitted.
     """
     first = 1.0 if wide < 4.0 else 3.0
     base = max(2.2 + 0.6 * wide, 1.0 + 1.1 * wide)

@@ -53,7 +53,7 @@ _ROUNDING = 2e-13
 
 @dataclass(frozen=True)
 class PunchGrid:
-    """Contact radii and nodes, with the cosines: all of a solution that is the same on any body.
+    """Contact radii, quadrature nodes and their cosines: the part of a solution that is the same on any body.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ class PunchGrid:
     u, strength : ndarray (wavenumbers,)
         Nodes in the wavenumber times the thickness, and their weights times 2/pi.
     waves : ndarray (radii, nodes and edge, wavenumbers)
-        cos(eps x u): two thirds of a solution's time.
+        cos(eps x u), x = r/a. (Kept, since computing it is two thirds of the time of a solution.)
     turned : ndarray (radii, wavenumbers, nodes)
-        The same once more, as products of matrices take it: a third of their time.
+        `waves` without the edge, last two axes swapped and contiguous, for matrix products.
     """
 
     eps: FloatArray
@@ -78,22 +78,22 @@ class PunchGrid:
 
     @classmethod
     def of(cls, eps: FloatArray, resolution: Resolution) -> Self:
-        """Place the nodes of a resolution at contact radii `eps`."""
+        """Place the nodes that `resolution` counts at contact radii over thickness `eps` (radii,)."""
         rule, (u, weights) = even_rule(resolution.radial), resolution.wavenumber_rule()
         waves = np.cos(np.multiply.outer(np.multiply.outer(eps, rule.with_edge), u))
         turned = np.ascontiguousarray(waves[:, : resolution.radial].transpose(0, 2, 1))
         return cls(eps, rule, u, (2.0 / np.pi) * weights, waves, turned)
 
     def solve(self, values: FloatArray, shape_weights: FloatArray | None = None) -> PunchSolution:
-        """Solve for all radii in one batch on a body, or on each of several.
+        """Solve the flat punch at all radii, on one body or on each of several.
 
         Parameters
         ----------
         values : ndarray (wavenumbers,) or (bodies, wavenumbers)
-            1 - L of the bodies at `u`.
+            1 - L of the bodies at the nodes `u`.
         shape_weights : ndarray, optional
-            Of a shape, as `PunchSolution.depth_and_force` takes it, where the answer is wanted with `in_kernel` and
-            `bend`; for one body.
+            Weights of an indenter's shape, as `PunchSolution.depth_and_force` takes them. If given (for one body
+            only), the result also has `in_kernel` and `bend`.
         """
         eps, rule, count = self.eps, self.rule, self.rule.nodes.size
         if values.ndim > 1:
@@ -118,14 +118,23 @@ class PunchGrid:
         )
 
     def _kernel(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(2 eps/pi) K, (radii, nodes and edge, nodes), on one body, and what it sums the waves with."""
+        """(2 eps/pi) K at the nodes, (radii, nodes and edge, nodes), on one body, and the weights of its sum.
+
+        `values` are 1 - L at the nodes u; the weights of the sum over u, (radii, wavenumbers), are eps times
+        `strength` times `values`.
+
+        eps is a/h, contact radius over thickness. 1 - L(u) is the relative change of surface compliance by
+        what is under the top layer, u the wavenumber times its thickness.
+        """
         spread = np.multiply.outer(self.eps, self.strength * values)
         return (self.waves * spread[:, None, :]) @ self.turned, spread
 
 
 @dataclass(frozen=True)
 class PunchSolution:
-    """The flat punch at contact radii eps = a/h, on one body.
+    """Solution for the flat punch at contact radii eps = a/h, on one body or several.
+
+    theta is the layer's elastic constant. Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -134,13 +143,14 @@ class PunchSolution:
     rule : EvenRule
         Nodes r/a and weights.
     g, rho : ndarray (..., radii, nodes)
-        Solution for a unit right-hand side, and the resolvent's row at the edge.
+        At the nodes: the solution for a unit right-hand side, and the resolvent's row at the edge (module's head).
     kappa : ndarray (..., radii)
-        kappa_inf(eps) = int_0^1 g dx, the flat punch's factor (9.5).
+        kappa_inf(eps) = int_0^1 g dx, the flat punch's stiffness over that on a half-space (9.5).
     in_kernel : ndarray (radii, wavenumbers), optional
-        d[P/(4 theta a H(a))]/d[1 - L(u)] at fixed depth, at the nodes in u, where a shape was given.
+        d[P/(4 theta a H(a))]/d[1 - L(u)] at fixed depth, at the nodes in u, where a shape with half-space depth H
+        was given.
     bend : ndarray (radii,)
-        [g(1) dw/da - H'(a)] a/H(a), likewise; empty elsewhere.
+        [g(1) dw/da - H'(a)] a/H(a), where a shape was given; else empty.
     """
 
     eps: FloatArray
@@ -155,7 +165,7 @@ class PunchSolution:
     def solve(
         cls, body: Kernel, eps: FloatArray, resolution: Resolution, shape_weights: FloatArray | None = None
     ) -> PunchSolution:
-        """Solve on one body with nodes of its own, as `PunchGrid.solve` does."""
+        """Solve on one body at radii `eps` = a/h (radii,) with the nodes of `resolution`; see `PunchGrid.solve`."""
         grid = PunchGrid.of(eps, resolution)
         return grid.solve(body.values(grid.u), shape_weights)
 
@@ -163,9 +173,12 @@ class PunchSolution:
     def of_kernel(
         cls, eps: FloatArray, rule: EvenRule, kernel: FloatArray, side: FloatArray | None = None
     ) -> tuple[Self, FloatArray]:
-        """Solve with (2 eps/pi) K, (..., radii, nodes and edge, nodes), and for one right-hand `side` more.
+        """Solve the discretised equation with kernel (2 eps/pi) K, (..., radii, nodes and edge, nodes).
 
-        Its solution, (..., radii, nodes), is returned beside that of the punch.
+        Returns the solution for the punch and, (..., radii, nodes), that for the further right-hand side `side` at
+        the nodes (meaningless without one).
+
+        eps is a/h, contact radius over thickness.
         """
         count = rule.nodes.size
         matrix = kernel[..., :count, :] * -rule.weights
@@ -179,7 +192,9 @@ class PunchSolution:
         return cls(eps=eps, rule=rule, g=g, rho=solved[..., 1], kappa=g @ rule.weights), solved[..., -1]
 
     def depth_and_force(self, shape_weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """w/H(a) and P/(4 theta a H(a)) for a shape, each (..., radii).
+        """Depth and force of an indenter with half-space depth H: w/H(a) and P/(4 theta a H(a)), each (..., radii).
+
+        theta is the layer's elastic constant.
 
         Parameters
         ----------
@@ -197,20 +212,25 @@ class PunchSolution:
 
 
 def _transform(weighted: FloatArray, waves: FloatArray) -> FloatArray:
-    """Integrals v^(u), (radii, wavenumbers), of what is known at the nodes with their weights, (radii, nodes)."""
+    """Integrals v^(u) = int_0^1 v(x) cos(eps u x) dx, (radii, wavenumbers).
+
+    `weighted` is v at the nodes x times the quadrature weights, (radii, nodes).
+
+    eps is a/h, contact radius over thickness.
+    """
     return np.asarray((weighted[:, None, :] @ waves)[:, 0])
 
 
 def proved_resolution(body: Kernel, eps: float, rtol: float) -> Resolution:
-    """Nodes for contact radii up to `eps` = a/h at relative error `rtol`.
+    """Node counts for contact radii up to `eps` = a/h at relative error `rtol`.
 
-    Counts fitted to one layer on a base are taken as they are; for any other body they are a first guess, and
-    doubled until depth and force of a flat punch and of a paraboloid stand still.
+    The fitted counts hold for one layer on a base and are taken as they are; for any other body they are a first
+    guess, and doubled until depth and force of a flat punch and of a paraboloid no longer change.
 
     Raises
     ------
     RangeError
-        If they do not.
+        If they still change after the last doubling.
     """
     resolution = Resolution.choose(body.scales, eps, rtol)
     if body.scales.charted:

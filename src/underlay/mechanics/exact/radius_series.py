@@ -31,7 +31,11 @@ _NARROWEST = 2.0**-12
 
 
 class Branch(NamedTuple):
-    """A stretch of the table of varpi(chi) on which both increase."""
+    """Points of the table of varpi(chi) on an interval where both increase; varpi and chi as in `RadiusSeries`.
+
+    varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+    of `ContactProblem.chi`, a/h for a power law.
+    """
 
     chi: FloatArray
     varpi: FloatArray
@@ -39,7 +43,11 @@ class Branch(NamedTuple):
 
 @dataclass(frozen=True)
 class RadiusSeries:
-    """The relation with the contact radius as the variable: what the solver gives.
+    """Depth, force and stiffness as Chebyshev series in the contact radius, the solver's own variable.
+
+    varpi, the measure of depth, is the half-space contact radius at that depth over the thickness h.
+
+    H(r) is the depth at which the contact radius on a half-space is r.
 
     Parameters
     ----------
@@ -47,8 +55,8 @@ class RadiusSeries:
         Of chi: a/h, or for a shape that is not a power law the radius over h at which the shape that measures
         depth has the same H(a).
     coefficients : ndarray (terms, 4 + slopes)
-        Chebyshev coefficients in z(chi) of ln(eps/chi), ln(P/P_half), ln(kappa_inf), of d ln P/ds at fixed depth
-        towards bodies beside this one, as many as were asked for, and last of ln(varpi/chi).
+        Chebyshev coefficients in z(chi) of ln(eps/chi) with eps = a/h, ln(P/P_half), ln(kappa_inf), of d ln P/ds at
+        fixed depth for each parameter s of `ContactProblem.beside`, and last of ln(varpi/chi).
     """
 
     stretch: Stretch
@@ -56,21 +64,31 @@ class RadiusSeries:
 
     @property
     def error_estimate(self) -> float:
-        """Truncation error of the four logarithms."""
+        """Estimated truncation error of the four logarithms (the derivatives are left out)."""
         slopes = slice(len(Factor), -1)
         return float(truncation_error(np.delete(self.coefficients, slopes, axis=1)))
 
     def values(self, chi: FloatArray) -> FloatArray:
-        """The logarithms and the slopes between them (n, 4 + slopes) at `chi` (n,)."""
+        """Columns of `coefficients` evaluated at `chi` (n,): shape (n, 4 + slopes).
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
         return np.cos(np.multiply.outer(angle, np.arange(self.coefficients.shape[0]))) @ self.coefficients
 
     def varpi(self, chi: FloatArray) -> FloatArray:
-        """Depth measure varpi at `chi`."""
+        """Dimensionless depth varpi (n,) at `chi` (n,).
+
+        varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+        of `ContactProblem.chi`, a/h for a power law.
+        """
         return chi * np.exp(self.values(chi)[:, -1])
 
     def radius(self, varpi: FloatArray, branch: Branch) -> FloatArray:
-        """Eps at `varpi` on a branch: Newton on ln varpi(chi), inside the bracket of its table."""
+        """chi (n,) at `varpi` (n,) on one branch, by Newton's method within the brackets of its table.
+
+        chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
+        """
         orders = np.arange(self.coefficients.shape[0])
         series = self.coefficients[:, -1]
         derivative = np.polynomial.chebyshev.chebder(series)
@@ -94,7 +112,11 @@ class RadiusSeries:
         return chi
 
     def branches(self) -> list[Branch]:
-        """Stretches of the table of varpi(chi) on which it increases: one, but for folds."""
+        """Intervals on which varpi(chi) increases: one, unless the relation folds.
+
+        varpi is the half-space contact radius at the depth over the thickness. chi is the radius variable
+        of `ContactProblem.chi`, a/h for a power law.
+        """
         count = _TABLE_POINTS * self.coefficients.shape[0]
         chi = np.append(0.0, self.stretch.v(np.linspace(-1.0, 1.0, count)[1:]))
         varpi = np.append(0.0, self.varpi(chi[1:]))
@@ -108,11 +130,14 @@ class RadiusSeries:
         ]
 
     def inverted(self, top: float, rtol: float) -> MasterCurve:
-        """Turn the relation round: the curve for varpi in [0, `top`], in as many pieces as it takes.
+        """Invert the relation: the master curve for varpi in [0, `top`], at truncation error `rtol`.
 
-        A cone on a stiff film over a soft base folds: over some depths three contact radii satisfy the
-        equations. The contact then jumps from disc to disc where both carry the same force, since of all
-        contact areas the true one carries the largest load (Barber 1974, doi:10.1243/03093247V094230).
+        It has as many pieces as that takes. A cone on a stiff film over a soft base folds: over some depths three
+        contact radii satisfy the equations. The contact then jumps from disc to disc where both carry the same
+        force, since of all contact areas the true one carries the largest load (Barber 1974,
+        doi:10.1243/03093247V094230).
+
+        varpi is the half-space contact radius at the depth over the thickness.
         """
         stretch = self.stretch.over(top)
         ends, branches = [0.0], self.branches()
@@ -128,7 +153,10 @@ class RadiusSeries:
         return MasterCurve.of_pieces(stretch, edges, [piece for _, piece in pieces], rtol, tuple(jumps))
 
     def _crossing(self, lower: Branch, upper: Branch) -> float:
-        """Varpi at which two overlapping branches carry the same force: there the radius jumps."""
+        """varpi at which two overlapping branches carry the same force, by bisection: there the radius jumps.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         low, high = float(upper.varpi[0]), float(lower.varpi[-1])
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
@@ -140,7 +168,10 @@ class RadiusSeries:
     def _pieces(
         self, stretch: Stretch, start: float, stop: float, branch: Branch, rtol: float
     ) -> list[tuple[float, FloatArray]]:
-        """Start in z and Chebyshev coefficients of each piece of one branch, halved until they converge."""
+        """Start in z and Chebyshev coefficients of each piece of one branch, halved until `rtol` is met.
+
+        `start` and `stop` are the ends of the branch in z, the variable of `stretch` on [-1, 1].
+        """
         length = 0.5 * (stop - start) * stretch.length
         count = ceil((1.0 - log10(rtol) * (1.2 + 0.75 * length)) / MOST_TERMS)
         angles = chebyshev_angles(MOST_TERMS)

@@ -1,15 +1,17 @@
 """Master curves of a paraboloid on every isotropic layer on an isotropic base, solved once and kept in a file.
 
-A law read off them takes a third of the time that its solution does, and a search for a start, which asks little of
-laws far apart, takes next to none. Without friction such a body is two numbers and no more (as Dundurs found of
-plane strain; its Hankel transform sees no other): the ratio r = theta_base/theta_layer of elastic constants, and
+A law read off them takes a third of the time that its solution does, and a search for a start, which needs little
+accuracy for laws far apart, takes next to none. Without friction such a body is two numbers and no more (as Dundurs
+found of plane strain; its Hankel transform depends on no other): the ratio r = theta_base/theta_layer of elastic
+constants, and
 
     share = (2 (r gamma_layer - gamma_base) + 1)/(r + 1),   gamma = (1 - 2 nu)/(2 (1 - nu)),
 
-which goes from 0 to 1 while Poisson's ratios nu go from 1/2 to 0. The logarithms of the three factors are Chebyshev
-series in ln r, in ln(1 + 100 share), which spreads what thin incompressible layers crowd at zero, and in the
-stretched varpi. They are brought to ranges of varpi, with as many terms as an accuracy takes, when these are first
-asked for. `tests/studies/stored_curves.py` writes the file; a test solves again.
+which goes from 0 to 1 while Poisson's ratios nu go from 1/2 to 0. The logarithms of the three factors (`Factor`)
+are Chebyshev series in ln r, in ln(1 + 100 share), which spreads out thin incompressible layers near zero, and in
+the stretched varpi (half-space contact radius at the depth over the thickness). When first needed they are
+converted to a range of varpi, with as many terms as an accuracy takes. `tests/studies/stored_curves.py` writes the
+file; a test solves again.
 """
 
 from __future__ import annotations
@@ -66,9 +68,9 @@ _ROUNDING = 1e-9
 
 
 class _Shortened(NamedTuple):
-    """Stored series (ratios + 1, shares, 3, terms), no longer than an accuracy takes, and what they leave out.
+    """Stored series (ratios + 1, shares, 3, terms) without terms that an accuracy can do without, and their sum.
 
-    The last entry of the first axis is a rigid base's.
+    The last entry of the first axis is that of a rigid base.
     """
 
     stretch: Stretch
@@ -77,7 +79,7 @@ class _Shortened(NamedTuple):
 
     @classmethod
     def of(cls, stretch: Stretch, series: FloatArray, allowed: float, left_out: float = 0.0) -> Self:
-        """Leave out of each of the three series what adds up to so little."""
+        """Drop the last terms along each of the three axes of series, those whose sum is at most `allowed`."""
         sizes = np.abs(series)
         sizes = np.maximum(np.maximum(sizes[:, :, 0], sizes[:, :, 1]), sizes[:, :, 2])
         kept = []
@@ -93,7 +95,10 @@ class _Shortened(NamedTuple):
         return cls(stretch, read_only(shorter), left_out)
 
     def up_to(self, top: float, allowed: float) -> _Shortened:
-        """The same for varpi of up to `top` alone."""
+        """The series converted to varpi in [0, `top`], and shortened again to errors of `allowed`.
+
+        varpi is the half-space contact radius at the depth over the thickness.
+        """
         stretch, terms = self.stretch.over(top), self.series.shape[3]
         there = _polynomials(self.stretch.z(stretch.v(np.cos(chebyshev_angles(terms)))), terms)
         # One product of matrices: as products of stacks it takes ten times as long.
@@ -104,10 +109,15 @@ class _Shortened(NamedTuple):
 class StoredCurves(NamedTuple):
     """The stored curves as the file holds them.
 
+    varpi is the half-space contact radius at the depth over the thickness.
+
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
+
     Parameters
     ----------
     made_for : ndarray
-        Numbers that the reader must share.
+        Constants of this module (exponent, ranges, numbers of terms) with which the file was made, to be compared.
     series : ndarray (ratios + 1, shares, terms, 3)
         Chebyshev coefficients in ln r, in the share and in varpi; the last entry is a rigid base's.
     nodes : ndarray (4,)
@@ -120,7 +130,12 @@ class StoredCurves(NamedTuple):
 
     @classmethod
     def through(cls, values: FloatArray, nodes: FloatArray) -> Self:
-        """Expand logarithms (ratios + 1, shares, terms, 3) at the points of `grid`."""
+        """Expand logarithms of the three factors, (ratios + 1, shares, terms, 3), known at the points of `grid`.
+
+        The three factors are contact radius, force and stiffness over the half-space's. Bodies have two
+        parameters: r, the ratio of the elastic constants of base and layer, and a share that combines r
+        with Poisson's ratios (module's head).
+        """
         count, shares, terms, _ = values.shape
         on_base = np.tensordot(_expansion(count - 1), values[:-1], 1)
         both = np.concatenate((on_base, values[-1:]))
@@ -129,12 +144,12 @@ class StoredCurves(NamedTuple):
 
     @classmethod
     def read(cls) -> Self:
-        """Read the file.
+        """Read the file of the package.
 
         Raises
         ------
         LawError
-            If it was made for something else.
+            If it was made with other constants than this version's.
         """
         kept = np.load(FILE, allow_pickle=False)
         if kept.dtype.names != cls._fields or tuple(kept["made_for"].tolist()) != _MADE_FOR:
@@ -145,7 +160,7 @@ class StoredCurves(NamedTuple):
         return cls(*(read_only(kept[name].astype(np.float64)) for name in cls._fields))
 
     def write(self) -> None:
-        """Write the file; single precision is finer than the series."""
+        """Write the file, in single precision, which is finer than the truncation of the series."""
         kept = self._replace(series=self.series.astype(np.float32))
         named = list(zip(self._fields, kept, strict=True))
         record = np.zeros((), dtype=[(name, part.dtype, part.shape) for name, part in named])
@@ -155,7 +170,7 @@ class StoredCurves(NamedTuple):
 
     @property
     def resolution(self) -> Resolution:
-        """Nodes of the finest solution behind the file."""
+        """Node counts of the finest solution behind the stored curves."""
         radial, wavenumbers, scale, reach = self.nodes.tolist()
         return Resolution(int(radial), int(wavenumbers), scale, reach)
 
@@ -163,7 +178,7 @@ class StoredCurves(NamedTuple):
 def known_curve(
     problem: ContactProblem, top: float, rtol: float, left_out: float = SHARE_OF_NODES
 ) -> SolvedCurve:
-    """Read the curve where it is stored, with as few terms as do, or solve for it; otherwise as `solve_curve`."""
+    """Master curve read from the file where that holds it, else solved for; arguments as `solve_curve`."""
     plain = problem.indenter is problem.measure and not problem.beside
     stored = stored_curve(problem.kernel, problem.measure.exponent, top, rtol, left_out) if plain else None
     return stored or solve_curve(problem, top, rtol, left_out)
@@ -172,25 +187,25 @@ def known_curve(
 def stored_curve(
     body: Kernel, exponent: float, top: float, rtol: float, left_out: float = 0.0
 ) -> SolvedCurve | None:
-    """Curve of a power-law tip on a body under a layer of unit thickness.
+    """Stored master curve of a power-law tip on a body whose layer has unit thickness.
 
     Parameters
     ----------
     body : Kernel
-        With the layer.
+        Of the layer and its base.
     exponent : float
         Of the tip's power law.
     top : float
-        Largest varpi that will be asked for.
+        Largest varpi, the half-space contact radius at the depth over the thickness, that will be needed.
     rtol : float
         Relative error allowed.
     left_out : float, default 0
-        Share of it that terms may make up and be left out: six tenths led one search of 500 past the optimum.
+        Share of `rtol` up to which last terms are dropped: with 0.6 one search of 500 missed the optimum.
 
     Returns
     -------
     SolvedCurve or None
-        None where the file does not hold it so well, or in more terms than a curve may have.
+        None where the file does not hold it so accurately, or only in more terms than a curve may have.
     """
     if exponent != EXPONENT or top > TOP * (1.0 + _ROUNDING) or rtol < 2.0 * STORED_ERROR:
         return None
@@ -225,7 +240,15 @@ def stored_curve(
 
 
 def _at(series: FloatArray, first: float, second: float) -> FloatArray:
-    """Series (terms, 3) of the body at a place, of those of all (ratios + 1, shares, 3, terms)."""
+    """Series in varpi, (terms, 3), of one body out of those of all bodies, (ratios + 1, shares, 3, terms).
+
+    `first` and `second` are the body's coordinates from `_place`.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
+    """
     ratios, shares, *shape = series.shape
     if first == inf:
         by_share = series[-1]
@@ -236,7 +259,13 @@ def _at(series: FloatArray, first: float, second: float) -> FloatArray:
 
 
 def grid() -> tuple[list[list[LayerKernel]], FloatArray]:
-    """Bodies (ratios + 1, shares) and varpi (terms,) that the file is solved for."""
+    """Bodies (ratios + 1, shares) and values of varpi (terms,) for which the file is solved.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
+    """
     log_ratios, spread, z = (np.cos(chebyshev_angles(count)) for count in _TERMS)
     low, high = _LOG_RATIOS
     ratios = np.exp(0.5 * (low + high) + 0.5 * (high - low) * log_ratios).tolist()
@@ -246,7 +275,10 @@ def grid() -> tuple[list[list[LayerKernel]], FloatArray]:
 
 
 def _body(ratio: float, share: float) -> LayerKernel:
-    """One of the bodies of a ratio and a share: gamma is half the share in the layer, what is left in the base."""
+    """A body with the given r = theta_base/theta_layer (infinite: rigid base) and `share`; many have both.
+
+    Here gamma is half the share in the layer, and half of 1 - share in the base.
+    """
     halves = (0.5 * share, 0.5 * (1.0 - share))
     layer, base = (isotropic_constants(1.0, (1.0 - 2.0 * part) / (2.0 - 2.0 * part)) for part in halves)
     if np.isinf(ratio):
@@ -257,7 +289,13 @@ def _body(ratio: float, share: float) -> LayerKernel:
 
 
 def _place(body: Kernel) -> tuple[float, float] | None:
-    """Where a body stands in both series: infinite on a rigid base, None where it has no place."""
+    """Coordinates in [-1, 1] of a body in ln r and in the spread share; the first is infinite on a rigid base.
+
+    None where the body is not an isotropic layer on an isotropic or rigid base, or r is outside the range.
+
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
+    """
     if not isinstance(body, LayerKernel | SubstrateKernel):
         return None
     layer, base = body.constants
@@ -274,24 +312,28 @@ def _place(body: Kernel) -> tuple[float, float] | None:
 
 
 def _first(ratio: float) -> float:
-    """Place of a ratio in its series."""
+    """Coordinate of a ratio r = theta_base/theta_layer, linear in ln r: in [-1, 1] within the stored range."""
     low, high = _LOG_RATIOS
     return 2.0 * (log(ratio) - low) / (high - low) - 1.0
 
 
 def _spread(share: float) -> float:
-    """Place of a share in its series; beyond it where a Poisson's ratio is negative."""
+    """Coordinate of a share in [-1, 1]; infinite where the share is outside [0, 1] (a negative Poisson's ratio).
+
+    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
+    that combines r with Poisson's ratios (module's head).
+    """
     if not -_ROUNDING <= share <= 1.0 + _ROUNDING:
         return inf
     return 2.0 * log1p(_CROWDING * min(max(share, 0.0), 1.0)) / log1p(_CROWDING) - 1.0
 
 
 def _polynomials(place: FloatArray, count: int) -> FloatArray:
-    """Chebyshev polynomials (n, count) at places (n,) in [-1, 1]."""
+    """Values (n, count) of the first Chebyshev polynomials at points (n,) in [-1, 1]."""
     angle = np.arccos(np.minimum(place, 1.0))
     return np.asarray(np.cos(np.multiply.outer(angle, np.arange(count))))
 
 
 def _expansion(count: int) -> FloatArray:
-    """Matrix (count, count) from values at the Chebyshev points to coefficients."""
+    """Matrix (count, count) from values at the Chebyshev points to Chebyshev coefficients."""
     return chebyshev_coefficients(np.eye(count), chebyshev_angles(count))

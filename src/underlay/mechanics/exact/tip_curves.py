@@ -1,15 +1,16 @@
-"""Master curves of a sphere or a measured tip, for many contacts at once, off tables of the flat punch.
+"""Master curves of a sphere or a measured tip, for many contacts at once, from tables of the flat punch.
 
-The solution of `punch_solution` does not know the shape. With Poisson's ratios fixed it depends on eps = a/h and
-on one ratio k of the body, analytically on both; so it is held at the nodes r/a as Chebyshev polynomials in a
+The solution of `punch_solution` does not depend on the shape. With Poisson's ratios fixed it depends on eps = a/h
+and on one ratio k of the body, analytically on both; so it is held at the nodes r/a as Chebyshev polynomials in a
 stretched eps and in ln k, and the curve of a sphere or of a measured tip costs its contraction with the shape. What
 is interpolated has no dimension and is of order one, however wide the contact:
 
-    ln kappa, ln g(1), g/kappa, rho/g(1),     kappa = int_0^1 g dx,  g(1) = 1 + int_0^1 rho dx.
+    ln kappa, ln g(1), g/kappa, rho/g(1),     kappa = int_0^1 g dx,  g(1) = 1 + int_0^1 rho dx,
 
-The radii are placed where the tip's power law (`Indenter.power_law`) would have them, by a table of that law's own
-contact radius; there the flat punch is read off its table and contracted with the shape. What a curve leaves out is
-estimated as where it is solved for (`contact_problem`). Cells and store are those of `curve_family`.
+with g and rho the flat punch's solution and resolvent row of `punch_solution`. The radii are placed where the tip's
+power law (`Indenter.power_law`) would have them, by a table of that law's own contact radius; there the flat punch
+is read off its table and contracted with the shape. Truncation errors are estimated as in `contact_problem`. Cells
+and store are those of `curve_family`.
 """
 
 from __future__ import annotations
@@ -97,16 +98,16 @@ _BESIDE = _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 class PunchCell(NamedTuple):
-    """Which table of the flat punch: the bodies, the spans of ratio and contact radius, and the accuracy.
+    """Key of one table of the flat punch: the bodies, the ranges of ratio and contact radius, and the accuracy.
 
     Parameters
     ----------
     family : Family
-        The bodies.
+        The bodies, which differ in one ratio k.
     ratio : int or None
-        Number of the span in ln k; None for a family of one.
+        Number of the range of ln k (`ratio_span`); None for a family with a single member.
     range : int
-        Number of the span in eps.
+        Number of the range of eps = a/h (`range_end`).
     rtol : float
         Relative error asked for.
     """
@@ -118,27 +119,31 @@ class PunchCell(NamedTuple):
 
     @property
     def top(self) -> float:
-        """Largest eps of the cell."""
+        """Largest a/h of the cell."""
         return min(range_end(self.range), LARGEST_EPS)
 
 
 @dataclass(frozen=True)
 class PunchFamily:
-    """The flat punch against contact radius and ratio, over one cell.
+    """The flat punch's solution against contact radius a/h and the ratio k of the bodies, over one cell.
+
+    kappa is the flat punch's stiffness over that on a half-space.
+
+    k is the ratio in which the bodies of the family differ.
 
     Parameters
     ----------
     cell : PunchCell
-        Where it holds.
+        Bodies and ranges for which the table holds.
     rule : EvenRule
         Nodes r/a and weights.
     resolution : Resolution
         Nodes of the solutions behind it.
     stretch : Stretch
-        Of eps.
+        The variable ln(1 + rate a/h) of the polynomials.
     coefficients : ndarray (ratio terms, radius terms, 2 + 2 nodes)
-        Of what the module's first lines name: in powers of the place of ln k in the span, and in Chebyshev
-        polynomials of the stretched eps.
+        Of ln kappa, ln g(1), g/kappa and rho/g(1) (module's head): in powers of the variable of `RatioSpan`, and in
+        Chebyshev polynomials of the stretched a/h.
     """
 
     cell: PunchCell
@@ -148,7 +153,10 @@ class PunchFamily:
     coefficients: FloatArray
 
     def at(self, log_ratios: FloatArray, eps: FloatArray) -> PunchSolution:
-        """Solution on the bodies at ln k (...,), at contact radii `eps` (..., radii)."""
+        """Solution on bodies of ratios ln k (...,), at contact radii over thickness `eps` (..., radii).
+
+        k is the ratio in which the bodies of the family differ.
+        """
         terms, radii, columns = self.coefficients.shape
         if terms > 1 and self.cell.ratio is not None:
             place = ratio_span(self.cell.ratio).place(log_ratios)
@@ -166,7 +174,7 @@ class PunchFamily:
 
 
 def punch_family(cell: PunchCell) -> PunchFamily | None:
-    """Table of one cell; None where there is none: out of terms, or no body."""
+    """Table of one cell, cached; None where it would take too many terms, or no such body is possible."""
     return TABLES.get(("punch", cell), lambda: _tabulated(cell))
 
 
@@ -179,13 +187,21 @@ def _tabulated(cell: PunchCell) -> PunchFamily | None:
 
 
 def _first_ratios(cell: PunchCell, share: float) -> int:
-    """How many ratios to begin with: what a far stiffer base adds to a rigid one is some eps/k of the whole."""
+    """Number of ratios k to solve at first; fewer on far stiffer bases.
+
+    These differ from a rigid one by about eps/k, eps = a/h.
+    """
     changed = min(4.0 * cell.top / float(np.exp(ratio_span(cell.ratio or 0).low)), 1.0)
     return max(first_ratios(_SHARE_OF_RATIO * share / changed), _FEWEST_TERMS)
 
 
 def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
-    """Solve at Chebyshev points in ln k and in eps, and expand; at more points if need be."""
+    """Solve at Chebyshev points in ln k and in a/h, and expand, with more points where needed; None if too many.
+
+    `share` is the absolute error allowed, `ratios` the number of points in ln k.
+
+    k is the ratio in which the bodies of the family differ.
+    """
     angles = chebyshev_angles(ratios)
     span = ratio_span(cell.ratio or 0)
     bodies = [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()]
@@ -219,20 +235,23 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
 
 
 class _Group(NamedTuple):
-    """Contact radii that share nodes, and from values at those nodes to all nodes."""
+    """Contact radii that share nodes, and the matrix from values at these to those at the finest nodes."""
 
     grid: PunchGrid
     spread: FloatArray
 
 
 def _demanding(bodies: list[Kernel], top: float, rtol: float) -> tuple[int, Resolution]:
-    """Which body needs the most nodes for radii up to `top`, the first or the last, and these."""
+    """Index of the body, the first or the last (-1), that needs more nodes for a/h up to `top`, and its nodes."""
     ends = [(number, proved_resolution(bodies[number], top, _SHARE_OF_SOLUTION * rtol)) for number in (0, -1)]
     return max(ends, key=lambda end: (end[1].radial, end[1].wavenumbers))
 
 
 def _groups(bodies: list[Kernel], eps: FloatArray, widest: Resolution, rtol: float) -> list[_Group]:
-    """Sort increasing radii by the nodes they need: half of them are far below the widest, which takes the most."""
+    """Split increasing radii a/h into groups with fewer nodes for narrower contacts, which saves time.
+
+    `widest` has the node counts for the largest of `eps`.
+    """
     nodes = even_rule(widest.radial).nodes
     groups, end, resolution = [], eps.size, widest
     while end:
@@ -246,7 +265,12 @@ def _groups(bodies: list[Kernel], eps: FloatArray, widest: Resolution, rtol: flo
 
 
 def _told(body: Kernel, groups: list[_Group]) -> FloatArray:
-    """What is interpolated, (radii, 2 + 2 nodes)."""
+    """The interpolated quantities ln kappa, ln g(1), g/kappa, rho/g(1) of one body, (radii, 2 + 2 nodes).
+
+    kappa is the flat punch's stiffness over that on a half-space.
+
+    k is the ratio in which the bodies of the family differ.
+    """
     return np.concatenate([_told_of(body, group) for group in groups])
 
 
@@ -266,18 +290,18 @@ def _told_of(body: Kernel, group: _Group) -> FloatArray:
 
 
 class TipContacts(NamedTuple):
-    """Contacts of one tip on bodies of one span of a family, and of one range.
+    """Contacts of one tip on bodies whose ratios lie in one range, to depths in one range.
 
     Parameters
     ----------
     tip : Indenter
-        In a unit of its own.
+        Scaled to its own unit of length.
     family : Family
-        The bodies.
+        The bodies, which differ in one ratio k.
     span : int or None
-        Number of the span in ln k; None for a family of one.
+        Number of the range of ln k (`ratio_span`); None for a family with a single member.
     octave : int
-        Number of the range of varpi of the table that places the radii.
+        Number of the range of varpi (half-space contact radius over thickness) of the table that places the radii.
     rtol : float
         Relative error asked for.
     log_ratio, thickness, top : ndarray (sets,)
@@ -294,16 +318,17 @@ class TipContacts(NamedTuple):
     top: FloatArray
 
     def part(self, rows: NDArray[np.intp]) -> TipContacts:
-        """Contacts of the given rows."""
+        """Contacts of the given row numbers."""
         return self._replace(
             log_ratio=self.log_ratio[rows], thickness=self.thickness[rows], top=self.top[rows]
         )
 
 
 class TipCurves(NamedTuple):
-    """Curves of some contacts, the nodes behind them, and the largest a/h of each (sets,).
+    """Master curves of some contacts, the nodes behind them, and the largest a/h of each (sets,).
 
-    Their slopes are those of ln P at fixed depth in ln k, k the ratio of the bodies, and in ln(thickness).
+    The derivatives in `batch.slopes` are those of ln P at fixed depth in ln k, k the ratio of the bodies, and in
+    ln(thickness).
     """
 
     batch: CurveBatch
@@ -312,9 +337,10 @@ class TipCurves(NamedTuple):
 
 
 def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves]]:
-    """Curves of the contacts that the tables reach, with the rows that they are of; a later one is finer.
+    """Iterate over (row numbers of contacts, their curves) for the contacts that the tables cover.
 
-    Where the range of a contact goes beyond the shape its curve ends there.
+    A contact whose curve was too coarse comes again with a finer one. Where the range of a contact goes beyond the
+    tip's shape its curve ends there.
     """
     rows, exponent = np.arange(asked.top.size), asked.tip.power_law.exponent
     scales = _scales(asked)
@@ -341,16 +367,18 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
 
 
 class _Placing(NamedTuple):
-    """What places the radii: ln(a/a_half) against varpi.
+    """Table by which contact radii are placed: ln(a/a_half) of the tip's power law against varpi.
 
-    `radius` (ratio terms, rows, 4) is in powers of the place of ln k in the span, and of z, as in `CurveFamily`.
+    `radius` (ratio terms, rows, 4) is in powers of the variable of `RatioSpan`, and of z, as in `CurveFamily`.
+
+    varpi is the half-space contact radius at the depth over the thickness.
     """
 
     stretch: Stretch
     radius: FloatArray
 
     def table(self, asked: TipContacts) -> FloatArray:
-        """Polynomials in z (sets or 1, rows, 4) of the contacts."""
+        """Polynomials in z for ln(a/a_half) of the contacts, (sets, rows, 4), or (1, rows, 4) for all."""
         if asked.span is None or len(self.radius) == 1:
             return self.radius[:1]
         place = ratio_span(asked.span).place(asked.log_ratio)[:, None, None]
@@ -362,14 +390,14 @@ class _Placing(NamedTuple):
 
 
 def _scales(asked: TipContacts) -> Scales:
-    """Scales of a body in the middle of the span."""
+    """Scales (decay rates, stiffness ratios) of the body in the middle of the range of ratios."""
     family, span = asked.family, asked.span
     middle = 1.0 if span is None else ratio_span(span).middle
     return TABLES.get(("scales", family, span), lambda: family.kernel(middle).scales)
 
 
 def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> FloatArray:
-    """Radii a/h (sets, count) of curves up to the end of their range, of the shape or of what is solved for."""
+    """Contact radii a/h (sets, count), up to the end of the contact's range, of the tip's shape or of a/h = 20."""
     tops = asked.top.copy()
     shape = asked.tip.max_radius / asked.thickness
     end = np.minimum(_SHARE_OF_SHAPE * shape, _SHARE_OF_EPS * LARGEST_EPS)
@@ -386,7 +414,10 @@ def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> FloatArr
 def _radii(
     asked: TipContacts, placing: _Placing, tops: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Varpi and a/h at the radii of curves up to `tops` (sets,), each (sets, count)."""
+    """varpi and a/h at `count` points of curves up to varpi = `tops` (sets,), each (sets, count).
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     measure, stretch = asked.tip.power_law, placing.stretch
     points = np.cos(chebyshev_angles(count))
     # The last point lies at the end itself, wherever the shape leaves the others.
@@ -402,7 +433,7 @@ def _radii(
 
 
 def _placing(asked: TipContacts, exponent: float) -> _Placing | None:
-    """What places radii up to the end of the range, or of one below: the laws may end before this does."""
+    """Table that places radii up to the end of the range of depths, or of a lower one if there is none."""
     made = _on_one_body if asked.span is None else _on_a_family
     for octave in range(asked.octave, asked.octave - _RANGES_BELOW, -1):
         key = ("placing", exponent, asked.family, asked.span, octave)
@@ -430,7 +461,10 @@ def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
 
 
 def _contracted(asked: TipContacts, eps: FloatArray, stretch: Stretch, number: int) -> TipCurves | None:
-    """Read the flat punch at radii eps (sets, radii) and contract it with the shape; None without a table."""
+    """Master curves from the flat punch's table at radii eps = a/h (sets, radii); None without a table.
+
+    `stretch` gives the rate of the curves' variable, `number` the range of a/h of the table.
+    """
     table = punch_family(PunchCell(asked.family, asked.span, number, asked.rtol))
     if table is None:
         return None
@@ -451,10 +485,11 @@ def _contracted(asked: TipContacts, eps: FloatArray, stretch: Stretch, number: i
 
 
 def _slopes(exponent: float, factors: FloatArray, moved: FloatArray) -> FloatArray:
-    """d ln P/ds at fixed depth (sets, radii, numbers).
+    """Derivatives d ln P/ds at fixed depth (sets, radii, numbers), from those at fixed contact radius.
 
-    From the logarithms of the factors (sets, radii, 3) and how these move with each number at one contact radius,
-    (sets, numbers, radii, 3): there depth and force go as a_half^exponent and a_half w times their factors.
+    `factors` are the logarithms of the three factors (sets, radii, 3), and `moved`, (sets, numbers, radii, 3),
+    their derivatives in each number s at one contact radius. There depth and force go as a_half^exponent and a_half
+    w times their factors, a_half the half-space contact radius.
     """
     excess = factors[..., Factor.RADIUS] + factors[..., Factor.STIFFNESS] - factors[..., Factor.FORCE]
     through_depth = (exponent + 1.0) * np.expm1(excess)[:, None] * moved[..., Factor.RADIUS]

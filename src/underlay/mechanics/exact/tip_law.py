@@ -1,4 +1,4 @@
-"""Laws of a sphere or a measured tip read off the tables of `tip_curves`: what a fit asks for at every step."""
+"""Contact laws of spheres and measured tips, read off the tables of `tip_curves` at every step of a fit."""
 
 from __future__ import annotations
 
@@ -38,26 +38,34 @@ def in_size(
 ) -> FloatArray:
     """dP/d ln(size of the tip) (N) from P (N), dP/dw (N/m) and dP/d ln(thickness) (N) at depths (m).
 
-    All lengths together scale the force with their square.
+    By dimensions: multiplying all lengths by a factor multiplies the force by its square.
     """
     return np.asarray(2.0 * force - depth * stiffness - in_thickness)
 
 
 def tip_range(contact: Contact, depth: float) -> int:
-    """Number of the range of varpi that reaches `depth` (m)."""
+    """Number of the range of varpi that reaches `depth` (m): laws are made up to the end of a range.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     varpi = contact.indenter.power_law.halfspace_radius(np.asarray(depth)) / contact.thickness
     return int(_ranges(varpi))
 
 
 def _ranges(varpi: FloatArray) -> FloatArray:
-    """Numbers of the ranges of a law that reach varpi, as whole floats."""
+    """Numbers of the ranges that reach the given values of varpi, as whole floats; a law covers its whole range.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     return np.asarray(np.ceil(_RANGES_PER_OCTAVE * np.log2(np.maximum(varpi, _SMALLEST) / _RANGE_EDGE)))
 
 
 class TipSlopes(NamedTuple):
     """Force, dP/dw, dP/d ln k and dP/d ln(size of the tip), each (sets, n), and which sets have them, (sets,).
 
-    On layers of theta = 1, in the unit of the tip: of the force squared, of dP/dw as it is.
+    Of layers with elastic constant theta = 1 and lengths in units of the tip: multiply force and its derivatives by
+    theta times the unit squared, dP/dw by theta times the unit. k is the ratio in which the bodies of the family
+    differ.
     """
 
     force: FloatArray
@@ -69,18 +77,18 @@ class TipSlopes(NamedTuple):
 
 @dataclass(frozen=True)
 class TipSets:
-    """Contacts of one tip on layers of any thickness and bodies of one family, each with a depth to reach.
+    """Contacts of one tip on layers of any thickness and bodies of one family, each with a largest depth.
 
     Parameters
     ----------
     tip : Indenter
-        In a unit of its own (`Indenter.in_its_unit`).
+        Scaled to its own unit of length (`Indenter.in_its_unit`).
     family : Family
-        The bodies.
+        The bodies, which differ in one ratio.
     ratio : ndarray (sets,) or None
-        Which of them; None for a family of one.
+        That ratio for each set; None for a family with a single member.
     thickness, depth : ndarray (sets,)
-        Thickness, and the depth that each must reach, both in the tip's unit.
+        Thickness of the layer, and the depth that the curve must reach, both in the tip's unit.
     rtol : float
         Relative error allowed.
     """
@@ -93,7 +101,11 @@ class TipSets:
     rtol: float
 
     def curves(self) -> Iterator[tuple[NDArray[np.intp], TipCurves]]:
-        """Curves that the tables have, to the end of their range, with the sets of each; a later one is finer."""
+        """Iterate over (row numbers of sets, their curves) from the tables, each curve up to the end of its range.
+
+        A set may come again with a finer curve, which replaces the earlier one; a set for which there is no table
+        never comes.
+        """
         varpi = self.tip.power_law.halfspace_radius(self.depth) / self.thickness
         top = _RANGE_EDGE * 2.0 ** (_ranges(varpi) / _RANGES_PER_OCTAVE)
         octave, span, log_ratio = range_numbers(top), np.zeros(len(top)), np.zeros(len(top))
@@ -121,19 +133,20 @@ class TipSets:
     def forces(
         self, depth: FloatArray, *, stiffness: bool
     ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Force and dP/dw of all sets on layers of theta = 1, and which of them the tables have.
+        """Force and dP/dw of all sets on layers of elastic constant theta = 1, and which sets the tables cover.
 
         Parameters
         ----------
         depth : ndarray (sets, n)
-            Indentation depths, none beyond the one to reach, in the tip's unit.
+            Indentation depths in the tip's unit, none beyond the set's largest, `TipSets.depth`.
         stiffness : bool
-            Whether dP/dw is asked for; else it is zero.
+            Whether to compute dP/dw; else it is zero.
 
         Returns
         -------
         tuple of ndarray
-            Force in the unit squared and dP/dw in the unit, each (sets, n), zero without a table, and (sets,).
+            Force in the unit squared and dP/dw in the unit, each (sets, n), zero for sets without a table, and a
+            mask (sets,) of those with one.
         """
         force, slope, known = np.zeros(depth.shape), np.zeros(depth.shape), np.zeros(len(depth), dtype=bool)
         for rows, batch in self._known():
@@ -144,7 +157,7 @@ class TipSets:
         return force, slope, known
 
     def with_slopes(self, depth: FloatArray) -> TipSlopes:
-        """Forces and their derivatives; the parameter is that of `forces`."""
+        """Forces and their derivatives at `depth` (sets, n), in the tip's unit, as in `forces`."""
         force, stiffness, in_ratio, size, known = (
             *np.zeros((4, *depth.shape)),
             np.zeros(len(depth), dtype=bool),
@@ -157,7 +170,7 @@ class TipSets:
         return TipSlopes(force, stiffness, in_ratio, size, known)
 
     def _known(self) -> Iterator[tuple[NDArray[np.intp], CurveBatch]]:
-        """Curves as good and as deep as asked, with their sets."""
+        """Iterate over (row numbers of sets, their curves), of those within `rtol` and deep enough."""
         for rows, found in self.curves():
             batch = found.batch
             end = batch.measure.abel(np.broadcast_to(batch.top, rows.size) * self.thickness[rows])
@@ -180,18 +193,19 @@ def tip_laws(
     contacts : sequence of Contact
         Of tips of one shape on bodies of one family.
     family : Family
-        The bodies.
+        The bodies, which differ in one ratio.
     ratios : sequence of float or None
-        Which of them; None for a family of one.
+        That ratio for each contact; None for a family with a single member.
     depths : sequence of float
-        Depth (m) that each must reach; it goes to the end of its range.
+        Depth (m) that each law must reach; it goes to the end of its range.
     rtol : float
         Relative error allowed.
 
     Returns
     -------
     list of ExactLaw, RangeError or None
-        Why there is no law so deep; None where the tables do not reach, or not to `rtol`.
+        For each contact its law; or an error (returned, not raised) where a/h would pass 20 at that depth; or None
+        where the tables do not reach the depth, or not to `rtol`.
     """
     laws: list[ExactLaw | RangeError | None] = [None] * len(contacts)
     unit = np.array([contact.indenter.in_its_unit()[1] for contact in contacts])
@@ -212,7 +226,10 @@ def tip_laws(
 def _law(
     contact: Contact, found: TipCurves, place: int, depth: float, rtol: float
 ) -> ExactLaw | RangeError | None:
-    """One of the curves as a law, or why there is none so deep; None where it errs by more, or ends before."""
+    """Law made of curve number `place` of `found`; an error where a/h would pass 20 at `depth` (m).
+
+    None where the curve errs by more than `rtol`, ends before `depth`, or has no derivatives.
+    """
     batch, measure = found.batch, contact.indenter.power_law
     if len(batch.error_estimate) > 1:
         batch = batch.part([place])

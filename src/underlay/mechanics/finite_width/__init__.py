@@ -1,6 +1,6 @@
 """Samples of finite width: plugs, wells and slices with free sides.
 
-`compliance` has the number that the sides add, `law` the law of a layer with them.
+`compliance` has the compliance that free sides add, `law` the law of a layer with them.
 """
 
 from underlay.mechanics.finite_width.compliance import (

@@ -69,7 +69,7 @@ _WIDEST = 0.5
 
 
 def equivalent_radius(half_width: float, shape: str = "plug") -> float:
-    """Radius (m) of the round plug that stands for a sample of this half-width (m).
+    """Radius (m) of the round plug equivalent to a sample of this half-width (m), round or square.
 
     Raises
     ------
@@ -83,16 +83,16 @@ def equivalent_radius(half_width: float, shape: str = "plug") -> float:
 
 
 def kappa(ratio: FloatArray, nu: PerSet, *, sliding: bool = False) -> FloatArray:
-    """Compliance of the sides times E W, (...), at h/W and nu that broadcast.
+    """Dimensionless compliance of free sides, compliance times E W (module's head), broadcast shape.
 
     Parameters
     ----------
     ratio : FloatArray
-        h/W, positive and finite; W that of the round plug.
+        h/W, thickness over radius of the equivalent round plug, positive and finite.
     nu : float or FloatArray
         Poisson's ratio, 0.3 to 0.5.
     sliding : bool, default False
-        Whether the base is sliding in place of bonded.
+        Whether the layer slides on its rigid base; else it is bonded.
 
     Raises
     ------
@@ -117,13 +117,13 @@ def kappa(ratio: FloatArray, nu: PerSet, *, sliding: bool = False) -> FloatArray
 
 
 def _bent(nu: PerSet) -> PerSet:
-    """k/(k + 1/2), k = 1 - 2 nu: in it the numbers of nu 0.5, 0.45 and 0.3 are joined by a parabola."""
+    """k/(k + 1/2) with k = 1 - 2 nu: the variable of the parabola through the data at nu 0.5, 0.45 and 0.3."""
     return (1.0 - 2.0 * nu) / (1.5 - 2.0 * nu)
 
 
 @cache
 def _splines(sliding: bool) -> tuple[interpolate.CubicSpline, ...]:
-    """S at nu = 1/2 in q, and by how much it is smaller at 0.45 and at 0.3."""
+    """Splines in q (module's head) of S at nu = 1/2, and of its decrease at nu = 0.45 and at 0.3."""
     values, (end, falling) = (_SLIDING, _FAR_SLIDING) if sliding else (_BONDED, _FAR_BONDED)
     ratio = np.array(_RATIOS)
     # At the far end 1/t is (1 - q)/(q bend): dS/dq = -falling/bend. Where a bonded layer is flat its sides
@@ -157,22 +157,22 @@ def _spline(
 
 
 def standard_error(value: FloatArray) -> FloatArray:
-    """Standard error of kappa: 4 % of it, and 0.002 at least; shape of `value`."""
+    """Standard error of kappa: 4 % of `value`, at least 0.002; same shape."""
     return np.asarray(np.maximum(_RELATIVE_ERROR * value, _LEAST_ERROR))
 
 
 def is_wide(contact_radius: FloatArray, radius: PerSet) -> NDArray[np.bool_]:
-    """Whether contact radii (m) are within half of W (m), (...)."""
+    """Whether contact radii (m) are at most half of the plug's `radius` W (m), broadcast shape."""
     return np.asarray(contact_radius <= _WIDEST * radius)
 
 
 def require_wide(contact_radius: float, radius: float) -> None:
-    """Refuse a contact radius (m) beyond half of W (m).
+    """Raise for a contact radius (m) larger than half of the plug's `radius` W (m).
 
     Raises
     ------
     InputError
-        With both.
+        With both radii.
     """
     if not is_wide(np.array(contact_radius), radius):
         raise InputError(

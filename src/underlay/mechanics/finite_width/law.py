@@ -1,4 +1,4 @@
-"""The law of a sample of finite width: that of the layer without sides, and a spring in series (`compliance`)."""
+"""The law of a sample of finite width: that of the layer without sides, in series with a spring (`compliance`)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,10 @@ _BESIDE = {
 
 
 class Sprung(NamedTuple):
-    """Depth u (m) of the layer alone, the force F(u) (N) and its slope there and of the whole (N/m), (..., n)."""
+    """Balance of layer and spring, each (..., n): depth u (m) of the layer alone, force F(u) (N), stiffnesses.
+
+    `inner_stiffness` is dF/du of the layer alone, `stiffness` that of layer and spring together (N/m).
+    """
 
     depth: FloatArray
     force: FloatArray
@@ -50,16 +53,16 @@ class Sprung(NamedTuple):
 
 @dataclass(frozen=True)
 class Sides(OnLaw):
-    """Free sides of a layer on a rigid base, as a spring; of many samples the numbers are (sets, 1).
+    """Free sides of a layer on a rigid base, as a spring in series; for many samples entries are (sets, 1).
 
     Parameters
     ----------
     compliance : float or FloatArray
-        kappa/(E W) (m/N).
+        kappa/(E W) (m/N), see `compliance`.
     error : float or FloatArray
         Its standard error (m/N).
     radius : float or FloatArray
-        W (m) of the round plug.
+        Radius W (m) of the equivalent round plug.
 
     Examples
     --------
@@ -76,7 +79,7 @@ class Sides(OnLaw):
 
     @classmethod
     def of(cls, layer: Layer, base: Body | None) -> Self:
-        """Sides of a layer that has a half-width.
+        """Sides of a layer that has a `half_width`, on its base.
 
         Raises
         ------
@@ -98,7 +101,7 @@ class Sides(OnLaw):
 
     @classmethod
     def round(cls, thickness: PerSet, radius: PerSet, E: PerSet, nu: PerSet, *, sliding: bool) -> Self:
-        """Sides of a round plug: lengths in m, E in Pa."""
+        """Sides of a round plug of given thickness and radius (m), E (Pa) and nu; bonded, or `sliding`."""
         value = kappa(np.asarray(thickness / radius), nu, sliding=sliding)
         error = standard_error(value) / (E * radius)
         if value.ndim == 0 and np.ndim(error) == 0:
@@ -106,7 +109,10 @@ class Sides(OnLaw):
         return cls(value / (E * radius), error, radius)
 
     def sprung(self, inner: Inner, depth: FloatArray) -> Sprung:
-        """Where u + C F(u) = w, at depths w (m), (..., n), in contact."""
+        """Balance u + C F(u) = w at depths w (m), (..., n), in contact, by Newton's method.
+
+        `inner` gives the force F (N) and stiffness (N/m) without sides at depths u (m); C is the sides' compliance.
+        """
         u = depth.astype(np.float64)
         for _ in range(_MOST_STEPS):
             force, slope = inner(u)
@@ -117,12 +123,12 @@ class Sides(OnLaw):
         raise LawError(f"the spring of the sides found no balance within {_MOST_STEPS} steps")
 
     def law(self, inner: Callable[[float], ContactLaw], max_depth: float) -> NarrowLaw:
-        """Law of the layer with these sides up to a depth (m), from the one without.
+        """Law of the layer with these sides up to `max_depth` (m); `inner` builds the one without.
 
         Raises
         ------
         InputError
-            If the contact of linear elasticity is wider than half of W.
+            If the contact radius of linear elasticity is larger than half of W.
         """
         wide = inner(max_depth)
         require_wide(float(wide.linear_law.contact_radius(max(max_depth, 0.0))), float(self.radius))
@@ -160,29 +166,32 @@ class NarrowLaw(ContactLaw):
 
     @property
     def nodes(self) -> int | None:
-        """Radial nodes of the law without sides."""
+        """Number of radial nodes of the law without sides."""
         return self.inner.nodes
 
     @property
     def linear_law(self) -> ContactLaw:
-        """Law of linear elasticity underneath, that of the law without sides."""
+        """The linear elastic law without sides."""
         return self.inner.linear_law
 
     def known_errors(self, depth: FloatArray) -> dict[str, FloatArray]:
-        """Standard errors (N) of the force at depths (m), each (n,): of the spring, and of the law behind it."""
+        """Standard errors (N) of the force at depths (m), (n,), by source: the sides, and those of stiffening."""
         force, slope = self.force_and_stiffness(depth)
         inner = self._through(depth, lambda law, u: law.known_errors(u))
         return {**inner, "sides": np.asarray(force * slope * self.sides.error)}
 
     def own_slope(self, name: str, depth: FloatArray) -> FloatArray:
-        """dP/d(number of the layer's stiffening) at depths (m), (n,), by its name; zero without stiffening."""
+        """dP/d(parameter of the layer's stiffening) at depths (m), (n,), by its name; zero without stiffening."""
         found = self._through(depth, lambda law, u: {name: law.own_slope(name, u)})
         return found.get(name, np.zeros_like(depth))
 
     def _through(
         self, depth: FloatArray, of: Callable[[StiffeningLaw, FloatArray], Mapping[str, FloatArray]]
     ) -> dict[str, FloatArray]:
-        """Changes (N) of the force at depths (m), (n,), from those of the law without sides at its own depths."""
+        """Changes (N) of the force at depths (m), (n,), by name, from changes of the law without sides.
+
+        `of` gives the latter from that law and its own depths u (m); empty if that law does not stiffen.
+        """
         if not isinstance(self.inner, StiffeningLaw):
             return {}
         u, kept = depth.astype(np.float64), np.ones(len(depth))
@@ -192,7 +201,7 @@ class NarrowLaw(ContactLaw):
         return {name: kept * change for name, change in of(self.inner, u).items()}
 
     def depth(self, force: ArrayLike) -> FloatArray:
-        """Depth (m), shape of `force` (N): the depth without sides, and what the spring gives."""
+        """Depth (m), shape of `force` (N): that without sides plus the spring's compression."""
         return np.asarray(
             self.inner.depth(force) + self.sides.compliance * np.asarray(force, dtype=np.float64)
         )
@@ -202,7 +211,7 @@ class NarrowLaw(ContactLaw):
         return self._sprung(depth).depth
 
     def _sprung(self, depth: FloatArray) -> Sprung:
-        """The balance at depths (m) in contact, (n,); those asked last are kept: derivatives ask the same."""
+        """Balance of layer and sides' spring at depths (m) in contact, (n,); the last result is cached."""
         key = depth.tobytes()
         if key not in self._last:
             self._last.clear()
@@ -228,12 +237,15 @@ class NarrowLaw(ContactLaw):
 
 
 def sides_of(layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> Sides:
-    """Sides of the layer of a test; `beside` says what else the test has.
+    """Sides of a layer, after checking that finite width is known for the test.
+
+    `beside` maps the names of other effects (relaxation, history, adhesion, friction, discrepancy) to whether the
+    test has them.
 
     Raises
     ------
     InputError
-        If finite width is not known for it.
+        If finite width is not known together with one of these.
     """
     for part, words in _BESIDE.items():
         if beside.get(part) or (part == "relaxation" and layer.relaxation is not None):
@@ -245,9 +257,9 @@ def sides_of(layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> Sid
 
 
 def sides_at(values: Mapping[str, Any], layer: Layer, gain: PerSet = 1.0) -> Sides:
-    """Sides at the numbers of a scene (SI), by path; (sets, 1) where they vary.
+    """Sides from the values of a scene's parameters (SI), by path; values may be (sets, 1).
 
-    `gain` is what forces are multiplied with, of a lever whose calibration is off.
+    `gain` is the factor on forces of a lever whose calibration is off.
     """
     wider = equivalent_radius(1.0, layer.shape)
     radius, E = wider * values["layer.half_width"], gain * values["layer.E"]
@@ -256,7 +268,7 @@ def sides_at(values: Mapping[str, Any], layer: Layer, gain: PerSet = 1.0) -> Sid
 
 
 def why_not_ignored(layer: Layer, base: Body | None, force: float, depth: float) -> str:
-    """Say that sides which a law of this force (N) at a depth (m) leaves out matter; empty where they take 1 %."""
+    """Warning that the sides, left out of the law, matter at this force (N) and depth (m); "" below 1 %."""
     try:
         sides = Sides.of(layer, base)
     except InputError as error:

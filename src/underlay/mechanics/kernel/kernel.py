@@ -45,31 +45,34 @@ _PER_NODE = log(3.7)
 
 
 def lowest(value: Any) -> float:
-    """Smallest of a batch, or the float itself."""
+    """Smallest entry of an array, or the float itself."""
     return float(value.min()) if isinstance(value, np.ndarray) else float(value)
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Scales of a body on which node counts depend (of the worst of a batch).
+    """Characteristic rates and stiffness ratios of a body, from which node counts are chosen.
+
+    theta is the elastic constant of a material (half its indentation modulus). For a batch of bodies each number is
+    that of the most demanding one.
 
     Parameters
     ----------
     decay : float
-        Slowest decay rate of the surface layer's displacements with depth; 1 when isotropic. It scales lengths.
+        Slowest decay rate of the surface layer's displacements with depth, per wavenumber; 1 when isotropic.
     fastest : float
         Fastest decay rate.
     ratio : float
         theta of what is under the layer over theta of the layer, the smallest of a batch; inf when rigid.
     stretch : float
-        Wavenumber below which a softer base lets the layer stretch with it.
+        Wavenumber times thickness below which a softer base lets the layer stretch with it.
     firmness : float
         How incompressible the layer is: 1 at nu = 0.5, 0 at nu = 0.3 and below.
     stiffest, softest : float
         theta of the stiffest and of the softest of what is under the layer over theta of the layer; inf when
-        rigid. An interface on springs is as soft as can be.
+        rigid. Zero for `softest` where an interface is on springs.
     charted : bool
-        Whether node counts were fitted to bodies of this kind; others are proved by doubling.
+        Whether the fitted node counts cover bodies of this kind; for others they are checked by doubling.
     """
 
     decay: float
@@ -83,7 +86,7 @@ class Scales:
 
     @classmethod
     def of(cls, layer: PlaneConstants, substrate: PlaneConstants | None) -> Self:
-        """Read them off the constants of one layer on a base, floats or (batch, 1).
+        """Compute them from the constants of one layer on a base, floats or (batch, 1); `substrate` None is rigid.
 
         Raises
         ------
@@ -112,12 +115,12 @@ class Scales:
 
     @property
     def softness(self) -> float:
-        """Inverse of the a/h at which a softer substrate is first felt; 0 for a stiffer one."""
+        """Inverse of the a/h, contact radius over thickness, at which a softer substrate matters; 0 if stiffer."""
         return 0.0 if self.ratio >= 1.0 else self.ratio ** (-2.0 / 3.0) - 1.0
 
 
 class Layers(NamedTuple):
-    """Layers from the top down, the half-space under them, and in words which of them were joined."""
+    """Layers from the top down, the half-space under them, and messages saying which layers were merged."""
 
     layers: tuple[Layer, ...]
     base: Base
@@ -125,11 +128,11 @@ class Layers(NamedTuple):
 
 
 class Compliance(NamedTuple):
-    """How the body changes the surface's compliance in every direction, each (nodes,).
+    """Change of the surface's compliance, radial, mixed and axial, each (nodes,) at wavenumbers.
 
-    With theta and p those of the surface, C the 2 x 2 compliance of the surface of the body (radial, axial) per
-    wavenumber and gamma its coupling: `radial` is 1 - theta p C_11, `mixed` theta sqrt(p) C_12 + gamma, `axial`
-    1 - theta C_22, which is 1 - L.
+    With theta and p the constants of the surface layer, C the 2 x 2 compliance of the body's surface (radial,
+    axial) per wavenumber and gamma its coupling: `radial` is 1 - theta p C_11, `mixed` theta sqrt(p) C_12 + gamma,
+    `axial` 1 - theta C_22, which is 1 - L.
     """
 
     radial: FloatArray
@@ -138,16 +141,24 @@ class Compliance(NamedTuple):
 
 
 class Kernel(ABC):
-    """1 - L(u) of one body, or of many of one kind at once; u is the wavenumber times the thickness on top."""
+    """1 - L(u) of one body or a batch: the change of surface compliance by what lies under the layer on top.
+
+    L(u) is the compliance of the surface under normal load over that of a half-space of the top layer's material; u
+    is the wavenumber times the thickness of the layer on top.
+    """
 
     @abstractmethod
     def values(self, u: FloatArray) -> FloatArray:
-        """1 - L at `u` (nodes,) of zero or more, (nodes,) or (batch, nodes), without checks: the hot path."""
+        """1 - L at `u` (nodes,), zero or more: (nodes,) or (batch, nodes). Unchecked, for inner loops.
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+        """
 
     @property
     @abstractmethod
     def scales(self) -> Scales:
-        """Wavenumbers at which the kernel bends, on which node counts depend.
+        """Characteristic rates and stiffness ratios of the body, from which node counts are chosen.
 
         Raises
         ------
@@ -157,23 +168,30 @@ class Kernel(ABC):
 
     @abstractmethod
     def rule(self, eps_max: float, rtol: float, *, power: int = 0) -> tuple[FloatArray, FloatArray]:
-        """Nodes and weights (n,) on [0, inf) for int [1 - L(u)] u^power cos(s u) cos(t u) du, s, t <= `eps_max`."""
+        """Quadrature for int_0^inf [1 - L(u)] u^power cos(s u) cos(t u) du with s, t up to `eps_max`.
+
+        `eps_max` is the largest contact radius over thickness, `rtol` the error wanted. Returns nodes and weights,
+        each (n,).
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+        """
 
     @property
     @abstractmethod
     def contrast(self) -> float:
-        """How much the body differs from a half-space of its surface, in compliance.
+        """delta, the largest relative difference in compliance between the body and a half-space of its surface.
 
-        With delta the contrast, its energy is between those of half-spaces (1 +- delta) times as compliant.
+        Its elastic energy is between those of half-spaces (1 +- delta) times as compliant.
         """
 
     @property
     @abstractmethod
     def uniform(self) -> bool:
-        """Whether nothing under the surface differs from it: the kernel is zero."""
+        """Whether the whole body is of the surface's material, bonded: then the kernel is zero."""
 
     def compliance(self, u: FloatArray) -> Compliance:
-        """Change of the surface's compliance in every direction, as a tip that sticks needs it.
+        """Change of the surface's compliance under normal and shear load, as contacts with friction need it.
 
         Parameters
         ----------
@@ -192,7 +210,10 @@ class Kernel(ABC):
 
     @property
     def coupling(self) -> float:
-        """Coupling of the surface, gamma = (p - q)/(sigma sqrt p): (1 - 2 nu)/(2 (1 - nu)) when isotropic.
+        """gamma of the surface, the coupling of shear load to normal displacement: (p - q)/(sigma sqrt p).
+
+        p, q and sigma are constants of the surface layer (`PlaneConstants`); (1 - 2 nu)/(2 (1 - nu)) when
+        isotropic.
 
         Raises
         ------
@@ -204,26 +225,26 @@ class Kernel(ABC):
         )
 
     def simpler(self, eps: float, allowed: float) -> Layers | None:
-        """Return a body of fewer layers that contacts cannot tell from this one.
+        """Return an equivalent body with fewer layers, the same for these contacts within `allowed`.
 
         Parameters
         ----------
         eps : float
             Largest contact radius over the thickness on top.
         allowed : float
-            Relative change of force, contact radius and stiffness, all that is joined together.
+            Relative change of force, contact radius and stiffness allowed for all merged layers together.
 
         Returns
         -------
         Layers or None
-            None where no layer can be joined.
+            None where no layer can be merged with another.
         """
         del eps, allowed
         return None
 
     @property
     def description(self) -> str:
-        """The body in words, for messages."""
+        """Materials, thicknesses and bonds of the body as text, for messages."""
         return repr(self)
 
     @property
@@ -233,6 +254,9 @@ class Kernel(ABC):
 
     def one_minus_L(self, u: ArrayLike) -> FloatArray:
         """1 - L(u), shape of `u` (wavenumber times thickness, dimensionless, zero or more).
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
 
         Raises
         ------
@@ -246,7 +270,9 @@ class Kernel(ABC):
         return self.values(flat).reshape(nodes.shape)[()]
 
     def coefficients(self, count: int) -> FloatArray:
-        """a_0, a_1, ... of (1.7) by (1.8), `count` of them, to near machine precision; array (count,).
+        """The first `count` coefficients a_0, a_1, ... of (1.7) by (1.8), near machine precision: (count,).
+
+        Equation numbers are those of Argatov and Sabina.
 
         Raises
         ------
@@ -259,6 +285,9 @@ class Kernel(ABC):
 
     def moments(self, count: int, rtol: float = 1e-15) -> FloatArray:
         """a_m = (-1)^m/((2m)!!)^2 int_0^inf [1 - L(u)] u^(2m) du (1.8), m < `count`, without checks.
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness. Equation numbers are those of Argatov and Sabina.
 
         Parameters
         ----------
@@ -278,10 +307,13 @@ class Kernel(ABC):
 
 
 class Family(Protocol):
-    """Bodies that differ in one positive number; hashable, since equal ones share their tables."""
+    """Bodies that differ in one positive number, such as a ratio of moduli.
+
+    Hashable, because equal families share their cached tables.
+    """
 
     def kernel(self, ratio: float) -> Kernel:
-        """Kernel of the body at one value of the number.
+        """Kernel of the body for which that number is `ratio`.
 
         Raises
         ------
@@ -307,7 +339,10 @@ def u_rule(
     power: int = 0,
     smallest: float = np.inf,
 ) -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights on [0, inf) for int [1 - L(u)] u^power cos(s u) cos(t u) du, s, t <= `eps_max`.
+    """Quadrature for int_0^inf [1 - L(u)] u^power cos(s u) cos(t u) du with s, t up to `eps_max`.
+
+    1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+    wavenumber times its thickness. Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -331,7 +366,7 @@ def u_rule(
     Raises
     ------
     RangeError
-        If there would be more than `MOST_NODES`, which is said before any is made.
+        If there would be more than `MOST_NODES`; checked before any is computed.
     """
     digits = 1.0 - log(rtol)
     slow, fast, turn = _rates(layer)
@@ -365,7 +400,11 @@ def u_rule(
 
 
 class _Plan(NamedTuple):
-    """Edges and order of the tripling panels; number and order of the equal ones after them."""
+    """Layout of a quadrature in u: panels that triple in width, then panels of equal width.
+
+    `edges` and `order` (nodes per panel) are those of the tripling panels, the others number and order of the equal
+    ones.
+    """
 
     edges: list[float]
     order: int
@@ -378,7 +417,11 @@ def _nodes(plan: _Plan) -> int:
 
 
 def _plan(first: float, reach: float, widths: FloatArray, least: int, order: int) -> _Plan:
-    """Triple the panels up to the width that `order` nodes can hold, then take the cheapest equal ones."""
+    """Triple the panels from width `first` while `order` nodes hold them, then add equal panels up to `reach`.
+
+    `widths` (orders,) is the widest panel by number of nodes, `least` the fewest nodes per panel. The equal panels
+    are those with the fewest nodes in all.
+    """
     widest = float(widths[order - 1])
     edge = min(first, widest, reach)
     edges = [0.0, edge]
@@ -395,7 +438,7 @@ def _plan(first: float, reach: float, widths: FloatArray, least: int, order: int
 
 
 def _rates(layer: PlaneConstants) -> tuple[float, float, float]:
-    """Slowest decay, largest modulus and fastest oscillation of the layer's roots, over the batch."""
+    """Slowest decay rate, largest modulus and fastest oscillation of the layer's decay roots, over the batch."""
     p, half = layer.p, 0.5 * layer.sigma
     d2 = half * half - p
     d = np.maximum(d2, 0.0) ** 0.5
@@ -414,12 +457,12 @@ def _extremes(value: Real) -> tuple[float, float]:
 def _first_panel(
     layer: PlaneConstants, substrate: PlaneConstants, digits: float, order: int, fast: float
 ) -> float:
-    """Width of the first panel over a substrate that is not rigid.
+    """Width of the first quadrature panel over a substrate that is not rigid.
 
     A pole at -x is resolved on [0, x/delta] by n nodes to exp(-4 n sqrt(delta)). With r the ratio of the
     thetas: the pole of a stretching layer, at -1/(sigma1 + sigma2 g1/g2), carries r^(2/3) of the integral on
     a soft base; the bend on a stiff base, at r^(-1/3), carries r^(-4/3). What is below the tolerance needs
-    no panel.
+    no panel. `digits` is about -ln of the error, `order` the nodes per panel, `fast` the largest decay root.
     """
     softest, stiffest = _extremes(substrate.theta / layer.theta)
     width = min(1.0, 2.0 * softest ** (1.0 / 3.0)) / fast
@@ -435,7 +478,7 @@ def _first_panel(
 
 
 def _reach(digits: float, power: int) -> float:
-    """x where the tail of int x^(power + 2) exp(-x) falls to exp(-digits) of the whole."""
+    """x beyond which the integral of x^(power + 2) exp(-x) is exp(-digits) of that from zero."""
     x = digits + power + 2.0
     for _ in range(6):
         x = digits + (power + 2.0) * log(x) - lgamma(power + 3.0)

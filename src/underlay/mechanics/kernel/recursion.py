@@ -69,29 +69,34 @@ class Sheet:
 
     @cached_property
     def slips(self) -> bool:
-        """Whether its lower face slides freely."""
+        """Whether its lower face slides without friction."""
         return bool(self.sliding == inf)
 
     @cached_property
     def sprung(self) -> bool:
-        """Whether its lower face gives way in proportion to the stress."""
+        """Whether its lower face opens or slides in proportion to the stress."""
         return self.opening != 0.0 or not (self.sliding == 0.0 or self.slips)
 
     @cached_property
     def roots(self) -> tuple[Real, Real]:
-        """Product p and sum sigma of the decay roots."""
+        """Product p and sum sigma of the decay roots.
+
+        Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+        """
         return self.constants.p, self.constants.sigma
 
 
 class Recursion:
-    """The recursion through given sheets, compiled: only the wavenumbers are left open.
+    """1 - L(u) and the other surface compliances of given layers on a base, as a function of the wavenumber.
+
+    What does not depend on the wavenumber is computed once, at construction.
 
     Parameters
     ----------
     sheets : tuple of Sheet
         From the top down.
     base : PlaneConstants or None
-        As for the sheets; None is rigid.
+        In the same units as the sheets; None is rigid.
     """
 
     def __init__(self, sheets: tuple[Sheet, ...], base: PlaneConstants | None) -> None:
@@ -124,6 +129,9 @@ class Recursion:
     def one_minus_L(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,) of zero or more.
 
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+
         Returns
         -------
         array (nodes,) or (sets, nodes)
@@ -135,9 +143,9 @@ class Recursion:
         return np.asarray(axial[..., 0, :] / self._growing[..., _AXIAL, :])
 
     def compliance(self, u: FloatArray) -> Compliance:
-        """Change of the surface's compliance in every direction at `u` (nodes,) of zero or more.
+        """Change of the surface's compliance (radial, mixed, axial) at `u` (nodes,) of zero or more.
 
-        Every entry keeps its digits where it decays.
+        Every entry keeps its relative accuracy where it decays.
         """
         u, functions = self._at(u)
         missing = self._missing(u, functions, slice(None))
@@ -151,7 +159,15 @@ class Recursion:
         )
 
     def _missing(self, u: FloatArray, functions: FloatArray, rows: slice) -> FloatArray:
-        """What the minors but the first lack of the growing wave's, over the first: (..., rows, nodes)."""
+        """Minors of a half-space's growing wave minus the body's, over the body's first: (..., rows, nodes).
+
+        The half-space is of the top layer's material. `functions` are the E_k of all sheets at `u`; `rows` selects
+        among the minors after the first.
+
+        Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+        E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+        `waves`.
+        """
         top, part = functions[..., -1, :, :], functions[..., -1, :-1, :]
         if self._alone:
             return np.asarray(self._seen[..., rows, :] @ part / (self._unit @ top))
@@ -160,14 +176,21 @@ class Recursion:
         return _applied(self._seen[..., rows, :, :], part, change) / _applied(self._unit, top, below)
 
     def _at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Wavenumbers that can be computed at, and the sheets' functions there."""
+        """Wavenumbers and the functions E_k of each sheet there; with slip zero becomes a tiny number.
+
+        E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+        one layer.
+        """
         if any(sheet.slips for sheet in self._sheets):
             u = np.maximum(u, _NEAREST)
         v = (u * self._thicknesses).reshape(-1, u.size)
         return u, self._waves(v).reshape(*self._lead, WAVES, u.size)
 
     def _under_the_top(self, u: FloatArray, functions: FloatArray) -> FloatArray:
-        """Minors above the interface under the sheet on top."""
+        """Minors just above the interface under the top sheet, (..., 5, nodes or 1), up to a common factor.
+
+        Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+        """
         y = self._base
         for number, sheet in enumerate(self._sheets[:-1]):
             basis = functions[..., number, :, :]
@@ -181,12 +204,19 @@ class Recursion:
 
 
 def scaled(of: PlaneConstants, g: Real) -> PlaneConstants:
-    """Plane constants in units of `g`."""
+    """Plane constants made dimensionless by a stiffness `g` (Pa)."""
     return PlaneConstants(of.q, of.c * g, of.g / g, of.S * g)
 
 
 def _applied(table: FloatArray, basis: FloatArray, y: FloatArray) -> FloatArray:
-    """Rows of a table (..., rows, 5, functions) times its functions (..., functions, nodes) and minors."""
+    """Rows of the propagator from a table (..., rows, 5, functions), its functions, times the minors y.
+
+    `basis` (..., functions, nodes) are the functions E_k; the result is (..., rows, nodes).
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
+    """
     *sets, rows, minors, functions = table.shape
     passage = table.reshape(*sets, rows * minors, functions) @ basis
     passage = passage.reshape(*passage.shape[:-2], rows, minors, -1)
@@ -195,7 +225,12 @@ def _applied(table: FloatArray, basis: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def _parts(of: PlaneConstants, y: Sequence[Real]) -> FloatArray:
-    """Minors above a sheet by function, of minors below that know no wavenumber: (..., 5, functions)."""
+    """Minors above a sheet, by function E_k, from minors y below that do not depend on u: (..., 5, functions).
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
+    """
     parts = products(of, y)
     if not isinstance(of.g, np.ndarray):
         return np.array(parts).T
@@ -203,14 +238,24 @@ def _parts(of: PlaneConstants, y: Sequence[Real]) -> FloatArray:
 
 
 def _passages(sheets: Sequence[Sheet]) -> FloatArray:
-    """Minors above every sheet by those below and function, (sheets, ..., 5, 5, functions)."""
+    """Propagators of the sheets by function E_k: minors above from minors below, (sheets, ..., 5, 5, functions).
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
+    """
     of = PlaneConstants(*(_in_rows(column) for column in zip(*(s.constants for s in sheets), strict=True)))
     table = _table(products(of, list(np.eye(5))), (*_in_rows([s.roots[0] for s in sheets]).shape[:-1], 5, 5))
     return np.moveaxis(table, -4, 0)
 
 
 def _table(parts: Sequence[Sequence[Real]], shape: tuple[int, ...]) -> FloatArray:
-    """Five minors of every function, each (..., columns), as one array (..., 5, columns, functions)."""
+    """Five minors for each function E_k, each (..., columns), as one array (..., 5, columns, functions).
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
+    """
     table = np.empty((*shape, WAVES))
     for k, part in enumerate(parts):
         for row, entry in enumerate(part):
@@ -219,14 +264,17 @@ def _table(parts: Sequence[Sequence[Real]], shape: tuple[int, ...]) -> FloatArra
 
 
 def _in_rows(of_sheets: Sequence[Real]) -> FloatArray:
-    """Numbers, one a row, (rows, 1) or (sets, rows, 1)."""
+    """Stack one number per sheet as rows: (rows, 1), or (sets, rows, 1) where numbers are arrays (sets, 1)."""
     if not any(isinstance(number, np.ndarray) for number in of_sheets):
         return np.array(of_sheets, dtype=np.float64)[:, None]
     return np.stack(np.broadcast_arrays(*of_sheets), axis=-2)
 
 
 def _halfspace_minors(base: PlaneConstants | None) -> tuple[Real, ...]:
-    """Minors of a half-space, each a float or (sets, 1); of a rigid one all but the first vanish."""
+    """Minors of the surface of a half-space, floats or (sets, 1): the first is 1, the others 0 if rigid.
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    """
     if base is None:
         return 1.0, 0.0, 0.0, 0.0, 0.0
     g, p, gap, sigma = base.g, base.p, base.p_minus_q, base.sigma
@@ -235,12 +283,18 @@ def _halfspace_minors(base: PlaneConstants | None) -> tuple[Real, ...]:
 
 
 def _slid(minors: Sequence[Real]) -> tuple[Real, ...]:
-    """Minors above an interface that slides freely."""
+    """Minors above an interface that slides without friction, from those below.
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    """
     return 0.0, 0.0, minors[_AXIAL], minors[_UNIT], 0.0
 
 
 def _opened(u: FloatArray, sheet: Sheet, y: FloatArray) -> FloatArray:
-    """Minors (..., 5, nodes or 1) above the interface under a sheet, of those below."""
+    """Minors (..., 5, nodes or 1) above the interface under a sheet (springs, slip), from those below.
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    """
     if sheet.sprung:
         y = y + np.zeros_like(u * sheet.opening)
         y[..., _AXIAL, :] += sheet.opening * u * y[..., _UNIT, :]

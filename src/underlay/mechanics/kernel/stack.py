@@ -1,11 +1,11 @@
-"""The kernel of several layers on a base, bonded, slipping or on springs, and which layers may be left out.
+"""The kernel of several layers on a base, bonded, slipping or on springs, and which layers may be merged.
 
-`StackKernel` compiles the formula of `recursion` for its layers. Layers that a contact cannot tell from a
-neighbour are joined with it first (`joined`). Elastic energy is monotone in the surface compliance, and that is
-diagonal in the wavenumber: if the compliance of two bodies differs by a share of at most delta at every
-wavenumber, so does the force at a given depth, whatever the contact. Where the contact is small, what counts is
-the mean over the wavenumbers it sees: to first order the flat punch's factor kappa changes by (2 eps/pi) int
-|L' - L| du, with L and L' those of the two bodies and eps the contact radius over the thickness on top
+`StackKernel` compiles the formula of `recursion` for its layers. Layers too much like a neighbour, or too thin or
+deep, to affect a contact are merged with the neighbour first (`joined`). Elastic energy is monotone in the surface
+compliance, and that is diagonal in the wavenumber: if the compliance of two bodies differs by a share of at most
+delta at every wavenumber, so does the force at a given depth, whatever the contact. Where the contact is small,
+what counts is the mean over the wavenumbers it sees: to first order the flat punch's factor kappa changes by (2
+eps/pi) int |L' - L| du, with L and L' those of the two bodies and eps the contact radius over the thickness on top
 (`relative_effect`).
 """
 
@@ -36,7 +36,11 @@ _THIN, _DEEP = 1e-2, 5.0
 
 
 def joined(body: Layers, eps: float) -> Iterator[Layers]:
-    """Bodies with one layer less that may serve contact radii up to `eps` thicknesses of the layer on top."""
+    """Iterate over bodies with one layer less that might be equivalent for a/h up to `eps`.
+
+    h is the thickness of the layer on top. Each candidate gives a layer the material of a neighbour; whether it is
+    in fact equivalent is for the caller to check (`relative_effect`).
+    """
     layers, base = body[:2]
     depth = 0.0
     for number, layer in enumerate(layers):
@@ -70,9 +74,10 @@ def _worth(layer: Layer, other: Base, thickness: float, depth: float, eps: float
 
 
 def relative_effect(whole: Kernel, simpler: Kernel, stretch: float, eps: float) -> float:
-    """Largest relative change of force, radius and stiffness, for contact radii up to `eps` thicknesses on top.
+    """Bound on the relative change of force, radius and stiffness when `simpler` replaces `whole`.
 
-    `stretch` is the thickness on top of the simpler body over that of the whole.
+    For contact radii up to `eps` thicknesses of the layer on top. `stretch` is the thickness on top of the simpler
+    body over that of the whole.
     """
     u, weights = whole.rule(eps, 1e-3)
     L: FloatArray = 1.0 - whole.values(u)
@@ -110,16 +115,20 @@ class StackKernel(Kernel):
     base: Base
 
     def values(self, u: FloatArray) -> FloatArray:
-        """1 - L at `u` (nodes,)."""
+        """1 - L at `u` (nodes,).
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+        """
         return self._recursion.one_minus_L(u)
 
     def compliance(self, u: FloatArray) -> Compliance:
-        """Change of the surface's compliance in every direction at `u` (nodes,)."""
+        """Change of the surface's compliance under normal and shear load at `u` (nodes,)."""
         return self._recursion.compliance(u)
 
     @property
     def coupling(self) -> float:
-        """Coupling gamma of the layer on top, as `Kernel.coupling`."""
+        """Coupling gamma of the layer on top, defined at `Kernel.coupling`."""
         return self.layers[0].material.plane_constants.coupling
 
     @cached_property
@@ -128,7 +137,7 @@ class StackKernel(Kernel):
 
     @cached_property
     def _sheets(self) -> tuple[tuple[Sheet, ...], PlaneConstants | None]:
-        """The layers and the base, in units of the top layer's thickness and g."""
+        """The layers and the base, made dimensionless by the top layer's thickness and constant g."""
         return sheets_of(
             [layer.material.plane_constants for layer in self.layers],
             self.base.plane_constants,
@@ -138,13 +147,13 @@ class StackKernel(Kernel):
 
     @cached_property
     def scales(self) -> Scales:
-        """Wavenumbers at which the kernel bends.
+        """Characteristic rates and stiffness ratios of the stack, from which first node counts are chosen.
 
         In place of the one ratio of a single layer stands the smallest of the wavenumbers at which the layers
         together, H thick and s times as stiff as the one on top at the stiffest, bend or slide on something
         softer: 1/H of the whole, (r/s)^(1/3)/H on a half-space of ratio r, (k/(s H^3))^(1/4) on springs or a
         soft layer of stiffness k, (k/(s H))^(1/2) in shear. They need be right in order of magnitude: node
-        counts are proved by doubling.
+        counts are checked by doubling.
         """
         sheets, base = self._sheets
         top = Scales.of(sheets[0].constants, None)
@@ -188,13 +197,13 @@ class StackKernel(Kernel):
         )
 
     def rule(self, eps_max: float, rtol: float, *, power: int = 0) -> tuple[FloatArray, FloatArray]:
-        """Nodes and weights as `Kernel.rule`, by `u_rule`, graded from the smallest of the kernel's wavenumbers."""
+        """Quadrature by `u_rule`, graded from the kernel's smallest wavenumber; parameters as in `Kernel.rule`."""
         layer = self._sheets[0][0].constants
         return u_rule(layer, None, eps_max, rtol, power=power, smallest=self.scales.ratio ** (1.0 / 3.0))
 
     @cached_property
     def contrast(self) -> float:
-        """How much any part differs from the layer on top; infinite where a face is on springs."""
+        """Largest relative difference in compliance of any part from the layer on top; infinite with springs."""
         top = self.layers[0].material.plane_constants
         parts = [layer.material.plane_constants for layer in self.layers[1:]] + [self.base.plane_constants]
         if any(isinstance(layer.bond, Spring) for layer in self.layers):
@@ -204,13 +213,17 @@ class StackKernel(Kernel):
 
     @property
     def uniform(self) -> bool:
-        """Whether all is one material, bonded: the kernel is zero."""
+        """Whether all parts are one material, bonded: then the kernel is zero."""
         first = self.layers[0].material
         alike = all(layer.material == first and layer.bond == "bonded" for layer in self.layers)
         return alike and self.base == first
 
     def simpler(self, eps: float, allowed: float) -> Layers | None:
-        """Return the body with every layer joined to a neighbour that contacts cannot tell from it."""
+        """Merge layers with neighbours one by one while contacts change by at most `allowed`; None if none can be.
+
+        `eps` is the largest contact radius over the thickness on top, `allowed` the relative change of force,
+        contact radius and stiffness.
+        """
         found = Layers(self.layers, self.base)
         changed = len(found.layers) > 1
         while changed:
@@ -224,15 +237,18 @@ class StackKernel(Kernel):
 
     @property
     def description(self) -> str:
-        """Every layer and the base in words, for messages."""
+        """Every layer and the base as text, for messages."""
         layers = (f"{layer.material!r} ({layer.thickness:.4g} m, {layer.bond})" for layer in self.layers)
         return " on ".join((*layers, repr(self.base)))
 
 
 def values_of(kernels: Sequence[Kernel], u: FloatArray, stretches: Sequence[float]) -> FloatArray:
-    """1 - L of several bodies, (bodies, nodes), at u (nodes,) times a stretch of each.
+    """1 - L of several bodies, (bodies, nodes), each at u (nodes,) times its own factor in `stretches`.
 
-    Stacks that differ in their numbers alone go through one recursion: calls are most of what a body costs.
+    Stacks with the same number of layers and bonds are computed in one call, which is faster.
+
+    1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+    wavenumber times its thickness.
     """
     stacks = [kernel for kernel in kernels if isinstance(kernel, StackKernel)]
     kinds = {
@@ -254,7 +270,7 @@ def values_of(kernels: Sequence[Kernel], u: FloatArray, stretches: Sequence[floa
 
 
 def _constants(materials: Sequence[Base]) -> PlaneConstants:
-    """Plane constants of materials none of which is rigid, entries (materials, 1)."""
+    """Plane constants, entries (materials, 1), of materials none of which is rigid."""
     found = np.array([material.plane_constants for material in materials], dtype=np.float64)
     return PlaneConstants(*found.T[..., None])
 
@@ -265,7 +281,10 @@ def sheets_of(
     thicknesses: Sequence[Real],
     bonds: Sequence[Bond],
 ) -> tuple[tuple[Sheet, ...], PlaneConstants | None]:
-    """Layers, from the top down, and base in units of the top layer's thickness and g; floats, or (sets, 1)."""
+    """Layers, from the top down, and base, dimensionless by the top layer's thickness and constant g.
+
+    `constants` and `thicknesses` (m) are floats, or (sets, 1); `bonds` are those of the lower faces.
+    """
     g, t = constants[0].g, thicknesses[0]
     sheets = []
     for own, thickness, bond in zip(constants, thicknesses, bonds, strict=True):
@@ -275,7 +294,7 @@ def sheets_of(
 
 
 def _give(bond: Bond) -> tuple[float, float]:
-    """Opening and sliding per stress (m/Pa)."""
+    """Compliances of a bond: opening and sliding per stress (m/Pa), zero bonded and infinite free."""
     if isinstance(bond, Spring):
         return 1.0 / bond.normal, 1.0 / bond.shear if bond.shear else inf
     return 0.0, inf if bond == "slip" else 0.0

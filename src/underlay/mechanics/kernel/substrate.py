@@ -26,15 +26,19 @@ _ROUNDING = 8.0 * float(np.finfo(float).eps)
 
 
 class _OneLayer(Kernel):
-    """One layer bonded to a base, however it is described."""
+    """Kernel of one layer bonded to a base, from the plane constants that a subclass gives."""
 
     @property
     @abstractmethod
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """Plane constants of layer and base; None for a rigid base."""
+        """Constants q, c, g, S (`PlaneConstants`) of layer and base; None for a rigid base."""
 
     def values(self, u: FloatArray) -> FloatArray:
-        """1 - L at `u` (nodes,); (nodes,) or (batch, nodes)."""
+        """1 - L at `u` (nodes,); (nodes,) or (batch, nodes).
+
+        1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+        wavenumber times its thickness.
+        """
         return self._formula(u)
 
     @cached_property
@@ -42,33 +46,33 @@ class _OneLayer(Kernel):
         return isotropic_formula(*self.constants) or self._recursion.one_minus_L
 
     def compliance(self, u: FloatArray) -> Compliance:
-        """Change of the surface's compliance in every direction at `u` (nodes,)."""
+        """Change of the surface's compliance under normal and shear load at `u` (nodes,)."""
         return self._recursion.compliance(u)
 
     @cached_property
     def _recursion(self) -> Recursion:
-        """The recursion through one layer, in units of its g."""
+        """The general formula (`recursion`) for one layer, in units of its constant g."""
         layer, base = self.constants
         sheet = Sheet(scaled(layer, layer.g), thickness=1.0, opening=0.0, sliding=0.0)
         return Recursion((sheet,), None if base is None else scaled(base, layer.g))
 
     @property
     def coupling(self) -> float:
-        """Coupling gamma of the layer, as `Kernel.coupling`."""
+        """Coupling gamma of the layer, defined at `Kernel.coupling`."""
         return self.constants[0].coupling
 
     @cached_property
     def scales(self) -> Scales:
-        """Wavenumbers at which the kernel bends, from the constants of layer and base."""
+        """Characteristic rates and stiffness ratios, from the constants of layer and base."""
         return Scales.of(*self.constants)
 
     def rule(self, eps_max: float, rtol: float, *, power: int = 0) -> tuple[FloatArray, FloatArray]:
-        """Nodes and weights as `Kernel.rule`, by `u_rule`."""
+        """Quadrature nodes and weights by `u_rule`; parameters as in `Kernel.rule`."""
         return u_rule(*self.constants, eps_max, rtol, power=power)
 
     @property
     def contrast(self) -> float:
-        """How much the two materials differ; see `material_contrast`. Of one pair only."""
+        """Largest relative difference in compliance of the two materials (`material_contrast`); not for batches."""
         return material_contrast(*self.constants)
 
 
@@ -79,7 +83,7 @@ class LayerKernel(_OneLayer):
     Parameters
     ----------
     layer, base : PlaneConstants
-        Entries floats, or arrays (batch, 1); `base` None is a bonded rigid one.
+        Entries floats, or arrays (batch, 1); the base is bonded, and rigid if None.
     """
 
     layer: PlaneConstants
@@ -87,12 +91,12 @@ class LayerKernel(_OneLayer):
 
     @property
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """Plane constants of layer and base, as given."""
+        """Constants q, c, g, S (`PlaneConstants`) of layer and base, as given."""
         return self.layer, self.base
 
     @property
     def uniform(self) -> bool:
-        """Whether the base continues the layer: the kernel is zero."""
+        """Whether layer and base are the same constants: then the kernel is zero."""
         return self.base is self.layer
 
 
@@ -134,30 +138,36 @@ class SubstrateKernel(_OneLayer):
 
     @property
     def description(self) -> str:
-        """Layer and substrate in words, for messages."""
+        """Layer and substrate as text, for messages."""
         return f"{self.layer!r} on {self.substrate!r}"
 
     @cached_property
     def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """Plane constants of layer and substrate; None for a rigid one."""
+        """Constants q, c, g, S (`PlaneConstants`) of layer and substrate; None for a rigid substrate."""
         return self.layer.plane_constants, self.substrate.plane_constants
 
     @property
     def uniform(self) -> bool:
-        """Whether the substrate continues the layer: the kernel is zero."""
+        """Whether layer and substrate are the same material: then the kernel is zero."""
         return self.substrate == self.layer
 
 
 def isotropic_formula(
     layer: PlaneConstants, base: PlaneConstants | None
 ) -> Callable[[FloatArray], FloatArray] | None:
-    """1 - L of isotropic layers on isotropic or rigid bases in closed form; None for other, or far softer, bases.
+    """Closed form of 1 - L(u) for an isotropic layer on an isotropic or rigid base; None where there is none.
 
-    With kappa_i = 3 - 4 nu_i, m the layer's shear modulus over the base's, x = exp(-2u),
-    a = (1 - m)/(kappa_1 + m) and b = (kappa_1 - m kappa_2)/(1 + m kappa_2) (Burmister 1945, J. Appl. Phys. 16, 89):
+    None for anisotropic materials, and for bases more than a thousand times softer than the layer in shear, where
+    the form loses digits. With kappa_i = 3 - 4 nu_i, m the layer's shear modulus over the base's, x = exp(-2u), a =
+    (1 - m)/(kappa_1 + m) and b = (kappa_1 - m kappa_2)/(1 + m kappa_2) (Burmister 1945, J. Appl. Phys. 16, 89):
 
         1 - L = x [a (1 + b) + b (1 + a) - 2 a b (1 - x) + 4 a u (1 + u)]
-                / {[1 - x + (1 + a) x] [1 - x + (1 + b) x] + 4 a u^2 x}.
+                / {[1 - x + (1 + a) x] [1 - x + (1 + b) x] + 4 a u^2 x},
+
+    u (nodes,) the wavenumber times the thickness.
+
+    1 - L(u) is the relative change of surface compliance by what is under the top layer, u the
+    wavenumber times its thickness.
     """
     if not (is_isotropic(layer) and (base is None or is_isotropic(base))):
         return None
@@ -178,17 +188,18 @@ def isotropic_formula(
 
 
 def is_isotropic(of: PlaneConstants) -> bool:
-    """Whether constants, all of a batch, are those of isotropic materials, but for rounding."""
+    """Whether constants, all of a batch, are those of isotropic materials up to rounding."""
     nearest = min(lowest(-magnitude(of.p - 1.0)), lowest(-magnitude(of.sigma - 2.0)))
     return nearest >= -_ROUNDING
 
 
 def material_contrast(inner: PlaneConstants, outer: PlaneConstants | None) -> float:
-    """How much two materials differ: delta with (1 - delta) C_1 <= C_2 <= (1 + delta) C_1.
+    """delta, the largest relative difference in compliance: (1 - delta) C_1 <= C_2 <= (1 + delta) C_1.
 
-    Energy is monotone in the stiffness of a part, so the layered body is between two half-spaces of moduli
-    E_1/(1 +- delta), and the force at a given depth within a relative delta/(1 - delta) of the half-space's, at
-    any contact size. 1 for a rigid substrate.
+    C_1 and C_2 are the 2 x 2 surface compliances of half-spaces of the two materials. Energy is monotone in the
+    stiffness of a part, so the layered body is between two half-spaces of moduli E_1/(1 +- delta), and the force at
+    a given depth within a relative delta/(1 - delta) of the half-space's, at any contact size. 1 for a rigid
+    substrate (`outer` None).
     """
     if outer is None:
         return 1.0
@@ -202,6 +213,6 @@ def material_contrast(inner: PlaneConstants, outer: PlaneConstants | None) -> fl
 
 
 def _compliance(constants: PlaneConstants) -> tuple[float, float, float]:
-    """C_11, C_12 and C_22 of a half-space (1/Pa)."""
+    """C_11, C_12 and C_22 (radial, mixed, axial) of the surface of a half-space (1/Pa)."""
     p, sigma, g = float(constants.p), float(constants.sigma), float(constants.g)
     return sigma / g, -float(constants.p_minus_q) / g, p * sigma / g

@@ -1,6 +1,6 @@
-"""The passage of the minors through one layer, by divided differences, free of equal roots and cancellation.
+"""Propagation of the minors through one layer, by divided differences, free of equal roots and cancellation.
 
-The minors of `recursion` obey y' = A y upwards, v = xi t the way (wavenumber times thickness). A has the
+The five minors y of `recursion` obey y' = A y upwards, as v = xi t grows (wavenumber times thickness). A has the
 eigenvalues 0, +-2d and +-sigma, with p and sigma the product and the sum of the layer's decay roots and d^2 =
 sigma^2/4 - p of any sign. Newton's form of exp(v A) with the nodes 0, 2d, -2d, -sigma, sigma, in this order, is
 
@@ -11,7 +11,7 @@ E_k = exp(-sigma v) times divided differences of exp(v x), all but the first pos
     E_0 = exp(-sigma v),  E_1 = ch sh,  E_2 = sh^2/2,  E_3 = (E_0 (1 - E_0) - sigma E_1 + sigma^2 E_2)/(4 p sigma),
     E_4 = (e - sh) (e + sh)/(8 p),   e = (1 - E_0)/sigma,  sh = exp(-sigma v/2) sinh(d v)/d,  ch alike.
 
-Only decaying exponentials occur. E_k starts as v^k: entries of the passage that start late keep their digits in
+Only decaying exponentials occur. E_k starts as v^k: entries of the propagator that start late keep their digits in
 thin layers. Written out, with w_e = (p S + c) y0 + 2 (p - q) y12 + g yD and w_o = p y11 + y22,
 
     A (A^2 - 4 d^2) y = 2 (g w_o, (p - q) w_o, (c + p S) w_o, w_e, p w_e),
@@ -52,11 +52,15 @@ _POWERS = read_only(np.arange(_TERMS, dtype=np.float64))
 
 
 def _sums() -> FloatArray:
-    """What turns (-sigma)^i (4 d^2)^j, i < terms, 2 j < terms, into the series' coefficients, all over z's scale.
+    """Matrix from the products (-sigma)^i (4 d^2)^j to the Taylor coefficients of E_3 and E_4, both scaled.
 
-    Of v^(k+3) the sum of (-sigma)^i (4 d^2)^j with i + 2 j = k over (k + 3)!, of v^(2k+4) that of sigma^(2i)
-    (4 d^2)^j with i + j = k over (2k + 4)!: complete homogeneous sums of the nodes, and of their squares. Of each
-    series four powers in turn.
+    i < terms and 2 j < terms; sigma and d as in the module's head. The coefficient of v^(k+3) is the sum of
+    (-sigma)^i (4 d^2)^j with i + 2 j = k over (k + 3)!, that of v^(2k+4) the sum of sigma^(2i) (4 d^2)^j with i + j
+    = k over (2k + 4)!: complete homogeneous sums of the nodes, and of their squares. The columns hold four powers
+    of each series in turn.
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer.
     """
     table = np.zeros((_TERMS, _TERMS // 2, 2, _BLOCKS * 4))
     for i in range(_TERMS):
@@ -71,7 +75,11 @@ _SUMS = read_only(_sums())
 
 
 def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:
-    """What E_0 to E_4 multiply: y, A y, A^2 y and the two products of the module's docstring.
+    """The five vectors that E_0 to E_4 multiply: y, A y, A^2 y and the two products of the module's head.
+
+    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
+    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them, see
+    `waves`.
 
     Parameters
     ----------
@@ -106,7 +114,10 @@ def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:
 
 
 class _Roots(NamedTuple):
-    """Numbers made of the decay roots of one layer, floats, or of several, (rows, 1)."""
+    """Product p and sum sigma of the decay roots, and d = sqrt|sigma^2/4 - p|; floats, or (rows, 1).
+
+    Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+    """
 
     p: Real
     sigma: Real
@@ -114,12 +125,15 @@ class _Roots(NamedTuple):
 
 
 class Waves:
-    """E_0 to E_4 of layers with given roots.
+    """The functions E_0 to E_4 (module's head) of layers with given decay roots, to be called at v.
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer. Displacements at wavenumber xi decay with depth z as exp(-root xi z).
 
     Parameters
     ----------
     p, sigma : array (rows, 1)
-        Product and sum of the decay roots.
+        Product and sum of the decay roots of each layer.
     """
 
     def __init__(self, p: FloatArray, sigma: FloatArray) -> None:
@@ -146,7 +160,11 @@ class Waves:
         self._series = (pairs.reshape(len(p), -1) @ _SUMS).reshape(len(p), -1, 4)
 
     def __call__(self, v: FloatArray) -> FloatArray:
-        """E_0 to E_4, (rows, 5, nodes), at `v` (rows, nodes), wavenumber times thickness, zero or more."""
+        """E_0 to E_4, (rows, 5, nodes), at `v` (rows, nodes), wavenumber times thickness, zero or more.
+
+        E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+        one layer.
+        """
         found = np.empty((len(v), WAVES, v.shape[1]))
         for rows, formula, roots in self._kinds:
             if len(v) == 1:
@@ -161,7 +179,11 @@ class Waves:
         return found
 
     def _start(self, v: FloatArray, out: FloatArray) -> None:
-        """E_3 and E_4 of small v."""
+        """Replace E_3 and E_4 in `out` by their Taylor series where v is small.
+
+        E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+        one layer.
+        """
         z = self._scale * v
         near = (z < _SERIES)[:, None]
         np.minimum(z, _SERIES, out=z)
@@ -184,7 +206,11 @@ class Waves:
 
 
 def _turning(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
-    """Complex roots."""
+    """E_0 to E_4 for complex decay roots, written to `out` (5, ...).
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer. Displacements at wavenumber xi decay with depth z as exp(-root xi z).
+    """
     p, sigma, d = roots
     decay, phase = np.exp(-0.5 * sigma * v), d * v
     sh = decay * np.sin(phase) / d
@@ -194,7 +220,11 @@ def _turning(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
 
 
 def _near(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
-    """Real roots, the slower not far below the faster."""
+    """E_0 to E_4 for real roots whose ratio is not small, written to `out` (5, ...).
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer.
+    """
     p, sigma, d = roots
     slow, fallen = np.exp(-p / (0.5 * sigma + d) * v), np.expm1((-2.0 * d) * v)
     sh = slow * fallen / (-2.0 * d)
@@ -203,13 +233,17 @@ def _near(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
 
 
 def _last(p: Real, sigma: Real, sh: FloatArray, e: FloatArray, out: FloatArray) -> None:
-    """E_3 and E_4 by those before them."""
+    """E_3 and E_4 from E_0 to E_2, sh and e of the module's head, written to `out`.
+
+    E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
+    one layer.
+    """
     out[3] = (out[0] * e - out[1] + sigma * out[2]) * (0.25 / p)
     out[4] = (e - sh) * (e + sh) * (0.125 / p)
 
 
 def _far(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
-    """Real roots m << M, h = sigma/2 and p = m M divided out.
+    """E_0 to E_4 for real roots m << M, with h = sigma/2 and p = m M divided out.
 
     With x = exp(-2 d v): E_3 = exp(-2 m v) {x^2 (1 - exp(-2 m v))/m + (1 - x) [h - x (3 h - 2 m)]/(2 d^2)}/(8 h M),
     e - sh = [(1 + exp(-M v)) (1 - exp(-m v)) M - (1 - exp(-M v)) (1 + exp(-m v)) m]/(4 h d).

@@ -1,4 +1,4 @@
-"""The corrections people use today, so that their numbers can be reproduced and their cost in accuracy seen.
+"""Corrections from the literature, to reproduce results obtained with them and to see their error.
 
 One correction, one file: formula, assumptions, range, source, measured error. To add one: a file with a
 `PublishedCorrection` (`correction`), and its line in the list of `law`.

@@ -1,9 +1,9 @@
 """The record of a published correction: its formula, source and range, and how far off it was measured to be.
 
-A `PublishedCorrection` makes of a test (`LayerContact`: one tip, one layer thickness, two materials) a `Factor`
+A `PublishedCorrection` turns a test (`LayerContact`: one tip, one layer thickness, two materials) into a `Factor`
 that multiplies the half-space force, as a function of the size of the contact. A `Limit` is a range of a
-`Quantity` of the test, and `OutOfRange` the record of a test that leaves one. `MeasuredError` is a table,
-measured once and read here, of how far the formula is from the exact contact problem.
+`Quantity` of the test, and `OutOfRange` the record of a test outside one. `MeasuredError` is a table
+of how far the formula is from the exact contact problem.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ MEASURED_RANGE = "measured: within 5 % of the exact contact law there"
 
 
 def kind_of(indenter: Indenter) -> str | None:
-    """Name `indenter` as the literature does, None where it has no correction for such a shape."""
+    """The literature's name for the kind of `indenter` (a key of `KINDS`); None for other shapes."""
     if indenter.has_edge:
         return "flat punch"
     if indenter.opening is not None:
@@ -72,7 +72,7 @@ def kind_of(indenter: Indenter) -> str | None:
 
 
 def tip_of(indenter: Indenter) -> Indenter:
-    """Give the tip that a correction was made for: a true sphere becomes the paraboloid of its radius.
+    """The tip that a correction was made for: a true sphere becomes the paraboloid of its radius.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def tip_of(indenter: Indenter) -> Indenter:
 
 @dataclass(frozen=True, kw_only=True)
 class LayerContact:
-    """One indenter on one layer and base, in the terms of the published corrections.
+    """One indenter on one layer and base, in the variables of the published corrections.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class LayerContact:
 
     @property
     def halfspace(self) -> HalfspaceLaw:
-        """The force without the base: Hertz's, Sneddon's or Boussinesq's law, E/(1 - nu^2) of the layer."""
+        """Law without the base: Hertz's, Sneddon's or Boussinesq's, with E/(1 - nu^2) of the layer."""
         return HalfspaceLaw(
             method="halfspace",
             reason="the layer alone, as if endlessly thick",
@@ -120,11 +120,11 @@ class LayerContact:
 
     @property
     def exponent(self) -> float:
-        """The power q of u ~ d^q: 1/2 for a sphere, 1 for a cone, 0 for a flat punch."""
+        """Exponent q of the contact size u ~ d^q: 1/2 for a sphere, 1 for a cone, 0 for a flat punch."""
         return 0.0 if self.indenter.has_edge else 1.0 / self.indenter.power_law.exponent
 
     def variable(self, depth: FloatArray) -> FloatArray:
-        """Measure the contact against the layer as the literature does; shape of `depth` (m).
+        """Size of the contact relative to the layer, as in the literature; shape of `depth` d (m).
 
         X = sqrt(R d)/h for a sphere, y = d tan(half-angle)/h for a cone, eps = a/h for a flat punch.
         """
@@ -136,12 +136,12 @@ class LayerContact:
         return np.full_like(depth, self.indenter.max_radius / self.thickness)
 
     def size_at(self, depth: float) -> float:
-        """Give `variable` at one depth (m)."""
+        """The contact size `variable` at one depth (m), as a float."""
         return float(self.variable(np.array([depth]))[0])
 
     @property
     def radius_ratio(self) -> float:
-        """R/h or a/h; a cone has none."""
+        """R/h of a sphere or a/h of a punch; TypeError for a cone."""
         radius = self.indenter.max_radius if self.indenter.has_edge else self.indenter.curvature_radius
         if radius is None:
             raise TypeError("a cone has no radius")
@@ -149,7 +149,7 @@ class LayerContact:
 
     @property
     def elastic_base(self) -> Material:
-        """The base, known to be elastic."""
+        """Material of an elastic base; TypeError if it is rigid."""
         if self.base is None:
             raise TypeError("the base is rigid")
         return self.base
@@ -167,12 +167,12 @@ class LayerContact:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A dimensionless number of a test, with its name.
+    """A dimensionless quantity of a test, with its name.
 
     Parameters
     ----------
     name : str
-        What it is, as a reader says it.
+        Its name in messages, such as ``"R/h"``.
     of : callable
         Its value from a `LayerContact` and the largest depth (m).
     """
@@ -264,14 +264,14 @@ class OutOfRange:
 
 @dataclass(frozen=True)
 class Limit:
-    """A range that a quantity of the test has to keep."""
+    """Allowed range of a quantity of the test."""
 
     quantity: Quantity
     low: float
     high: float
 
     def broken_by(self, contact: LayerContact, max_depth: float) -> OutOfRange | None:
-        """Say how this test leaves the range, None if it keeps it."""
+        """Record of the value outside the range for a test up to `max_depth` (m); None if it is inside."""
         value = self.quantity.of(contact, max_depth)
         if self.low <= value <= self.high:
             return None
@@ -279,15 +279,18 @@ class Limit:
 
 
 class Factor(ABC):
-    """P / P_halfspace at equal depth, as a function of the dimensionless contact size u."""
+    """P/P_halfspace at equal depth, as a function of the dimensionless contact size u.
+
+    u is sqrt(R d)/h, d tan(half-angle)/h or a/h; see `LayerContact.variable`.
+    """
 
     @abstractmethod
     def value(self, u: FloatArray) -> FloatArray:
-        """Give the factor (dimensionless), shape of `u`."""
+        """The factor (dimensionless) at contact sizes `u`, same shape."""
 
     @abstractmethod
     def slope(self, u: FloatArray) -> FloatArray:
-        """Give its derivative with respect to u, shape of `u`."""
+        """Derivative of the factor with respect to u, shape of `u`."""
 
 
 @dataclass(frozen=True)
@@ -297,43 +300,43 @@ class PolynomialFactor(Factor):
     coefficients: tuple[float, ...]
 
     def value(self, u: FloatArray) -> FloatArray:
-        """Evaluate the polynomial at `u`."""
+        """Value of the polynomial at `u`, same shape."""
         return np.asarray(polynomial.polyval(u, self.coefficients))
 
     def slope(self, u: FloatArray) -> FloatArray:
-        """Evaluate its derivative at `u`."""
+        """Derivative of the polynomial at `u`, same shape."""
         return np.asarray(polynomial.polyval(u, polynomial.polyder(self.coefficients)))
 
 
 @dataclass(frozen=True)
 class ConstantFactor(Factor):
-    """A factor that is one number: a flat punch's a/h, hence its factor, is the same at every depth."""
+    """A constant factor, as for a flat punch, whose a/h is the same at every depth."""
 
     number: float
 
     def value(self, u: FloatArray) -> FloatArray:
-        """Repeat the number at every `u`."""
+        """The constant, in the shape of `u`."""
         return np.full_like(u, self.number)
 
     def slope(self, u: FloatArray) -> FloatArray:
-        """Derivative of the factor, zero at every `u`."""
+        """Zeros in the shape of `u`."""
         return np.zeros_like(u)
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredError:
-    """Largest relative error of the force up to a contact size, for given materials.
+    """Largest relative error of a correction's force up to a contact size, for given materials.
 
-    Each table stands beside its formula. Its numbers are the largest |P/P_exact - 1|, in per cent, met between
-    zero and the value of the contact size at the head of the column, rounded up to two digits. They were
+    Each table is next to its formula. Its entries are the largest |P/P_exact - 1|, in per cent, between
+    zero and the contact size at the head of the column, rounded up to two digits. They were
     measured with a Nystrom solution of the Fredholm equation of the contact; the tests measure them again.
 
     Parameters
     ----------
     parameters : tuple of Quantity
-        What the rows are measured at.
+        The material parameters that identify a row.
     nodes : tuple of ndarray
-        Measured values of each parameter, increasing.
+        Values of each parameter in the table, increasing.
     variable : ndarray, shape (columns,)
         Contact sizes u, increasing.
     worst : ndarray, shape (len(nodes[0]), ..., columns)
@@ -347,7 +350,7 @@ class MeasuredError:
 
     @classmethod
     def from_table(cls, parameters: tuple[Quantity, ...], table: str) -> Self:
-        """Read a table: a head line of contact sizes, then lines of parameters and errors in per cent."""
+        """Parse a table: a first line of contact sizes, then lines of parameters followed by errors in per cent."""
         head, *lines = table.strip().splitlines()
         rows = np.array([[float(word) for word in line.split()] for line in lines])
         count = len(parameters)
@@ -362,7 +365,7 @@ class MeasuredError:
     def up_to(self, contact: LayerContact, max_depth: float) -> float:
         """Estimated relative error of the force up to `max_depth` (m), inf outside what was measured.
 
-        Between measured materials the worse of the neighbours holds; between measured contact sizes the
+        Between measured materials the worse of the neighbours is taken; between measured contact sizes the
         error is interpolated, from zero at zero.
         """
         variable = contact.size_at(max_depth)
@@ -395,7 +398,7 @@ class PublishedCorrection:
     Parameters
     ----------
     name : str
-        How it is asked for; one name may stand for several kinds of indenter.
+        Name as a solver; corrections for several kinds of indenter may share one.
     indenter : str
         ``"sphere"`` (a paraboloid in every source), ``"cone"`` or ``"flat punch"``.
     substrate : str
@@ -409,13 +412,17 @@ class PublishedCorrection:
     nu_range : tuple of float
         Range of the layer's Poisson's ratio.
     assumptions : tuple of str
-        What the source takes for granted.
+        Assumptions of the source.
     source : str
         Author, year, journal.
     doi : str or None
         Its DOI, where confirmed.
     further_limits : tuple of Limit
-        Other ranges the source or the measurement sets.
+        Other ranges set by the source or by the measurement of the error.
+    factor : callable
+        The `Factor` of a test, from its `LayerContact`.
+    measured_error : MeasuredError
+        Table of the formula's error against the exact contact problem.
     """
 
     name: str
@@ -434,12 +441,12 @@ class PublishedCorrection:
 
     @property
     def variable(self) -> str:
-        """The contact size that the factor depends on."""
+        """Name of the contact size on which the factor depends, such as ``"X = sqrt(R d)/h"``."""
         return VARIABLES[self.indenter].name
 
     @property
     def limits(self) -> tuple[Limit, ...]:
-        """Every range the correction sets."""
+        """All ranges within which the correction may be used."""
         return (
             Limit(VARIABLES[self.indenter], *self.valid_range),
             Limit(LAYER_NU, *self.nu_range),

@@ -30,7 +30,7 @@ __all__ = ["PUNCH", "Weights", "gao_weights"]
 
 
 class Weights(NamedTuple):
-    """How much of the film a flat punch feels.
+    """Weight of the film, and Poisson's ratio of film and base together, under a flat punch.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Weights(NamedTuple):
 
 
 def gao_weights(contact: LayerContact) -> Weights:
-    """Weights of film and base under a flat punch, from h/a and the two Poisson's ratios."""
+    """Weights phi_0 and nu (module's head) under a flat punch, from h/a and the two Poisson's ratios."""
     x = 1.0 / contact.radius_ratio
     nu_film, nu_base = contact.layer.nu, contact.elastic_base.nu
     angle = 2.0 / np.pi * np.arctan(x)

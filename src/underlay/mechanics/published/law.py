@@ -1,6 +1,6 @@
 """The published corrections by name, and the contact law of one: the half-space force times its factor.
 
-The list of corrections is here; `fitting_correction` picks the one of a name that is made for the tip, and
+The list of corrections is here; `fitting_correction` picks the one with a given name that is made for the tip, and
 `published_law` builds its law.
 """
 
@@ -82,12 +82,12 @@ def published_corrections() -> tuple[PublishedCorrection, ...]:
 
 
 def published_names() -> tuple[str, ...]:
-    """Names of the corrections, each once."""
+    """Names of the published corrections, without repetition."""
     return _NAMES
 
 
 def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> PublishedCorrection:
-    """Find the correction called `name` for this kind of indenter, or check one that was handed in.
+    """Find the correction called `name` for this kind of indenter, or check a `PublishedCorrection`.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> P
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedLaw(ContactLaw):
-    """P(d) of a published correction, with dP/dd by exact differentiation of the printed formula.
+    """Contact law P(d) of a published correction; dP/dd is the exact derivative of the formula.
 
     The contact radius is that of a half-space at the same depth: the sources correct the force alone.
 
@@ -128,7 +128,7 @@ class PublishedLaw(ContactLaw):
     factor : Factor
         P over the half-space force, for this test.
     warnings : tuple of OutOfRange
-        Quantities of this test outside the correction's ranges; empty when it is used as meant.
+        Quantities of this test outside the correction's ranges; empty when all are inside.
     """
 
     correction: PublishedCorrection
@@ -145,7 +145,7 @@ class PublishedLaw(ContactLaw):
         return self.contact.halfspace.contact_radius(depth)
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        """d(P_halfspace f(u))/dd, with u ~ d^q."""
+        """d(P_halfspace f(u))/dd, with f the factor and u ~ d^q the contact size."""
         halfspace, u = self.contact.halfspace, self.contact.variable(depth)
         growth = self.contact.exponent * u / depth
         return halfspace.stiffness(depth) * self.factor.value(u) + halfspace.force(
@@ -246,7 +246,7 @@ def _layer_contact(correction: PublishedCorrection, contact: Contact) -> LayerCo
 
 
 def _sphere_excess(contact: Contact, test: LayerContact, depth: float) -> float:
-    """Relative force error of taking a true sphere for a paraboloid, on a half-space at `depth` (m)."""
+    """Relative error of the force, on a half-space at `depth` (m), of taking a true sphere for a paraboloid."""
     if test.indenter is contact.indenter:
         return 0.0
     if depth > largest_halfspace_depth(contact.indenter):

@@ -58,7 +58,7 @@ _MEASURED_RADII, _MEASURED_STEPS, _UNEVEN = 48, 240, 4.0
 
 @dataclass(frozen=True)
 class _Counts:
-    """Nodes of one solution: functions, radii, and steps of the growth's integral.
+    """Node counts of one solution: basis functions, contact radii, and steps of the growth's integral.
 
     Fits, with a margin, to what errors of 1e-3 to 1e-9 in P(w) took for rigid bases and ratios of 0.1 to 10, at
     a/h of 0.5 to 10; every solution is checked by how its coefficients fall.
@@ -70,7 +70,11 @@ class _Counts:
 
     @classmethod
     def choose(cls, eps: float, rtol: float, softness: float, end: float = np.inf) -> Self:
-        """Counts up to `eps` for a shape that is smooth up to a circle of radius `end`, both over the thickness."""
+        """Counts for contact radii up to `eps` and relative error `rtol`.
+
+        `softness` is that of `Scales`; the shape is smooth up to the radius `end`. `eps` and `end` are over the
+        thickness.
+        """
         digits = 0.5 - log10(rtol)
         wide = 0.9 + 0.58 * eps + 0.02 * eps * eps + 0.1 * np.log1p(softness * eps)
         radii = 7 + max(0, ceil(digits * wide) - 5)
@@ -87,7 +91,7 @@ class _Counts:
         return cls(2 + ceil(0.64 * radii), radii, steps)
 
     def more(self, most: int) -> _Counts:
-        """The next to try, of at most so many radii."""
+        """Larger counts for the next attempt, with at most `most` radii."""
         radii = min(ceil(_GROWTH_OF_COUNTS * self.radii), most)
         steps = min(ceil(1.2 * self.steps), max(self.steps, _MOST_STEPS))
         return _Counts(2 + ceil(0.64 * radii), radii, max(steps, ceil(_STEPS_PER_RADIUS * radii)))
@@ -95,9 +99,10 @@ class _Counts:
 
 @dataclass(frozen=True)
 class _Solved:
-    """A growth, and varpi and the logarithms of the three factors at its Chebyshev radii.
+    """A growth, with varpi and the logarithms of the three factors (`Factor`) at its Chebyshev radii.
 
-    `looks` are further radii from 0 on, with varpi and b = w'/H' at them.
+    varpi is the half-space contact radius at the depth over the thickness. `looks` are further radii over the
+    thickness from 0 on, closely spaced, with varpi and b = w'/H' at them.
     """
 
     growth: Growth
@@ -111,12 +116,12 @@ class _Solved:
 
 
 def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> ContactLaw:
-    """Solve the contact problem without slip for depths up to `max_depth`.
+    """Solve the contact problem with full friction for depths up to `max_depth`.
 
     Parameters
     ----------
     contact : Contact
-        Of any shape, on any body whose kernel knows shear.
+        Of any shape, on any body whose kernel has the compliance in shear.
     max_depth : float
         Largest depth (m), positive.
     rtol : float, default 1e-6
@@ -198,7 +203,7 @@ def _punch_law(contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw
 
 
 def _tail(punch: StuckPunch) -> float:
-    """The last two of the fields' coefficients, over the largest."""
+    """Largest of the last two coefficients of the fields over the largest of all: a measure of truncation."""
     size = np.abs(punch.fields)
     return float((size[:, -2:].max(axis=1) / size.max(axis=1)).max())
 
@@ -208,7 +213,11 @@ def _counted(resolution: Resolution, counts: _Counts) -> Resolution:
 
 
 def _reaching(problem: ContactProblem, top: float, rtol: float) -> tuple[_Solved, float]:
-    """Solve up to a contact radius at which varpi is `top`, or a little more; that radius over the thickness."""
+    """Solve up to a contact radius at which varpi is `top`, or a little more.
+
+    Returns the solution and that radius over the thickness. varpi is the half-space contact radius at the depth
+    over the thickness.
+    """
     end = min(problem.indenter.max_radius / problem.thickness, LARGEST_EPS)
     guess = RadiusGuess.of(problem.scales, problem.measure.exponent).radius(np.array([top]))[0]
     last = min(_WIDER * problem.widest(guess), end)
@@ -232,7 +241,7 @@ def _reaching(problem: ContactProblem, top: float, rtol: float) -> tuple[_Solved
 
 
 def _solve(problem: ContactProblem, last: float, rtol: float) -> _Solved:
-    """Grow up to `last` = a/h, with as many nodes as it takes."""
+    """Grow the contact up to a/h = `last` at relative error `rtol`, with as many nodes as that takes."""
     scales = problem.scales
     resolution = proved_resolution(problem.kernel, last, rtol)
     end = problem.indenter.max_radius / problem.thickness if problem.indenter.smooth else np.inf
@@ -267,16 +276,22 @@ def _solve(problem: ContactProblem, last: float, rtol: float) -> _Solved:
 
 
 def _varpi(problem: ContactProblem, eps: FloatArray, depth: FloatArray) -> FloatArray:
-    """Varpi at contact radii `eps` where w/H is `depth`.
+    """varpi at contact radii `eps` over the thickness where the depth over H(a), w/H, is `depth`.
 
-    What is not positive was not resolved, or lies beyond a fold: both are found by the caller.
+    Values of `depth` that are not positive were not resolved, or lie beyond a fold: the caller finds both.
+
+    varpi is the half-space contact radius at the depth over the thickness. H(r) is the depth at which
+    the contact radius on a half-space is r.
     """
     halfspace = problem.indenter.abel(eps * problem.thickness)
     return problem.measure.halfspace_radius(np.abs(depth) * halfspace) / problem.thickness
 
 
 def _factors(problem: ContactProblem, eps: FloatArray, growth: Growth) -> tuple[FloatArray, FloatArray]:
-    """Varpi (n,) and the logarithms of the three factors (n, 3) at contact radii `eps` over the thickness."""
+    """varpi (n,) and the logarithms of the three factors (n, 3) at contact radii `eps` over the thickness.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     kappa, depth, force = growth.values(eps)[:, :3].T
     varpi = _varpi(problem, eps, depth)
     factors = np.empty((eps.size, len(Factor)))
@@ -287,7 +302,9 @@ def _factors(problem: ContactProblem, eps: FloatArray, growth: Growth) -> tuple[
 
 
 def _reached(problem: ContactProblem, solved: _Solved, top: float) -> tuple[float, float]:
-    """The contact radius at which varpi is `top`, and varpi there, or both at the end.
+    """The contact radius over thickness at which varpi is `top`, and varpi there; or both at the end.
+
+    varpi is the half-space contact radius at the depth over the thickness.
 
     Raises
     ------
@@ -313,7 +330,7 @@ def _reached(problem: ContactProblem, solved: _Solved, top: float) -> tuple[floa
 
 
 def _depth(problem: ContactProblem, varpi: float) -> float:
-    """Depth (m) at which the measure's half-space radius over the thickness is `varpi`."""
+    """Depth (m) at which the half-space contact radius over the thickness is `varpi`."""
     return float(problem.measure.abel(np.array([varpi * problem.thickness]))[0])
 
 
@@ -330,7 +347,10 @@ def _too_deep(problem: ContactProblem, top: float, reached: float) -> RangeError
 
 
 def _curve(problem: ContactProblem, solved: _Solved, top: float, rtol: float) -> tuple[MasterCurve, float]:
-    """Turn the relation round: the curve for varpi up to `top`, and the error that this adds."""
+    """Invert the relation: the master curve for varpi up to `top`, and its truncation error.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     stretch = Stretch.to(top, problem.scales.softness)
     terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol)
     while terms <= MOST_TERMS:

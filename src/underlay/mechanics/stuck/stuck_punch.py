@@ -1,7 +1,7 @@
-"""A flat punch that sticks, in functions natural to a half-space, and a contact that grows and sticks.
+"""A flat punch with full friction, in functions natural to a half-space, and a contact that grows and sticks.
 
 Points under the tip do not slide once they are touched, so the contact depends on how it grew: every increment
-is that of a flat punch of the radius it has by then. `Basis` are the functions in which a half-space under such
+is that of a flat punch of the current contact radius. `Basis` are the functions in which a half-space under such
 a punch is the identity; in them `StuckPunch` is a small system for any body, solved at many contact radii;
 `Growth` adds up the punches of a shape. Lengths are in thicknesses, eps = a/h is the contact radius a over the
 thickness h, theta the surface's elastic constant and gamma its coupling of shear with axial displacement
@@ -54,7 +54,7 @@ _LAST = 6
 
 
 class EndRule(NamedTuple):
-    """Nodes, their distances from 1, and weights on (0, 1), bunched doubly exponentially at both ends."""
+    """Quadrature on (0, 1): nodes, their distances from 1 (`rest`), and weights, dense at both ends."""
 
     nodes: FloatArray
     rest: FloatArray
@@ -62,7 +62,7 @@ class EndRule(NamedTuple):
 
 
 def end_rule(count: int, reach: float = 3.2) -> EndRule:
-    """Tanh-sinh rule: for integrands smooth inside (0, 1), whatever they do at its ends.
+    """Tanh-sinh rule of `count` nodes, for integrands smooth inside (0, 1) and singular at its ends.
 
     What lies beyond `reach` is below exp(-pi sinh(reach)): 2e-17 for 3.2.
     """
@@ -88,14 +88,17 @@ _READY_LEGENDRE = even_legendre(_READY.nodes, _READY_ORDERS)
 
 
 class Transform(NamedTuple):
-    """Nodes y (nodes,) and the weights (nodes, modes) that turn cos(rho y) into A_n and sin(rho y) into B_n."""
+    """Nodes y (nodes,) and weights (nodes, modes) by which cos(rho y) and sin(rho y) give A_n and B_n.
+
+    A_n and B_n are the cosine and sine transforms of the functions of `Basis`.
+    """
 
     nodes: FloatArray
     even: FloatArray
     odd: FloatArray
 
     def __call__(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """A_n and B_n at `rho`: (*rho.shape, modes)."""
+        """A_n and B_n (transforms of the `Basis`) at `rho`: each (*rho.shape, modes)."""
         # Both by the tangent of the half angle, which is one function in place of two.
         half = np.tan(np.multiply.outer(0.5 * rho, self.nodes))
         square = half * half
@@ -152,7 +155,7 @@ class Basis:
 
     @classmethod
     def of(cls, gamma: float, modes: int, rho: float) -> Self:
-        """`modes` functions whose transforms are wanted up to `rho`."""
+        """Basis of `modes` functions for the coupling `gamma`, whose transforms will be needed up to `rho`."""
         eta = atanh(gamma) / pi
         whole = pi * eta / sinh(pi * eta) if eta else 1.0
         n = np.arange(modes)
@@ -166,24 +169,37 @@ class Basis:
 
     @property
     def halfspace(self) -> float:
-        """kappa of a half-space, b_0^2: Mossakovskii's (1-nu) ln(3-4nu)/(1-2nu) when isotropic."""
+        """kappa of a half-space, b_0^2: Mossakovskii's (1-nu) ln(3-4nu)/(1-2nu) when isotropic.
+
+        kappa is the punch's stiffness over that of a frictionless one on a half-space.
+
+        The functions are defined at `Basis`.
+        """
         return self.load * self.load
 
     def values(self, rule: EndRule) -> ComplexArray:
-        """e_n at the nodes of a rule on (0, 1), (modes, nodes)."""
+        """e_n at the nodes of a rule on (0, 1), (modes, nodes).
+
+        The functions are defined at `Basis`.
+        """
         turned = np.exp(1j * self.eta * (np.log1p(rule.nodes) - np.log(rule.rest)))
         return self._scaled(self._polynomials(rule.nodes) * turned)
 
     @property
     def at_edge(self) -> ComplexArray:
-        """e_n / Z at y = 1, (modes,)."""
+        """e_n / Z at the edge, y = 1: (modes,).
+
+        The functions are defined at `Basis`.
+        """
         return self._scaled(self._polynomials(np.ones(1)))[:, 0]
 
     def transform(self, rho: float) -> Transform:
-        """What gives A_n and B_n up to `rho`, by product integration.
+        """Nodes and weights that give A_n and B_n up to `rho`, by product integration.
 
         cos(rho y) and sin(rho y)/y are interpolated by even polynomials at the nodes of a Gauss-Legendre rule, and
         these integrated against e_n.
+
+        The functions are defined at `Basis`.
         """
         count = _orders(rho)
         rule = _READY_RULES.get(count) or even_rule(count)
@@ -193,7 +209,10 @@ class Basis:
         return Transform(rule.nodes, even.T, (odd / rule.nodes).T)
 
     def outside(self, rule: EndRule) -> FloatArray:
-        """V_n(1/t) at the nodes t of a rule, (modes, nodes)."""
+        """V_n(1/t) at the nodes t of a rule, (modes, nodes).
+
+        The functions are defined at `Basis`.
+        """
         left = np.zeros((self.norms.size, rule.nodes.size))
         if not self.gamma:
             return left
@@ -211,7 +230,12 @@ class Basis:
         return left
 
     def _falling(self, y: FloatArray, alpha: FloatArray) -> FloatArray:
-        """The recurrence's solution that falls with n, over its first: (modes, or one more to be even, nodes)."""
+        """Minimal (decaying) solution of the recurrence of V_n at y = cosh(alpha), over its first term.
+
+        Shape (modes, nodes), with one row more if the number of modes is odd.
+
+        The functions are defined at `Basis`.
+        """
         count = self.norms.size + self.norms.size % 2
         found = np.ones((count, y.size))
         ratio = np.exp(-alpha)
@@ -222,12 +246,18 @@ class Basis:
         return np.multiply.accumulate(found, axis=0)
 
     def _scaled(self, polynomials: ComplexArray) -> ComplexArray:
-        """i^n N_n times the rows."""
+        """Rows of `polynomials` times i^n N_n.
+
+        The functions are defined at `Basis`.
+        """
         phases = np.array([1.0, 1j, -1.0, -1j])[np.arange(self.norms.size) % 4]
         return np.asarray((phases * self.norms)[:, None] * polynomials)
 
     def _polynomials(self, y: FloatArray) -> ComplexArray:
-        """P_n(y), (modes, nodes), by the recurrence upwards."""
+        """P_n(y), (modes, nodes), by upward recurrence.
+
+        The functions are defined at `Basis`.
+        """
         found = np.empty((self.norms.size + 1, y.size), dtype=np.complex128)
         found[0], found[1] = 1.0, y - 1j * self.eta
         for n in range(1, self.norms.size - 1):
@@ -236,22 +266,25 @@ class Basis:
 
 
 def _orders(rho: float) -> int:
-    """Even Legendre polynomials that cos(rho y) takes."""
+    """Number of even Legendre polynomials needed to represent cos(rho y)."""
     count = _BEYOND + ceil(0.5 * rho + _FALL * rho ** (1.0 / 3.0))
     return next((ready for ready in _READY_RULES if count <= ready), count + count % 2)
 
 
 @dataclass(frozen=True)
 class StuckPunch:
-    """The flat punch that sticks at contact radii eps = a/h on one body: a small system in `Basis`.
+    """The flat punch with full friction at contact radii eps = a/h on one body: a small system in `Basis`.
 
-    With rho = eps u and (m11, m12, m22) what the body changes of a half-space's compliance at the wavenumber u
-    (over the thickness; `Compliance`), the field c of a unit displacement solves
+    With rho = eps u and (m11, m12, m22) the body's change of a half-space's compliance at the wavenumber u
+    (times the thickness; `Compliance`), the coefficients c of the field for a unit displacement solve
 
         S_mn = (2 eps/pi) int_0^inf [m22 A_m A_n + m11 B_m B_n - m12 (A_m B_n + B_m A_n)] du,
         (1 - S) c = b_0 e_0,    kappa = b_0 c_0,    P = 4 theta a kappa w.
 
     S is symmetric and 1 - S positive definite; kappa is variational: its error is the square of the field's.
+
+    theta is the layer's elastic constant. kappa is the punch's stiffness over that of a frictionless
+    one on a half-space.
 
     Parameters
     ----------
@@ -260,11 +293,11 @@ class StuckPunch:
     basis : Basis
         Its functions.
     fields : ndarray (radii, modes)
-        c.
+        Coefficients c.
     u, weights : ndarray (wavenumbers,)
-        Nodes over which the body is integrated, with 2/pi in the weights.
+        Nodes of the integrals over u, with 2/pi in the weights.
     change : ndarray (radii, wavenumbers)
-        m22 f^ - m12 g^ over the radius: what the body adds to the displacement of a half-space.
+        m22 f^ - m12 g^ over the radius: the transform of what the body adds to the displacement of a half-space.
     """
 
     eps: FloatArray
@@ -276,7 +309,7 @@ class StuckPunch:
 
     @classmethod
     def solve(cls, body: Kernel, eps: FloatArray, modes: int, resolution: Resolution) -> Self:
-        """Solve for all `eps` in one batch, with `modes` functions."""
+        """Solve at radii over thickness `eps` (radii,) with `modes` functions and the nodes of `resolution`."""
         u, weights = resolution.wavenumber_rule()
         weights = (2.0 / np.pi) * weights
         radial, mixed, axial = body.compliance(u)
@@ -296,46 +329,56 @@ class StuckPunch:
 
     @property
     def kappa(self) -> FloatArray:
-        """kappa (radii,): P/(4 theta a w), and (dP/dw)/(4 theta a) of every indenter that sticks."""
+        """kappa (radii,): P/(4 theta a w), and (dP/dw)/(4 theta a) of every indenter with full friction.
+
+        theta is the layer's elastic constant.
+        """
         return self.basis.load * self.fields[:, 0]
 
     @property
     def edge(self) -> FloatArray:
-        """|phi(1)|^2 (radii,), phi the field over Z: d(eps kappa)/d eps = kappa_half (1 - gamma^2) |phi(1)|^2."""
+        """|phi(1)|^2 (radii,), phi the field over Z: d(eps kappa)/d eps = kappa_half (1 - gamma^2) |phi(1)|^2.
+
+        kappa is the punch's stiffness over that of a frictionless one on a half-space.
+        """
         return np.abs(self.fields @ self.basis.at_edge) ** 2
 
     def beside(self, eps: FloatArray) -> FloatArray:
-        """What the body adds to the punch's displacement at `eps` (n,), after Abel's transform: (radii, n)."""
+        """Abel transform of what the body adds to the punches' displacement, at radii `eps` (n,): (radii, n)."""
         return (self.change * self.weights * self.eps[:, None]) @ np.cos(np.multiply.outer(self.u, eps))
 
 
 def chebyshev_radii(stretch: Stretch, count: int) -> FloatArray:
-    """Radii over the thickness at the Chebyshev points of a stretch, increasing."""
+    """Radii over the thickness at the Chebyshev points of the variable `stretch`, increasing: (count,)."""
     return stretch.v(np.cos(chebyshev_angles(count)))
 
 
 @dataclass(frozen=True)
 class Growth:
-    """A contact that grows and sticks, in ratios that are smooth down to a = 0.
+    """A contact that grows with full friction, in ratios that are smooth down to a = 0.
 
     Every increment is a stuck punch of the radius s that the contact has by then. After Abel's transform, with
     H(x) the half-space depth function of the shape and lengths in thicknesses,
 
         int_0^x D(s, x) w'(s) ds = H(x),    P = 4 theta int_0^a s kappa(s) w'(s) ds,
-        D(s, x) = 1 - sum_n c_n(s) V_n(x/s) + (2/pi) int_0^inf [m22 f^_s - m12 g^_s] cos(u x) du.
+        D(s, x) = 1 - sum_n c_n(s) V_n(x/s) + (2/pi) int_0^inf [m22 f^_s - m12 g^_s] cos(u x) du,
 
-    D is bounded; on a half-space it is cos(eta ln((x+s)/(x-s))). By collocation at Chebyshev radii, with
+    with c_n and the last integral from `StuckPunch` and V_n from `Basis`. D is bounded; on a half-space it is
+    cos(eta ln((x+s)/(x-s))). By collocation at Chebyshev radii, with
     w'(s) = H'(s) b(s), b a polynomial in the variable of `Stretch`; c(s) is interpolated in it too. dP/dw is
     4 theta a kappa(a) for every shape, and also the first slope of unloading.
+
+    theta is the layer's elastic constant.
 
     Parameters
     ----------
     stretch : Stretch
-        Of a/h.
+        The variable ln(1 + rate a/h).
     coefficients : ndarray (terms, 4)
-        Chebyshev coefficients in its variable of kappa, w/H(a), P/(4 theta a H(a)) and b = w'/H'.
+        Chebyshev coefficients in it of kappa, w/H(a), P/(4 theta a H(a)) and b = w'/H'.
     error : float
-        Of w/H and P, relative: what the last terms of D in s and every other step of its integral still change.
+        Relative error of w/H and P: the change by the last terms of D in s and by halving the steps of its
+        integral.
     """
 
     stretch: Stretch
@@ -346,7 +389,10 @@ class Growth:
     def solve(
         cls, punch: StuckPunch, stretch: Stretch, indenter: Indenter, thickness: float, steps: int
     ) -> Self:
-        """Grow by the punches of the Chebyshev radii of `stretch`, integrating over `steps` nodes."""
+        """Grow by the `punch` solutions at Chebyshev radii of `stretch`, with `steps` quadrature nodes.
+
+        `thickness` (m) is that of the layer.
+        """
         radii, count = punch.eps, punch.eps.size
         rule, angles = GROWTH_RULES.get(steps) or end_rule(steps), chebyshev_angles(count)
         # T_k at s = x t, (terms, radii x, steps), and interpolation from values at the radii.
@@ -365,7 +411,7 @@ class Growth:
         carried = rule.nodes * (kappa @ flat).reshape(bond.shape)
 
         def grown(rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """What rates (..., terms) grow at every step, and w/H and P of them, (..., 2, radii)."""
+            """Contributions of growth `rates` (..., terms) at every step, and their w/H and P (..., 2, radii)."""
             steps = weights * (rates @ flat).reshape(*rates.shape[:-1], *bond.shape)
             return steps, np.stack((steps.sum(axis=-1), (steps * carried).sum(axis=-1)), axis=-2)
 
@@ -378,13 +424,16 @@ class Growth:
         return cls(stretch, np.column_stack((kappa, to_terms @ both.T, rate)), error)
 
     def values(self, eps: FloatArray) -> FloatArray:
-        """The four ratios (n, 4) at `eps` (n,)."""
+        """kappa, w/H, P/(4 theta a H) and w'/H' (n, 4) at contact radii over thickness `eps` (n,).
+
+        theta is the layer's elastic constant.
+        """
         angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
         return np.cos(np.multiply.outer(angle, np.arange(len(self.coefficients)))) @ self.coefficients
 
 
 def _chebyshev(z: FloatArray, count: int) -> FloatArray:
-    """T_k(z) for k < `count`, (count, *z.shape); at least two, z in [-1, 1] but for rounding."""
+    """Chebyshev polynomials T_k(z), k < `count` (at least two): (count, *z.shape)."""
     table = np.empty((count, *z.shape))
     table[0], table[1] = 1.0, z
     twice = 2.0 * z
@@ -395,7 +444,10 @@ def _chebyshev(z: FloatArray, count: int) -> FloatArray:
 
 
 def _share_of_growth(indenter: Indenter, lengths: FloatArray, nodes: FloatArray) -> FloatArray:
-    """x H'(x t)/H(x) at contact radii x = `lengths` (m) and t = `nodes`: (radii, nodes) or (1, nodes)."""
+    """x H'(x t)/H(x), H the half-space depth of the indenter, at x = `lengths` (m) and t = `nodes`.
+
+    Shape (radii, nodes), or (1, nodes) for a power law.
+    """
     if isinstance(indenter, PowerLawShape):
         return np.asarray(indenter.exponent * nodes ** (indenter.exponent - 1.0))[None, :]
     slope = indenter.abel_slope(np.multiply.outer(lengths, nodes))

@@ -1,6 +1,6 @@
 """A layer that relaxes: the force of any history of depths from the elastic law of the same contact.
 
-Held *exactly* by a relaxing layer of constant Poisson's ratio on a rigid base (or none), for any tip. With P_el
+Holds *exactly* for a relaxing layer of constant Poisson's ratio on a rigid base (or none), for any tip. With P_el
 and w_el(a) the elastic force and the depth at contact radius a, e(t) the relaxation function and the star a
 convolution in time, the elastic contact grows by flat punches, dp_el = g_a dw_el(a), with A g_a = 1 inside r <=
 a, A the elastic operator of unit modulus, which does not change in time. Write the pressure as int g_a Omega(a,
@@ -10,7 +10,7 @@ which the elastic contact reaches a, Q(x, t) = int_a^inf Omega obeys at every x 
 
     Q = e * dy >= 0,   y = w - x in contact, free to relax where Q = 0,   P(t) = int Q(x, t) P_el''(x) dx :
 
-a bed of springs that do not know each other (`bed`). While the contact grows this is the superposition of Lee
+a bed of independent springs (`bed`). While the contact grows this is the superposition of Lee
 and Radok (1960); after a single maximum it is Ting's (1966) construction: both in `loading`, on the integrals
 of `memory` and the times of `equal_radius`. Nothing of the half-space was used, only that A is fixed and A g_a
 = 1 on the disc. `history` chooses among them; `elastic_base` has what holds where the base is elastic and not

@@ -31,22 +31,23 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Bed:
-    """The map from an elastic force to that of any motion: springs, each in contact or free by itself.
+    """The force of any motion from a bed of independent springs, each in contact or free.
 
-    The spring at x, the depth at which the elastic contact reaches its radius, is pressed by y >= w - x and carries
-    Q = e * dy >= 0, one of the two an equality. Then
+    The spring at x, the depth at which the elastic contact reaches its radius, is compressed by y >= w - x, w the
+    depth, and carries Q = e * dy >= 0 (e the relaxation function, * a convolution in time), one of the two an
+    equality. Then
 
         P(t) = int Q(x, t) P_el''(x) dx = - sum_j [Q_{j+1} - Q_j] / [x_{j+1} - x_j] [P_el(x_{j+1}) - P_el(x_j)]
 
-    for Q linear between the springs x_j: the elastic force is asked at the springs and nothing of its derivatives.
-    It is of second order in the steps and in the distance of the springs.
+    for Q linear between the springs x_j: the elastic force P_el is needed at the springs only, and no derivative of
+    it. It is of second order in the time steps and in the distance of the springs.
 
     Parameters
     ----------
     springs : FloatArray
-        Depths (m) of the springs, (m,), from zero.
+        Depths x_j (m) of the springs, (m,), from zero.
     slopes : FloatArray
-        dQ/dx between the springs at every point, (n, m - 1).
+        dQ/dx between the springs at every point of time, (n, m - 1).
     """
 
     springs: FloatArray
@@ -54,7 +55,7 @@ class Bed:
 
     @classmethod
     def of(cls, depth: FloatArray, modes: Modes, time: FloatArray) -> Self:
-        """Follow depths (m), (n,), negative before contact, at `time` (s), (n,)."""
+        """Compute the springs' forces for depths (m), (n,), negative before contact, at `time` (s), (n,)."""
         pieces = max(int(np.ceil(_STEPS / (len(depth) - 1))), 1)
         fine = np.arange((len(depth) - 1) * pieces + 1) / pieces
         clock = np.interp(fine, np.arange(len(depth)), time)
@@ -64,17 +65,18 @@ class Bed:
         return cls(springs, np.diff(forces, axis=1) / np.diff(springs))
 
     def __call__(self, elastic: Elastic) -> FloatArray:
-        """Force (N), (n,), that the bed makes of an elastic force."""
+        """Force (N), (n,), for an elastic force (N) as a function of depth (m)."""
         return np.asarray(self.slopes @ -np.diff(elastic(self.springs)))
 
 
 def depth_under(
     elastic: Elastic, force: FloatArray, modes: Modes, time: FloatArray, deepest: float
 ) -> FloatArray:
-    """Depth (m), (n,), under any forces (N), (n,), zero or more, that never reach beyond `deepest` (m).
+    """Depth (m), (n,), under any forces (N), (n,), zero or more, at times (s), (n,), by the bed of springs.
 
-    With c_j the steps of the slope of P_el at the springs, P(w) = sum_j c_j Q_j(w), where a spring in contact adds
-    a straight line and one out of contact nothing: convex and increasing, so Newton's method ends after some steps.
+    `elastic` is the elastic force at depths (m), and `deepest` (m) an upper bound of the result. With c_j the steps
+    of the slope of P_el at the springs, P(w) = sum_j c_j Q_j(w), where a spring in contact adds a straight line and
+    one out of contact nothing: convex and increasing, so Newton's method ends after some steps.
     """
     pieces = max(int(np.ceil(_STEPS / (len(force) - 1))), 1)
     fine = np.arange((len(force) - 1) * pieces + 1) / pieces
@@ -102,7 +104,10 @@ def depth_under(
 
 
 def _pressed(stiffness: FloatArray, offset: FloatArray, rate: float, target: float, w: float) -> float:
-    """Depth w (m) at which sum_j stiffness_j max(offset_j + rate w, 0) is `target` (N), from above."""
+    """Depth (m) at which sum_j stiffness_j max(offset_j + rate w, 0) is `target` (N), by Newton from above.
+
+    `w` (m) is the starting value.
+    """
     for _ in range(len(offset)):
         bears = stiffness * (offset + rate * w > 0.0)
         slope = rate * float(bears.sum())
@@ -116,7 +121,7 @@ def _pressed(stiffness: FloatArray, offset: FloatArray, rate: float, target: flo
 
 
 def _stepped(path: FloatArray, modes: Modes, clock: FloatArray, springs: FloatArray) -> FloatArray:
-    """Q of every spring at every step, (n, springs), per unit modulus (m)."""
+    """Force Q per unit modulus (m) of every spring at every step, (n, springs)."""
     memory = Memory.of(modes, clock)
     shape = (len(modes.times), len(path) - 1)
     decay = np.broadcast_to(memory.clock.decay, shape)
@@ -139,9 +144,10 @@ def _stepped(path: FloatArray, modes: Modes, clock: FloatArray, springs: FloatAr
 
 @dataclass(frozen=True)
 class Creep:
-    """Creep function j(t) = modes(t) + flow t, with J * dE = 1; the weights of its modes are negative.
+    """Creep function j(t) = modes(t) + flow t of a relaxation e, with j * de = 1 (* a convolution in time).
 
-    For a relaxation e = c + sum_k weight_k exp(-r_k t) it is a sum of exponentials too,
+    The weights of its modes are negative. For a relaxation e = c + sum_k weight_k exp(-r_k t) it is a sum of
+    exponentials too,
 
         j(t) = 1 / c - sum_m J_m exp(-q_m t),    H(-q_m) = 0,    J_m = 1 / (q_m H'(-q_m)),
         H(s) = c + sum_k weight_k s / (s + r_k),
@@ -162,7 +168,7 @@ class Creep:
 
     @classmethod
     def of(cls, modes: Modes) -> Self:
-        """Creep function of a relaxation."""
+        """Creep function of the relaxation with the given modes."""
         rates, which = np.unique(1.0 / modes.times[modes.weights > 0.0], return_inverse=True)
         weights = np.bincount(which, modes.weights[modes.weights > 0.0], len(rates)).astype(np.float64)
         if not len(rates):
@@ -181,11 +187,11 @@ class Creep:
         return cls(Modes(float(constant), -parts, 1.0 / q), flow)
 
     def __call__(self, time: FloatArray) -> FloatArray:
-        """j(t) at times (s), (n,)."""
+        """Creep function j(t) at times (s), (n,)."""
         return np.asarray(self.modes(time) + self.flow * time)
 
     def hereditary(self, values: FloatArray, time: FloatArray) -> FloatArray:
-        """int j(t - s) dF(s) at every point, (n,), of a function linear between the points."""
+        """int j(t - s) dF(s) at every point, (n,), for F linear between its `values` (n,) at `time` (s)."""
         crept = Memory.of(self.modes, time).hereditary(values)
         if self.flow:
             grown = 0.5 * np.diff(time) * (values[1:] + values[:-1])
@@ -194,7 +200,7 @@ class Creep:
 
 
 def _zero(constant: float, weights: FloatArray, rates: FloatArray, low: float, high: float) -> float:
-    """The q between two rates at which H(-q) = 0: there it falls from above zero to below."""
+    """The root q of H(-q) between two rates `low` and `high` (1/s); H is that of `Creep`."""
     from scipy import optimize  # noqa: PLC0415  as long to load as all of the mechanics; only under load control
 
     others = (rates != low) & (rates != high)
@@ -202,7 +208,7 @@ def _zero(constant: float, weights: FloatArray, rates: FloatArray, low: float, h
     span = high - low
 
     def scaled(q: float) -> float:
-        """H(-q) times the distances to the ends of the span, at which it is infinite."""
+        """H(-q) times the distances of q from both ends of the interval, at which H is infinite."""
         to_high, from_low = (high - q) / span, (q - low) / span if low else 1.0
         rest = constant - float((weights[others] * q / (rates[others] - q)).sum())
         return rest * to_high * from_low + q / span * (at_low * to_high - at_high * from_low)
@@ -218,6 +224,8 @@ def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) ->
     condition, int_{t1}^t e(t - s) dw(s) = 0, step by step. The force is taken as linear between the points; a
     first force above zero is a sudden one. One loading and one unloading go by these closed constructions, any
     other history by the bed of springs.
+
+    t1 is the time during loading at which the contact had the same radius.
 
     Raises
     ------
@@ -243,7 +251,7 @@ def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) ->
 
 
 def _recovered(law: Invertible, memory: Memory, way_in: FloatArray, found: EqualRadius) -> FloatArray:
-    """Depth (m) on the way out, from the times of equal radius: one step after the other."""
+    """Depth (m) during unloading, step by step, from the times of equal contact radius."""
     modes, time, turn = memory.modes, memory.time, len(way_in) - 1
     points = len(time) - turn - 1
     reached, clock = np.zeros(points), np.full(points, time[0])

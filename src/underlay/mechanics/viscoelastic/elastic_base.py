@@ -1,6 +1,6 @@
-"""A relaxing layer on an elastic base: its kernel ages, because E(t) falls against a base that does not.
+"""A relaxing layer on an elastic base, where the ratio of moduli and so the kernel changes with time.
 
-A base 1000 times stiffer than the layer is as good as rigid, and relaxing only brings the layer closer to that.
+A base 1000 times stiffer than the layer is as good as rigid, and relaxation only makes the layer softer against it.
 Otherwise
 
 - a *flat punch* is exact. Against the layer's modulus E its stiffness is K(E) = E sum_j A_j / (E + b_j), with
@@ -11,8 +11,8 @@ Otherwise
 - any other tip while the contact grows is *quasi-elastic*, P = int k(w(s); E(t - s)) dw(s), k the elastic stiffness
   (`QuasiElastic`). Approximate: against the exact punch and rings of pressure it is up to 2.2 % too low where
   at most half of the modulus relaxes, and along a ramp shorter than half of the shortest relaxation time; in a
-  hold 31 % where nine tenths relax, 81 % where 99 % do (tests/test_elastic_base.py). It is taken only where
-  that is asked for as tolerance, and refused otherwise.
+  hold 31 % where nine tenths relax, 81 % where 99 % do (tests/test_elastic_base.py). It is used only where the
+  caller accepts that error as tolerance, and refused otherwise.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _NODES_PER_OCTAVE, _MOST_NODES = 4, 24
 
 
 def ages(layer: Layer, substrate: Body | None) -> bool:
-    """Whether a relaxing layer's base is elastic and not much stiffer."""
+    """Whether a relaxing layer lies on an elastic base less than 1000 times as stiff: its kernel changes."""
     if layer.relaxation is None or layer.thickness == np.inf or substrate is None:
         return False
     below = [*(deeper.material for deeper in substrate.layers), substrate.base]
@@ -67,7 +67,10 @@ def ages(layer: Layer, substrate: Body | None) -> bool:
 
 
 def stated_error(relaxation: Relaxation, time: FloatArray, depth: FloatArray) -> float:
-    """Relative error of the quasi-elastic force of a motion: what it was measured to be at most."""
+    """Stated relative error of the quasi-elastic force for a motion: the largest that was measured.
+
+    `time` (s) and `depth` (m) are those of the motion, (n,).
+    """
     if not relaxation.bounded:
         return _ERRORS[-1][1]
     kept = relaxation.equilibrium
@@ -84,14 +87,14 @@ def stated_error(relaxation: Relaxation, time: FloatArray, depth: FloatArray) ->
 
 @dataclass(frozen=True)
 class PunchRelaxation(Relaxation):
-    """How the force under a flat punch held at a depth falls: exponentials that add up to one at t = 0.
+    """Relaxation of the force under a flat punch held at a depth, as a sum of exponentials that is 1 at t = 0.
 
     Parameters
     ----------
     known : Modes
-        The exponentials and what remains of the force.
+        The exponentials, and the share of the force that remains.
     relaxes : str
-        As of the layer's own relaxation.
+        As for the layer's own relaxation.
     """
 
     model: ClassVar[str] = ""
@@ -101,7 +104,7 @@ class PunchRelaxation(Relaxation):
 
     @property
     def equilibrium(self) -> float:
-        """Share of the force that remains in the long run."""
+        """Share of the force that remains at long times."""
         return self.known.constant
 
     @property
@@ -110,22 +113,22 @@ class PunchRelaxation(Relaxation):
         return float(self.known.times.max())
 
     def modulus(self, time: ArrayLike) -> FloatArray:
-        """Force at `time` (s) after a sudden depth over the force at once, shape of `time`."""
+        """Force at `time` (s) after a sudden depth over the instantaneous force, shape of `time`."""
         return self.known(as_finite(time, "time"))
 
     def modes(self, shortest: float, longest: float) -> Modes:
-        """The exponentials that it is made of, whatever the times `shortest` and `longest` (s) of a record."""
+        """Its exponentials, which do not depend on the times `shortest` and `longest` (s)."""
         del shortest, longest
         return self.known
 
 
 def punch_relaxation(stiffness: Callable[[float], float], relaxation: Modes) -> PunchRelaxation:
-    """Relaxation of a flat punch on a layer that relaxes and whatever elastic lies below it.
+    """Relaxation of a flat punch on a relaxing layer on whatever elastic body.
 
     Parameters
     ----------
     stiffness : callable
-        Stiffness (N/m) of the punch where the layer's modulus is this times the one at once.
+        Stiffness (N/m) of the punch as a function of the layer's modulus over its instantaneous modulus.
     relaxation : Modes
         Of the layer's material; e(0) = 1.
 
@@ -159,12 +162,12 @@ def punch_relaxation(stiffness: Callable[[float], float], relaxation: Modes) -> 
 
 @dataclass(frozen=True)
 class QuasiElastic(Response):
-    """P(t) = int k(w(s); E(t - s)) dw(s), while the contact grows.
+    """Quasi-elastic response P(t) = int k(w(s); E(t - s)) dw(s), k the elastic stiffness, while contact grows.
 
     Parameters
     ----------
     build : callable
-        Elastic law where the layer's modulus is this times the one at once.
+        Elastic law as a function of the layer's modulus over its instantaneous modulus.
     relaxation : Relaxation
         Of the layer.
     max_depth : float
@@ -176,12 +179,12 @@ class QuasiElastic(Response):
     max_depth: float
 
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Force (N), (n,), at depths (m) that do not go back, at times (s), (n,).
+        """Force (N), (n,), at depths (m) that do not decrease, at times (s), (n,).
 
         Raises
         ------
         InputError
-            If a depth goes back, or the times do not match.
+            If a depth decreases, or the times do not match.
         """
         w = as_finite(depth, "depth")
         clock = checked_times(time, w)
@@ -210,12 +213,12 @@ class QuasiElastic(Response):
         return force
 
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
-        """Stiffness of the elastic law at once (N/m)."""
+        """Instantaneous elastic stiffness (N/m)."""
         return self.build(1.0).stiffness(depth, time)
 
 
 def _lagrange(nodes: FloatArray, x: FloatArray) -> FloatArray:
-    """Lagrange polynomials of the nodes (m,) at x (n,): (m, n)."""
+    """Lagrange polynomials of the nodes (m,) evaluated at x (n,): (m, n)."""
     rows = np.ones((len(nodes), len(x)))
     for j, own in enumerate(nodes):
         for other in np.delete(nodes, j):

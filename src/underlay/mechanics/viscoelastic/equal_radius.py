@@ -1,12 +1,13 @@
-"""The last earlier time t1(t) at which the contact had the radius it has at t, for a whole way out at once.
+"""For each point of unloading, the last earlier time t1(t) at which the contact had the same radius.
 
 t1 solves int_{t1}^t e(t - s) w'(s) ds = 0 (Ting 1966), with w the depth and e = c + sum_k weight_k exp(-t / tau_k)
 the relaxation function. With y_k(t) = int exp(-(t - s) / tau_k) dw(s) this is F(t1) = V(t), where
 
     F(t1) = c w(t1) + sum_k weight_k exp(-(t - t1) / tau_k) y_k(t1),   V(t) = c w(t) + sum_k weight_k y_k(t),
 
-and F grows with t1, by e(t - t1) w'(t1). Only decaying exponentials occur. `Search` says in which step of the
-record F(t1) reaches its target, and `equal_radius` where in the step.
+and F grows with t1, by e(t - t1) w'(t1). Only decaying exponentials occur. `Search` finds in which step of the
+record F(t1) reaches its target, and `equal_radius` where in the step. "Way in" and "way out" are loading and
+unloading: the points up to the last maximum of the depth, and those after it.
 """
 
 from __future__ import annotations
@@ -36,30 +37,32 @@ _LONG_STEP = 300.0
 
 
 def at(values: FloatArray, number: NDArray[np.intp]) -> FloatArray:
-    """Values (..., n) at the points `number` (m,), or at those (sets, m) of every set."""
+    """Entries of `values` (..., n) at the indices `number` (m,), or (sets, m) for each set its own."""
     if number.ndim == 1:
         return values.take(number, axis=-1)
     return np.take_along_axis(values, number[None] if values.ndim > number.ndim else number, axis=-1)
 
 
 def share_of(part: FloatArray, whole: FloatArray) -> FloatArray:
-    """A part over the whole, from 0 to 1; the middle where there is no whole, as rounding may have it."""
+    """part/whole, limited to [0, 1]; 0.5 where `whole` is not positive, as rounding may make it."""
     share = np.divide(part, whole, out=np.full_like(whole, 0.5), where=whole > 0.0)
     return np.minimum(np.maximum(share, 0.0), 1.0)
 
 
 @dataclass(frozen=True)
 class Search:
-    """F at points of the way in, for points of the way out.
+    """Search for the time t1 at which F (module's head) reaches its target, for all points of unloading.
+
+    t1 is the time during loading at which the contact had the same radius.
 
     Parameters
     ----------
     weights, constant : FloatArray
-        Of the exponentials, (K, 1) or (K, sets, 1), and what does not relax, () or (sets, 1).
+        Of the exponentials, (K, 1) or (K, sets, 1), and the part that does not relax, () or (sets, 1).
     way_in, at_turn : FloatArray
-        w and y_k exp(-(t_turn - t) / tau_k) of the way in, (..., n) and (K, ..., n).
+        w and y_k exp(-(t_turn - t) / tau_k) during loading, (..., n) and (K, ..., n).
     since_turn, target : FloatArray
-        exp(-(t - t_turn) / tau_k) and V of the points of the way out, (K, ..., m) and (..., m).
+        exp(-(t - t_turn) / tau_k) and V at the points of unloading, (K, ..., m) and (..., m).
     """
 
     weights: FloatArray
@@ -70,12 +73,12 @@ class Search:
     target: FloatArray
 
     def some(self, points: NDArray[np.intp]) -> Search:
-        """The search for the points of the way out with the numbers `points`."""
+        """The search for a selection of the points of unloading, by their indices."""
         since_turn, target = self.since_turn.take(points, axis=-1), self.target.take(points, axis=-1)
         return replace(self, since_turn=since_turn, target=target)
 
     def brackets(self) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
-        """The steps in which F reaches the target: numbers of their ends, each (..., m), and F there."""
+        """Indices of both ends of the step in which F reaches the target, each (..., m), and F at these ends."""
         last = self.way_in.shape[-1] - 1
         low = np.minimum(np.maximum(np.floor(self.reached()).astype(np.intp), 0), last - 1)
         for moved in (True, False):
@@ -96,7 +99,7 @@ class Search:
     def _searched(
         self, guess: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
-        """Steps as `brackets` returns them, by trial: further and further from the guess, and at last by halves."""
+        """Steps as `brackets` returns them, by trial: ever further from the guess `guess`, then by bisection."""
         low, high = np.zeros_like(guess), np.full_like(guess, self.way_in.shape[-1] - 1)
         at_low, at_high, reach = self._level(low), self._level(high), 1
         while True:
@@ -114,7 +117,7 @@ class Search:
             reach *= 2
 
     def _level(self, number: NDArray[np.intp]) -> FloatArray:
-        """F at points of the record, (..., m)."""
+        """F at the points of loading with these indices, (..., m)."""
         parts = at(self.at_turn, number)
         parts *= self.since_turn
         weights = self.weights
@@ -122,9 +125,9 @@ class Search:
         return np.asarray(self.constant * at(self.way_in, number) + total)
 
     def reached(self) -> FloatArray:
-        """About where F reaches the target, in steps of the record, (..., m).
+        """Approximate place where F reaches the target, as a fractional index of the record, (..., m).
 
-        Few points of the way out are compared with all of the way in; many lie between some of them.
+        Some points of unloading are compared with all of loading; the others are interpolated between these.
         """
         count = self.target.shape[-1]
         if count <= _KNOWN:
@@ -146,7 +149,7 @@ class Search:
         return np.asarray(first + between * (known.take(before + 1, axis=-1) - first))
 
     def _compared(self) -> FloatArray:
-        """Places as `reached` returns them, by comparing every point with all of the way in."""
+        """Places as `reached` returns them, by comparing every point of unloading with all points of loading."""
         upright = self.at_turn * self.weights
         if upright.ndim == 2:
             levels = self.since_turn.T @ upright + self.constant * self.way_in
@@ -161,24 +164,24 @@ class Search:
 
 @dataclass(frozen=True)
 class EqualRadius:
-    """Where on the way in the contact had the radii of the way out.
+    """Times t1 during loading at which the contact had the radii it has during unloading.
 
-    The arrays are (m,), for the points of the way out up to the last that is in contact, or (sets, m).
+    The arrays are (m,), for the points of unloading up to the last that is in contact, or (sets, m).
 
     Parameters
     ----------
     step : ndarray of int
-        Step of the record in which t1 lies.
+        Index of the step of the record in which t1 lies.
     elapsed : FloatArray
-        t1 less the beginning of that step (s).
+        Time (s) from the beginning of that step to t1.
     share : FloatArray
-        The same over that step.
+        The same over the length of the step.
     time : FloatArray
         t1 (s).
     depth : FloatArray
         w(t1) (m), zero without contact.
     held : ndarray of bool
-        Which of the points are in contact.
+        Whether the point is in contact.
     """
 
     step: NDArray[np.intp]
@@ -190,7 +193,10 @@ class EqualRadius:
 
     @property
     def regrowth(self) -> FloatArray:
-        """By how much (m) the contact, measured by w(t1), grows again on the way out at most, () or (sets,)."""
+        """Largest amount (m) by which the contact, measured by w(t1), grows again in unloading; () or (sets,).
+
+        t1 is the time during loading at which the contact had the same radius.
+        """
         fallen = np.minimum.accumulate(self.depth, axis=-1)
         return np.asarray((self.depth - fallen).max(axis=-1, initial=0.0))
 
@@ -198,22 +204,24 @@ class EqualRadius:
 def equal_radius(
     depth: FloatArray, memory: Memory, turn: int, target: FloatArray | None = None
 ) -> EqualRadius:
-    """Find t1 for every point after number `turn`, the last of the way in.
+    """Find t1 for every point after number `turn`, the last of loading.
 
-    The step of the record is found by interpolation between some points of the way out, and by trial where that
+    The step of the record is found by interpolation between some points of unloading, and by trial where that
     misses; the time by Newton's method in the step, over which w is linear.
+
+    t1 is the time during loading at which the contact had the same radius.
 
     Parameters
     ----------
     depth : FloatArray
         Depths (m), (n,), zero before contact but negative after it; or those of many sets, (sets, n).
     memory : Memory
-        Their clock.
+        Of the relaxation, along the record.
     turn : int
-        Number of the last point of the way in.
+        Index of the last point of loading.
     target : FloatArray, optional
-        What F is to be at the points of the way out, (m,), for `depth` of the way in alone: with elastic forces in
-        the place of depths, the force.
+        Values that F must reach at the points of unloading, (m,); `depth` then has the loading alone. Used with
+        elastic forces in place of depths, where the target is the force.
     """
     modes, time = memory.modes, memory.time
     way_in = depth[..., : turn + 1]
@@ -251,14 +259,14 @@ def equal_radius(
 
 @dataclass(frozen=True)
 class _Step:
-    """F within one step of the record for every point of the way out.
+    """F (module's head) within one step of the record for every point of unloading.
 
     Parameters
     ----------
     memory : Memory
-        Clock of all points.
+        Of the relaxation, along the record.
     clock : FloatArray
-        Times of the points of the way out (s), (m,).
+        Times of the points of unloading (s), (m,).
     since_turn : FloatArray
         exp(-(t - t_turn) / tau), (K, ..., m).
     low_lag, high_lag : FloatArray
@@ -283,7 +291,9 @@ class _Step:
     def solved(self, missing: FloatArray, rise: FloatArray, speed: FloatArray) -> FloatArray:
         """Time (s) from the beginning of the step to where F has grown by `missing`.
 
-        Over the step it grows by `rise` in all, at the rate `speed` e(t - t1).
+        Over the step F grows by `rise` in all, at the rate `speed` e(t - t1), `speed` being dw/dt (m/s).
+
+        t1 is the time during loading at which the contact had the same radius.
         """
         memory, tau, width = self.memory, self.memory.tau, self.width
         constant = memory.modes.constant
@@ -291,7 +301,7 @@ class _Step:
         overflows = bool((width > _LONG_STEP * tau.min()).any())
 
         def excess(elapsed: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """What F has grown, less what it must, and its derivative."""
+            """Growth of F since the beginning of the step minus the growth wanted, and its derivative in time."""
             part = elapsed / tau
             if overflows:
                 left = np.exp(part - (self.clock - self.begins) / tau)
@@ -310,7 +320,7 @@ class _Step:
 
 
 def _inverse_cubic(share: FloatArray, rise: FloatArray, first: FloatArray, last: FloatArray) -> FloatArray:
-    """Where between 0 and 1 a function has risen by a share of its rise, from its slopes at both ends."""
+    """Place in [0, 1] at which a function has risen by `share` of its `rise`, from its slopes at both ends."""
     usable = (first > 0.0) & (last > 0.0) & (rise > 0.0)
     begin = np.divide(rise, first, out=np.ones_like(rise), where=usable)
     end = np.divide(rise, last, out=np.ones_like(rise), where=usable)
@@ -321,10 +331,10 @@ def _inverse_cubic(share: FloatArray, rise: FloatArray, first: FloatArray, last:
 def _within(
     excess: Callable[[FloatArray], tuple[FloatArray, FloatArray]], width: FloatArray, x: FloatArray
 ) -> FloatArray:
-    """Zeros between 0 and `width`, (..., m), of functions that grow, from `x`: Newton in a shrinking bracket.
+    """Roots in [0, `width`], (..., m), of increasing functions, by Newton's method in brackets, from `x`.
 
     A step that does not halve the one before it is replaced by the middle of the bracket. A function without a
-    zero there ends at the nearer end.
+    root there ends at the nearer end.
     """
     first, last = np.zeros_like(width), width.copy()
     before = width.copy()

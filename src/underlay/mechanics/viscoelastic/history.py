@@ -1,9 +1,8 @@
-"""A layer's relaxation as the history of a law: which construction holds for a motion, and the force by it.
+"""A layer's relaxation as the history of a law: chooses the construction for a motion, and gives the force.
 
-`Viscoelastic` is that of one set of parameters. `forces_of_sets` has the force of one motion at many sets of
-parameters at once: each set has its own contact point and relaxation. The motions of the sets differ by where
-their contact begins alone, so most turn at the same point: those go together, through the constructions that
-serve one set.
+`Viscoelastic` is that of one set of parameters. `forces_of_sets` computes the force for one measured motion at many
+sets of parameters at once, each with its own contact point and relaxation. Since these motions differ only in where
+contact begins, most turn at the same point; those are computed together.
 """
 
 from __future__ import annotations
@@ -49,20 +48,20 @@ ElasticOfSets: TypeAlias = Callable[[NDArray[np.intp], FloatArray], FloatArray]
 
 
 def times_told(time: FloatArray) -> tuple[float, float]:
-    """Shortest and longest relaxation time (s) of which a record says something: its sampling and its length."""
+    """Shortest and longest relaxation time (s) that a record can determine: its sampling step and its length."""
     return float(np.median(np.diff(time))), float(time[-1] - time[0])
 
 
 @dataclass(frozen=True)
 class Viscoelastic(History):
-    """Memory of a relaxing layer, as the history of a law.
+    """Relaxation of a layer, as the history of a law.
 
     Parameters
     ----------
     relaxation : Relaxation
         How its modulus falls.
     last : LastMemory, optional
-        Keeps what depends on the times of a record and of the relaxation alone.
+        Cache of what depends only on the times of a record and of the relaxation.
     """
 
     parts: ClassVar[tuple[str, ...]] = ("layer",)
@@ -80,7 +79,7 @@ class Viscoelastic(History):
         return self.prepared(depth, time)(elastic)
 
     def prepared(self, depth: FloatArray, time: FloatArray) -> ViscoelasticMotion:
-        """The map from an elastic force to `force` for one motion."""
+        """The map from an elastic force to `force` for one motion: depths (m) and times (s), each (n,)."""
         if len(depth) < 2 or depth.max() <= 0.0:
             return ViscoelasticMotion(self, depth, time, None)
         begun = depth[0] > 0.0
@@ -96,7 +95,7 @@ class Viscoelastic(History):
         return ViscoelasticMotion(self, depth, time, form, first=int(begun))
 
     def _form(self, depth: FloatArray, time: FloatArray) -> Loading | Unloading | Bed:
-        """The simplest construction that holds for depths (m) at times (s), each (n,)."""
+        """The simplest construction that is valid for depths (m) at times (s), each (n,)."""
         modes, memory = self.last.of(self.relaxation, time)
         for ripple in RIPPLES:
             found = _closed(depth, memory, ripple)
@@ -105,18 +104,18 @@ class Viscoelastic(History):
         return Bed.of(depth, modes, time)
 
     def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
-        """Depth (m), (n,), under any forces (N), (n,), that press."""
+        """Depth (m), (n,), under compressive forces (N), (n,), at times (s), (n,)."""
         if len(force) < 2:
             return np.asarray(law.depth(force))
         return crept(law, self.last.of(self.relaxation, time)[0], force, time)
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
-        """Refuse a free relaxation time, or a free fraction at a time, that the record does not tell.
+        """Raise if a free relaxation time, or the fraction at one, lies outside the times a record can determine.
 
         Raises
         ------
         ParameterError
-            With the times that the record can tell.
+            With the range of times that it can.
         """
         shortest, longest = times_told(time)
         known = numbers_of(self.relaxation, self.prefix)
@@ -133,9 +132,10 @@ class Viscoelastic(History):
                 )
 
     def dynamic_modulus(self, frequency: FloatArray, longest: float) -> FloatArray:
-        """E*(i omega) / E, complex, at angular frequencies (1/s) of a small oscillation that lasts `longest` (s).
+        """Complex dynamic modulus E*(i omega) over E at angular frequencies omega (1/s), same shape.
 
-        The stiffness of a micro-oscillation is this times the elastic stiffness at the depth held.
+        `longest` (s) is how long the oscillation lasts. The stiffness of a micro-oscillation is this times the
+        elastic stiffness at the depth held.
         """
         omega = np.asarray(frequency, dtype=np.float64)
         modes = self.relaxation.modes(float(1.0 / omega.max()), longest)
@@ -145,27 +145,27 @@ class Viscoelastic(History):
 
 @dataclass(frozen=True)
 class ViscoelasticMotion(Motion):
-    """A motion of a relaxing layer, and the construction that holds for it.
+    """A motion of a relaxing layer, and the construction that is valid for it.
 
     Parameters
     ----------
     form : Loading, Unloading, Bed or None
-        The construction; None where nothing is touched.
+        The construction; None without contact.
     first : int, default 0
-        Points at the beginning that were added.
+        Number of points added before the record, which are removed from results.
     """
 
     form: Loading | Unloading | Bed | None = None
     first: int = 0
 
     def __call__(self, elastic: Elastic) -> FloatArray:
-        """Force (N), (n,), that the layer makes of an elastic force."""
+        """Force (N), (n,), of the relaxing layer for an elastic force as a function of depth."""
         if self.form is None:
             return np.asarray(elastic(np.maximum(self.depth, 0.0)))
         return self.form(elastic)[self.first :]
 
     def slopes(self, paths: Sequence[str], law: Response) -> Mapping[str, FloatArray]:
-        """d force / d number of the relaxation, (n,), at its `paths`."""
+        """Derivatives of the force, (n,), in the relaxation's parameters, given by their `paths`."""
         if self.form is None or not paths:
             return {path: np.zeros(len(self.depth)) for path in paths}
         relaxation, prefix = self.history.relaxation, self.history.prefix  # type: ignore[attr-defined]  # a Viscoelastic
@@ -182,13 +182,19 @@ class ViscoelasticMotion(Motion):
 
 
 def led_in(depth: FloatArray, time: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
-    """The same motion, (..., n), after a rise from first contact within this share of its first step."""
+    """The motion (depths (..., n) and times (n,)) with a point of zero depth added before it.
+
+    The rise from first contact to the first depth takes `share` times the first sampling step.
+    """
     before = np.zeros((*depth.shape[:-1], 1))
     return np.concatenate((before, depth), axis=-1), np.append(time[0] - share * (time[1] - time[0]), time)
 
 
 def turns(depth: FloatArray, ripple: float) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.bool_]]:
-    """Where depths (..., n) turn, how far (m) they may fall back, and which grow up to there; each (...,)."""
+    """Index of the turning point of depths (..., n), the fall back allowed (m), and whether they grow up to it.
+
+    Each is (...,). `ripple` is the fall back allowed during loading, as a share of the largest depth.
+    """
     w = np.maximum(depth, 0.0)
     deepest = w.max(axis=-1, keepdims=True)
     allowed = (ripple + _ROUNDING) * deepest
@@ -200,7 +206,7 @@ def turns(depth: FloatArray, ripple: float) -> tuple[NDArray[np.intp], FloatArra
 
 
 def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloading | None:
-    """Lee and Radok up to the last deepest point and Ting after it; None where they do not hold."""
+    """Lee and Radok's construction up to the deepest point and Ting's after it; None where they do not hold."""
     if (depth[1:] >= depth[:-1]).all():
         return Loading(depth, memory)
     at, allowed, grows = turns(depth, ripple)
@@ -218,14 +224,14 @@ def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloa
 def forces_of_sets(
     modes: ModesOfSets, elastic: ElasticOfSets, depth: FloatArray, time: FloatArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Forces (N), (sets, n), and for which sets a closed construction holds; the rows of the others are zero.
+    """Forces (N), (sets, n), and a mask (sets,) of sets for which a closed construction holds; others are zero.
 
     Parameters
     ----------
     modes : ModesOfSets
-        Of the relaxations, which have a finite modulus at once.
+        Of the relaxations, whose instantaneous modulus is finite.
     elastic : callable
-        Their elastic forces.
+        Elastic forces (N), (rows, q), from row numbers of sets and depths (m), (rows, q).
     depth : FloatArray
         Depths since contact (m), (sets, n), negative before it.
     time : FloatArray
@@ -253,7 +259,11 @@ def _by_turn(
     begun: bool,
     allowed: FloatArray,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Forces of sets that turn at one point, (rows, n), and for which of them the contact shrinks from there on."""
+    """Forces (N), (rows, n), of sets whose motions turn at point `turn`, and for which of them they are valid.
+
+    Valid means that the contact shrinks from there on, but for `allowed` (m). `begun`: the record begins in
+    contact.
+    """
 
     def asked(w: FloatArray) -> FloatArray:
         return elastic(rows, w)

@@ -31,12 +31,12 @@ __all__ = ["Loading", "ModeSlopes", "Unloading", "WayIn"]
 
 
 class ModeSlopes(NamedTuple):
-    """Derivatives of the force in the numbers of a relaxation's modes.
+    """Derivatives of the force (N) in constant, weights and times of a relaxation's modes.
 
     Parameters
     ----------
     constant : FloatArray
-        In what never relaxes, (n,).
+        In the part that does not relax, (n,).
     weights, times : FloatArray
         In the weight and in the time of every exponential, (K, n).
     """
@@ -48,7 +48,7 @@ class ModeSlopes(NamedTuple):
 
 @dataclass(frozen=True)
 class WayIn:
-    """Where an elastic force is asked on the way in, and what is read off the answers.
+    """Depths at which the elastic force is needed during loading, and how the results are used.
 
     Parameters
     ----------
@@ -60,13 +60,13 @@ class WayIn:
 
     @cached_property
     def rest(self) -> int:
-        """Number of the point from which on the tips rest."""
+        """Index of the point after which no tip moves any more."""
         moved = self._moves[0]
         return int(moved[-1]) + 1 if len(moved) else 0
 
     @cached_property
     def asked(self) -> FloatArray:
-        """Depths (m) at which the elastic force is asked, (..., q): of the points, then in the middle of steps."""
+        """Depths (m) at which the elastic force is needed, (..., q): at the points, then in the middle of steps."""
         w = self._moves[1]
         count = w.shape[-1]
         depth = np.empty((*w.shape[:-1], 2 * count - 1))
@@ -76,7 +76,10 @@ class WayIn:
         return depth
 
     def moving(self, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Forces (N) up to the point of rest, (..., r + 1), and their bend in each step of `Memory.integrals`."""
+        """Elastic forces (N) up to the point `rest`, (..., r + 1), and their bends for `Memory.integrals`.
+
+        `answers` are the forces at the depths `asked`.
+        """
         moved, steps = self._moves[0], self.rest
         at, half = answers[..., : len(moved) + 1], answers[..., len(moved) + 1 :]
         bends = 4.0 * half
@@ -91,7 +94,10 @@ class WayIn:
         return at.take(held.cumsum(), axis=-1), bend
 
     def read(self, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Forces (N), (..., n), and their bends, (..., n - 1), as `moving`, but at all points."""
+        """Elastic forces (N) at all points, (..., n), and their bends, (..., n - 1), from the forces at `asked`.
+
+        The bend of a step is 4 times the excess of the force in its middle over the mean of its ends.
+        """
         values, bend = self.moving(answers)
         still = self.depth.shape[-1] - 1 - self.rest
         if not still:
@@ -101,7 +107,7 @@ class WayIn:
 
     @cached_property
     def _moves(self) -> tuple[NDArray[np.intp], FloatArray]:
-        """Numbers of the steps in which a tip moves, (m,), and depths (m) before and after each, (..., m + 1)."""
+        """Indices of the steps in which a tip moves, (m,), and the depths (m) at their ends, (..., m + 1)."""
         moves = self.depth[..., 1:] != self.depth[..., :-1]
         moved = (moves if moves.ndim == 1 else moves.any(axis=0)).nonzero()[0]
         if len(moved) and moved[-1] - moved[0] == len(moved) - 1:
@@ -112,7 +118,7 @@ class WayIn:
 
 @dataclass(frozen=True)
 class Loading:
-    """The map from an elastic force to that of one motion which only grows or rests, or of one for each set.
+    """Force of a relaxing layer for a motion that only grows or rests, or for one such motion per set.
 
     The elastic force is taken as quadratic in time over each step. Measured on a paraboloid, a ramp over 2.5
     relaxation times, relative to the largest force: 9e-7 with 10 points on the ramp, 2e-8 with 50, 5e-10 with
@@ -123,14 +129,14 @@ class Loading:
     depth : FloatArray
         Depths (m), (n,) or (sets, n).
     memory : Memory
-        Their clock.
+        Of the relaxation, along the record.
     """
 
     depth: FloatArray
     memory: Memory
 
     def __call__(self, elastic: Elastic) -> FloatArray:
-        """Force (N), of the shape of the depths."""
+        """Force (N), of the shape of the depths, for an elastic force (N) as a function of depth (m)."""
         memory, rest = self.memory, self._way_in.rest
         values, bend = self._way_in.moving(elastic(self._way_in.asked))
         z = memory.integrals(values, bend)
@@ -143,7 +149,7 @@ class Loading:
         return force
 
     def mode_slopes(self, elastic: Elastic, stiffness: Elastic) -> ModeSlopes:
-        """d force / d number of the modes; the elastic stiffness (N/m) is not asked here."""
+        """Derivatives of the force in the modes' parameters; `stiffness` is not used here."""
         del stiffness
         memory = self.memory
         at, bend = self._way_in.read(elastic(self._way_in.asked))
@@ -158,20 +164,20 @@ class Loading:
 
 @dataclass(frozen=True)
 class Unloading:
-    """The map from an elastic force to that of one motion that grows, rests, and shrinks from then on.
+    """Force of a relaxing layer for a motion that grows or rests up to a turning point and then shrinks.
 
-    Of many sets of parameters with motions that turn at the same point, the arrays have the sets before the points.
+    For many parameter sets whose motions turn at the same point, arrays have the sets before the points.
 
     Parameters
     ----------
     path : FloatArray
         Depths (m) of all points, negative before contact, (..., n).
     turn : int
-        Number of the last point of the way in.
+        Index of the last point of loading.
     memory : Memory
-        Clock of all points.
+        Of the relaxation, along the record.
     found : EqualRadius
-        Of the points after that.
+        Times of equal radius for the points of unloading.
     """
 
     path: FloatArray
@@ -180,7 +186,7 @@ class Unloading:
     found: EqualRadius
 
     def __call__(self, elastic: Elastic) -> FloatArray:
-        """Force (N), of the shape of the depths."""
+        """Force (N), of the shape of the depths, for an elastic force (N) as a function of depth (m)."""
         memory, found = self.memory, self.found
         values, bend, load = self._loads(elastic)
         z = memory.integrals(values, bend)
@@ -193,10 +199,12 @@ class Unloading:
         return force
 
     def mode_slopes(self, elastic: Elastic, stiffness: Elastic) -> ModeSlopes:
-        """d force / d number of the modes, from the elastic force (N) and stiffness k (N/m).
+        """Derivatives of the force in the modes' parameters, from the elastic force (N) and stiffness k (N/m).
 
         t1 moves with e(t) so that its condition holds. Both force and condition change with t1 by e(t - t1), so
         dP = int_0^{t1} de(t - s) dP_el + k(w(t1)) int_{t1}^t de(t - s) dw.
+
+        t1 is the time during loading at which the contact had the same radius.
         """
         modes, found, count = self.memory.modes, self.found, self.path.shape[-1]
         n, tau, way_in = found.step, self.memory.tau, slice(self.turn + 1)
@@ -219,7 +227,11 @@ class Unloading:
         return ModeSlopes(constant, weights, modes.weights[:, None] * times)
 
     def _loads(self, elastic: Elastic) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Elastic forces on the way in, their bend in each step, and those at t1: asked in one call."""
+        """Elastic forces (N) during loading, their bend in each step, and those at t1, from a single call.
+
+        The bend of a step is 4 times the excess of the force in its middle over the mean of its ends; t1 is the
+        time during loading at which the contact had the same radius.
+        """
         way_in = self._way_in
         answers = elastic(np.concatenate((way_in.asked, self.found.depth), axis=-1))
         count = way_in.asked.shape[-1]
@@ -228,7 +240,11 @@ class Unloading:
     def _at_equal_radius(
         self, z: FloatArray, values: FloatArray, bend: FloatArray, load: FloatArray
     ) -> FloatArray:
-        """z_k at t1, (K, ..., m)."""
+        """Integrals z_k of the elastic force up to t1, (K, ..., m).
+
+        t1 is the time during loading at which the contact had the same radius. z_k is int exp(-(t -
+        s)/tau_k) dP_el(s), P_el the elastic force.
+        """
         z1 = at(z, self.found.step)
         z1 *= self._past
         z1 += self._even * (load - at(values, self.found.step))
@@ -236,7 +252,11 @@ class Unloading:
         return z1
 
     def _bend_within(self, bend: FloatArray) -> FloatArray:
-        """Bend of the elastic force over the part of its step up to t1."""
+        """Bend of the elastic force over the part of its step before t1.
+
+        The bend of a step is 4 times the excess of the force in its middle over the mean of its ends; t1 is the
+        time during loading at which the contact had the same radius.
+        """
         return np.asarray(at(bend, self.found.step) * self.found.share**2)
 
     @cached_property
@@ -245,7 +265,11 @@ class Unloading:
 
     @cached_property
     def _travelled(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """y_k at every point and at t1, (K, n) and (K, m), and their derivatives in tau_k."""
+        """y_k at every point and at t1, (K, n) and (K, m), and the derivatives of both in tau_k.
+
+        t1 is the time during loading at which the contact had the same radius. y_k is int exp(-(t -
+        s)/tau_k) dw(s), w the depth.
+        """
         found, tau = self.found, self.memory.tau
         n = found.step
         path = np.array(self.path)
@@ -259,30 +283,36 @@ class Unloading:
 
     @property
     def _out(self) -> slice:
-        """The points of the way out up to the last in contact."""
+        """Slice of the points of unloading up to the last in contact."""
         return slice(self.turn + 1, self.turn + 1 + self.found.depth.shape[-1])
 
     @cached_property
     def _part(self) -> FloatArray:
-        """Time from the beginning of its step to t1, over every relaxation time, (K, ..., m)."""
+        """Time from the beginning of its step to t1, over every relaxation time, (K, ..., m).
+
+        t1 is the time during loading at which the contact had the same radius.
+        """
         return np.asarray(self.found.elapsed / self.memory.tau)
 
     @cached_property
     def _past(self) -> FloatArray:
-        """exp(-part), (K, ..., m)."""
+        """exp(-`_part`), (K, ..., m)."""
         return np.exp(-self._part)
 
     @cached_property
     def _even(self) -> FloatArray:
-        """g1 of `_part`, (K, ..., m)."""
+        """g1 (see `memory.even`) of `_part`, (K, ..., m)."""
         return even(self._part)
 
     @cached_property
     def _curved(self) -> FloatArray:
-        """g2 of `_part`, (K, ..., m)."""
+        """g2 (see `memory.curved`) of `_part`, (K, ..., m)."""
         return curved(self._part, self._even)
 
     @cached_property
     def _left(self) -> FloatArray:
-        """exp(-(t - t1) / tau), (K, ..., m)."""
+        """exp(-(t - t1) / tau), (K, ..., m).
+
+        t1 is the time during loading at which the contact had the same radius.
+        """
         return np.exp((self.found.time - self.memory.time[self._out]) / self.memory.tau)

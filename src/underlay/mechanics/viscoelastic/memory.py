@@ -1,8 +1,9 @@
 """Integrals over the past, z_k(t) = int exp(-(t - s) / tau_k) dF(s), for all points of a record at once.
 
-`Clock` is the record's clock in units of every relaxation time tau_k: what such integrals need of the times alone.
-`Memory` adds the weights of a relaxation, and integrates functions F given at the points of the record. Arrays have
-the exponentials first and the points last; between them, where many parameter sets are asked at once, the sets.
+`Clock` holds the times of a record in units of every relaxation time tau_k: the part of such integrals that depends
+on the times alone. `Memory` adds the weights of a relaxation, and integrates functions F given at the points of the
+record. Arrays have the exponentials first and the points last; parameter sets, where there are many, are between
+them.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _ROW = 32
 
 
 def even(x: FloatArray) -> FloatArray:
-    """g1(x) = (1 - e^-x) / x: what is left of a load that rose evenly over a step of x relaxation times."""
+    """g1(x) = (1 - e^-x)/x: share left after a step of x relaxation times of a load that rose linearly over it."""
     near = x < np.finfo(float).tiny
     if not near.any():
         return np.asarray(-np.expm1(-x) / x)
@@ -46,7 +47,10 @@ def even(x: FloatArray) -> FloatArray:
 
 
 def curved(x: FloatArray, g1: FloatArray) -> FloatArray:
-    """g2(x) = 2 [1 - e^-x (1 + x)] / x^2 - g1(x): what is left of the part of a load quadratic in time."""
+    """g2(x) = 2 [1 - e^-x (1 + x)]/x^2 - g1(x): the same share for the part of a load quadratic in time.
+
+    `g1` is `even(x)`.
+    """
     near = x < _SERIES_BELOW
     if near.all():
         longest = float(x.max(initial=0.0))
@@ -58,7 +62,7 @@ def curved(x: FloatArray, g1: FloatArray) -> FloatArray:
 
 
 def _polynomial(terms: list[float], x: FloatArray) -> FloatArray:
-    """Horner's rule in place: half the time of `numpy.polyval`."""
+    """Horner's rule for coefficients of decreasing powers, in place: half the time of `numpy.polyval`."""
     value = np.full_like(x, terms[0])
     for term in terms[1:]:
         value *= x
@@ -68,12 +72,12 @@ def _polynomial(terms: list[float], x: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """The record's clock in units of every relaxation time.
+    """Times of a record in units of every relaxation time.
 
     Parameters
     ----------
     times : FloatArray
-        Relaxation times (s), (K,), or of sets (K, sets, 1).
+        Relaxation times (s), (K,), or for parameter sets (K, sets, 1).
     time : FloatArray
         Times (s) of the record, (n,), increasing.
     """
@@ -83,12 +87,12 @@ class Clock:
 
     @cached_property
     def tau(self) -> FloatArray:
-        """Relaxation times (s) beside points, (K, 1), or of sets (K, sets, 1)."""
+        """Relaxation times (s) with an axis for the points: (K, 1), or for parameter sets (K, sets, 1)."""
         return self.times[:, None] if self.times.ndim == 1 else self.times
 
     @cached_property
     def _gaps(self) -> FloatArray:
-        """Steps (s), (n - 1,), or (1,) where all are equal."""
+        """Time steps (s) between points, (n - 1,), or (1,) where all are equal."""
         gaps = self.time[1:] - self.time[:-1]
         if gaps.max() - gaps.min() <= _EQUAL * gaps[0]:
             return np.array([(self.time[-1] - self.time[0]) / len(gaps)])
@@ -96,27 +100,27 @@ class Clock:
 
     @cached_property
     def steps(self) -> FloatArray:
-        """Steps over relaxation times, (K, ..., n - 1), or (K, ..., 1) where all steps are equal."""
+        """Time steps over relaxation times, (K, ..., n - 1), or (K, ..., 1) where all steps are equal."""
         return np.asarray(self._gaps / self.tau)
 
     @cached_property
     def decay(self) -> FloatArray:
-        """Share of an exponential that is left after each step, of the shape of `steps`."""
+        """Share of an exponential left after each step, exp(-step/tau), of the shape of `steps`."""
         return np.exp(-self.steps)
 
     @cached_property
     def even(self) -> FloatArray:
-        """g1 of each step, of the shape of `steps`."""
+        """g1 (see `even`) of each step, of the shape of `steps`."""
         return even(self.steps)
 
     @cached_property
     def curved(self) -> FloatArray:
-        """g2 of each step, of the shape of `steps`."""
+        """g2 (see `curved`) of each step, of the shape of `steps`."""
         return curved(self.steps, self.even)
 
     @cached_property
     def _decays(self) -> FloatArray:
-        """Share that is left after any number of equal steps, (K, ..., n)."""
+        """Share of each exponential left after 0, 1, 2, ... equal steps, (K, ..., n)."""
         count = len(self.time)
         inner = np.exp(-self.steps * np.arange(_ROW))
         outer = np.exp(-self.steps * np.arange(0, count, _ROW))
@@ -124,14 +128,14 @@ class Clock:
         return powers.reshape(*self.steps.shape[:-1], -1)[..., :count]
 
     def since(self, number: int) -> FloatArray:
-        """Share left at every later point of what was there at point `number`, (K, ..., n - number - 1)."""
+        """exp(-(t - t_number)/tau) at every point after number `number`, (K, ..., n - number - 1)."""
         later = slice(number + 1, None)
         if self._gaps.size == 1:
             return np.asarray(self._decays[..., 1 : len(self.time) - number])
         return np.asarray(np.exp((self.time[number] - self.time[later]) / self.tau))
 
     def lags(self, number: int) -> FloatArray:
-        """exp(-|t - t_number| / tau) at every point, (K, ..., n)."""
+        """exp(-|t - t_number| / tau) at every point of the record, (K, ..., n)."""
         if self._gaps.size == 1:
             powers = self._decays
             return np.concatenate((powers[..., number:0:-1], powers[..., : len(self.time) - number]), axis=-1)
@@ -139,7 +143,7 @@ class Clock:
 
     @cached_property
     def _slow(self) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
-        """Which exponentials the record is not too long for, (K, ...), their exp(t / tau), and its inverse."""
+        """Mask (K, ...) of exponentials whose exp(t/tau) does not overflow, that factor, and its inverse."""
         total = (self.time[-1] - self.time[0]) / self.tau
         slow = total[..., 0] < _LONG
         regular = self._gaps.size == 1
@@ -148,7 +152,7 @@ class Clock:
 
     @cached_property
     def _grown_and_left(self) -> tuple[FloatArray, FloatArray] | None:
-        """Both of `_slow`, (K, ..., n), where the record is not too long for any."""
+        """exp(t/tau) and its inverse, each (K, ..., n); None if it would overflow for any exponential."""
         slow, *both = self._slow
         if not slow.all():
             return None
@@ -156,10 +160,10 @@ class Clock:
         return grown, left
 
     def summed(self, z: FloatArray) -> FloatArray:
-        """Solve z_{n+1} = decay_n z_n + added_n in place, (K, ..., n), from z_0 and what was added, in that order.
+        """Solve z_{n+1} = decay_n z_n + added_n, in place; `z` (K, ..., n) holds z_0 and the terms added.
 
-        z exp(t / tau) is a sum of what was added. Where that factor would leave the floats, of the past only the
-        last steps count, and passes that see twice as far back each end after some.
+        z exp(t / tau) is a cumulative sum of the terms. Where that factor would overflow, only the last steps of
+        the past matter, and the sum is done in passes that each look back twice as far.
         """
         count = z.shape[-1]
         if self._grown_and_left is not None:
@@ -177,7 +181,7 @@ class Clock:
 
 
 def _doubled(z: FloatArray, decay: FloatArray) -> FloatArray:
-    """The sum for rows (r, n), by passes of which each doubles how far back a point has seen."""
+    """Solve the recursion of `Clock.summed` for rows (r, n), in passes that each double how far back they look."""
     factor, reach = np.broadcast_to(decay, (len(z), z.shape[1] - 1)), 1
     while reach < z.shape[1]:
         # The right-hand side is computed before it is stored: no pass sees its own results.
@@ -192,14 +196,14 @@ def _doubled(z: FloatArray, decay: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """The exponentials of a relaxation along a record.
+    """Hereditary integrals of a relaxation along a record.
 
     Parameters
     ----------
     modes : Modes or ModesOfSets
         Of the relaxation.
     clock : Clock
-        The record's, in units of their times.
+        Times of the record in units of the relaxation times.
     """
 
     modes: Modes | ModesOfSets
@@ -207,7 +211,7 @@ class Memory:
 
     @classmethod
     def of(cls, modes: Modes | ModesOfSets, time: FloatArray) -> Self:
-        """Memory along a record of these times (s), (n,), increasing."""
+        """Memory of a relaxation with these modes along a record with times (s), (n,), increasing."""
         return cls(modes, Clock(modes.times, time))
 
     @property
@@ -217,24 +221,24 @@ class Memory:
 
     @property
     def tau(self) -> FloatArray:
-        """Relaxation times (s) beside points, (K, 1), or of sets (K, sets, 1)."""
+        """Relaxation times (s) with an axis for the points: (K, 1), or for parameter sets (K, sets, 1)."""
         return self.clock.tau
 
     def weighted(self, parts: FloatArray) -> FloatArray:
-        """sum_k weight_k parts_k, (..., n)."""
+        """Sum over the exponentials of their weights times `parts` (K, ..., n): shape (..., n)."""
         weights = self.modes.weights
         return np.asarray(weights @ parts if weights.ndim == 1 else (weights * parts).sum(axis=0))
 
     def integrals(self, values: FloatArray, bend: FloatArray | None = None) -> FloatArray:
-        """z_k at every point, (K, ..., n), of a function of time.
+        """z_k = int exp(-(t - s)/tau_k) dF(s) at every point, (K, ..., n), of a function F of time.
 
         Parameters
         ----------
         values : FloatArray
-            At the points, or at the first n of them, (..., n); it was zero before the first.
+            F at the points, or at the first n of them, (..., n); zero before the first.
         bend : FloatArray, optional
-            4 times what the function has in the middle of each step over the mean of its ends, (..., n - 1);
-            without it the function is linear between points.
+            4 times the excess of F in the middle of each step over the mean of its ends, (..., n - 1);
+            without it F is linear between points.
         """
         clock, steps = self.clock, slice(values.shape[-1] - 1)
         z = np.empty((len(clock.times), *values.shape))
@@ -247,10 +251,12 @@ class Memory:
     def integral_slopes(
         self, z: FloatArray, values: FloatArray, bend: FloatArray | None = None
     ) -> FloatArray:
-        """dz_k / dtau_k at every point, (K, n), of the integrals `z` of these values, as in `integrals`.
+        """dz_k / dtau_k at every point, (K, n), of the integrals `z` that `integrals` gives for these arguments.
 
         With x = step / tau_k it obeys the recursion of z_k with x e^-x z_k - d x g1' - c x g2' over tau_k added,
-        where x g1' = e^-x - g1 and x g2' = e^-x - g1 - 2 g2.
+        where x g1' = e^-x - g1 and x g2' = e^-x - g1 - 2 g2, d is the step of F and c its bend.
+
+        z_k is int exp(-(t - s)/tau_k) dF(s), F the function of time.
         """
         clock, steps = self.clock, slice(values.shape[-1] - 1)
         bent = (clock.decay - clock.even)[..., steps]
@@ -263,30 +269,35 @@ class Memory:
         return clock.summed(np.concatenate((np.zeros((*added.shape[:-1], 1)), added), axis=-1))
 
     def faded(self, z: FloatArray, number: int) -> FloatArray:
-        """sum_k weight_k z_k at the points after number `number`, (..., n), of what z_k, (K, ...), it was there."""
+        """sum_k weight_k z_k at the points after number `number`, (..., n), if nothing is added after it.
+
+        `z`, (K, ...), are the integrals z_k at that point.
+
+        z_k is int exp(-(t - s)/tau_k) dF(s), F the function of time.
+        """
         left, weights = self.clock.since(number), self.modes.weights
         return np.asarray(
             (weights * z) @ left if z.ndim == 1 else (weights * z[..., None] * left).sum(axis=0)
         )
 
     def hereditary(self, values: FloatArray, bend: FloatArray | None = None) -> FloatArray:
-        """int e(t - s) dF(s) at every point, (..., n); the arguments are those of `integrals`."""
+        """int e(t - s) dF(s) at every point, (..., n), e the relaxation function; arguments as for `integrals`."""
         force = self.weighted(self.integrals(values, bend))
         force += self.modes.constant * values
         return force
 
 
 class LastMemory:
-    """The memory of the record that was asked last.
+    """Cache of the memory of the last record.
 
-    A fit asks for the same times again and again, with other depths and mostly with other weights.
+    A fit evaluates the same times again and again, with other depths and mostly with other weights.
     """
 
     def __init__(self) -> None:
         self._last: tuple[Relaxation, Modes, Memory] | None = None
 
     def of(self, relaxation: Relaxation, time: FloatArray) -> tuple[Modes, Memory]:
-        """The modes of a relaxation and their memory, along a record of these times (s), (n,)."""
+        """Modes of a relaxation, and their memory along a record with these times (s), (n,)."""
         clock = None
         if self._last is not None and np.array_equal(self._last[2].time, time):
             known, modes, memory = self._last
