@@ -334,7 +334,7 @@ def _families(skeleton: Skeleton) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _rows(skeleton: Skeleton, U: list[float], W: list[float], Pi: list[float]) -> FloatArray:
-    """Coefficients (6, 6), in powers of m, of the rows of `Decaying.at` from those of U, W and Pi/xi; d/dz is -m."""
+    """Coefficients (6, 6), in powers of m, of the rows of `Decaying.at` from those of U, W, Pi/xi; d/dz is -m."""
     rows = np.zeros((6, _DEGREE + 1))
     for row, given in ((0, U), (1, W), (4, Pi)):
         rows[row, : len(given)] = given

@@ -235,7 +235,7 @@ class Drainage(WholeHistory):
         return None if found is None else (modulus[:, None] * found[0], found[1])
 
     def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
-        """Depth (m), (n,), of a flat punch under forces (N) at times (s), (n,): creep; InputError for another tip."""
+        """Depth (m), (n,), of a flat punch under forces (N) at times (s): creep; InputError for another tip."""
         del law
         if not isinstance(self.contact, DrainingPunch):
             raise InputError(

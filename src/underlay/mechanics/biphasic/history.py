@@ -90,7 +90,7 @@ class Polyline:
 
     @property
     def in_contact(self) -> Self:
-        """This history from first contact on, with negative depths set to zero and knots where it crosses zero."""
+        """Return this history from first contact on, negative depths set to zero and knots added at crossings."""
         t, w = self.time, self.value
         crossing = np.flatnonzero(w[:-1] * w[1:] < 0.0)
         share = w[crossing] / (w[crossing] - w[crossing + 1])
@@ -144,7 +144,7 @@ class Polyline:
         return np.asarray(np.diff(self._ends)[self._slopes != 0.0])
 
     def superposed(self, response: Response, time: ArrayLike) -> FloatArray:
-        """Exact response to this history, (n,), at times (s) of a linear system with unit-step response `response`."""
+        """Exact response to this history, (n,), at times (s), of the linear system with this unit-step response."""
         t = as_finite(time, "time")
         total = np.zeros(t.shape)
         for (starts, sizes), answer in ((self.jumps, response.step), (self.bends, response.ramp)):
@@ -241,7 +241,7 @@ def _ramp(t: FloatArray, w: FloatArray, before: tuple[float, float]) -> list[tup
 
 
 def _tolerance(depth: FloatArray, share: float) -> float:
-    """Tolerance (m) for approximating a record of depths (m): 6 times its noise, at least `share` of the largest."""
+    """Tolerance (m) for approximating a record of depths (m): 6 times its noise, at least `share` of its peak."""
     second = np.abs(np.diff(depth, 2))
     ripple = float(np.median(second)) / _SECOND_DIFFERENCE if second.size else 0.0
     return max(_RIPPLES * ripple, share * float(np.abs(depth).max()))

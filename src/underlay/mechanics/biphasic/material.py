@@ -66,7 +66,7 @@ class Skeleton:
 
     @cached_property
     def drained(self) -> PlaneConstants:
-        """`PlaneConstants` of the drained skeleton, those an axisymmetric indentation sees; moduli in units of A44."""
+        """`PlaneConstants` of the drained skeleton, those that an indentation sees; moduli in units of A44."""
         return PlaneConstants(self.A13 / self.A33, 1.0 / self.A33, self.A11 - self.A13**2 / self.A33, 1.0)
 
     @cached_property

@@ -90,7 +90,7 @@ class StepWeights:
 
     @cached_property
     def tails(self) -> FloatArray:
-        """Weights omega_m, (count,), of theta xi c11 at large xi, which is 1/e*(s); 1, 0, 0, ... if not relaxing."""
+        """Weights omega_m, (count,), of theta xi c11 at large xi, which is 1/e*(s); 1, 0, 0, ... if elastic."""
         if self.modes is None:
             return np.asarray(np.eye(1, self.count)[0])
         return self._coefficients(1.0 / operational(self.modes, self._circle[2]))

@@ -164,7 +164,7 @@ class Response:
         return np.asarray(early + inside + late)
 
     def _on_spline(self, pieces: FloatArray, t: FloatArray) -> FloatArray:
-        """Evaluate a spline in ln t at times inside the table from its coefficients `pieces`, (powers, n - 1, ...)."""
+        """Evaluate a spline in ln t at times inside the table; `pieces`: coefficients, (powers, n - 1, ...)."""
         knots = np.log(self.time)
         x = np.log(t)
         place = (x - knots[0]) * ((knots.size - 1) / (knots[-1] - knots[0]))

@@ -109,7 +109,7 @@ class Stepping:
         return 1.0 if self.sudden else None
 
     def until(self, end: float) -> tuple[FloatArray, FloatArray]:
-        """Solve to time `end`, at least to the first ramp's end: times, and force over undrained force, (n,) each."""
+        """Solve to time `end`, or the first ramp's end if later; times, and force over undrained force, (n,)."""
         moved = 0.0 if self.sudden else float(self.depth.bends[0][-1])
         step = end / _LEVEL_STEPS / _COARSER if self.sudden else self._ramp_step
         last = max(end, 0.0 if self.sudden else float(self.depth.bends[0][1]))

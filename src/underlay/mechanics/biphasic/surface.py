@@ -101,7 +101,7 @@ def _downward(count: int, x: FloatArray) -> FloatArray:
 
 
 def _first(x: FloatArray, zeroth: FloatArray) -> FloatArray:
-    """Spherical Bessel function j_1(x), (n,), from j_0 (`zeroth`); by its series below 0.5, against cancellation."""
+    """Spherical Bessel function j_1(x), (n,), from j_0 (`zeroth`); below 0.5 by its series: no cancellation."""
     square = x * x
     series = (
         x
@@ -226,7 +226,7 @@ class Sampled:
         return self._places[: min(count, self._first) + whole * _PLACES]
 
     def read(self, values: NDArray[_Number], count: int) -> NDArray[_Number]:
-        """Interpolate kernels at the wavenumbers `places`, (..., places, 2, 2), to the nodes, (..., count, 2, 2)."""
+        """Interpolate kernels at the wavenumbers `places`, (..., places, 2, 2), to nodes, (..., count, 2, 2)."""
         found = np.empty((*values.shape[:-3], count, 2, 2), dtype=values.dtype)
         found[..., : self._first, :, :] = values[..., : min(count, self._first), :, :]
         for number, rows in enumerate(self._panels):
