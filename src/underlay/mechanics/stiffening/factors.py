@@ -98,14 +98,14 @@ _ERROR_OF_STIFFENING, _ERROR_OF_NEO_HOOKEAN = 0.03, (0.004, 0.007)
 
 @dataclass(frozen=True)
 class Medium:
-    """A layer on a rigid base as the factors see it.
+    """Poisson's ratio and base of a layer on a rigid base (or half-space), on which the factors depend.
 
     Parameters
     ----------
     nu : float or FloatArray
-        Poisson's ratio, 0.3 to 0.5; one for all sets, or (sets, 1).
+        Poisson's ratio, 0.3 to 0.5; one for all parameter sets, or (sets, 1).
     sliding : bool
-        Whether its base is sliding (without friction) in place of bonded; known at nu = 1/2 only.
+        Whether the layer slides on its base without friction instead of being bonded; known at nu = 1/2 only.
     """
 
     nu: PerSet
@@ -113,16 +113,20 @@ class Medium:
 
     @property
     def compressibility(self) -> PerSet:
-        """b = (1 - 2 nu)/(1 - nu): 0 at nu = 1/2."""
+        """Measure of compressibility b = (1 - 2 nu)/(1 - nu), nu Poisson's ratio: 0 at nu = 1/2."""
         return (1.0 - 2.0 * self.nu) / (1.0 - self.nu)
 
     @property
     def freedom(self) -> PerSet:
-        """f(nu): share of an incompressible layer's locking."""
+        """Factor 1/(1 + 1.78 sqrt(1 - 2 nu)) on the locking measure X (`crowding`) of an incompressible layer."""
         return 1.0 / (1.0 + _LOOSER * np.sqrt(1.0 - 2.0 * self.nu))
 
     def growth(self, bonded: FloatArray, sliding: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Series 1 + sum c_i t^i of this medium, and t times its derivative."""
+        """Growth over the half-space of a first-order integral with t = a/h, contact radius over thickness.
+
+        `bonded` and `sliding` are tables of the coefficients c_i of 1 + sum c_i t^i, one row for each tabulated nu.
+        Returns the series and t times its derivative, each in the shape of `t`.
+        """
         shares = [1.0] if self.sliding else _between(self.nu)
         table = sliding if self.sliding else bonded
         series: PerSet = 0.0
@@ -135,7 +139,7 @@ class Medium:
 
 
 def _between(nu: PerSet) -> list[PerSet]:
-    """Shares of the rows of the tables at a Poisson's ratio: a parabola in k/(k + 1/2), k = 1 - 2 nu.
+    """Interpolation weights of the three tabulated Poisson's ratios: a parabola in k/(k + 1/2), k = 1 - 2 nu.
 
     Of linear finite elements at nu 0.35, 0.4, 0.475 and 0.49 the growth of g1 is within 0.6 % for t <= 1.1
     (of those at the rows themselves within 0.4 %); in k, in b or in sqrt(k) a parabola is off by 6, 2.6 and 5
@@ -155,14 +159,14 @@ def _bent(nu: PerSet) -> PerSet:
 
 
 class Place(NamedTuple):
-    """A depth without dimensions, each (..., n).
+    """Dimensionless depth w and contact radius a of a sphere of radius R on a layer of thickness h, (..., n) each.
 
     Parameters
     ----------
     y, z : FloatArray
-        w/R and w/h.
+        Depth over radius and thickness, w/R and w/h.
     t, alpha : FloatArray
-        a/h and a/R, a the contact radius of the linear law.
+        Contact radius of the linear law over thickness and radius, a/h and a/R.
     """
 
     y: FloatArray
@@ -172,7 +176,10 @@ class Place(NamedTuple):
 
 
 class LogFactor(NamedTuple):
-    """Logarithm of a factor and its derivatives in ln y, ln z, ln t and ln alpha, each (..., n)."""
+    """Logarithm of a factor on the force, and its derivatives in ln y, ln z, ln t and ln alpha, each (..., n).
+
+    y, z, t and alpha are the dimensionless depths and contact radii of `Place`.
+    """
 
     log: FloatArray
     in_y: PerSet = 0.0
@@ -186,17 +193,17 @@ class LogFactor(NamedTuple):
         return np.asarray(np.exp(self.log))
 
     def times(self, other: LogFactor) -> LogFactor:
-        """Product of two factors."""
+        """Return the product of this and another factor on the force."""
         slopes = (mine + its for mine, its in zip(self[1:], other[1:], strict=True))
         return LogFactor(self.log + other.log, *slopes)
 
     def along_depth(self, rate: FloatArray) -> FloatArray:
-        """d ln/d ln w, `rate` being d ln a/d ln w of the linear law."""
+        """Derivative of the log factor in ln w, w depth; `rate` is d ln a/d ln w of the linear contact radius a."""
         return np.asarray(self.in_y + self.in_z + rate * (self.in_t + self.in_alpha))
 
 
 def neo_hookean(place: Place, medium: Medium) -> LogFactor:
-    """N: the force of a neo-Hookean layer over that of linear elasticity.
+    """Factor N: force of a sphere on a neo-Hookean layer over that of linear elasticity at the same depth.
 
     Between nu = 1/2 and 0.3 the two fits are mixed linearly in b = (1 - 2 nu)/(1 - nu): of the finite elements
     at nu 0.3 and 0.49, z <= 0.3, from the study of what linear elasticity leaves out (`discrepancy`), it is
@@ -218,13 +225,16 @@ def neo_hookean(place: Place, medium: Medium) -> LogFactor:
 
 
 def crowding(z: FloatArray, inverse_limit: PerSet, medium: Medium) -> FloatArray:
-    """X: how near biaxial spreading under the tip is to the locking stretch; 1 is locked."""
+    """Locking measure X (module): 0 at small strain, 1 where biaxial stretch under the tip reaches its limit.
+
+    `z` = w/h is depth over thickness, `inverse_limit` s = 1/Jm of Gent's energy.
+    """
     left = 1.0 - z
     return np.asarray((left**2 + 2.0 / left - 3.0) * inverse_limit * medium.freedom)
 
 
 def gent(place: Place, medium: Medium, inverse_limit: PerSet) -> tuple[LogFactor, FloatArray]:
-    """G: the force of a Gent layer over that of a neo-Hookean one, and d ln G/ds, each of the shape of the place.
+    """Factor G: force on a Gent layer over that on a neo-Hookean one; and d ln G/ds. Each in the shape of `place`.
 
     Parameters
     ----------
@@ -233,7 +243,7 @@ def gent(place: Place, medium: Medium, inverse_limit: PerSet) -> tuple[LogFactor
     medium : Medium
         Poisson's ratio and base of the layer.
     inverse_limit : float or FloatArray
-        s = 1/Jm, zero or more; one for all sets, or (sets, 1).
+        s = 1/Jm, Jm the limit of the first invariant, zero or more; one for all parameter sets, or (sets, 1).
 
     Raises
     ------
@@ -267,14 +277,14 @@ def gent(place: Place, medium: Medium, inverse_limit: PerSet) -> tuple[LogFactor
 
 
 def form(place: Place, medium: Medium, size: PerSet) -> tuple[LogFactor, FloatArray]:
-    """F: what another form of the strain energy does, and d ln F/dc, each of the shape of the place.
+    """Factor F of another form of the strain energy than Gent's, and d ln F/dc; each in the shape of `place`.
 
     Parameters
     ----------
     place, medium
         As of `gent`.
     size : float or FloatArray
-        c, of either sign; zero is Gent's own form. One for all sets, or (sets, 1).
+        Size c of the difference of form, of either sign; zero is Gent's. One for all parameter sets, or (sets, 1).
     """
     series, rising = medium.growth(_BONDED_FORM, _SLIDING_FORM, place.t)
     L = place.alpha * series
@@ -287,12 +297,15 @@ def form(place: Place, medium: Medium, size: PerSet) -> tuple[LogFactor, FloatAr
 
 
 def ogden_size(exponent: float, nu: float) -> float:
-    """Size c of the form that is Ogden's of this exponent (alpha; 2 is neo-Hookean), to first order."""
+    """Size c of `form` that gives Ogden's energy of this exponent (2 is neo-Hookean), to first order."""
     return float(_half_space(_FIRST_ORDER_FORM, nu)) * (exponent - 2.0)
 
 
 def known_errors(stiffening: LogFactor, medium: Medium) -> tuple[FloatArray, PerSet]:
-    """Relative standard errors of the force: of 3 % of G - 1, and of N; columns of a known error."""
+    """Relative standard errors of the force due to G (3 % of G - 1) and due to N, of finite strain.
+
+    `stiffening` is the factor G at the depths; the first error has its shape, the second that of Poisson's ratio.
+    """
     incompressible, compressible = _ERROR_OF_NEO_HOOKEAN
     share = medium.compressibility / _COMPRESSIBILITY
     own = _ERROR_OF_STIFFENING * -np.expm1(-stiffening.log)
@@ -300,7 +313,7 @@ def known_errors(stiffening: LogFactor, medium: Medium) -> tuple[FloatArray, Per
 
 
 def _half_space(polynomial: tuple[float, ...], nu: PerSet) -> PerSet:
-    """First-order constant of a half-space: a polynomial in k = 1 - 2 nu over (1 + k)^(its degree - 1)."""
+    """First-order integral of a half-space: the polynomial in k = 1 - 2 nu over (1 + k)^(its degree - 1)."""
     k = 1.0 - 2.0 * nu
     total: PerSet = 0.0
     for coefficient in reversed(polynomial):

@@ -36,7 +36,10 @@ _PLACES = 128
 
 
 class GradualDepth(NamedTuple):
-    """Depth (m) at which to ask the law, its slopes in depth and (m) in ln(standard deviation), (..., n)."""
+    """Equivalent depth u (m) of a gradual contact (module), its derivative in the depth w, and that (m) in ln d.
+
+    d is the standard deviation of the heights; each is (..., n).
+    """
 
     depth: FloatArray
     slope: FloatArray
@@ -44,8 +47,9 @@ class GradualDepth(NamedTuple):
 
 
 def gradual_depth(depth: FloatArray, spread: PerSet) -> GradualDepth:
-    """Where to ask a law for the force at depths (m) under heights of standard deviation `spread` (m, positive).
+    """Equivalent depth u(w) (module): the law's force there is the mean force of a gradual contact at depth w.
 
+    `depth` is w (m), (..., n); `spread` the standard deviation (m, positive) of the heights of contact.
     Depths are counted from the mean height, and are above `FIRST_TOUCH` times `spread`.
     """
     x = depth / spread
@@ -60,26 +64,29 @@ def gradual_depth(depth: FloatArray, spread: PerSet) -> GradualDepth:
 
 @cache
 def _near() -> interpolate.CubicHermiteSpline:
-    """ln(u/d) against w/d, from the first touch on."""
+    """Interpolant of ln(u/d) over w/d: u equivalent depth, w depth, d standard deviation of the heights."""
     x = np.linspace(FIRST_TOUCH, _FAR, round((_FAR - FIRST_TOUCH) * _PLACES) + 1)
     asked, slope = _power_mean(moment(x, _POWER), moment(x, _POWER - 1.0))
     return interpolate.CubicHermiteSpline(x, np.log(asked), slope / asked)
 
 
 def _power_mean(mean: FloatArray, below: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """u/d and its slope from M_m and M_(m-1)."""
+    """Equivalent depth over standard deviation, u/d, and its derivative in w/d, from moments M_m and M_(m-1)."""
     asked = mean ** (1.0 / _POWER)
     return asked, np.asarray(asked * below / mean)
 
 
 def moment(x: FloatArray, power: float) -> FloatArray:
-    """E[max(x - Z, 0)^power] of a standard normal Z, |x| up to 50."""
+    """Partial moment E[max(x - Z, 0)^power], (n,), of a standard normal Z, for |x| up to 50."""
     scale = special.gamma(power + 1.0) / np.sqrt(2.0 * np.pi)
     return np.asarray(scale * np.exp(-0.25 * x**2) * special.pbdv(-power - 1.0, -x)[0], dtype=np.float64)
 
 
 def series_moment(x: FloatArray, power: float) -> FloatArray:
-    """E[max(x - Z, 0)^m] for x from 12 on, m = `power`: x^m times sum_j binomial(m, 2 j) (2 j - 1)!!/x^(2 j)."""
+    """Partial moment E[max(x - Z, 0)^m] for x >= 12, m = `power`: x^m sum_j binomial(m, 2 j) (2 j - 1)!!/x^(2 j).
+
+    Z is standard normal.
+    """
     orders = np.arange(_TERMS)
     moments = 2.0**orders * special.gamma(orders + 0.5) / np.sqrt(np.pi)
     terms = special.binom(power, 2 * orders) * moments

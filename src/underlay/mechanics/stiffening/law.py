@@ -40,12 +40,14 @@ MARGIN = 1.0 + 3.0 * _STEP
 
 @dataclass(frozen=True)
 class FormUnknown:
-    """A depth on a layer at which the form of the energy matters more than its size c says.
+    """Warning of a contact law: so deep on a layer, the form of the energy matters more than its size c allows for.
+
+    Another form of the strain energy would then give another modulus; c is `StiffLayer.form`.
 
     Parameters
     ----------
     ratio : float
-        w/h.
+        Depth over thickness, w/h.
     """
 
     ratio: float
@@ -59,31 +61,31 @@ class FormUnknown:
 
 
 class Linear(Protocol):
-    """What is asked of the linear law of a sphere, at depths (m), (..., n), in contact."""
+    """What `StiffLayer` needs of the linear elastic law of a sphere, at depths (m), (..., n), in contact."""
 
     def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) and dP/dw (N/m)."""
+        """Force P (N) and stiffness dP/dw (N/m), (..., n) each, at depths w (m)."""
 
     def force(self, depth: FloatArray) -> FloatArray:
-        """Force (N)."""
+        """Force (N), (..., n), at depths (m)."""
 
     def contact_radius(self, depth: FloatArray) -> FloatArray:
-        """Contact radius (m)."""
+        """Contact radius (m), (..., n), at depths (m)."""
 
 
 class Pressed(NamedTuple):
-    """Where the linear law is asked, and what it and its factors say there, each (..., n).
+    """Force, stiffness and what they were computed from, at given depths of the tip, each (..., n).
 
     Parameters
     ----------
     asked : GradualDepth
-        Depth (m) that gradual contact makes of the tip's.
+        Equivalent depth (m), at which the linear law is evaluated where contact is gradual.
     place : Place
-        The same without dimensions.
+        Dimensionless depth and contact radius there.
     force, stiffness : FloatArray
-        N and N/m, factors in.
+        Force (N) and stiffness (N/m), all factors included.
     in_limit : FloatArray
-        d ln G/ds.
+        Derivative d ln G/ds of the stiffening factor G, s = 1/Jm.
     """
 
     asked: GradualDepth
@@ -95,18 +97,18 @@ class Pressed(NamedTuple):
 
 @dataclass(frozen=True)
 class StiffLayer(OnLaw):
-    """Factors of one contact, or of many: numbers then are (sets, 1).
+    """Factors by which stiffening changes the linear law of a sphere; parameters (sets, 1) for many contacts.
 
     Parameters
     ----------
     radius, thickness : float or FloatArray
-        R and h (m); h infinite for a half-space.
+        Radius R of the sphere and thickness h of the layer (m); h infinite for a half-space.
     medium : Medium
-        Poisson's ratio and base.
+        Poisson's ratio and base of the layer.
     inverse_limit : float or FloatArray
-        s = 1/Jm.
+        s = 1/Jm, the inverse limit of the first invariant in Gent's energy.
     form : float or FloatArray, default 0
-        Size c of the form of the energy.
+        Size c of the difference from Gent's form of energy (`factors.form`).
     spread : float or FloatArray, default 0
         Standard deviation (m) of the heights of a gradual contact.
     """
@@ -119,17 +121,17 @@ class StiffLayer(OnLaw):
     spread: PerSet = 0.0
 
     def asked(self, depth: FloatArray) -> GradualDepth:
-        """Depths to ask for; the depths themselves where contact is not gradual."""
+        """Equivalent depths (m) at which to evaluate the linear law; `depth` itself where contact is not gradual."""
         if not np.any(self.spread):
             return GradualDepth(depth, np.ones_like(depth), np.zeros_like(depth))
         return gradual_depth(depth, self.spread)
 
     def place(self, depth: FloatArray, wide: FloatArray) -> Place:
-        """Depths and contact radii of the linear law (m) without dimensions."""
+        """Make depths and linear contact radii `wide` (m), (..., n), dimensionless, by radius and thickness."""
         return Place(depth / self.radius, depth / self.thickness, wide / self.thickness, wide / self.radius)
 
     def factor(self, place: Place) -> tuple[LogFactor, FloatArray]:
-        """N G F, and d ln G/ds."""
+        """Product N G F of the factors (neo-Hookean, stiffening, form), and d ln G/ds, s = 1/Jm."""
         stiff, in_limit = gent(place, self.medium, self.inverse_limit)
         found = neo_hookean(place, self.medium).times(stiff)
         if np.any(self.form):
@@ -137,13 +139,13 @@ class StiffLayer(OnLaw):
         return found, in_limit
 
     def force(self, linear: Linear, depth: FloatArray) -> FloatArray:
-        """Force (N) alone, (..., n): a third of the work."""
+        """Force (N), (..., n), at depths (m) in contact, without derivatives: a third of the work of `pressed`."""
         asked = self.asked(depth).depth
         factor, _ = self.factor(self.place(asked, linear.contact_radius(asked)))
         return np.asarray(linear.force(asked) * factor.value)
 
     def pressed(self, linear: Linear, depth: FloatArray) -> Pressed:
-        """Forces, stiffnesses and slopes at depths (m), (..., n), in contact."""
+        """Force, stiffness and intermediate results at depths (m), (..., n), in contact, from the linear law."""
         asked = self.asked(depth)
         steps = np.exp(_STEP * _STENCIL).reshape(-1, *(1,) * depth.ndim)
         wide = linear.contact_radius(asked.depth * steps)
@@ -156,7 +158,10 @@ class StiffLayer(OnLaw):
         return Pressed(asked, place, force * value, asked.slope * (slope + rising) * value, in_limit)
 
     def slope(self, name: str, found: Pressed) -> FloatArray:
-        """dP/ds, dP/dc or dP/d(spread) (N, N/m) at fixed depth, (..., n), by the name `Gent` has for it."""
+        """Derivative of the force at fixed depth, (..., n), in one parameter of `Gent`, by its field name.
+
+        In ``inverse_limit`` and ``form`` (N), or in ``height_spread`` (N/m).
+        """
         if name == "inverse_limit":
             return found.force * found.in_limit
         if name == "form":
@@ -166,7 +171,7 @@ class StiffLayer(OnLaw):
         return found.stiffness / found.asked.slope * found.asked.in_spread / self.spread
 
     def law(self, inner: Callable[[float], ContactLaw], max_depth: float) -> StiffeningLaw:
-        """Law of the contact for depths up to `max_depth` (m), from the linear one.
+        """Build the law for depths up to `max_depth` (m); `inner` builds the linear law up to a depth (m).
 
         Raises
         ------
@@ -203,14 +208,16 @@ class StiffLayer(OnLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class StiffeningLaw(ContactLaw):
-    """P(w) = P_linear(u) N G F at u, the depth that gradual contact makes of w.
+    """Contact law of a sphere on a stiffening layer: P(w) = P_linear(u) N G F (module `factors`).
+
+    w is the depth, u the equivalent depth where contact is gradual (else w).
 
     Parameters
     ----------
     linear : ContactLaw
-        Of the sphere on the layer in linear elasticity; it reaches a little deeper than `max_depth`.
+        Linear elastic law of the sphere on the layer; it reaches a little deeper than `max_depth`.
     layer : StiffLayer
-        The factors.
+        The factors N (neo-Hookean), G (stiffening) and F (form of the energy).
     """
 
     linear: ContactLaw
@@ -219,26 +226,26 @@ class StiffeningLaw(ContactLaw):
 
     @property
     def domain(self) -> tuple[float, float]:
-        """From the first touch, above the mean height where contact is gradual, to `max_depth` (m)."""
+        """Smallest and largest depth (m): first touch, negative where contact is gradual, and `max_depth`."""
         return FIRST_TOUCH * float(self.layer.spread), self.max_depth
 
     @property
     def nodes(self) -> int | None:
-        """Radial nodes of the linear law."""
+        """Number of radial nodes of the linear law; None where it was not solved on nodes."""
         return self.linear.nodes
 
     @property
     def linear_law(self) -> ContactLaw:
-        """The law of linear elasticity underneath."""
+        """The linear elastic law on which the factors are put."""
         return self.linear
 
     def stiffening(self, depth: FloatArray) -> FloatArray:
-        """G at depths (m) in contact, (n,)."""
+        """Stiffening factor G, (n,), at depths (m) in contact: force over that of a neo-Hookean layer."""
         place = self._place(self.layer.asked(depth).depth)
         return gent(place, self.layer.medium, self.layer.inverse_limit)[0].value
 
     def known_errors(self, depth: FloatArray) -> dict[str, FloatArray]:
-        """Standard errors (N) of the force at depths (m), each (n,), by what they are errors of."""
+        """Standard errors (N) of the force at depths (m), (n,) each, by source: "stiffening", "finite strain"."""
         rows = self._in_contact(depth, self._known_errors, 2)
         return {"stiffening": rows[0], "finite strain": rows[1]}
 
@@ -249,11 +256,11 @@ class StiffeningLaw(ContactLaw):
         return np.asarray(found.force * np.stack((stiffening, np.broadcast_to(soft, stiffening.shape))))
 
     def own_slope(self, name: str, depth: FloatArray) -> FloatArray:
-        """dP/ds, dP/dc or dP/d(spread) at fixed depths (m), (n,), by its name in `Gent`; 0 before contact."""
+        """Derivative (SI), (n,), of the force in a field of `Gent` at depths (m), (n,); 0 before contact."""
         return self._in_contact(depth, lambda w: self.layer.slope(name, self._pressed(w)))
 
     def _pressed(self, depth: FloatArray) -> Pressed:
-        """Forces and slopes at depths (m) in contact, (n,); those asked last are kept: derivatives ask the same."""
+        """`StiffLayer.pressed` at depths (m) in contact, (n,); the last result is cached for derivatives."""
         key = depth.tobytes()
         if key not in self._last:
             self._last.clear()
@@ -298,14 +305,14 @@ class Gent(Stiffening):
     inverse_limit : float
         1/Jm, zero or more; zero is neo-Hookean. Soft tissue 0.02 to 12, gels and rubber about 0.1.
     form : float, default 0
-        Size of what another form of the strain energy does; 0 is Gent's, 0.3 Ogden's of exponent -7.
+        Size c of the difference of another form of strain energy; 0 is Gent's, 0.3 is Ogden's of exponent -7.
     height_spread : float, default 0
-        Standard deviation (m) of the heights at which tip and surface meet: a contact that is made gradually.
+        Standard deviation (m) of the heights at which tip and surface meet; above 0 contact is made gradually.
 
     Raises
     ------
     InputError
-        If 1/Jm is negative, since no energy softens so, or the spread of heights is.
+        If 1/Jm is negative, as softening is not simulated, or the spread of heights is.
 
     Examples
     --------
@@ -354,18 +361,21 @@ class Gent(Stiffening):
 
     @classmethod
     def locking_at(cls, stretch: float) -> Self:
-        """Layer that locks at this stretch (above 1) in uniaxial tension: Jm = stretch^2 + 2/stretch - 3."""
+        """Make a `Gent` that locks at this uniaxial stretch (above 1): Jm = stretch^2 + 2/stretch - 3."""
         if not stretch > 1.0:
             raise InputError(f"a locking stretch is above 1; got {stretch!r}")
         return cls(1.0 / (stretch**2 + 2.0 / stretch - 3.0))
 
     @property
     def unstiffened(self) -> Self:
-        """The neo-Hookean layer."""
+        """The same with 1/Jm = 0: a neo-Hookean layer, which does not stiffen."""
         return replace(self, inverse_limit=0.0)
 
     def on(self, indenter: Any, layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> StiffLayer:
-        """Factors on the law of an indenter on a layer on a base; refuses what was not measured.
+        """Return the factors for an indenter on a layer on a base; InputError for contacts they are not known for.
+
+        `beside` says which other effects the test has: keys "friction", "adhesion", "history", "small strains" and
+        "discrepancy", True where present.
 
         Raises
         ------
@@ -380,16 +390,16 @@ class Gent(Stiffening):
 
 
 def at_values(values: Mapping[str, PerSet], *, sliding: bool, layered: bool) -> StiffLayer:
-    """Factors of a layer at the numbers of a scene (SI).
+    """Return the factors of stiffening at the parameter values of a scene (SI).
 
     Parameters
     ----------
     values : mapping
-        Numbers by path, floats or (sets, 1) where they vary.
+        Parameter values by path, such as "layer.nu"; floats, or (sets, 1) where they differ between sets.
     sliding : bool
-        Whether the base is sliding in place of bonded.
+        Whether the layer slides on its base without friction instead of being bonded.
     layered : bool
-        Whether there is a base; a half-space otherwise.
+        Whether there is a base; otherwise the layer is a half-space.
     """
     return StiffLayer(
         values["indenter.radius"],

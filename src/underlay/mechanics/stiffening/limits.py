@@ -50,9 +50,10 @@ def require_known(
     base: Body | None,
     beside: Mapping[str, bool],
 ) -> Medium:
-    """Refuse a test for which no stiffening was measured; else what the factors see of its layer.
+    """Check that stiffening is known for a test and return the `Medium` (Poisson's ratio and base) of its layer.
 
-    `beside` as in `Stiffening.on`.
+    `beside` says which other effects the test has: keys "friction", "adhesion", "history", "small strains" and
+    "discrepancy", True where present; each is refused.
 
     Raises
     ------
@@ -115,7 +116,7 @@ def _require_sphere(indenter: Indenter, *, layered: bool) -> None:
 
 
 class Reach(NamedTuple):
-    """How far a depth goes: quantity, its value, the end of what is known of it."""
+    """A quantity that limits the depth (such as "w/h"): its name, its value, and the end of its known range."""
 
     name: str
     value: float
@@ -123,25 +124,24 @@ class Reach(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Quantity over the end of what is known of it; above 1 it is beyond."""
+        """Value over the end of its known range; above 1 the factors are not known."""
         return self.value / self.end
 
 
 def largest_by_depth(radius: PerSet, thickness: PerSet) -> PerSet:
-    """Largest depth (m) that is known by itself, whatever contact radius and stiffening are."""
+    """Largest depth (m) by the limits on w/R and w/h alone: 0.6 of the radius or 0.3 of the thickness."""
     return np.minimum(_MOST_DEPTH_IN_RADII * radius, _MOST_DEPTH_IN_THICKNESS * thickness)
 
 
 def require_reach(
     place_at: Callable[[float], Place], depth: float, medium: Medium, inverse_limit: float
 ) -> None:
-    """Refuse a depth (m) beyond what is known, with the largest that is not.
+    """Refuse a depth (m) at which the factors are not known; the error gives the largest depth that works.
 
     Parameters
     ----------
     place_at : callable
-        The place (of one point) of a depth (m) up to the smaller of `depth` and `largest_by_depth`; deeper, t
-        and alpha are not asked for.
+        Gives the `Place` (of one point) of a depth (m); its t and alpha are used only up to `largest_by_depth`.
     depth : float
         Largest depth wanted (m).
     medium, inverse_limit
@@ -173,7 +173,7 @@ def require_reach(
 
 
 def within_reach(place: Place, medium: Medium, inverse_limit: PerSet) -> NDArray[np.bool_]:
-    """Whether deepest places, (sets, 1), are within what is known, (sets, 1)."""
+    """Mask, (sets, 1), of parameter sets whose deepest `place`, (sets, 1), is in the factors' known range."""
     ends = (_MOST_DEPTH_IN_RADII, _MOST_DEPTH_IN_THICKNESS, _MOST_WIDTH)
     inside = [number <= end * _ROUNDING for number, end in zip(place[:3], ends, strict=True)]
     locked = crowding(np.minimum(place.z, _MOST_DEPTH_IN_THICKNESS), inverse_limit, medium)
@@ -183,7 +183,10 @@ def within_reach(place: Place, medium: Medium, inverse_limit: PerSet) -> NDArray
 
 
 def _farthest(place: Place, medium: Medium, inverse_limit: float) -> Reach:
-    """The quantity that is farthest into its range; those that need the law are asked where the others allow it."""
+    """Return the quantity that is farthest into, or beyond, its range.
+
+    a/h, X and G are evaluated only if w/R and w/h are within theirs.
+    """
     y, z = float(place.y[0]), float(place.z[0])
     plain = [
         Reach("w/R", y, _MOST_DEPTH_IN_RADII),
