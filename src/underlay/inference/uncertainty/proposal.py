@@ -28,7 +28,11 @@ _PROMISED = 4.0  # nats that a hypothesis may gain beside a node: further the co
 
 @dataclass(frozen=True, eq=False)
 class Conditional:
-    """Every hypothesis at one node, the coordinate held: evidence (m,), middles (m, q), factors (m, q, q)."""
+    """Normal approximation across the ridge at one node, for each of m hypotheses about noise and disturbances.
+
+    `place` is the value of the coordinate there, `evidence` (m,) the log of the density integrated over the q other
+    entries, `middles` (m, q) their means and `factors` (m, q, q) the Cholesky factors of their covariances.
+    """
 
     place: float
     evidence: FloatArray
@@ -39,7 +43,7 @@ class Conditional:
 def conditionals(
     density: Density, nodes: Sequence[Node], coordinate: int, chosen: Sequence[int]
 ) -> list[Conditional]:
-    """Conditionals of some hypotheses at the nodes; entries that do not act are left at the node's."""
+    """Return the `Conditional` at each node for the hypotheses `chosen`, with entry `coordinate` held fixed."""
     return [_conditional(density.local(node.places), density, node, coordinate, chosen) for node in nodes]
 
 
@@ -72,25 +76,26 @@ def _conditional(
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """Draws of some hypotheses along one ridge.
+    """Proposal distribution of importance sampling along one ridge, for m hypotheses.
+
+    The coordinate along the ridge has a histogram, the other entries a Student distribution about the ridge.
 
     Parameters
     ----------
     entries : FloatArray
-        Entries of the vector that are drawn across the ridge, (q,).
+        Indices of the entries of the scaled vector that are drawn across the ridge, (q,).
     coordinate : int
-        The entry along the ridge.
+        Index of the entry along the ridge.
     edges : FloatArray
-        Cells of the coordinate, (cells + 1,).
+        Edges of the cells of the histogram of the coordinate, (cells + 1,).
     cells : FloatArray
         Probability of each cell under each hypothesis, (m, cells).
     shares : FloatArray
-        Logarithms of the probabilities of the hypotheses, (m,), not normalised: with those of other ridges they
-        are.
+        Logarithms of the probabilities of the hypotheses, (m,); they are normalised together with other ridges'.
     nodes : list of Conditional
-        The nodes between which it interpolates.
+        Nodes between which means and factors are interpolated.
     rest : FloatArray
-        Scaled vector (k,) whose entries that do not act are kept.
+        Scaled vector (k,) that gives the entries that are not drawn.
     """
 
     entries: NDArray[np.intp]
@@ -110,7 +115,7 @@ class Proposal:
         chosen: Sequence[int],
         bounds: tuple[float, float],
     ) -> Proposal:
-        """Interpolate the conditionals of some hypotheses between nodes."""
+        """Make the proposal of the hypotheses `chosen` from nodes on a ridge; `bounds` limit the coordinate."""
         found = conditionals(density, nodes, coordinate, chosen)
         places = np.array([own.place for own in found])
         low = max(places[0] - _BEYOND * (places[1] - places[0]), bounds[0])
@@ -128,7 +133,7 @@ class Proposal:
         return cls(entries, coordinate, edges, cells, top + log_shares, found, density.likelihood.fit.vector)
 
     def draw(self, own: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
-        """Draw vectors (n, k), one of each hypothesis whose number `own` (n,) holds."""
+        """Draw scaled vectors (n, k), the i-th under the hypothesis of index `own[i]`."""
         u = rng.uniform(size=len(own))
         cumulated = np.cumsum(self.cells, axis=1)
         cell = np.minimum((cumulated[own] < u[:, None]).sum(axis=1), _CELLS - 1)
@@ -142,7 +147,7 @@ class Proposal:
         return vectors
 
     def log_densities(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (n, m) of vectors (n, k) under each hypothesis."""
+        """Log-density (n, m) of the proposal at scaled vectors (n, k), under each of the m hypotheses."""
         place, width = vectors[:, self.coordinate], self.edges[1] - self.edges[0]
         cell = np.floor((place - self.edges[0]) / width).astype(int)
         inside = (cell >= 0) & (cell < _CELLS)
@@ -160,7 +165,10 @@ class Proposal:
         return np.where(inside[:, None], along + across, -np.inf)
 
     def _across(self, place: FloatArray, own: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Middles (n, h, q) and factors (n, h, q, q) at places (n,) of hypotheses (n, h)."""
+        """Means (n, h, q) and Cholesky factors (n, h, q, q) across the ridge.
+
+        `place` (n,) are values of the coordinate, `own` (n, h) or (n, 1) indices of hypotheses.
+        """
         places = np.array([node.place for node in self.nodes])
         middles = self._middles(place, places)
         index = np.clip(np.searchsorted(places, place) - 1, 0, len(places) - 2)

@@ -38,16 +38,19 @@ _HELD = 1e-9  # deviation below which an entry was held, on a bound
 
 @dataclass(frozen=True, eq=False)
 class RidgePath:
-    """Places along a ridge, the other entries as the heaviest hypothesis has them.
+    """Points along a ridge of the density, with the covariance across it.
+
+    A ridge is the curve on which one entry of the scaled vector, the coordinate, is stepped and the others are
+    optimal; here as the most probable hypothesis about noise and disturbances has them.
 
     Parameters
     ----------
     vectors : FloatArray
-        Scaled, (p, k), in order of the coordinate.
+        Scaled vectors of the points, (p, k), in order of the coordinate.
     levels : FloatArray
-        `Density.log` there, (p,).
+        Log-density (`Density.log`) at these, (p,).
     covariances : FloatArray
-        Of the other entries while the coordinate is held, (p, k, k).
+        Covariance of the other entries at a fixed coordinate, (p, k, k); zero for the coordinate itself.
     """
 
     vectors: FloatArray
@@ -56,7 +59,7 @@ class RidgePath:
 
     @classmethod
     def of(cls, density: Density, proposal: Proposal) -> RidgePath:
-        """Path of the ridge that a proposal follows."""
+        """Make the path from the nodes of the proposal distribution along that ridge."""
         low, high = density.likelihood.fit.problem.bounds.T
         vectors = np.tile(proposal.rest, (len(proposal.nodes), 1))
         covariances = np.zeros((*vectors.shape, vectors.shape[1]))
@@ -69,10 +72,12 @@ class RidgePath:
         return cls(vectors, density.log(vectors), covariances)
 
     def edge(self, top: float, drop: float) -> FloatArray:
-        """Scaled vectors (m, k) at the edge of what lies no more than `drop` below `top`: every entry's extremes.
+        """Scaled vectors (m, k) at the edge of the region whose log-density is at least `top - drop`.
 
-        Across the ridge the density is normal. Along it, between a place within and one beyond, the root of what is
-        lost goes straight, as for a parabola.
+        They include the extremes of every entry.
+
+        Across the ridge the density is normal. Along it, between a point within and one beyond, the square root of
+        the drop is interpolated linearly, as is exact for a parabola.
         """
         lost = top - self.levels
         inside = lost <= drop
@@ -93,7 +98,7 @@ class RidgePath:
 
 @dataclass(frozen=True, eq=False)
 class Ridge:
-    """Weighted draws along a ridge.
+    """Weighted draws of the scaled vector from the density of a fit, begun along one or several ridges.
 
     Parameters
     ----------
@@ -108,17 +113,17 @@ class Ridge:
     coordinate : int
         The entry along which the ridge was walked.
     ends : tuple of float
-        Log of the density at the first and at the last node of any ridge, the others integrated out, less its top.
+        Log-density at the first and at the last node of the ridges, other entries integrated out, less its maximum.
     bounds : FloatArray
         Bounds of the scaled vector, (k, 2).
     rounds : int
-        How many further rounds of draws there were.
+        Number of further rounds of draws.
     failed : int
-        Draws inside the bounds for which there was no law.
+        Number of draws inside the bounds that have no contact law.
     source : Source
-        What the first draws came from.
+        Distribution of the first round of draws.
     paths : sequence of RidgePath
-        One a ridge.
+        One for each ridge.
     """
 
     draws: FloatArray
@@ -136,16 +141,20 @@ class Ridge:
     paths: Sequence[RidgePath]
 
     def edge(self, level: float) -> FloatArray:
-        """Scaled vectors (m, k) at the edge of what is within the level's drop of the top of the ridges."""
+        """Scaled vectors (m, k) at the edge of the confidence region of `level` (0.95, say), for one parameter.
+
+        The region is where the log-density is within half the chi-square quantile of its maximum on the ridges.
+        """
         drop = 0.5 * float(chdtri(1.0, 1.0 - level))
         top = max(float(path.levels.max()) for path in self.paths)
         found = np.concatenate([path.edge(top, drop) for path in self.paths])
         return np.asarray(np.clip(found, self.bounds[:, 0], self.bounds[:, 1]))
 
     def open_ends(self, index: int, level: float) -> tuple[bool, bool]:
-        """Whether the likelihood at the ends of entry `index` is within the level's drop of its top.
+        """Whether the interval of entry `index` at confidence `level` is open below and above.
 
-        The end is a bound, or where a walk stopped that has none.
+        An end is open if at a bound, or where the walk along the ridge stopped, the likelihood is still within half
+        the chi-square quantile of its maximum.
         """
         drop = 0.5 * float(chdtri(1.0, 1.0 - level))
         low, high = (self._at_bound(index, side, drop) for side in (0, 1))
@@ -154,9 +163,9 @@ class Ridge:
         return low, high
 
     def _at_bound(self, index: int, side: int, drop: float) -> bool:
-        """Whether the density of the draws in the bin at a bound is within `drop` nats of its top.
+        """Whether the histogram of the draws of entry `index` at a bound is within `drop` nats of its maximum.
 
-        A priori it is even between bounds.
+        `side` is 0 for the lower bound, 1 for the upper. A priori the density is even between bounds.
         """
         values, bound = self.draws[:, index], self.bounds[index, side]
         if not np.isfinite(bound):
@@ -170,16 +179,16 @@ class Ridge:
 
 @dataclass(frozen=True, eq=False)
 class Ridges:
-    """Ridges of a likelihood, from which its draws begin: its density, which knows their bends, and their nodes.
+    """Ridges of a likelihood, along which the first draws are made: the density, and nodes on each ridge.
 
     Parameters
     ----------
     density : Density
-        Density of the scaled vector.
+        Density of the scaled vector, with directions in which the model curves along the ridge.
     coordinate : int
-        The entry along which ridges were walked.
+        Index of the entry along which the ridges were walked.
     groups : sequence of sequence of int
-        Hypotheses that share a ridge.
+        Indices of the hypotheses about noise and disturbances that share a ridge.
     nodes : sequence of sequence of Node
         Nodes of each group, in order of the coordinate.
     """
@@ -191,7 +200,7 @@ class Ridges:
 
     @classmethod
     def of(cls, likelihood: Weighed) -> Ridges:
-        """Walk the ridge of the entry least fixed.
+        """Walk the ridges of a likelihood along its least determined non-linear entry.
 
         Raises
         ------
@@ -207,7 +216,7 @@ class Ridges:
 
     @property
     def proposals(self) -> list[Proposal]:
-        """Proposals of draws, one for each group of hypotheses."""
+        """Proposal distributions along the ridges, one for each group of hypotheses."""
         low, high = self.density.likelihood.fit.problem.bounds[self.coordinate]
         return [
             Proposal.of(self.density, own, self.coordinate, chosen, (float(low), float(high)))
@@ -216,16 +225,18 @@ class Ridges:
 
 
 def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge:
-    """Draw along the ridges, with further rounds of as many draws until they can be trusted.
+    """Draw from a density by importance sampling along its ridges, and in further rounds until weights are sound.
+
+    Sound means Pareto k below 0.7 and more than 300 effective draws; there are at most six further rounds.
 
     Parameters
     ----------
     ridges : Ridges
-        Where draws begin from.
+        Ridges along which the first round is drawn.
     rng : numpy Generator
-        Where chance comes from.
+        Random generator.
     count : int
-        Draws of a round.
+        Number of draws of a round.
     """
     density, proposals = ridges.density, ridges.proposals
     fit = density.likelihood.fit
@@ -256,7 +267,10 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
 
 
 def _coordinates(likelihood: Weighed) -> list[int]:
-    """Entries along which a ridge may be walked, the best first: the least fixed that the force is bent in."""
+    """Indices of the entries along which a ridge may be walked, best first.
+
+    These are entries in which the force is non-linear: the substrate's modulus, then by falling standard deviation.
+    """
     problem, deviations = likelihood.fit.problem, likelihood.mixture.deviations
     deviations = np.where(deviations > _HELD, deviations, np.inf)
     bent = [int(i) for i in likelihood.entries if not straight(problem)[i]]
@@ -266,7 +280,10 @@ def _coordinates(likelihood: Weighed) -> list[int]:
 
 
 def _groups(likelihood: Weighed) -> list[list[int]]:
-    """Hypotheses that share a ridge: those that leave the value, and those that correct it."""
+    """Group the hypotheses (indices) that share a ridge: those without and those with a correction of the value.
+
+    A correction is a step or ramp of the force or a turn of the baseline; one group if such are improbable.
+    """
     every = list(range(len(likelihood.combined.weights)))
     if len(likelihood.states) > 1:
         return [every]
@@ -280,7 +297,10 @@ def _groups(likelihood: Weighed) -> list[list[int]]:
 def _paths(
     likelihood: Weighed, coordinate: int, groups: Sequence[Sequence[int]]
 ) -> tuple[Density, list[list[Node]]]:
-    """Walk each group's ridge; the density knows the bends of the first."""
+    """Walk the ridge of each group of hypotheses along entry `coordinate`: the density, and nodes of each ridge.
+
+    The density gets the directions in which the model curves along the first ridge.
+    """
     plain = Density.of(likelihood)
     nodes = _walked(plain, coordinate, groups[0])
     density = Density.of(likelihood, bends_of(nodes, plain))
@@ -312,16 +332,18 @@ def _walked(density: Density, coordinate: int, chosen: Sequence[int]) -> list[No
 
 
 def _near(vector: FloatArray, other: FloatArray) -> FloatArray:
-    """The other vector (k,), no further than e times in any entry."""
+    """Move from `vector` towards `other` (k,), by at most 1 in any scaled entry (a factor e)."""
     step = other - vector
     return np.asarray(vector + step * min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-300)))
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Proposals of several ridges together, each hypothesis in proportion to its evidence.
+    """Mixture of the proposals of several ridges, each hypothesis in proportion to its evidence.
 
-    Numbers of a stated noise are drawn beside them: normal (middle and factor), by the fit's covariance.
+    `shares` are the probabilities of the hypotheses of all proposals. Parameters of a stated noise (entries
+    `noise`) are drawn independently: normal of mean `middle` and Cholesky factor `factor`, from the fit's
+    covariance.
     """
 
     proposals: Sequence[Proposal]
@@ -332,7 +354,7 @@ class Source:
 
     @classmethod
     def of(cls, proposals: Sequence[Proposal], fit: Any) -> Source:
-        """Gather the proposals of a fit's ridges."""
+        """Mix the proposals of the ridges of a fit; each hypothesis gets a share of at least 1 %."""
         noise = noise_entries(fit.problem)
         own = fit.scaled_covariance[noise[:, None], noise]
         factor = np.linalg.cholesky(own + 1e-12 * np.eye(len(noise)))
@@ -341,7 +363,7 @@ class Source:
         return cls(proposals, shares / shares.sum(), noise, fit.vector[noise], factor)
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Vectors (count, k)."""
+        """Draw scaled vectors, (count, k)."""
         places = (np.arange(count) + rng.uniform()) / count
         own = np.minimum(np.searchsorted(np.cumsum(self.shares), places), len(self.shares) - 1)
         first, vectors = 0, []
@@ -354,7 +376,7 @@ class Source:
         return drawn
 
     def log_density(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (n,) of vectors (n, k)."""
+        """Log-density, (n,), of this distribution at scaled vectors (n, k)."""
         logs = np.hstack([proposal.log_densities(vectors) for proposal in self.proposals])
         z = np.linalg.solve(self.factor, (vectors[:, self.noise] - self.middle).T)
         beside = -0.5 * (z * z).sum(axis=0) - np.log(np.diagonal(self.factor)).sum()
@@ -363,7 +385,7 @@ class Source:
 
 
 def _ends(proposals: Sequence[Proposal]) -> tuple[float, float]:
-    """Evidence of all hypotheses at the ends of the ridges, less the largest on any."""
+    """Log-evidence of all hypotheses at the first and at the last nodes of the ridges, less the largest on any."""
     levels = [[float(logsumexp(node.evidence)) for node in own.nodes] for own in proposals]
     top = max(max(own) for own in levels)
     return max(own[0] for own in levels) - top, max(own[-1] for own in levels) - top
