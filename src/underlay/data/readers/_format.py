@@ -48,7 +48,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Format:
-    """One instrument format.
+    """A file format of an instrument: how it is recognised and what reads it.
 
     Parameters
     ----------

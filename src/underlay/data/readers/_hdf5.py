@@ -153,7 +153,7 @@ class Checked:
         return bool(self._group.id.links.exists(_encoded(name)))
 
     def __getitem__(self, name: str) -> Any:
-        """A group, or all numbers of a data set.
+        """Return the member of this name: a group as `Checked`, or all values of a data set as an array.
 
         Raises
         ------

@@ -205,7 +205,7 @@ def lever_curve(
     number: int = 1,
     **metadata: Any,
 ) -> Curve:
-    """Make a curve of a scanner's travel and a lever's force.
+    """Make a curve of the travel of an AFM's scanner and the force on its cantilever.
 
     Parameters
     ----------

@@ -194,8 +194,8 @@ def beginnings(
     """Find the rows at which a test begins in a table of tests one below the other; ``[0]`` for a single test.
 
     A test may begin after blank rows or a row of names that is repeated, where a clock is set back, or where
-    the depth leaps. That the depth begins again there, and goes in again, tells it from the next segment of
-    one test.
+    the depth jumps. If the depth is near its start there and then increases, it is a new test rather than the next
+    segment of one.
 
     Parameters
     ----------
@@ -313,7 +313,7 @@ def _filled(values: FloatArray) -> FloatArray:
 
 
 def _apart(rows: Sequence[int], count: int) -> list[int]:
-    """Keep those rows, after row 0, that leave enough readings for a test before and after them; `count` rows."""
+    """Keep those rows, after row 0, that leave enough readings for a test before and after them, of `count`."""
     kept = [0]
     for row in rows:
         if row - kept[-1] >= _FEWEST_OF_A_TEST and count - row >= _FEWEST_OF_A_TEST:

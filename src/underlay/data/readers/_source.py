@@ -82,7 +82,7 @@ class Source:
         return self.data[:4] in {b"PK\x03\x04", b"PK\x05\x06"}
 
     def head(self, size: int = 16_384) -> str:
-        """Return the first bytes as text for recognition, line ends unified; binary content gives ''."""
+        """Return the first `size` bytes as text, line ends unified, to recognise a format; '' if binary."""
         # Most formats ask for the same.
         if size not in self._heads:
             self._heads[size] = self._head(size)

@@ -303,8 +303,8 @@ def _split_names(line: str, separator: str) -> list[str]:
 def _require_names(source: Source, names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Refuse rows with more numbers than there are names: which number belongs to which name is not known.
 
-    A decimal or thousands comma in a table with commas, a first column without a name, names with blanks in a
-    table with blanks.
+    Typical causes: a comma within numbers of a table separated by commas, a first column without a name, names with
+    blanks in a table separated by blanks.
     """
     most = len(names)
     if isinstance(rows, Lines) and rows.count_cells() == len(rows) * most:  # as of most tables

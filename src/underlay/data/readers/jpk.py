@@ -407,7 +407,7 @@ class _Bounded(io.FileIO):
     """A file that refuses to read more bytes at once than the directory of the largest map takes."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Read `size` bytes; raises ValueError where that is too much."""
+        """Read `size` bytes; ValueError for more than `_LONGEST_DIRECTORY`."""
         if size is not None and size > _LONGEST_DIRECTORY:
             raise ValueError(f"{size} bytes at once are not read")
         return super().read(-1 if size is None else size) or b""
