@@ -69,7 +69,10 @@ class PunchTable(Protocol):
         """
 
     def __call__(self, eps: float, nu: float) -> Response:
-        """Response P/(4 theta_d a) to a unit step of depth; times in units of a^2/c, c the diffusivity."""
+        """Response of the force to a unit step of depth, P/(4 theta_d a); times in units of a^2/c.
+
+        P is the force, theta_d half the drained indentation modulus, a the punch radius, c the diffusivity.
+        """
 
 
 @dataclass(frozen=True)
@@ -121,12 +124,12 @@ class DrainingPunch:
 
     @cached_property
     def unit_time(self) -> float:
-        """Unit of time of the contact, a^2/c (s)."""
+        """Drainage time a^2/c (s), the contact's unit of time: a the punch radius, c the diffusivity."""
         return self.material.drainage_time(self.radius)
 
     @cached_property
     def unit_stiffness(self) -> float:
-        """Unit of stiffness of the contact, 4 theta_d a (N/m)."""
+        """Unit of stiffness 4 theta_d a (N/m): theta_d half the drained indentation modulus, a the punch radius."""
         return 4.0 * float(self.material.plane_constants.theta) * self.radius
 
     @cached_property
@@ -135,7 +138,10 @@ class DrainingPunch:
 
     @cached_property
     def transfer(self) -> Transfer:
-        """Dimensionless transfer function khat(s) = P/(4 theta_d a w), s the Laplace variable in c/a^2."""
+        """Transfer function khat(s) of depth w to force P: P/(4 theta_d a w), s the Laplace variable in c/a^2.
+
+        a is the punch radius, c the diffusivity, theta_d half the drained indentation modulus.
+        """
         if self.modes is None:
             return self._elastic
         return Relaxing(self._elastic, replace(self.modes, times=self.modes.times / self.unit_time))
@@ -221,10 +227,13 @@ class RampTable(Protocol):
     """
 
     def covers(self, eps: float, nu: float, ramp: float, end: float) -> bool:
-        """Whether a0/h, nu, the ramp's duration and the end of the hold (both in a0^2/c) are inside the table."""
+        """Whether the table holds these values of its entries and reaches to the end of the hold, `end`.
+
+        `eps` is a0/h, contact radius over thickness; `nu` Poisson's ratio; `ramp` (duration) and `end` in a0^2/c.
+        """
 
     def __call__(self, eps: float, nu: float, ramp: float) -> Ramped:
-        """Interpolate the table at a0/h (`eps`), `nu` and the ramp's duration (a0^2/c)."""
+        """Interpolate at a0/h (`eps`: contact radius over thickness), Poisson's ratio, ramp duration (a0^2/c)."""
 
 
 class SingleRamp(NamedTuple):

@@ -316,9 +316,10 @@ def _second(y: ComplexArray, f: Exponentials) -> ComplexArray:
 
 
 def _families(skeleton: Skeleton) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Coefficients, (6 rows, 6 powers of m) each, of the two families of polynomials y1 and y2 of solutions.
+    """Coefficients of two families of polynomials y1, y2 in the decay root m that give solutions: (6, 6) arrays.
 
-    y1 = w stored + b flow, w = sh/(1 + sh), b = 1/(1 + sh); y2 = fluid. Returns stored, flow, fluid.
+    y1 = w stored + b flow, w = sh/(1 + sh), b = 1/(1 + sh), sh the dimensionless Laplace variable; y2 = fluid.
+    Returns stored, flow and fluid, each (rows of `Decaying.at`, powers of m).
     """
     A11, A13, A33, r = (skeleton.A11, skeleton.A13, skeleton.A33, skeleton.permeability_ratio)
     B = A13 + 1.0

@@ -389,9 +389,9 @@ class Drainage(WholeHistory):
     ) -> Sequence[Mapping[str, float]]:
         """Starting values (SI) of a least-squares search, best first, by path.
 
-        `free` gives the bounds of the free parameters. Drainage times a^2/c and Poisson's ratios (or ratios of
-        moduli) are tried on a grid, each with the moduli that fit the record best. The record is depths (m), forces
-        (N) and times (s), (n,) each.
+        `free` gives the bounds of the free parameters. Drainage times (contact radius^2/diffusivity) and Poisson's
+        ratios (or ratios of moduli) are tried on a grid, each with the moduli that fit the record best. The record
+        is depths (m), forces (N) and times (s), (n,) each.
         """
         seen = _thinned(time.size)
         depth, force, time = depth[seen], force[seen], time[seen]
@@ -427,7 +427,7 @@ class Drainage(WholeHistory):
     def _units(
         self, free: Mapping[str, tuple[float, float]], depth: FloatArray, time: FloatArray
     ) -> list[float]:
-        """Drainage times a^2/c (s) to try as starts; only that of the scene where the permeability is fixed."""
+        """Drainage times (s), contact radius^2/diffusivity, to try; only one if the permeability is fixed."""
         own = self.material.drainage_time(self._radius(float(depth.max())))
         if _K not in free:
             return [own]
@@ -456,7 +456,7 @@ class Drainage(WholeHistory):
         free : mapping of str to (float, float)
             Bounds of the free parameters, by path.
         unit : float
-            Drainage time a^2/c (s) of the start, which sets the permeability.
+            Drainage time (s) of the start, contact radius^2/diffusivity, which sets the permeability.
         depth, force, time : FloatArray
             The record: depths (m), forces (N), times (s), (n,) each; the moduli are scaled to fit it best.
         """

@@ -101,7 +101,7 @@ def galerkin(
 
 
 def edge_signs(terms: int) -> FloatArray:
-    """Signs (-1)^n, (terms,); the sum of the alpha_n with them is the strength of the edge singularity."""
+    """Signs (-1)^n, (terms,): weights with which the pressure coefficients alpha_n sum to the edge singularity."""
     return np.where(np.arange(terms) % 2, -1.0, 1.0)
 
 

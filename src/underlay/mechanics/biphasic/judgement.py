@@ -111,7 +111,7 @@ def refuse_load_control(depth: FloatArray, force: FloatArray, held: slice) -> No
 
 
 def checked_contact(depth: Polyline, thickness: float, ripple: float) -> float:
-    """Return the largest depth (m) of a rounded tip, after checking that the depth never falls back.
+    """Return the largest depth (m) of a rounded tip's history, after checking that the depth never falls back.
 
     Raises
     ------

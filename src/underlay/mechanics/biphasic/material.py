@@ -60,7 +60,7 @@ class Skeleton:
 
     @classmethod
     def of_poisson_ratio(cls, nu: float) -> Skeleton:
-        """The isotropic skeleton of a Poisson's ratio: A33 = M/G = 2 (1 - nu)/(1 - 2 nu)."""
+        """Make the isotropic skeleton of Poisson's ratio `nu`: A33 = 2 (1 - nu)/(1 - 2 nu) shear moduli."""
         confined = 2.0 * (1.0 - nu) / (1.0 - 2.0 * nu)
         return cls(confined, confined - 2.0, confined, isotropic=True)
 
@@ -71,9 +71,9 @@ class Skeleton:
 
     @cached_property
     def undrained(self) -> PlaneConstants:
-        """Plane constants while no water has moved: q = 1, c = 0, g = A11 + A33 - 2 A13.
+        """`PlaneConstants` of the skeleton while no water has moved: q = 1, c = 0, g = A11 + A33 - 2 A13, S = 1.
 
-        Moduli are in units of A44.
+        Moduli are in units of the axial shear modulus A44.
         """
         return PlaneConstants(1.0, 0.0, self.A11 + self.A33 - 2.0 * self.A13, 1.0)
 
@@ -89,7 +89,7 @@ class Skeleton:
 
     @property
     def seepage(self) -> float:
-        """sqrt(k_r/k_z): surface flux over (wavenumber times pressure) at short waves."""
+        """Root of radial over axial permeability: surface flux over wavenumber times pressure, for short waves."""
         return sqrt(self.permeability_ratio)
 
 
@@ -127,7 +127,7 @@ class BiphasicMaterial(Material):
 
     @property
     def diffusivity(self) -> float:
-        """c = k_z H_A (m^2/s): pressure evens out over a length a in a^2/c."""
+        """Diffusivity of the pressure (m^2/s): axial permeability times aggregate modulus."""
         return self.permeability * self.aggregate_modulus
 
     @property
@@ -136,7 +136,7 @@ class BiphasicMaterial(Material):
         return self.drained.plane_constants
 
     def drainage_time(self, length: float) -> float:
-        """length^2/c (s), the unit of time of a contact with this radius (m)."""
+        """Drainage time length^2/c (s) of a contact of radius `length` (m), c the diffusivity of the pressure."""
         return positive(length, "length", "m") ** 2 / self.diffusivity
 
 
@@ -210,7 +210,7 @@ class Biphasic(BiphasicMaterial):
 
     @property
     def shear_modulus(self) -> float:
-        """G = E/(2 (1 + nu)) (Pa)."""
+        """Shear modulus G = E/(2 (1 + nu)) (Pa)."""
         return 0.5 * self.E / (1.0 + self.nu)
 
     @property

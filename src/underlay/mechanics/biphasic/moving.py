@@ -41,7 +41,7 @@ _LONGEST = 1.6
 
 
 class MovedContact(NamedTuple):
-    """Forces and contact radii at the steps, (n,) each."""
+    """Forces (A44 l^2) and contact radii (l) at the time steps, (n,): A44 shear modulus, l unit of length."""
 
     force: FloatArray
     radius: FloatArray

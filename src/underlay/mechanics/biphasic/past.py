@@ -90,7 +90,10 @@ class StepWeights:
 
     @cached_property
     def tails(self) -> FloatArray:
-        """Weights omega_m, (count,), of theta xi c11 at large xi, which is 1/e*(s); 1, 0, 0, ... if elastic."""
+        """Weights omega_m, (count,), of theta xi c11 at large wavenumbers xi: 1, 0, 0, ... unless it relaxes.
+
+        There c11, the settlement under pressure, is 1/(theta xi e*(s)), e* the relaxation of the skeleton.
+        """
         if self.modes is None:
             return np.asarray(np.eye(1, self.count)[0])
         return self._coefficients(1.0 / operational(self.modes, self._circle[2]))

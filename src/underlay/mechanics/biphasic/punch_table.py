@@ -116,7 +116,7 @@ class ResponseTable:
         return cls(tuple(axes), found.reshape(*(axis.count for axis in axes), *found.shape[1:]))
 
     def at(self, values: Sequence[float | FloatArray]) -> FloatArray:
-        """Interpolate g at the parameters: (n,) at one value for each axis, (sets, n) at many, (sets,).
+        """Interpolate the table at one value for each axis: (n,); or at many, (sets,) each: (sets, n).
 
         Raises
         ------
@@ -185,13 +185,18 @@ class IsotropicTable:
         return self.table.covers((eps / (1.0 + eps), nu))
 
     def ends(self, eps: float | FloatArray, nu: float | FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Stiffness P/(4 theta_d a w), for each set, undrained (just after a step) and drained (long after)."""
+        """Normalised stiffness P/(4 theta_d a w), undrained (just after a step) and drained, for each set.
+
+        P force, w depth, a radius, theta_d half the drained indentation modulus; `eps` = a/h, h the thickness.
+        """
         shape, softness = eps / (1.0 + eps), (0.5 - nu) / (1.0 - nu)
         start, end = ((1.0 - nu) / self.compliances.at((shape, share * softness)) for share in (0.0, 1.0))
         return start, end
 
     def __call__(self, eps: float | FloatArray, nu: float | FloatArray) -> Response:
-        """Response P/(4 theta_d a) to a unit step of depth, times in a^2/c; for many sets if `eps` is (sets,).
+        """Response of the force to a unit step of depth, P/(4 theta_d a), times in a^2/c; of one set or many.
+
+        P force, a radius, theta_d half the drained indentation modulus, c diffusivity; `eps` = a/h, h the thickness.
 
         Raises
         ------
@@ -226,7 +231,7 @@ def shipped(drainage: str) -> IsotropicTable:
 
 
 def measured_error(table: IsotropicTable, count: int, seed: int) -> tuple[float, tuple[float, float]]:
-    """Largest error of g at `count` random points of the table, and the point (eps/(1 + eps), nu), eps = a/h."""
+    """Largest error of the table's normalised fall at `count` random points, and the point (eps/(1 + eps), nu)."""
     rng = np.random.default_rng(seed)
     worst, where = 0.0, (0.0, 0.0)
     for _ in range(count):

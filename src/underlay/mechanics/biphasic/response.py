@@ -67,7 +67,7 @@ class Contour:
 
     @classmethod
     def of(cls, start: float, end: float, count: int) -> Self:
-        """Make the contour of `count` points whose angle alpha minimises the error for times in [start, end]."""
+        """Make the hyperbola of `count` points whose angle minimises the error for times in [start, end]."""
         ratio = end / start
 
         def spread(alpha: float) -> float:
@@ -104,7 +104,7 @@ def windows(start: float, end: float, count: int) -> list[Contour]:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Response to a unit step, from `start` at once to `end` in the long run, of one layer or of many.
+    """Response f(t) to a unit step as a table: from `start` at once to `end` in the long run; one layer or many.
 
     Parameters
     ----------

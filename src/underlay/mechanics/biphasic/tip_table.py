@@ -135,7 +135,7 @@ class RampedTip:
         return np.asarray(np.log(np.sqrt(lag) + np.sqrt(_FIRST_LAG * self.ramp)))
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Values of q, in the shape of `time`, at times (a0^2/c) since the ramp began, up to 10 after its end."""
+        """Undrained share q of the force at times (a0^2/c) since the ramp began, at most 10 after its end."""
         found = np.ones(time.shape)
         rising, holding = (time > 0.0) & (time <= self.ramp), time > self.ramp
         found[rising] = self._rising(np.sqrt(time[rising] / self.ramp))
@@ -154,12 +154,15 @@ class TipTable:
     table: ResponseTable
 
     def covers(self, eps: float, nu: float, ramp: float, end: float) -> bool:
-        """Whether a0/h (`eps`), `nu`, the ramp's duration and the hold's end (both in a0^2/c) are in the table."""
+        """Whether the table holds a0/h (`eps`), Poisson's ratio `nu`, ramp duration and the hold's end.
+
+        `ramp` and `end` in a0^2/c: a0 the undrained contact radius at the depth held, h thickness, c diffusivity.
+        """
         inside = eps <= _LARGEST_EPS and end - ramp <= _LAST_LAG and ramp > 0.0
         return inside and bool(self.table.covers((eps / (1.0 + eps), nu, float(np.log(ramp)))))
 
     def __call__(self, eps: float, nu: float, ramp: float) -> RampedTip:
-        """Interpolate the table at a0/h (`eps`), `nu` and the ramp's duration (a0^2/c).
+        """Interpolate at a0/h (`eps`, contact radius over thickness), Poisson's ratio and ramp duration (a0^2/c).
 
         Raises
         ------
@@ -186,7 +189,7 @@ def shipped(drainage: str) -> TipTable:
 
 
 def measured_error(table: TipTable, count: int, seed: int) -> tuple[float, tuple[float, float, float]]:
-    """Largest error of q at `count` random points of the table, and the point (eps/(1 + eps), nu, log of ramp).
+    """Largest error of the undrained share q at `count` random points, and the point of the table's axes.
 
     On the ramp the error is weighted by (t/tr)^(3/2), the largest share of the peak force reached at time t of tr.
     """

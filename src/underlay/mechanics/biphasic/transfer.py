@@ -53,18 +53,18 @@ class Transfer(Protocol):
 
     @property
     def undrained(self) -> float:
-        """Value at infinite s: the undrained elastic contact."""
+        """Value at infinite Laplace variable: normalised stiffness of the undrained elastic contact."""
 
     @property
     def drained(self) -> float:
-        """Value at s = 0: the drained elastic contact."""
+        """Value at Laplace variable 0: normalised stiffness of the drained elastic contact."""
 
     @property
     def eps(self) -> float:
         """Contact radius over thickness, a/h; zero on a half-space."""
 
     def __call__(self, s: ComplexArray) -> ComplexArray:
-        """Transfer function at Laplace variables (c/a^2), (n,)."""
+        """Transfer function, (n,), at Laplace variables s, (n,), in c/a^2: c diffusivity, a contact radius."""
 
 
 def operational(modes: Modes, s: ComplexArray) -> ComplexArray:
@@ -93,12 +93,12 @@ class Relaxing:
 
     @property
     def undrained(self) -> float:
-        """Value at infinite s, with the instantaneous moduli."""
+        """Value at infinite Laplace variable: the undrained elastic contact with the instantaneous moduli."""
         return self.elastic.undrained
 
     @property
     def drained(self) -> float:
-        """Value at s = 0: that of the instantaneous moduli times their equilibrium share e(infinity)."""
+        """Value at Laplace variable 0: the drained contact, with the moduli left after all relaxation."""
         return self.modes.constant * self.elastic.drained
 
     @property
@@ -107,7 +107,10 @@ class Relaxing:
         return self.elastic.eps
 
     def __call__(self, s: ComplexArray) -> ComplexArray:
-        """e*(s) khat(s/e*(s)) at Laplace variables (c/a^2), (n,)."""
+        """Transfer function e*(s) khat(s/e*(s)), (n,), at Laplace variables s (c/a^2), (n,).
+
+        khat is that of the instantaneous moduli, e*(s) the relaxation (`operational`).
+        """
         left = operational(self.modes, s)
         return left * self.elastic(s / left)
 
@@ -189,26 +192,26 @@ class PunchTransfer:
 
     @cached_property
     def undrained(self) -> float:
-        """k0 = khat at infinite s, by the elastic law of the undrained skeleton."""
+        """Transfer function at infinite Laplace variable, from the exact elastic law of the undrained skeleton."""
         skeleton = self.skeleton
         return punch_factor(skeleton.undrained, self.eps) * skeleton.theta_undrained / skeleton.theta_drained
 
     @cached_property
     def drained(self) -> float:
-        """kinf = khat at s = 0, by the elastic law of the drained skeleton."""
+        """Transfer function at Laplace variable 0, from the exact elastic law of the drained skeleton."""
         return punch_factor(self.skeleton.drained, self.eps)
 
     @cached_property
     def kernel(self) -> SurfaceKernel:
-        """Surface kernel of the layer."""
+        """Surface kernel of the layer; lengths in units of the punch radius."""
         return SurfaceKernel(self.skeleton, np.inf if self.eps == 0.0 else 1.0 / self.eps)
 
     def end(self, s: complex) -> float:
-        """Largest wavenumber (1/a) that matters at the Laplace variable s (c/a^2)."""
+        """Largest wavenumber (over 1/a, a the radius) that matters at the Laplace variable s (c/a^2)."""
         return float(self.reach * np.sqrt(abs(s)) + 40.0)
 
     def __call__(self, s: ComplexArray) -> ComplexArray:
-        """Transfer function khat, (n,), at Laplace variables (c/a^2), (n,), with one call of the kernel for all."""
+        """Transfer function, (n,), at Laplace variables s (c/a^2), (n,), with one call of the kernel for all."""
         ends = [self.end(value) for value in s]
         basis = BesselRule(WavenumberRule(max(ends), points=self.points), self.terms)
         sampled = Sampled(basis.rule.nodes, self.kernel.thickness)

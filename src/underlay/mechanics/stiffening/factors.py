@@ -141,7 +141,7 @@ class Medium:
 def _between(nu: PerSet) -> list[PerSet]:
     """Interpolation weights of the three tabulated Poisson's ratios: a parabola in k/(k + 1/2), k = 1 - 2 nu.
 
-    Of linear finite elements at nu 0.35, 0.4, 0.475 and 0.49 the growth of g1 is within 0.6 % for t <= 1.1
+    Against linear finite elements at nu 0.35, 0.4, 0.475 and 0.49 the growth is within 0.6 % for t = a/h <= 1.1
     (of those at the rows themselves within 0.4 %); in k, in b or in sqrt(k) a parabola is off by 6, 2.6 and 5
     %.
     """

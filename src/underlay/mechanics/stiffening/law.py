@@ -121,7 +121,7 @@ class StiffLayer(OnLaw):
     spread: PerSet = 0.0
 
     def asked(self, depth: FloatArray) -> GradualDepth:
-        """Equivalent depths (m) at which to evaluate the linear law; `depth` itself where contact is not gradual."""
+        """Equivalent depths (m) at which to evaluate the linear law; `depth` itself if contact is not gradual."""
         if not np.any(self.spread):
             return GradualDepth(depth, np.ones_like(depth), np.zeros_like(depth))
         return gradual_depth(depth, self.spread)
