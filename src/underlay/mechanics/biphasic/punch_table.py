@@ -196,7 +196,7 @@ class IsotropicTable:
     def __call__(self, eps: float | FloatArray, nu: float | FloatArray) -> Response:
         """Response of the force to a unit step of depth, P/(4 theta_d a), times in a^2/c; of one set or many.
 
-        P force, a radius, theta_d half the drained indentation modulus, c diffusivity; `eps` = a/h, h the thickness.
+        P force, a radius, theta_d half the drained indentation modulus, c diffusivity; `eps` = a/h, h thickness.
 
         Raises
         ------
