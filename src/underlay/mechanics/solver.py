@@ -116,7 +116,7 @@ class Solver(ABC):
         )
 
     def for_differences(self, rtol: float) -> Solver:
-        """A solver whose laws may be subtracted for finite differences: of one kind, and smooth within `rtol`."""
+        """A solver for finite differences of laws: always by one method, smooth in the parameters within `rtol`."""
         del rtol
         return self
 

@@ -152,7 +152,7 @@ class CurveLikelihood:
         return result
 
     def as_text(self) -> str:
-        """The nine numbers as text, exact to the last bit; `from_text` reads them."""
+        """The places and both levels, nine numbers, as text, exact to the last bit; `from_text` reads them."""
         return " ".join(repr(float(number)) for number in (*self.places, self.below, self.above))
 
     @classmethod

@@ -212,7 +212,7 @@ class States(Protocol):
         """The `Answer` of one quantity: value, intervals and budget at a confidence level."""
 
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Lower ends, middles and upper ends, (n,) each, of quantities that are computed from the parameters."""
+        """Lower ends, middles and upper ends, (n,) each, at `level`, of what `of` makes of scaled vectors."""
 
     def modulus_by_depth(self, curve: int, points: int, level: float) -> Any:
         """Young's modulus fitted at each depth of one curve: a `PointwiseModulus`."""

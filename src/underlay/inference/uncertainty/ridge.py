@@ -363,7 +363,7 @@ class Source:
         return cls(proposals, shares / shares.sum(), noise, fit.vector[noise], factor)
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Draw scaled vectors, (count, k)."""
+        """Draw scaled parameter vectors, (count, k), from the proposals along every ridge."""
         places = (np.arange(count) + rng.uniform()) / count
         own = np.minimum(np.searchsorted(np.cumsum(self.shares), places), len(self.shares) - 1)
         first, vectors = 0, []

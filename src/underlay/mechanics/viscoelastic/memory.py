@@ -110,7 +110,7 @@ class Clock:
 
     @cached_property
     def even(self) -> FloatArray:
-        """g1 (see `even`) of each step, of the shape of `steps`."""
+        """g1 = (1 - e^-x)/x of each time step of x relaxation times, of the shape of `steps`."""
         return even(self.steps)
 
     @cached_property
