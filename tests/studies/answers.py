@@ -252,7 +252,10 @@ def places(count, seed):
                 written = Written.of(kind, 1000 * seed + k, Path(folder))
                 fit, found = written.said(Path(folder))
                 same += not differences(found)
-                off = from_draws(fit, ul.sample(ul.load_problem(written.curve, written.scene), rng=k))
+                problem = ul.load_problem(written.curve, written.scene)
+                # A chain where the weighted draws are refused is cut short: it says that it has not converged.
+                posterior = ul.sample(problem, rng=k, max_steps=2000)
+                off = from_draws(fit, posterior) if posterior.diagnostics.converged else []
                 near, ends = near + sum(abs(own) <= 3.0 for own in off), ends + len(off)
         yield {"kind": kind, "curves": count, "same digits": same, "ends": ends, "ends within errors": near}
 
