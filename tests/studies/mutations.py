@@ -106,16 +106,9 @@ MISTAKES = (
 
 def passes(source, tests):
     """Whether the test files pass with the package of a folder."""
-    words = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-x",
-        "-p",
-        "no:cacheprovider",
-        *(f"tests/{name}" for name in tests),
-    ]
+    paths = f"pythonpath={source} {ROOT / 'tests'}"
+    files = [f"tests/{name}" for name in tests]
+    words = [sys.executable, "-m", "pytest", "-q", "-x", "-o", paths, "-p", "no:cacheprovider", *files]
     environment = os.environ | {"PYTHONPATH": str(source)}
     done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     if done.returncode not in {0, 1}:
