@@ -259,12 +259,13 @@ class CurveFitter:
 
     def _thorough(self, place: CurvePlace, curve: Curve) -> _Found:
         # A worker is a fresh Python: it loads what most maps never use (pandas, emcee) at its first use.
-        from underlay.inference.least_squares.fitting import quick_fit  # noqa: PLC0415
+        from underlay.inference.least_squares.fitting import fit, quick_fit  # noqa: PLC0415
 
         problem = self._problem(place, curve)
         require_travel(problem)
         try:
-            found = quick_fit(problem)
+            # An answer is that of a single fit, to the last digit.
+            found = fit(problem) if self._model.answers else quick_fit(problem)
         except FitError:
             require_sizes(problem)
             raise
