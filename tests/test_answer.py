@@ -44,6 +44,17 @@ def test_the_value_is_least_squares_and_both_parts_add_in_quadrature():
     assert fit.interval(E, part="statistical") == known.statistical
 
 
+def test_sources_of_the_systematic_part_add_in_quadrature():
+    known = fitted().answer(E)
+    sources = [own for own in known.contributions if own.origin != "seen"]
+    for side in ("low", "high"):
+        arm = abs(getattr(known.systematic, side) - known.value)
+        together = sum(getattr(own, side) ** 2 for own in sources) ** 0.5
+        # The parts add on the logarithm of the number, a tenth of it here: some per cents of the arm.
+        assert arm == pytest.approx(together, rel=0.1)
+        assert arm < 0.8 * sum(getattr(own, side) for own in sources)
+
+
 def test_without_uncertainties_the_answer_is_the_statistical_part():
     fit = fitted(uncertainties="none")
     known = fit.answer(E)

@@ -4,11 +4,13 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.fft import idct
 
 import underlay as ul
 from support.worlds import Clean, disturbed
 from underlay.inference.uncertainty.likelihood import Likelihood
+from underlay.inference.uncertainty.mixture import weighted_quantiles
 
 SCENE = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
 WORLDS = ["clean", "AR(1)", "fringes", "drag step", "random walk"]
@@ -100,3 +102,33 @@ def test_draws_along_a_ridge_are_where_the_prior_is():
     assert (np.abs(thickness / h - 1.0) < 8.0 * 0.05).all()
     assert drawn.pareto < 0.7
     assert 1.0 / np.square(drawn.weights).sum() > 0.3 * len(drawn.weights)
+
+
+@pytest.mark.parametrize("world", ["clean", "AR(1)"])
+def test_the_density_falls_as_students_distributions_do(world):
+    """Where the force is straight both readings are one: the density of draws and the mixture in closed form.
+
+    Both sides of the middle together, so that what is left of the force's bend in ln E cancels.
+    """
+    likelihood = likelihood_in(world)
+    mixture = likelihood.mixture
+    middle, far = mixture.weights @ mixture.means[:, 0], 4.0 * mixture.deviations[0]
+    places = middle + far * np.array([-1.0, 0.0, 1.0])
+    scales = np.sqrt(mixture.covariances[:, 0, 0])
+    students = stats.t.pdf(places[:, None], mixture.freedom, mixture.means[:, 0], scales) @ mixture.weights
+    fall = np.array([0.5, -1.0, 0.5]) @ np.column_stack(
+        (likelihood.log_density(places[:, None]), np.log(students))
+    )
+    # One parameter more among the degrees of freedom moves the fall at four deviations by 0.08.
+    assert fall[0] == pytest.approx(fall[1], abs=0.02)
+
+
+def test_weighted_quantiles_are_those_of_draws_repeated_by_their_weight():
+    values, counts = np.array([3.0, -1.0, 0.5, 8.0, 2.0]), np.array([5, 1, 20, 2, 12])
+    shares = np.array([0.1, 0.4, 0.7, 0.9])
+    found = weighted_quantiles(values, counts / counts.sum(), shares)
+    order = np.argsort(values)
+    below = (np.cumsum(counts[order]) - 0.5 * counts[order]) / counts.sum()
+    assert found == pytest.approx(np.interp(shares, below, values[order]), rel=1e-14)
+    # Draws of one weight would have their median at 2.
+    assert weighted_quantiles(values, counts / counts.sum(), np.array([0.5]))[0] < 1.5
