@@ -64,7 +64,8 @@ class Written:
         printed = _called("fit", self.curve, *words, out, "--excel", folder / "fit.xlsx")
         _called("map", self.curve.parent, *words, folder / "map", "--workers", "0")
         _called("report", self.curve, *words, folder / "page.html")
-        row = pd.read_csv(next((folder / "map").glob("*.csv"))).iloc[0]
+        table = pd.read_csv(next((folder / "map").glob("*.csv")), float_precision="round_trip")
+        row = table.iloc[0]
         sheet = pd.read_excel(folder / "fit.xlsx", sheet_name="results").set_index("parameter")
         kept = json.loads(next(out.glob("*.fit.json")).read_text(encoding="utf-8"))["answers"]
         analysis = AnalysisFolder(folder / "analysis")
