@@ -1,6 +1,6 @@
 """Ten mistakes made on purpose, one at a time, in a copy of the package: does the gate catch each?
 
-    python tests/studies/mutations.py [--only 3 7]    # writes results/mutations.csv
+    python tests/studies/mutations.py [--only 3 7]    # writes their rows of results/mutations.csv
 
 Each is a change of a few characters that leaves the program running. The gate has caught it where one of the named
 test files fails; the control, the copy without a mistake, must pass all of them.
@@ -145,8 +145,13 @@ def main():
             caught, by = tried(mistake, folder)
         rows.append((mistake.what, mistake.file, "yes" if caught else "no", by))
         print(*rows[-1], sep=" | ", flush=True)
+    known = {}
+    if RESULT.exists():
+        with RESULT.open(newline="", encoding="utf-8") as file:
+            known = {row[0]: row for row in list(csv.reader(file))[1:]}
+    known |= {row[0]: row for row in rows}
     with RESULT.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([("mistake", "file", "caught", "by"), *rows])
+        csv.writer(file).writerows([("mistake", "file", "caught", "by"), *known.values()])
 
 
 if __name__ == "__main__":

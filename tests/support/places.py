@@ -1,6 +1,7 @@
 """One curve through every door: what each place says of its numbers, digit by digit."""
 
 import contextlib
+import csv
 import html
 import io
 import json
@@ -64,8 +65,8 @@ class Written:
         printed = _called("fit", self.curve, *words, out, "--excel", folder / "fit.xlsx")
         _called("map", self.curve.parent, *words, folder / "map", "--workers", "0")
         _called("report", self.curve, *words, folder / "page.html")
-        table = pd.read_csv(next((folder / "map").glob("*.csv")), float_precision="round_trip")
-        row = table.iloc[0]
+        with next((folder / "map").glob("*.csv")).open(newline="", encoding="utf-8") as table:
+            row = next(csv.DictReader(line for line in table if not line.startswith("#")))
         sheet = pd.read_excel(folder / "fit.xlsx", sheet_name="results").set_index("parameter")
         kept = json.loads(next(out.glob("*.fit.json")).read_text(encoding="utf-8"))["answers"]
         analysis = AnalysisFolder(folder / "analysis")
