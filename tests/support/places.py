@@ -26,7 +26,7 @@ from underlay.units import unit_factor
 
 E, H, BASE = "layer.E", "layer.thickness", "substrate.E"
 CONTACT, BASELINE = "instrument.contact_depth", "instrument.baseline"
-ENDS = ("value", "low", "high")
+ENDS = ("low", "high", "stat.low", "stat.high", "syst.low", "syst.high")
 KINDS = {"E": (E,), "E, h": (E, H), "E, h, E2": (E, H, BASE), "disturbed": (E,)}
 
 
@@ -57,7 +57,7 @@ class Written:
         return written
 
     def said(self, folder):
-        """The fit, and its numbers (value, low, high) by place and name; an open end is infinite."""
+        """The fit, and its numbers by place: value and ends of the interval and both parts, infinite where open."""
         problem = ul.load_problem(self.curve, self.scene)
         fit = ul.fit(problem)
         words = "--scene", self.scene, "--output"
@@ -76,14 +76,24 @@ class Written:
         found = {place: {} for place in ("fit", "map", "JSON", "Excel", "page")}
         for name in self.names:
             known = fit.answer(name)
-            found["fit"][name] = known.value, known.low, known.high
-            found["map"][name] = _ends(row[name], row[f"{name}.low"], row[f"{name}.high"])
-            found["JSON"][name] = _ends(*(kept[name][end] for end in ENDS))
-            factor = unit_factor(sheet.loc[name, "unit"], kind_of(name))
-            found["Excel"][name] = tuple(
-                factor * end for end in _ends(*(sheet.loc[name, end] for end in ENDS))
+            found["fit"][name] = (
+                known.value,
+                known.low,
+                known.high,
+                *_both(known.statistical),
+                *_both(known.systematic),
             )
-            found["page"][name] = _ends(*shown.values[name][:3])
+            found["map"][name] = _ends(row[name], *(row[f"{name}.{end}"] for end in ENDS))
+            own = kept[name] | {f"stat.{end}": kept[name]["statistical"][end] for end in ("low", "high")}
+            own |= {f"syst.{end}": kept[name]["systematic"][end] for end in ("low", "high")}
+            found["JSON"][name] = _ends(own["value"], *(own[end] for end in ENDS))
+            factor = unit_factor(sheet.loc[name, "unit"], kind_of(name))
+            cells = (sheet.loc[name, end.replace(".", " ")] for end in ENDS)
+            found["Excel"][name] = tuple(factor * end for end in _ends(sheet.loc[name, "value"], *cells))
+            # The page keeps what it prints: value, ends and statistical ends.
+            found["page"][name] = (*_ends(*shown.values[name][:5]), *found["fit"][name][5:])
+        words = {"map": row["verdict"], "Excel": sheet["verdict"].iloc[0], "screen": printed}
+        assert [place for place, word in words.items() if fit.verdict.word not in word] == []
         texts = {"screen": printed, "report": _plain((folder / "page.html").read_text(encoding="utf-8"))}
         for place, text in texts.items():
             found[place] = {
@@ -92,10 +102,16 @@ class Written:
         return fit, found
 
 
-def _ends(value, low, high):
-    """Numbers of a table or a document, in which an open end may be empty."""
-    low, high = (float("nan" if end in {None, "", "open"} else end) for end in (low, high))
-    return float(value), -np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high
+def _both(part):
+    return part.low, part.high
+
+
+def _ends(value, *ends):
+    """Numbers of a table or a document, in which an open end may be empty: lower and upper ends in turn."""
+    known = [float("nan" if end in {None, "", "open"} else end) for end in ends]
+    return float(value), *(
+        (np.inf if n % 2 else -np.inf) if np.isnan(end) else end for n, end in enumerate(known)
+    )
 
 
 def differences(found):

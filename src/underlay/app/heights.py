@@ -1,8 +1,4 @@
-"""Layer thickness at each site of a map, from contact heights on the sample and on the bare substrate beside it.
-
-All curves must count depth from one common zero, as for a piezo or stage that is not moved in between. Then the
-depth reading of a contact is a height in space, and two of them differ by the thickness.
-"""
+"""Thickness under the curves of an analysis, from contact heights (`data/contact_heights.py`), in its manifest."""
 
 from __future__ import annotations
 
@@ -11,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from underlay._arrays import FloatArray
 from underlay.app.folder import AnalysisFolder
 from underlay.app.labels import BARE, read_labels, write_labels
+from underlay.data.contact_heights import thickness_of_heights
 from underlay.data.contact_point import find_contact
 from underlay.errors import InputError
 from underlay.inference.from_files import read_whole
@@ -25,8 +21,6 @@ __all__ = ["thickness_from_heights"]
 
 _THICKNESS = "thickness (m)"
 _PLACE = re.compile(r"([xy])\s*[(\[]\s*(\w+)\s*[)\]]")
-# Least ratio of the directions of a plane for which it is one and no line: the sine of one degree.
-_LEAST_SINE = 0.017
 
 
 def thickness_from_heights(folder: AnalysisFolder, file: SceneFile, begins: str) -> str:
@@ -70,26 +64,19 @@ def thickness_from_heights(folder: AnalysisFolder, file: SceneFile, begins: str)
         for name, alone in zip(names, bare, strict=True)
     ]
     height, error = (np.array([contact[part] for contact in found]) for part in (0, 1))
-    terms = _terms([contact[2] for contact in found], bare)
-    plane, _, _, _ = np.linalg.lstsq(terms[bare], height[bare], rcond=None)
-    thickness = terms @ plane - height
-    if (thickness[~bare] <= 0.0).any():
+    known = thickness_of_heights(height, error, bare, [contact[2] for contact in found])
+    if (known.thickness[~bare] <= 0.0).any():
+        deepest = names[int(np.argmin(np.where(bare, np.inf, known.thickness)))]
         raise InputError(
-            f"{names[int(np.argmin(np.where(bare, np.inf, thickness)))]} meets the sample deeper than the bare "
-            "substrate: do all curves count depth from one zero?"
+            f"{deepest} meets the sample deeper than the bare substrate: do all curves count depth from one zero?"
         )
-    freedom = bare.sum() - terms.shape[1]
-    scatter = float(np.sqrt(np.sum(thickness[bare] ** 2) / freedom)) if freedom > 0 else 0.0
-    # Of the plane at each place: its corners are known as well as their contact points, or as they scatter.
-    reach = np.einsum("ij,jk,ik->i", terms, np.linalg.inv(terms[bare].T @ terms[bare]), terms)
-    of_plane = max(scatter, float(np.sqrt(np.mean(error[bare] ** 2)))) * np.sqrt(reach)
-    for name, alone, value in zip(names, bare, thickness, strict=True):
+    for name, alone, value in zip(names, bare, known.thickness, strict=True):
         kept = {key: cell for key, cell in rows[name].items() if "thickness" not in key}
         rows[name] = kept | {BARE: "yes" if alone else "", _THICKNESS: "0" if alone else repr(float(value))}
     write_labels(folder, rows)
-    own = thickness[~bare]
-    width = format_quantity(float(f"{2.0 * np.median(np.hypot(error, of_plane)[~bare]):.2g}"), "length")
-    how = "level" if terms.shape[1] == 1 else "tilted"
+    own = known.thickness[~bare]
+    width = format_quantity(float(f"{2.0 * np.median(known.error[~bare]):.2g}"), "length")
+    how = "tilted" if known.is_tilted else "level"
     return printed(
         f"Thickness under {len(own)} curves: {span(own.min(), own.max(), 'length')}, each ± {width} by the contact "
         f"points (95 %). The {bare.sum()} curves on the bare substrate, taken as {how}, are left out of the map."
@@ -120,18 +107,3 @@ def _contact(
         found.uncertainty,
         (labels["x"], labels["y"]) if len(labels) == 2 else position,
     )
-
-
-def _terms(places: list[tuple[float, ...]], bare: np.ndarray) -> FloatArray:
-    """Return the design matrix (curves, 1 or 3) of the substrate's height: a constant and, for a plane, x and y.
-
-    `bare` marks the curves on the substrate; a plane needs at least three of them that are not on a line.
-    """
-    level = np.ones((len(places), 1))
-    # A plane has three corners.
-    if bare.sum() < 3 or not all(places):
-        return level
-    across = np.array(places, dtype=float)
-    across -= across[bare].mean(axis=0)
-    directions = np.linalg.svd(across[bare], compute_uv=False)
-    return np.hstack((level, across)) if directions[1] > _LEAST_SINE * directions[0] else level
