@@ -130,17 +130,18 @@ def differences(found):
 def from_draws(fit, posterior):
     """How far closed ends of the statistical parts of a posterior are from the fit's, over the draws' errors.
 
-    These are in standard deviations. The fit has ends from as many draws or more: a difference has twice the
-    variance.
+    These are in standard deviations of the draws, in scaled coordinates. The fit has ends from as many draws or
+    more: a difference has twice the variance.
     """
     off = []
-    for name in fit.names:
+    for index, (name, one) in enumerate(zip(fit.names, fit.problem.coordinates, strict=True)):
         ours, theirs = fit.answer(name).statistical, posterior.answer(name).statistical
         errors = posterior.diagnostics.quantile_errors[name]
-        half = 0.5 * (ours.high - ours.low)
+        deviation = np.std([one.scaled(float(value)) for value in posterior.chain[..., index].ravel()])
         for own, other, error in ((ours.low, theirs.low, errors[0]), (ours.high, theirs.high, errors[-1])):
-            if np.isfinite(own) and np.isfinite(other) and half > 0.0:
-                off.append((other - own) / (half / 1.96 * error * np.sqrt(2.0)))
+            if np.isfinite(own) and np.isfinite(other) and deviation > 0.0:
+                apart = one.scaled(other) - one.scaled(own)
+                off.append(apart / (deviation * error * np.sqrt(2.0)))
     return off
 
 
