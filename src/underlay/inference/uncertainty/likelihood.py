@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
@@ -29,9 +30,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Likelihood"]
 
-# Largest relative error of a Gauss-Newton step from two standard deviations off (in contact point or stiffening)
-# for the closed form.
-_BENT = 0.35
+# Largest relative error of a Gauss-Newton step from two standard deviations off for the closed form: in contact
+# point or stiffening, in which the force is nearly linear, and in the other numbers.
+_BENT, _CURVED = 0.35, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +54,13 @@ class Likelihood(Weighed):
 
     @cached_property
     def is_straight(self) -> bool:
-        """Whether the force is linear enough for the closed form: curvature below 0.35 of the uncertainty."""
+        """Whether the force is linear enough for the closed form, as far as two standard deviations either way."""
         problem = self.fit.problem
         if has_common_errors(problem):
             return True
-        if held(self.fit).any() or not straight(problem).all():
+        if held(self.fit).any():
             return False
-        return self._bend() < _BENT
+        return self._bend(~straight(problem)) < _CURVED and self._bend(bending(problem)) < _BENT
 
     def read(self, rng: int | np.random.Generator = 0, draws: int | None = None) -> Reading:
         """Compute intervals and draws of the parameters.
@@ -103,14 +104,13 @@ class Likelihood(Weighed):
         """Synthetic curves at the averaged depths of the measured ones, with noise and disturbances drawn anew."""
         return [state.model.curve(state.disturbed(rng)) for state in self.states]
 
-    def _bend(self) -> float:
-        """Nonlinearity of the force in contact point and stiffening: relative error of a Gauss-Newton step.
+    def _bend(self, entries: NDArray[np.bool_]) -> float:
+        """Nonlinearity of the force in the entries of a mask (k,): relative error of a Gauss-Newton step.
 
-        The step starts two standard deviations from the optimum in either of them; the largest error counts.
+        The step starts two standard deviations from the optimum in each of them; the largest error counts.
         """
-        mixture, problem = self.mixture, self.fit.problem
-        worst = 0.0
-        for i in np.flatnonzero(bending(problem)):
+        mixture, worst = self.mixture, 0.0
+        for i in np.flatnonzero(entries):
             C = np.einsum("m,mij->ij", mixture.weights, mixture.covariances)
             if not C[i, i] > 0.0:
                 continue
