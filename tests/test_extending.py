@@ -164,7 +164,7 @@ def test_round_indenter_is_treated_as_spheres_are(tmp_path):
     fit = ul.fit(ul.Problem(scene, curve, free=free, solver="exact"))
     for name, true in (("layer.E", 1e4), ("layer.thickness", 1e-5)):
         assert abs(fit.values[name] - true) < 4.0 * fit.stderr[name]
-    assert "off tables of the flat punch" in fit.law_reason
+    assert "in tables of flat punches" in fit.law_reason
     assert ul.check_quality(curve, scene).verdict == "good"
     ul.plots.save(ul.plots.scene(scene, depth=1e-6), tmp_path / "scene.png")
     effects = scene.effects(1e-6, solver="exact").set_index("effect")

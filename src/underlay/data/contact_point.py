@@ -486,8 +486,9 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
     points = Points.of(foot)
     if len(points.depth) < _FEWEST_OF_FOOT or not points.depth[-1] > points.depth[0]:
         raise CurveError(
-            f"no contact found: the depth does not grow over the {len(points.depth)} points in front of the "
-            "rise of the force; check which column is the depth, and its sign"
+            f"no contact found: the depth does not grow over the {len(points.depth)} readings before the force "
+            "rises; leave the curve out if the tip did not reach the sample, else check which column is the depth, "
+            "and its sign"
         )
     # Of a tip too small for all that was travelled the law ends before the first contact that is tried.
     reaches = law is not None and points.depth[-1] - _earliest(foot, points) <= law.max_depth

@@ -243,7 +243,7 @@ def _law(
     tables = np.concatenate((batch.coefficients, slopes), axis=1)
     return ExactLaw(
         method="exact",
-        reason=f"exact contact problem, off tables of the flat punch for a/h up to {found.eps[place]:.3g}",
+        reason=f"exact contact problem, interpolated in tables of flat punches up to a/h = {found.eps[place]:.3g}",
         max_depth=max_depth,
         error_estimate=error,
         measure=measure,
