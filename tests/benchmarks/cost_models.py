@@ -32,6 +32,22 @@ BALL = ul.Scene(ul.Sphere(4e-3), GEL, ul.RIGID)
 FIBROUS = ul.TransverselyIsotropic(E=6e6, E_axial=MODULUS, nu=0.3, nu_axial=0.2, G_axial=1.2e6)
 FIBROUS_LAYER = ul.Scene(TIP, ul.Layer(FIBROUS, THICKNESS), ul.RIGID)
 GLUED = ul.Scene(TIP, GEL, ul.Stack([ul.Layer(SOFT, THICKNESS)], ul.RIGID))
+# The same paraboloid, as measured heights.
+RADII = np.linspace(0.0, 1.6e-3, 300)
+MEASURED_TIP = ul.Scene(ul.Profile(RADII, 0.5 * RADII**2 / TIP.radius), GEL, ul.RIGID)
+# A bead on a thin layer of strongly coupled fibres, a/h up to 13: the hardest transversely isotropic law.
+SHEARED = ul.TransverselyIsotropic(E=6e6, E_axial=MODULUS, nu=0.3, nu_axial=0.2, G_axial=3e5)
+THIN, SHEARED_LAYER = (
+    ul.Scene(ul.Sphere(8e-3), ul.Layer(material, 5e-5), ul.RIGID)
+    for material in (ul.Isotropic(MODULUS, 0.3), SHEARED)
+)
+THIN_SHARE = 1.0 / 60.0
+STICKY = ul.Scene(
+    ul.Paraboloid(1e-5),
+    ul.Layer(ul.Isotropic(5e3, 0.45), 8e-6),
+    ul.RIGID,
+    adhesion=ul.JKR(2e-4, branch="cycle"),
+)
 SMALL_BALL = ul.Sphere(1e-3)  # the fits' paraboloid with its true shape: a/R up to 0.7
 # a/h = 2 on the rigid base; a fiftieth of it is a/h = 0.2, where every asymptotic form answers.
 DEEPEST, SHALLOW = 1.8e-3, 0.02
@@ -52,6 +68,7 @@ WRONG = {
     "layer.thickness": 0.5,
     "substrate.E": 0.3,
     "instrument.contact_depth": 0.0,
+    "adhesion.work": 2.0,
     **{f"layer.relaxation.{name}": 0.5 if "fractions" in name else 2.0 for name in RELAXATION},
 }
 # Times (s) and shares of the largest depth between which the depth goes evenly.
@@ -146,10 +163,16 @@ def batched(depth):
 # --- fits -------------------------------------------------------------------------------------------------
 
 
-def measured(base, depth, tip=TIP):
-    """A scene, a curve of it with as many points as `depth` (m), and its noise."""
+def stack(count):
+    """The gel over so many layers, each a third as thick, from softer to stiffer."""
+    layers = [ul.Layer(ul.Isotropic(3e5 * (1 + one), 0.3), THICKNESS / 3.0) for one in range(count)]
+    return ul.Scene(TIP, GEL, ul.Stack(layers, ul.RIGID))
+
+
+def measured(scene, depth):
+    """The scene with its contact point, a curve of it with as many points as `depth` (m), and its noise."""
     deepest = FIT_SHARE * float(depth[-1])
-    scene = ul.Scene(tip, GEL, base, ul.Instrument(contact_depth=CONTACT * deepest))
+    scene = replace(scene, instrument=ul.Instrument(contact_depth=CONTACT * deepest))
     readings = np.linspace(-BEFORE, 1.0, len(depth)) * deepest
     noise = ul.Noise(force=NOISE * float(scene.force(readings[-1])))
     return scene, ul.synthesize(scene, readings, noise=noise, rng=0), noise
@@ -160,15 +183,26 @@ def started(scene, free):
     return scene.with_values({path: scene.parameters[path] * WRONG[path] for path in free})
 
 
-def exact_fit(base, free, tip=TIP):
-    """Fit the parameters at `free` with the exact law and stated noise: a new problem each time."""
+def stated_fit(scene, free, solver="exact"):
+    """Fit the parameters at `free` with stated noise: a new problem each time."""
 
     def prepare(depth):
-        scene, curve, noise = measured(base, depth, tip)
-        start = started(scene, free)
-        return lambda: ul.fit(ul.Problem(start, curve, free, noise=noise, solver="exact"))
+        known, curve, noise = measured(scene, depth)
+        start = started(known, free)
+        return lambda: ul.fit(ul.Problem(start, curve, free, noise=noise, solver=solver))
 
     return prepare
+
+
+def sticky_fit(depth):
+    """Fit E, contact and work of adhesion of a tip that goes in and out: a new problem each time."""
+    path, times = moved(depth * 1e-6 / depth[-1], CYCLE)
+    known = replace(STICKY, instrument=ul.Instrument(contact_depth=2e-7))
+    noise = ul.Noise(force=NOISE * float(known.force(path, times).max()))
+    curve = ul.synthesize(known, path, noise, rng=0, time=times)
+    free = {"layer.E": (1e1, 1e7), "instrument.contact_depth": (-1e-6, 1e-6), "adhesion.work": (1e-7, 1.0)}
+    start = started(known, free)
+    return lambda: ul.fit(ul.Problem(start, curve, free, noise=noise))
 
 
 def relaxing_fit(depth):
@@ -186,7 +220,7 @@ def hertz_fit(base):
     """Fit Hertz's formula to the same points, from the same modulus and contact."""
 
     def prepare(depth):
-        curve = measured(base, depth)[1]
+        curve = measured(replace(RIGID_BASE, substrate=base), depth)[1]
         start = WRONG["layer.E"] * MODULUS
         return lambda: plain_hertz_fit(curve.depth, curve.force, TIP.radius, NU, E=start)
 
@@ -231,6 +265,11 @@ CASES = (
     Case("exact to 1e-6, true sphere, a/R up to 0.4, from cold", cold(BALL, ul.Exact(1e-6), BALL_SHARE)),
     Case("exact to 1e-6, transversely isotropic layer, from cold", cold(FIBROUS_LAYER, ul.Exact(1e-6))),
     Case("exact to 1e-6, two layers, the lower ten times softer, from cold", cold(GLUED, ul.Exact(1e-6))),
+    Case("exact to 1e-6, true sphere, a/h up to 13, from cold", cold(THIN, ul.Exact(1e-6), THIN_SHARE)),
+    Case("exact to 1e-6, the same, transversely isotropic", cold(SHEARED_LAYER, ul.Exact(1e-6), THIN_SHARE)),
+    Case(
+        "exact to 1e-6, measured tip of 300 points, from cold", cold(MEASURED_TIP, ul.Exact(1e-6), FIT_SHARE)
+    ),
     Case("stuck to 1e-6, rigid base, from cold", cold(RIGID_BASE, ul.Stuck(1e-6))),
     Case("exact to 1e-10, rigid base, from cold", cold(RIGID_BASE, ul.Exact(1e-10))),
     Case("auto to 1e-6, a/h up to 0.2, from cold", cold(RIGID_BASE, ul.Auto(1e-6), SHALLOW)),
@@ -242,15 +281,31 @@ CASES = (
     Case("three Prony terms, in and out, law held", relaxing_force(CYCLE)),
     Case(f"exact to 1e-6, {SETS} sets of materials at once, per set", batched, SETS),
     *(
-        Case(f"{kind}: {what}", exact_fit(base, free, tip), unit=hertz_fit(base))
+        Case(f"{kind}: {what}", stated_fit(ul.Scene(tip, GEL, base), free), unit=hertz_fit(base))
         for kind, tip in (("fit", TIP), ("fit, true sphere", SMALL_BALL))
         for what, (base, free) in FITS.items()
     ),
     Case(
         "fit: E, nu, contact, base ten times stiffer",
-        exact_fit(STIFF, ("layer.E", "layer.nu", "instrument.contact_depth")),
+        stated_fit(STIFF_BASE, ("layer.E", "layer.nu", "instrument.contact_depth")),
         unit=hertz_fit(STIFF),
     ),
+    *(
+        Case(
+            f"fit: E, thickness, contact, {what}",
+            stated_fit(scene, E_H_CONTACT, solver),
+            unit=hertz_fit(ul.RIGID),
+        )
+        for what, scene, solver in (
+            ("measured tip of 300 points", MEASURED_TIP, "exact"),
+            ("transversely isotropic", FIBROUS_LAYER, "exact"),
+            ("over one further layer", stack(1), "exact"),
+            ("over three further layers", stack(3), "exact"),
+            ("over seven further layers", stack(7), "exact"),
+            ("stuck tip", RIGID_BASE, "stuck"),
+        )
+    ),
+    Case("fit: E, contact, work of adhesion (JKR), in and out", sticky_fit, unit=hertz_fit(ul.RIGID)),
     Case("fit: E, thickness, contact, two Prony terms", relaxing_fit, unit=hertz_fit(ul.RIGID)),
 )
 

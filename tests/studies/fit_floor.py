@@ -226,7 +226,7 @@ def main():
     parser.add_argument("--output", type=Path, default=Path(__file__).with_suffix(".json"))
     arguments = parser.parse_args()
     depth = np.linspace(1.8e-6, 1.8e-3, 1000)
-    scene, curve, noise = cost_models.measured(BASE, depth, ul.Paraboloid(RADIUS))
+    scene, curve, noise = cost_models.measured(ul.Scene(ul.Paraboloid(RADIUS), cost_models.GEL, BASE), depth)
     start = cost_models.started(scene, FREE)
     calls = {
         "unit": cost_models.hertz_fit(BASE)(depth),
