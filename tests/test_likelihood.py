@@ -1,6 +1,7 @@
 """The likelihood of a curve whose noise nobody stated: by dense matrices, and its intervals by quadrature."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -136,12 +137,14 @@ def test_weighted_quantiles_are_those_of_draws_repeated_by_their_weight():
     assert weighted_quantiles(values, counts / counts.sum(), np.array([0.5]))[0] < 1.5
 
 
-def with_thickness(noise, seed=3):
-    """The likelihood of a clean curve whose modulus, thickness and contact point are free."""
-    clean = Clean.of(SCENE, 1.5e-4, 240)
+def with_thickness(noise, seed=3, base=ul.RIGID):
+    """The likelihood of a clean curve whose modulus, thickness and contact point are free; of a base its modulus."""
+    scene = replace(SCENE, substrate=base)
+    clean = Clean.of(scene, 1.5e-4, 240)
     force = clean.force + noise * clean.top * np.random.default_rng(seed).standard_normal(240)
     free = {"layer.E": (1e4, 1e8), "layer.thickness": (1e-4, 1e-2), "instrument.contact_depth": None}
-    return Likelihood.of(ul.fit(ul.Problem(SCENE, ul.Curve(clean.depth, force), free)))
+    free |= {} if base == ul.RIGID else {"substrate.E": (1e3, 1e18)}
+    return Likelihood.of(ul.fit(ul.Problem(scene, ul.Curve(clean.depth, force), free), start="given"))
 
 
 def test_a_thickness_that_the_curve_tells_is_answered_in_closed_form():
@@ -155,3 +158,10 @@ def test_a_thickness_that_the_curve_tells_is_answered_in_closed_form():
 
 def test_a_thickness_that_the_curve_hardly_tells_is_not():
     assert not with_thickness(3e-2).is_straight
+
+
+def test_a_base_that_the_curve_does_not_tell_is_not():
+    """Two standard deviations of its modulus are many decades off, where numbers overflow: nothing is asked there."""
+    told = with_thickness(3e-3, base=ul.Isotropic(1e15, 0.3))
+    assert told.mixture.deviations.max() > 1e3
+    assert not told.is_straight

@@ -60,7 +60,11 @@ class Likelihood(Weighed):
             return True
         if held(self.fit).any():
             return False
-        return self._bend(~straight(problem)) < _CURVED and self._bend(bending(problem)) < _BENT
+        curved = ~straight(problem)
+        # Nothing is linear over a factor of e, and far beyond it numbers overflow.
+        if (2.0 * self.mixture.deviations[curved & problem.space.logarithmic] > 1.0).any():
+            return False
+        return self._bend(curved) < _CURVED and self._bend(bending(problem)) < _BENT
 
     def read(self, rng: int | np.random.Generator = 0, draws: int | None = None) -> Reading:
         """Compute intervals and draws of the parameters.
