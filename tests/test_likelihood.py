@@ -138,7 +138,7 @@ def test_weighted_quantiles_are_those_of_draws_repeated_by_their_weight():
 
 
 def with_thickness(noise, seed=3, base=ul.RIGID):
-    """The likelihood of a clean curve whose modulus, thickness and contact point are free; of a base its modulus."""
+    """The likelihood of a clean curve: modulus, thickness, contact point and the base's modulus are free."""
     scene = replace(SCENE, substrate=base)
     clean = Clean.of(scene, 1.5e-4, 240)
     force = clean.force + noise * clean.top * np.random.default_rng(seed).standard_normal(240)
@@ -161,7 +161,7 @@ def test_a_thickness_that_the_curve_hardly_tells_is_not():
 
 
 def test_a_base_that_the_curve_does_not_tell_is_not():
-    """Two standard deviations of its modulus are many decades off, where numbers overflow: nothing is asked there."""
+    """Two standard deviations of its modulus are many decades off: numbers overflow there."""
     told = with_thickness(3e-3, base=ul.Isotropic(1e15, 0.3))
     assert told.mixture.deviations.max() > 1e3
     assert not told.is_straight
