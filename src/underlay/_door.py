@@ -264,8 +264,8 @@ def _in_words(error: Exception) -> str:
         return "it claims more than fits into memory"
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
-    told = printable(" ".join(str(error).split()))[:120]
-    return told if told and isinstance(error, ValueError) else f"{type(error).__name__} {told}".strip()
+    text = printable(" ".join(str(error).split()))[:120]
+    return text if text and isinstance(error, ValueError) else f"{type(error).__name__} {text}".strip()
 
 
 def open_zip(data: bytes, name: str, largest: int) -> zipfile.ZipFile:

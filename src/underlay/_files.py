@@ -48,18 +48,18 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """
     target = Path(path)
     # A short temporary name: the target's may have the maximal length already.
-    beside = target.parent / f".underlay-{secrets.token_hex(8)}"
+    temporary = target.parent / f".underlay-{secrets.token_hex(8)}"
     try:
         mode = _mode_of(target)
-        with _new_file(beside, mode) as file:
+        with _new_file(temporary, mode) as file:
             try:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())
             except BaseException:
-                beside.unlink(missing_ok=True)
+                temporary.unlink(missing_ok=True)
                 raise
-        _move(beside, target)
+        _move(temporary, target)
     except OSError as error:
         raise FileAccessError(f"cannot write {target}: {error.strerror or error}") from error
 
@@ -89,12 +89,12 @@ def _new_file(path: Path, mode: int | None) -> BinaryIO:
     return os.fdopen(number, "wb")
 
 
-def _move(beside: Path, target: Path) -> None:
+def _move(temporary: Path, target: Path) -> None:
     try:
-        beside.replace(target)
+        temporary.replace(target)
     except OSError:
         with suppress(OSError):
-            beside.unlink()
+            temporary.unlink()
         raise
 
 

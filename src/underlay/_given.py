@@ -34,9 +34,9 @@ def require_given(value: object, name: str, *kinds: type) -> None:
     if isinstance(value, kinds):
         return
     wanted = " or ".join(f"a {kind.__name__}" for kind in kinds)
-    ways = "; ".join(_MADE_BY[kind.__name__] for kind in kinds if kind.__name__ in _MADE_BY)
+    hints = "; ".join(_MADE_BY[kind.__name__] for kind in kinds if kind.__name__ in _MADE_BY)
     given = f"{type(value).__name__} {value!r:.{_LONGEST}}" if value is not None else "None"
-    raise InputError(f"{name} must be {wanted}; got {given}{': ' if ways else ''}{ways}")
+    raise InputError(f"{name} must be {wanted}; got {given}{': ' if hints else ''}{hints}")
 
 
 def require_level(level: object) -> None:

@@ -241,10 +241,10 @@ def with_a_doubtful_shape(foot: Foot, points: Points, shape: Shape, scanned: Sca
     normal[-1, -1] += variance / (_EXPONENT_OFF * lengths[-1]) ** 2
     inverse = _inverse(normal)
     shifts = inverse[-2:] @ (columns @ residual) / lengths[-2:]
-    (moved, bent), (own, deviation) = (
+    (moved, exponent_shift), (own, deviation) = (
         values.tolist() for values in (shifts, np.sqrt(variance * np.diagonal(inverse)[-2:]) / lengths[-2:])
     )
-    odds = deviation / _EXPONENT_OFF * exp(min(0.5 * (bent / deviation) ** 2, _CERTAIN))
+    odds = deviation / _EXPONENT_OFF * exp(min(0.5 * (exponent_shift / deviation) ** 2, _CERTAIN))
     return sqrt((contact.uncertainty**2 + odds * (own**2 + moved**2)) / (1.0 + odds))
 
 
@@ -280,11 +280,11 @@ def _lowest(tried: FloatArray, sums: FloatArray) -> float | None:
     at = int(np.argmin(sums))
     if not np.isfinite(sums[at]):
         return None
-    beside = sums[max(at - 1, 0) : at + 2]
-    bend = float(beside[0] - 2.0 * sums[at] + beside[-1])
-    if len(beside) < 3 or not (np.isfinite(bend) and bend > 0.0):
+    neighbours = sums[max(at - 1, 0) : at + 2]
+    bend = float(neighbours[0] - 2.0 * sums[at] + neighbours[-1])
+    if len(neighbours) < 3 or not (np.isfinite(bend) and bend > 0.0):
         return float(tried[at])
-    return float(tried[at] + 0.5 * (tried[at] - tried[at - 1]) * (beside[0] - beside[2]) / bend)
+    return float(tried[at] + 0.5 * (tried[at] - tried[at - 1]) * (neighbours[0] - neighbours[2]) / bend)
 
 
 def _in_blocks(x: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -330,20 +330,20 @@ def _solve(
     used: list[tuple[FloatArray, FloatArray]] = []
     for column in _columns(x, contacts, shape):
         # What a column has before anything is taken from it: that and what is left.
-        rest, taken = column, np.zeros(len(contacts))
+        rest, removed = column, np.zeros(len(contacts))
         if foot.has_baseline:
             mean = np.add.reduce(column[:, :n], axis=1) / n
-            taken += n * mean * mean
+            removed += n * mean * mean
             rest = column - mean[:, np.newaxis]
         for other, square in used:
             product = _products(other[:, :n], rest[:, :n])
             amount = product / square
-            taken += amount * product
+            removed += amount * product
             rest = rest - amount[:, np.newaxis] * other
         inside = rest[:, :n]
         own = _products(inside, inside)
         # What rounding leaves of a column is no direction.
-        own = np.where(own > _NOTHING * (own + taken), own, np.inf)
+        own = np.where(own > _NOTHING * (own + removed), own, np.inf)
         amount = _products(inside, residual) / own
         residual = residual - amount[:, np.newaxis] * inside
         rises += amount * (rest[:, -2] - rest[:, -1])

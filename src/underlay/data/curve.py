@@ -464,6 +464,6 @@ def recorded(curve: Curve) -> str:
     header = curve.metadata.get("header", {})
     if not isinstance(header, Mapping):
         return ""
-    told = {str(key).strip().lower(): one_line(value).strip() for key, value in header.items()}
-    found = [next((told[word] for word in words if told.get(word)), "") for words in _ENTRIES]
+    entries = {str(key).strip().lower(): one_line(value).strip() for key, value in header.items()}
+    found = [next((entries[word] for word in words if entries.get(word)), "") for words in _ENTRIES]
     return ", ".join(text for text in found if text)

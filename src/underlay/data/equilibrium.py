@@ -88,8 +88,8 @@ def equilibrium_points(
         )
     rows, times = [], []
     for number, (first, last) in enumerate(holds, start=1):
-        told = None if time is None or goes_back(time[first:last]) else time[first:last]
-        clock = np.arange(first, last, dtype=np.float64) if told is None else told
+        recorded = None if time is None or goes_back(time[first:last]) else time[first:last]
+        clock = np.arange(first, last, dtype=np.float64) if recorded is None else recorded
         margin = _MARGIN * (clock[-1] - clock[0])
         end = (clock >= clock[-1] - margin - share * (clock[-1] - clock[0])) & (clock <= clock[-1] - margin)
         if np.count_nonzero(end) < _LEAST_POINTS:

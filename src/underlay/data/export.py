@@ -256,7 +256,7 @@ def restored(curve: Curve, about: Any) -> Curve:
         and (key not in _NUMBERS or (isinstance(value, int | float) and not isinstance(value, bool)))
         and (key != "name" or isinstance(value, str))
     }
-    told = [note for note in notes if isinstance(note, str)] if isinstance(notes, list) else []
+    texts = [note for note in notes if isinstance(note, str)] if isinstance(notes, list) else []
     # Further columns (SI) as far as they are columns of numbers, null for none, as long as the curve.
     columns = {
         name: np.array(values, dtype=np.float64)
@@ -266,7 +266,7 @@ def restored(curve: Curve, about: Any) -> Curve:
     first = {"origin": origin} if origin else {}
     return replace(
         curve,
-        metadata={**curve.metadata, **kept, **first, "notes": (*told, *curve.metadata["notes"])},
+        metadata={**curve.metadata, **kept, **first, "notes": (*texts, *curve.metadata["notes"])},
         truth=truth if isinstance(truth, dict) else None,
         columns=columns,
     )

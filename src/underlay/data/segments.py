@@ -181,8 +181,8 @@ def segments_from_motion(
         corners = _corners(itertools.takewhile(lambda split: split[0] > wobble, splits), n)
     if force is not None and not np.isfinite(force).all():
         force = None
-    together = None if force is None else _together(force, motion, corners, tolerance)
-    pieces = _pieces(clock, motion, corners, tolerance, together, max(width, 1))
+    same_sense = None if force is None else _same_sense(force, motion, corners, tolerance)
+    pieces = _pieces(clock, motion, corners, tolerance, same_sense, max(width, 1))
     if all(label == LOADING for _, _, label in pieces):
         return one_label(LOADING, n)
     labels: NDArray[np.str_] = np.full(n, LOADING, dtype="<U9")
@@ -194,7 +194,7 @@ def segments_from_motion(
     return labels
 
 
-def _together(
+def _same_sense(
     force: FloatArray, motion: FloatArray, corners: list[int], tolerance: float
 ) -> NDArray[np.bool_]:
     """Return for each piece between corners whether force and motion both rise or both fall, beyond noise."""
@@ -254,12 +254,12 @@ def _split_holds(labels: NDArray[np.str_], clock: FloatArray, motion: FloatArray
                     and len(f) >= _FEWEST
                 ):
                     labels[first : first + end] = HOLD
-            elif clear and moved * pressed > 0.0 and abs(moved) > _CLEAR * noise and _go_together(x, f):
+            elif clear and moved * pressed > 0.0 and abs(moved) > _CLEAR * noise and _is_linear(x, f):
                 label = LOADING if pressed > 0.0 else UNLOADING
                 labels[first + start + (start > 0) : first + end + 1] = label
 
 
-def _go_together(x: FloatArray, y: FloatArray) -> bool:
+def _is_linear(x: FloatArray, y: FloatArray) -> bool:
     """Whether two columns (n,) are nearly proportional, up to a constant."""
     if len(x) < _FEWEST:
         return False
@@ -423,12 +423,12 @@ def _pieces(
     motion: FloatArray,
     corners: list[int],
     tolerance: float,
-    together: NDArray[np.bool_] | None,
+    same_sense: NDArray[np.bool_] | None,
     width: int,
 ) -> list[tuple[int, int, str]]:
     """Return first index, last index and label of each piece between corners.
 
-    `together` says for each piece whether force and motion change together; `width` is the number of points over
+    `same_sense` says for each piece whether force and motion change together; `width` is the number of points over
     which the motion was averaged.
     """
     ends = np.array(corners)
@@ -439,8 +439,8 @@ def _pieces(
     speed = np.full(len(run), np.inf)
     speed[timed] = np.abs(rise[timed]) / run[timed]
     resting = speed < _REST_SPEED * _speed_of_travel(speed, np.abs(rise))
-    if together is not None:
-        resting &= ~together
+    if same_sense is not None:
+        resting &= ~same_sense
     # A piece no higher than the tolerance between two resting ones is a wobble of the hold.
     low = np.abs(rise) <= tolerance
     calm = resting | low

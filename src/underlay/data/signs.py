@@ -50,9 +50,9 @@ def flipped(curve: Curve, columns: Iterable[str]) -> Curve:
     if not turned:
         return curve
     rules: Mapping[str, Any] = curve.metadata.get("sign_rules") or {}
-    told = {name: f"turned, as asked; before: {rules.get(name, 'as given')}" for name in turned}
+    new_rules = {name: f"turned, as asked; before: {rules.get(name, 'as given')}" for name in turned}
     notes = _without_note(curve.metadata.get("notes") or ())
-    found = replace(curve, **turned).with_metadata(sign_rules={**rules, **told}, notes=notes)
+    found = replace(curve, **turned).with_metadata(sign_rules={**rules, **new_rules}, notes=notes)
     labels = found.segment
     if "depth" not in turned or labels is None:
         return found
@@ -76,7 +76,7 @@ def require_signs(curve: Curve) -> None:
         Names the column and the key of a scene file that reverses it.
     """
     if found := _reversed(curve):
-        raise CurveError(_told(curve, *found))
+        raise CurveError(_reversal_message(curve, *found))
 
 
 def reversed_columns(curve: Curve) -> tuple[str, ...]:
@@ -146,10 +146,10 @@ def _first_motion(curve: Curve) -> slice | None:
     None if there is none. The file's labels say where runs end, but not their direction, as their sign may be
     reversed too. Where they do not separate loading from unloading, the labels from the motion are used.
     """
-    told = curve.segment
-    labels = curve.segments() if told is None else told
+    stated = curve.segment
+    labels = curve.segments() if stated is None else stated
     found = _first_long(curve.depth, labels)
-    if found is None and told is not None:
+    if found is None and stated is not None:
         return _first_long(curve.depth, segments_from_motion(curve.depth, curve.time, curve.force))
     return found
 
@@ -183,7 +183,7 @@ def _change(force: FloatArray) -> float:
     return change if clear and goes_on else 0.0
 
 
-def _told(curve: Curve, columns: tuple[str, ...], change: float, depth: FloatArray) -> str:
+def _reversal_message(curve: Curve, columns: tuple[str, ...], change: float, depth: FloatArray) -> str:
     name = curve.metadata.get("name")
     verb = "rises" if change > 0.0 else "falls"
     way = "grows" if depth[-1] > depth[0] else "falls"

@@ -37,7 +37,7 @@ ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
 #: Names taken for granted, in small letters without accents, best first. English, German, French, Spanish, Italian.
 KNOWN = {role: listed(text) for role, text in SAID["columns"].items()}
 # What stands beside a name and changes nothing of what it means here.
-_BESIDE = words("beside")
+_FILLERS = words("beside")
 # In brackets behind a name, and no unit.
 _REMARKS = frozenset(("measured", "sensor"))
 _CALLED = re.compile(r"(?:column|col\.?|spalte|#)?\s*#?\s*(\d{1,3})\b[\s,:_/]*(.*)", re.IGNORECASE)
@@ -80,7 +80,7 @@ class _Part:
         if sign in "+-":
             if self.dims != other.dims:
                 raise InputError(
-                    f"{what}: {_told(self.dims)} and {_told(other.dims)} cannot be added; check the units"
+                    f"{what}: {_kind_of(self.dims)} and {_kind_of(other.dims)} cannot be added; check the units"
                 )
             return _Part(self.values + (other.values if sign == "+" else -other.values), self.dims)
         if sign == "/" and not np.all(other.values):
@@ -149,12 +149,12 @@ class Asked:
         found = self.node(leaf, what) if self.node else leaf(self.columns[0])
         if found.dims != _DIMS[kind]:
             raise UnitError(
-                f"{what} gives {_told(found.dims)}, but a {kind} is needed; check its columns and units"
+                f"{what} gives {_kind_of(found.dims)}, but a {kind} is needed; check its columns and units"
             )
         return np.asarray(found.values)
 
 
-def _told(dims: Dims) -> str:
+def _kind_of(dims: Dims) -> str:
     return next((f"a {kind}" for kind, known in _DIMS.items() if known == dims), "something else")
 
 
@@ -183,7 +183,7 @@ def name_of(label: str) -> str:
 
 def bare_name(name: str) -> str:
     """Name without words that do not change what it is, such as "axial", "measured" or "corrected"."""
-    return " ".join(word for word in name.split() if word not in _BESIDE) or name
+    return " ".join(word for word in name.split() if word not in _FILLERS) or name
 
 
 def find_columns(labels: Sequence[str], mapping: Mapping[str, str | int] | None = None) -> dict[str, int]:
@@ -326,13 +326,13 @@ class _Parser:
 
     def __init__(self, text: str, labels: Sequence[str]) -> None:
         self.text, self.at, self.deep, self.count, self.columns = text, 0, 0, len(labels), list[Column]()
-        ways = (
+        forms = (
             plain,
             lambda label: plain(split_label(label)[0]),
             name_of,
             lambda one: bare_name(name_of(one)),
         )
-        names = [(of(label), index) for of in ways for index, label in enumerate(labels)]
+        names = [(of(label), index) for of in forms for index, label in enumerate(labels)]
         # The longest first: a name may hold another, or a sign.
         self.names = sorted((pair for pair in names if pair[0]), key=lambda pair: -len(pair[0]))
 

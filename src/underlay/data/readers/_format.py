@@ -188,13 +188,13 @@ def plugged_readers(known: Sequence[Format]) -> tuple[Plugin, ...]:
 
     One whose name is that of a `known` format or of an earlier plug-in is returned with a fault, not used.
     """
-    taken = {entry.name for entry in known}
+    names = {entry.name for entry in known}
     judged = []
     for plugin in plugins(READERS, _fault):
         name = "" if plugin.fault else plugin.thing.name
         second = replace(plugin, thing=None, fault=f"another format is called {name!r}")
-        judged.append(second if name in taken else plugin)
-        taken |= {name} - {""}
+        judged.append(second if name in names else plugin)
+        names |= {name} - {""}
     return tuple(judged)
 
 
@@ -213,7 +213,7 @@ def added_formats(known: Sequence[Format]) -> tuple[Format, ...]:
 
 def _contained(plugin: Plugin) -> Format:
     own: Format = plugin.thing
-    whose = f"reader {own.name} of {plugin.package}"
+    label = f"reader {own.name} of {plugin.package}"
 
     def said(error: Exception) -> str:
         return one_line(f"{type(error).__name__}: {error}")
@@ -222,7 +222,7 @@ def _contained(plugin: Plugin) -> Format:
         try:
             return bool(own.sniff(source))
         except Exception as error:  # noqa: BLE001  code of others: whatever it raises is theirs
-            fault = f"{source.name}: the {whose} failed to look at it ({said(error)}) and is passed over"
+            fault = f"{source.name}: the {label} failed to look at it ({said(error)}) and is passed over"
             warnings.warn(fault, UnderlayWarning, stacklevel=2)
             return False
 
@@ -232,9 +232,9 @@ def _contained(plugin: Plugin) -> Format:
         except UnderlayError:
             raise
         except Exception as error:
-            raise source.wrong(f": the {whose} failed: {said(error)}") from error
+            raise source.wrong(f": the {label} failed: {said(error)}") from error
         for curve in curves:
-            source.require(isinstance(curve, Curve), f": the {whose} gave {curve!r:.60} in place of a curve")
+            source.require(isinstance(curve, Curve), f": the {label} gave {curve!r:.60} in place of a curve")
         return curves
 
     return replace(own, sniff=sniff, read_all=read_all)

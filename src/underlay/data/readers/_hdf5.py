@@ -114,12 +114,12 @@ class Checked:
         Name of the file in error messages.
     group : h5py.Group
         The group that is wrapped.
-    claimed : list of int
+    bytes_read : list of int
         One entry, shared by all groups of a file: bytes of the data sets read so far.
     """
 
-    def __init__(self, h5py: Any, where: str, group: Any, claimed: list[int]) -> None:
-        self._h5py, self._where, self._group, self._claimed = h5py, where, group, claimed
+    def __init__(self, h5py: Any, where: str, group: Any, bytes_read: list[int]) -> None:
+        self._h5py, self._where, self._group, self._bytes_read = h5py, where, group, bytes_read
 
     def is_said(self, name: str) -> bool:
         """Whether the group has an attribute of this name."""
@@ -136,8 +136,8 @@ class Checked:
 
     def _word(self, said: Any) -> Any:
         h5py, kind = self._h5py, said.dtype
-        told = h5py.check_string_dtype(kind)
-        is_word = told is not None and told.length is None
+        string_type = h5py.check_string_dtype(kind)
+        is_word = string_type is not None and string_type.length is None
         if said.shape != () or not (is_word or kind.kind in "fiu"):
             return self._group.attrs[said.name]
         value: Any = np.empty((), kind)
@@ -168,14 +168,14 @@ class Checked:
             )
         found = h5py.h5o.open(here, _encoded(name))
         if isinstance(found, h5py.h5g.GroupID):
-            return Checked(h5py, self._where, h5py.Group(found), self._claimed)
+            return Checked(h5py, self._where, h5py.Group(found), self._bytes_read)
         # What has a place of its own in this file is not kept elsewhere.
         made = found.get_create_plist() if found.get_offset() is None else None
         if made is not None and (made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL):
             raise FileFormatError(f"{self._where} keeps {name!r:.80} in another file; that is not followed")
         shape, dtype = found.shape or (), found.dtype
-        self._claimed[0] += prod(shape) * dtype.itemsize
-        if self._claimed[0] > MAX_BYTES:
+        self._bytes_read[0] += prod(shape) * dtype.itemsize
+        if self._bytes_read[0] > MAX_BYTES:
             raise FileFormatError(f"{self._where} claims more than {MAX_BYTES // 1_000_000} MB of numbers")
         if dtype.kind not in "fiu":
             return h5py.Dataset(found)[()]

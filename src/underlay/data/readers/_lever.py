@@ -247,7 +247,7 @@ def lever_curve(
     )
 
 
-def told(entries: Mapping[str, str]) -> dict[str, str]:
+def header_entries(entries: Mapping[str, str]) -> dict[str, str]:
     """Shorten header entries to one line of at most 200 characters each; empty ones are dropped."""
     return {name: one_line(text)[:200] for name, text in entries.items() if text}
 

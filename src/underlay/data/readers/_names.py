@@ -42,10 +42,10 @@ _SENSITIVITY = re.compile(
 _ONE_A_LINE = re.compile(
     r"\W*(?:column|col\.?|spalte|colonne|columna)?\s*#?(\d{1,3})\s*[\]:.)=]\s*(\D.*)", re.IGNORECASE
 )
-_COUNTED, _COUNT = re.compile(r"\W*1[\]:.)]\s*[^\W\d]"), re.compile(r"\[?\b\d{1,3}[\]:.)]\s*(?=[^\W\d])")
+_NUMBERED, _COUNT = re.compile(r"\W*1[\]:.)]\s*[^\W\d]"), re.compile(r"\[?\b\d{1,3}[\]:.)]\s*(?=[^\W\d])")
 # Tests side by side, as Anton Paar writes them: "X_gel_1_Time_[s]", "Y_gel_1_Fn_[mN]"; and waves of Asylum's Igor
 # program, "F0001Raw", "F0001Defl": in SI where no unit is said.
-_BESIDE = (
+_SIDE_BY_SIDE = (
     re.compile(r"[XY][_ ](?P<test>.+)[_ ](?P<name>Time|Fn|Pd)[_ ]*[\[(](?P<unit>[^\])]+)[\])]\s*"),
     re.compile(
         r"(?P<test>.*?)_?(?P<name>DeflVolts|DeflV|Defl|Raw|ZSnsr|LVDT|Force|Sep|Ind)"
@@ -62,7 +62,7 @@ _WAVES_ALONE = frozenset({"Raw", "Defl", "DeflV", "DeflVolts", "ZSnsr", "LVDT"})
 _WAVE_NAMES = {"DeflV": "Defl", "DeflVolts": "Defl"}
 _WAVE_UNITS = {"DeflV": "V", "DeflVolts": "V", "Force": "N"}
 # Approach and way back side by side: a word of each, beside the name of the channel.
-_WAYS = {
+_DIRECTIONS = {
     **dict.fromkeys(("ex", "extend", "approach", "trace", "ext"), LOADING),
     **dict.fromkeys(("rt", "retract", "withdraw", "retrace", "ret"), UNLOADING),
 }
@@ -74,14 +74,14 @@ def side_by_side(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, l
     `labels` are the names of all columns, `file` the name that numbered tests get. Each entry returned is the name
     of a test, the indices of its columns and their labels.
     """
-    for pattern in _BESIDE:
+    for pattern in _SIDE_BY_SIDE:
         found: dict[str, dict[str, tuple[int, str]]] = {}
         for index, label in enumerate(labels):
             matched = pattern.fullmatch(label.strip().strip('"'))
             if matched and (matched["test"] or matched["name"] in _WAVES_ALONE):
                 name = matched["name"]
-                told = f"{_WAVE_NAMES.get(name, name)} ({matched['unit'] or _WAVE_UNITS.get(name, 'm')})"
-                found.setdefault(matched["test"], {}).setdefault(name, (index, told))
+                text = f"{_WAVE_NAMES.get(name, name)} ({matched['unit'] or _WAVE_UNITS.get(name, 'm')})"
+                found.setdefault(matched["test"], {}).setdefault(name, (index, text))
         tests = [
             (test, [index for index, _ in parts.values()], [label for _, label in parts.values()])
             for test, parts in found.items()
@@ -114,11 +114,11 @@ def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]
     for index, label in enumerate(labels):
         joint = "_" if "_" in label else " "
         words = label.strip().split("_" if joint == "_" else None)
-        ways = [word for word in words if word.lower() in _WAYS]
-        if len(ways) == 1:
-            indices, names = found[_WAYS[ways[0].lower()]]
+        directions = [word for word in words if word.lower() in _DIRECTIONS]
+        if len(directions) == 1:
+            indices, names = found[_DIRECTIONS[directions[0].lower()]]
             indices.append(index)
-            names.append(joint.join(word for word in words if word != ways[0]))
+            names.append(joint.join(word for word in words if word != directions[0]))
     there, back = found[LOADING][1], found[UNLOADING][1]
     return found if len(there) >= 2 and sorted(there) == sorted(back) else {}
 
@@ -307,23 +307,23 @@ def _one_a_line(comments: Sequence[str], layout: Layout) -> list[list[str]]:
     """Names from comments such as "Column 1: time (s)", one a line, if they are as many as the columns; else []."""
     found = [matched for text in comments if (matched := _ONE_A_LINE.fullmatch(text))]
     names = [matched[2].strip() for matched in found]
-    counted = [int(matched[1]) for matched in found] == list(range(1, len(found) + 1))
-    return [names] if counted and layout.fits(names) else []
+    is_numbered = [int(matched[1]) for matched in found] == list(range(1, len(found) + 1))
+    return [names] if is_numbered and layout.fits(names) else []
 
 
 def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list[str]]) -> list[list[str]]:
     """All ways to split a comment into names of the columns that give as many names as there are columns."""
-    if _COUNTED.match(text):
+    if _NUMBERED.match(text):
         text = _COUNT.sub(" ", text)
     label, colon, rest = text.partition(":")
     texts = [rest, text] if colon and len(label.split()) <= 2 else [text]
-    ways = [split(one.strip(), each) for one in texts for each in ("", "\t", ";", ",", " ")]
+    splits = [split(one.strip(), each) for one in texts for each in ("", "\t", ";", ",", " ")]
     for one in texts:
         try:
-            ways += [shlex.split(one), one.split(), with_units(one)]
+            splits += [shlex.split(one), one.split(), with_units(one)]
         except ValueError:  # a quote without its end
             continue
-    named = [_unlabelled([name.strip() for name in names], layout) for names in ways]
+    named = [_unlabelled([name.strip() for name in names], layout) for names in splits]
     return [
         names
         for names in named

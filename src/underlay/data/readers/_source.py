@@ -139,8 +139,8 @@ def _with_mark(data: bytes) -> bytes:
     start = data[: 2 * _WIDE_LETTERS]
     if b"\0" not in start or len(data) % 2 or start[:2] in _WIDE_MARKS:
         return data
-    ways = ((start[::2], start[1::2]), (start[1::2], start[::2]))
-    for mark, (letters, high) in zip(_WIDE_MARKS, ways, strict=True):
+    byte_orders = ((start[::2], start[1::2]), (start[1::2], start[::2]))
+    for mark, (letters, high) in zip(_WIDE_MARKS, byte_orders, strict=True):
         # Nine in ten: some letters, such as a Greek mu, are not Latin.
         if high.count(0) >= 0.9 * len(high) and not _NOT_IN_TEXT.intersection(letters):
             return mark + data
@@ -158,7 +158,7 @@ def open_zip(source: Source) -> zipfile.ZipFile:
     return bounded_zip(source.data, source.name, MAX_BYTES)
 
 
-def _is_beside(member: str, data: bytes) -> bool:
+def _is_no_curve(member: str, data: bytes) -> bool:
     """Whether a member of an archive is a picture, a readme, a system file or the like, and so no curve."""
     *folders, name = member.lower().split("/")
     known = (
@@ -189,11 +189,11 @@ def unpack(source: Source) -> tuple[list[Source], list[str]]:
             raise FileFormatError(f"{source.name} is an empty archive")
         # Names are labels only: nothing is ever written, so "../" in one leads nowhere.
         contents = [(name, read_member(archive, name)) for name in names]
-    kept = [(name, data) for name, data in contents if data and not _is_beside(name, data)]
-    beside = sorted({name for name, _ in contents} - {name for name, _ in kept})
+    kept = [(name, data) for name, data in contents if data and not _is_no_curve(name, data)]
+    left_out = sorted({name for name, _ in contents} - {name for name, _ in kept})
     members = [
         Source(source.path, _with_mark(unpacked(data, name, MAX_BYTES)), source.sha256, name)
         for name, data in kept
     ]
-    notes = [f"left out of the archive, no curves: {names_there(beside)}"] if beside else []
+    notes = [f"left out of the archive, no curves: {names_there(left_out)}"] if left_out else []
     return members, notes

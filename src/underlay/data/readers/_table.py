@@ -138,9 +138,9 @@ def table_curves(source: Source, table: Table, options: Options, **metadata: Any
             for test, indices, labels in tests
             for curve in _curves(source, {"": table.of(indices, labels)}, options, {**metadata, "name": test})
         ]
-    asked, ways = (options.columns or {}).values(), sides_of(table.labels)
-    if ways and (not asked or any(parse_column(str(text), table.labels) is None for text in asked)):
-        sides = {label: table.of(*way) for label, way in ways.items()}
+    asked, directions = (options.columns or {}).values(), sides_of(table.labels)
+    if directions and (not asked or any(parse_column(str(text), table.labels) is None for text in asked)):
+        sides = {label: table.of(*way) for label, way in directions.items()}
         return _curves(source, sides, options, metadata)
     return _curves(source, {"": table}, options, metadata)
 
@@ -162,11 +162,11 @@ def _curves(
         sides = zip(parts, read, strict=True)
         labels = np.concatenate([np.full(len(one.depth), label, dtype="<U9") for label, one in sides])
         starts: Sequence[int] = [0]
-        told: Sequence[str] = ()
+        remarks: Sequence[str] = ()
     else:
-        labels, told = first.segments()
+        labels, remarks = first.segments()
         starts = first.tests()
-    notes = [*told, *metadata.get("notes", ()), *first.notes]
+    notes = [*remarks, *metadata.get("notes", ()), *first.notes]
     if len(starts) > 1:
         notes.append(stacked_note(starts))
     about = {**metadata, "units": first.units, "sign_rules": first.signs, "notes": notes, **first.known}
@@ -249,7 +249,7 @@ class _Reader:
     def segments(self) -> tuple[NDArray[np.str_] | None, Sequence[str]]:
         """Segment labels (n,) from the file's segments, segment column or marker column, else None; and notes."""
         labels: NDArray[np.str_] | None = None
-        told: Sequence[str] = ()
+        remarks: Sequence[str] = ()
         if self.table.segments:
             labels = np.full(len(self.depth), LOADING, dtype="<U9")
             for row, label in self.table.segments:
@@ -260,19 +260,19 @@ class _Reader:
             if set(said.values()) <= {LOADING, HOLD, UNLOADING}:
                 labels = np.array([said[cell] for cell in cells], dtype="<U9")
             else:
-                told = (
+                remarks = (
                     "the segment column is not used: it holds other words than loading, hold and unloading",
                 )
         depth, force, time = self.depth, self.force, self.time
         marks = [at for at, label in enumerate(self.labels) if label.lower() in {"markers", "marker"}]
         if labels is None and marks:
             motion = Curve(depth, force, time).segments() if np.isfinite(depth).all() else None
-            return marked(_column(self.rows, marks[0]), motion), told
+            return marked(_column(self.rows, marks[0]), motion), remarks
         if labels is not None and np.isfinite([depth, force]).all():
             clock = None if time is None or not np.isfinite(time).all() else time
             labels, against = against_motion(labels, depth, clock, force)
-            told = (*told, *against)
-        return labels, told
+            remarks = (*remarks, *against)
+        return labels, remarks
 
     def tests(self) -> Sequence[int]:
         """Rows at which a test begins: as the file says, by a column that numbers tests, or by the motion."""

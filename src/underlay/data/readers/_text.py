@@ -239,8 +239,8 @@ def _has_kind(unit: str) -> bool:
 
 @lru_cache(maxsize=1024)
 def _split_label(text: str) -> tuple[str, str]:
-    ways = (_AFTER_COMMA, _has_kind), (_BRACKETED, None), (_AFTER_SLASH, _has_kind), (_AFTER_WORD, is_unit)
-    for pattern, is_known in ways:
+    forms = (_AFTER_COMMA, _has_kind), (_BRACKETED, None), (_AFTER_SLASH, _has_kind), (_AFTER_WORD, is_unit)
+    for pattern, is_known in forms:
         matched = pattern.fullmatch(text)
         if matched and matched[1] and (is_known is None or is_known(matched[2])):
             return matched[1].strip(), unit_named(matched[2])

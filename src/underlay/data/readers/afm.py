@@ -154,9 +154,9 @@ def _workshop(source: Source, given: Mapping[str, float]) -> list[Curve]:
 
 def _ntmdt(source: Source, given: Mapping[str, float]) -> list[Curve]:
     """Read the curve of an NT-MDT text: height, deepest point first, and detector current of both ways."""
-    height, *ways = numbers(Lines(lines_of(source), "\t"), (0, 1, 2), source.name, comma=True).T
+    height, *passes = numbers(Lines(lines_of(source), "\t"), (0, 1, 2), source.name, comma=True).T
     heights, signals = [], []
-    for signal, turn in zip(ways, (-1, 1), strict=True):
+    for signal, turn in zip(passes, (-1, 1), strict=True):
         # What was padded repeats the first reading.
         moving = np.flatnonzero(signal != signal[0])
         source.require(moving.size, ": its signal is the same everywhere")

@@ -197,12 +197,12 @@ class _Segment:
         claim = header.get("force-segment-header.num-points", "0")
         sound = claim.isdecimal() and len(claim) <= _DIGITS
         source.require(sound, f", {self.place}: claims {claim!r:.40} points in a segment")
-        claimed = int(claim)
+        declared = int(claim)
         # Floats are single unless there are twice as many bytes.
-        dtype = np.dtype((">f8" if len(content) == 8 * claimed else ">f4") if is_float else _INTEGERS[kind])
+        dtype = np.dtype((">f8" if len(content) == 8 * declared else ">f4") if is_float else _INTEGERS[kind])
         source.require(
-            len(content) % dtype.itemsize == 0 and len(content) >= claimed * dtype.itemsize,
-            f", {self.place}: the channel {channel} is cut short; the header claims {claimed} points and "
+            len(content) % dtype.itemsize == 0 and len(content) >= declared * dtype.itemsize,
+            f", {self.place}: the channel {channel} is cut short; the header claims {declared} points and "
             f"{len(content)} bytes are there",
         )
         values = np.frombuffer(content, dtype)
@@ -337,9 +337,9 @@ class JpkMapCurve:
         FileFormatError
             If the members are damaged, or claim more than is read of one file.
         """
-        claimed = sum(member.size for member in self.members)
-        if claimed > MAX_BYTES:
-            raise FileFormatError(f"{self.name} claims {claimed / 1e6:.0f} MB unpacked")
+        declared = sum(member.size for member in self.members)
+        if declared > MAX_BYTES:
+            raise FileFormatError(f"{self.name} claims {declared / 1e6:.0f} MB unpacked")
         for member in self.members:
             if member.name.endswith(".properties") and member.size > _LONGEST_HEADER:
                 raise FileFormatError(

@@ -47,7 +47,7 @@ from underlay._door import understood
 from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
-from underlay.data.readers._lever import Lever, lever_curve, sensor_note, told
+from underlay.data.readers._lever import Lever, header_entries, lever_curve, sensor_note
 from underlay.data.readers._source import CURVES, MAX_BYTES, Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
 from underlay.errors import missing_extra
@@ -86,9 +86,9 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
     data = source.data
     source.require(data[:2] in _ORDERS, "is no Igor binary wave of version 5")
     source.require(len(data) >= _HEADERS, "ends within its header")
-    claimed = struct.unpack_from(_ORDERS[data[:2]] + _CLAIMS, data)
-    product = math.prod(size for size in claimed[-4:] if size)
-    claims = (*claimed, product, 64 + sum(claimed[:13]))  # the sizes are of what follows the first header
+    declared = struct.unpack_from(_ORDERS[data[:2]] + _CLAIMS, data)
+    product = math.prod(size for size in declared[-4:] if size)
+    claims = (*declared, product, 64 + sum(declared[:13]))  # the sizes are of what follows the first header
     sound = min(claims) >= 0 and max(claims) <= len(data)
     source.require(sound, f"claims {max(claims)} points or bytes; it has {len(data)} bytes")
     with understood(source.name, CURVES):
@@ -115,7 +115,7 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
         channel=channels[0],
         time=time,
         segment=segments_from_motion(travel, time) if known.all() else None,
-        header=told({name: note.get(key, "") for name, key in _IBW_ABOUT.items()}),
+        header=header_entries({name: note.get(key, "") for name, key in _IBW_ABOUT.items()}),
         sign_rules={"segment": "from the motion of the height"},
         **more,
     )
@@ -327,9 +327,9 @@ def _nid_curve(
         lasted, planned = (nid.number(_TIMES, f"{setting}{key}") or 0.0 for key in ("Time", "Datapoints"))
         timed &= lasted > 0.0 and planned > 0.0
         # One that was stopped early took its share.
-        taken = lasted / max(planned, 1.0)
-        times.append(began + np.arange(count) * taken)
-        began += count * taken
+        interval = lasted / max(planned, 1.0)
+        times.append(began + np.arange(count) * interval)
+        began += count * interval
         labels += [label] * count
     axis = _axis(source, groups[_GROUPS[0][0]])
     in_metres = nid[axis.section].get("Dim0Unit") == "m"
@@ -344,7 +344,7 @@ def _nid_curve(
         time=np.concatenate(times) if timed else None,
         segment=np.array(labels, dtype="<U9"),
         number=number + 1,
-        header=told({name: nid["DataSet-Info"].get(key, "") for name, key in _NID_ABOUT.items()}),
+        header=header_entries({name: nid["DataSet-Info"].get(key, "") for name, key in _NID_ABOUT.items()}),
         notes=sensor_note(travels[0], driven),
         sign_rules={
             "segment": "forward, pause and backward of the modulation; backward is stored along its axis"
@@ -448,13 +448,13 @@ def _spectra(
         0 < used <= _CHANNELS and points > 1 and curves > 0 and kind in _NUMBERS,
         f"is damaged: {used} channels of {points} points at {curves} places, of kind {kind}",
     )
-    claimed = used * points * curves
+    declared = used * points * curves
     source.require(
-        claimed * _NUMBERS[kind].itemsize <= len(content) and _PLACES_AT + curves * _PLACE <= len(header),
+        declared * _NUMBERS[kind].itemsize <= len(content) and _PLACES_AT + curves * _PLACE <= len(header),
         f"is cut short: it claims {curves} curves of {used} channels of {points} points, and holds {len(content)} "
         "bytes of them",
     )
-    raw = np.frombuffer(content, _NUMBERS[kind], claimed).reshape(curves, used, points)
+    raw = np.frombuffer(content, _NUMBERS[kind], declared).reshape(curves, used, points)
     channels = {}
     for number in range(used):
         name, unit, gain, *_ = _CHANNEL.unpack_from(header, number * _CHANNEL.size)
@@ -499,7 +499,7 @@ def _park_curve(
         time=channels[_TIME][recorded] if _TIME in channels else None,
         segment=labels[recorded],
         number=number,
-        header=told(about),
+        header=header_entries(about),
         sign_rules={"segment": "first half in, second half back"},
         notes=notes,
         position=place,

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
-from underlay.data.readers._lever import Lever, lever_curve, sensor_note, told
+from underlay.data.readers._lever import Lever, header_entries, lever_curve, sensor_note
 from underlay.data.readers._source import Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import InputError
@@ -168,17 +168,17 @@ class _Header:
         counts = [
             int(word) for word in image.text("Samps/line").split() if word.isdecimal() and len(word) < 9
         ]
-        ways = (counts * 2)[:2]
+        sizes = (counts * 2)[:2]
         source.require(
-            len(ways) == 2 and min(ways) > 0 and kind != "SCRIPT",
+            len(sizes) == 2 and min(sizes) > 0 and kind != "SCRIPT",
             f"is a NanoScope file of another kind than ramps; {_EXPORT}, one file a curve",
         )
         source.require(
-            ways[0] == ways[1],
-            f"has {ways[0]} and {ways[1]} points on the two ways of its ramp; only equal ones are known here; "
+            sizes[0] == sizes[1],
+            f"has {sizes[0]} and {sizes[1]} points on the two ways of its ramp; only equal ones are known here; "
             f"{_EXPORT}, one file a curve",
         )
-        self.way, self.hold = ways[0], max(int(self.force.number("Hold Samples") or 0), 0)
+        self.way, self.hold = sizes[0], max(int(self.force.number("Hold Samples") or 0), 0)
         self.points, length = 2 * self.way + self.hold, self.count(image, "Data length")
         try:
             version = int(self.file.text("Version"), 16)
@@ -352,9 +352,9 @@ def _time(header: _Header, tap: _Tap | None) -> FloatArray | None:
     held = (force.number("Hold Time") or 0.0) if hold else 0.0
     if ramp is None or not ramp.volts > 0.0 or not forward or not back or (hold and not held):
         return None
-    ways = np.linspace(0.0, 1.0, header.way, endpoint=False)
+    fractions = np.linspace(0.0, 1.0, header.way, endpoint=False)
     there, rest = ramp.volts / abs(forward), abs(held)
-    in_time = np.concatenate((ways * there, there + rest + ways * (ramp.volts / abs(back))))
+    in_time = np.concatenate((fractions * there, there + rest + fractions * (ramp.volts / abs(back))))
     return header.stored(in_time, np.linspace(there, there + rest, hold, endpoint=False))
 
 
@@ -375,7 +375,7 @@ def _place(header: _Header, number: int) -> dict[str, tuple[float, float]]:
 def _about(header: _Header, lever: Lever) -> dict[str, Any]:
     """Entries of a curve's metadata from the header: instrument, date, trigger, rules of sign, setpoint (N)."""
     about: dict[str, Any] = {
-        "header": told(
+        "header": header_entries(
             {
                 "instrument": header.section("Equipment list").text("Microscope", "Description"),
                 "software version": header.file.text("Version"),

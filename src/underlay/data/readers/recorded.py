@@ -122,9 +122,9 @@ def _read_tdms(source: Source, options: Options) -> list[Curve]:
     import_module("nptdms.log").log_manager.set_level(logging.CRITICAL + 1)
     with understood(source.name, CURVES):
         file = library.TdmsFile.read_metadata(io.BytesIO(source.data))
-        claimed = sum(len(channel) for group in file.groups() for channel in group.channels())
-        if claimed > len(source.data):
-            raise FileFormatError(f"it claims {claimed} numbers and holds {len(source.data)} bytes")
+        declared = sum(len(channel) for group in file.groups() for channel in group.channels())
+        if declared > len(source.data):
+            raise FileFormatError(f"it claims {declared} numbers and holds {len(source.data)} bytes")
         groups = [
             (str(group.name), dict(map(_tdms_column, group.channels())))
             for group in library.TdmsFile.read(io.BytesIO(source.data)).groups()

@@ -405,12 +405,12 @@ def _made_of_testxpert(part: Part, columns: Columns) -> dict[str, Any]:
     if gap is None or not (np.isfinite(gap).all() and np.isfinite(travel).all()):
         return {"sign_rules": {"depth": "travel as written; the file has no gap to check it with", **rules}}
     sign, rule = 1.0, "travel as written; it does not close with the gap between the tools"
-    for way, told in (
+    for way, text in (
         (-1.0, "minus the travel as written"),
         (1.0, "travel as written: gap plus travel is constant"),
     ):
         if np.ptp(gap + way * travel) <= _CLOSURE * max(float(np.ptp(travel)), np.finfo(float).tiny):
-            sign, rule = way, told
+            sign, rule = way, text
     return {"depth": sign * travel, "initial_gap": float(gap[0]), "sign_rules": {"depth": rule, **rules}}
 
 
