@@ -1,5 +1,7 @@
 """Derivatives that an exact law says of itself: towards a body beside its own, at fixed depth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
+from underlay.mechanics.contact import Variant
 
 E, NU, H, C, BASE = "layer.E", "layer.nu", "layer.thickness", "instrument.contact_depth", "substrate.E"
 DEPTH = np.linspace(-5e-6, 4e-5, 60)
@@ -28,7 +31,7 @@ def test_a_law_says_its_derivative_towards_a_body_beside(name, path):
     forward = Forward.compile(scene, DEPTH, list({E: 0, NU: 0, C: 0, path: 0}), ul.Exact(1e-8), LawStore())
     values = dict(scene.parameters)
     said = forward.jacobian(values, [path])[1][:, 0]
-    assert forward.laws.beside
+    assert forward.laws.slope_ratios
     assert forward.laws.store.built == 1
     step = 1e-3 * values[path]
     above, below = (forward.force(values | {path: values[path] + side * step}) for side in (1.0, -1.0))
@@ -37,6 +40,13 @@ def test_a_law_says_its_derivative_towards_a_body_beside(name, path):
     # laws of 1e-8 enter it with 1e-5.
     assert np.abs(said - asked).max() < 1e-4 * np.abs(asked).max()
     assert np.abs(asked).max() > 0.0
+
+
+def test_the_earlier_name_of_the_variants_of_a_contact_still_reads_them():
+    contact = BODIES["rigid"].contact
+    varied = replace(contact, variants=(Variant(contact.kernel, 0.0, -1e-6, 1.0 - 1e-6),))
+    with pytest.warns(DeprecationWarning, match=r"Contact\.variants"):
+        assert varied.beside == varied.variants != ()
 
 
 RADII = np.linspace(0.0, 5e-6, 40)
@@ -61,7 +71,7 @@ def test_a_step_to_a_body_beside_is_a_share_of_what_has_a_unit(scene, path):
     forward = Forward.compile(scene, depth, [path], ul.Exact(1e-8), LawStore())
     values = dict(scene.parameters)
     said = forward.jacobian(values, [path])[1][:, 0]
-    assert path in forward.laws.beside
+    assert path in forward.laws.slope_ratios
     assert path in forward.similarity.direct
     step = 1e-3 * values[path]
     above, below = (forward.force(values | {path: values[path] + side * step}) for side in (1.0, -1.0))

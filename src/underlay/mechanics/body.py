@@ -343,10 +343,10 @@ class Stiffening(Part, ABC):
         """The model at large strains without strain stiffening, for comparison."""
 
     @abstractmethod
-    def on(self, indenter: Any, layer: Layer, base: Body | None, beside: Mapping[str, bool]) -> OnLaw:
+    def on(self, indenter: Any, layer: Layer, base: Body | None, effects: Mapping[str, bool]) -> OnLaw:
         """Modification of the linear law of an indenter on a layer on a base, for this model of stiffening.
 
-        `beside` maps the names of the test's other effects (friction, adhesion, a history) to whether they are
+        `effects` maps the names of the test's other effects (friction, adhesion, a history) to whether they are
         present.
 
         Raises

@@ -8,6 +8,7 @@ interfaces of adhesion models: `Adhesion`, the tables they make, and what they n
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Kernel, StackKernel, SubstrateKernel
 from underlay.quantities import Part
 
-__all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "Beside", "BuildsElastic", "Contact", "laws_on"]
+__all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "BuildsElastic", "Contact", "Variant", "laws_on"]
 
 
 class BuildsElastic(Protocol):
@@ -152,7 +153,7 @@ class IsotropicLayer:
         return cls(layer, base if isinstance(base, Material) else None)
 
 
-class Beside(NamedTuple):
+class Variant(NamedTuple):
     """A body that differs from a contact's by a small step in one parameter s, for the derivative in s.
 
     Parameters
@@ -174,7 +175,7 @@ class Beside(NamedTuple):
 
 
 def laws_on(
-    indenter: Indenter, layer: Layer, base: Body | None, beside: Mapping[str, bool] | None = None
+    indenter: Indenter, layer: Layer, base: Body | None, effects: Mapping[str, bool] | None = None
 ) -> tuple[OnLaw, ...]:
     """Modifications of the linear elastic law for a layer: stiffening, then free sides; inner ones first.
 
@@ -186,7 +187,7 @@ def laws_on(
         The layer, which may stiffen or have free sides.
     base : Body or None
         What it stands on.
-    beside : mapping, optional
+    effects : mapping, optional
         Other effects of the test, by name (friction, adhesion, history, ...), each with whether it is present.
 
     Raises
@@ -196,12 +197,12 @@ def laws_on(
     """
     found: list[OnLaw] = []
     if layer.stiffening is not None:
-        found.append(layer.stiffening.on(indenter, layer, base, beside or {}))
+        found.append(layer.stiffening.on(indenter, layer, base, effects or {}))
     if layer.has_sides:
         # Not loaded for a layer without sides.
         from underlay.mechanics.finite_width import sides_of  # noqa: PLC0415  see above
 
-        found.append(sides_of(layer, base, beside or {}))
+        found.append(sides_of(layer, base, effects or {}))
     return tuple(found)
 
 
@@ -228,7 +229,7 @@ class Contact:
         contact with adhesion is built by `Adhesion.law`.
     friction : str
         One of `FRICTIONS`; ``"unknown"`` is computed as ``"none"``.
-    beside : tuple of Beside
+    variants : tuple of Variant
         Bodies a small step away in one parameter each, for derivatives of the force; solvers without such
         derivatives ignore them.
     on_law : tuple of OnLaw
@@ -242,7 +243,7 @@ class Contact:
     isotropic: IsotropicLayer | None = None
     adhesion: Adhesion | None = None
     friction: str = "none"
-    beside: tuple[Beside, ...] = ()
+    variants: tuple[Variant, ...] = ()
     on_law: tuple[OnLaw, ...] = ()
 
     @classmethod
@@ -276,6 +277,16 @@ class Contact:
             return self, ""
         top, *under = found.layers
         return type(self).of(self.indenter, top, stacked(under, found.base)), "; ".join(found.said)
+
+    @property
+    def beside(self) -> tuple[Variant, ...]:
+        """The bodies of `variants`.
+
+        .. deprecated:: 0.2
+            Use `variants`.
+        """
+        warnings.warn("Contact.beside is now Contact.variants", DeprecationWarning, stacklevel=2)
+        return self.variants
 
     @property
     def sticks(self) -> bool:

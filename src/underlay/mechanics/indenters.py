@@ -523,9 +523,9 @@ class Sphere(Indenter):
         t = np.sqrt(target * (target + 1.0 / (1.0 + target * (2.0 / 3.0 + 0.35 * target))))
         for _ in range(_HALLEY_STEPS):
             tanh = np.tanh(t)
-            left, bent = t * tanh - target, 1.0 - tanh * tanh
-            slope = tanh + t * bent
-            t = t - left * slope / (slope * slope - left * bent * (1.0 - t * tanh))
+            left, sech_squared = t * tanh - target, 1.0 - tanh * tanh
+            slope = tanh + t * sech_squared
+            t = t - left * slope / (slope * slope - left * sech_squared * (1.0 - t * tanh))
         return np.asarray(self.radius * np.tanh(t))
 
 

@@ -157,8 +157,8 @@ class Profile(Indenter):
         corner, bend = _Triangle(x, p.corner_radii), _Triangle(x, p.bend_radii)
         first = 0.25 * np.pi * p.apex * x**2
         first = first + corner.first @ p.corners + (bend.leg**3 / 3.0 - bend.t * bend.first) @ p.bends
-        bent = bend.leg**5 / 5.0 + bend.t**2 * bend.leg**3 / 3.0 - bend.t * bend.second
-        second = 0.125 * np.pi * p.apex * x**4 + corner.second @ p.corners + bent @ p.bends
+        second_of_bends = bend.leg**5 / 5.0 + bend.t**2 * bend.leg**3 / 3.0 - bend.t * bend.second
+        second = 0.125 * np.pi * p.apex * x**4 + corner.second @ p.corners + second_of_bends @ p.bends
         return np.asarray(first), np.asarray(second)
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
@@ -373,13 +373,13 @@ def _slope_polygon(r: FloatArray, height: FloatArray) -> _Polygon:
     inclination = np.column_stack([_ratio(p, left), _ratio(q, right)]).ravel()
     knots = np.column_stack([r[:-1], r[:-1] + left]).ravel()
     bends = np.diff(inclination, prepend=0.0)
-    bent = bends != 0.0
+    is_bend = bends != 0.0
     return _Polygon(
         apex=float(chord[0] - p[0]),
         corners=corners[at_corner],
         corner_radii=r[1:][at_corner],
-        bends=bends[bent],
-        bend_radii=knots[bent],
+        bends=bends[is_bend],
+        bend_radii=knots[is_bend],
     )
 
 

@@ -246,8 +246,8 @@ class WholeHistory(History):
     def at(self, values: Mapping[str, float]) -> WholeHistory:
         """Copy with the parameter values of `values`, by path; paths that are not its own are ignored."""
         own = numbers_of(self)
-        told = {path: value for path, value in values.items() if path in own and value != own[path].value}
-        return replace_values(self, told, known=own) if told else self
+        changed = {path: value for path, value in values.items() if path in own and value != own[path].value}
+        return replace_values(self, changed, known=own) if changed else self
 
 
 @dataclass(frozen=True)

@@ -393,9 +393,9 @@ def _check_drainage(scene: Scene) -> None:
             "a draining layer needs how water leaves at the tip: drainage must be one of "
             f"{', '.join(map(repr, TIP_DRAINAGES))}; got {scene.drainage!r:.40}"
         )
-    from underlay.mechanics.biphasic.judgement import check_beside  # noqa: PLC0415  see `Scene.memory`
+    from underlay.mechanics.biphasic.judgement import check_effects  # noqa: PLC0415  see `Scene.memory`
 
-    check_beside(scene.layer, scene.substrate, scene.adhesion, scene.history, scene.discrepancy is not None)
+    check_effects(scene.layer, scene.substrate, scene.adhesion, scene.history, scene.discrepancy is not None)
 
 
 def _check_sticking(scene: Scene) -> None:
@@ -415,14 +415,14 @@ def _check_on_law(scene: Scene) -> None:
     """Raise InputError where a layer's stiffening or sides are not known together with the scene's other parts."""
     if scene.layer.linear is scene.layer:
         return
-    beside = {
+    effects = {
         "friction": scene.friction == "stuck",
         "adhesion": scene.adhesion is not None,
         "history": scene.history is not None,
         "small strains": scene.finite_strain is False,
         "discrepancy": scene.discrepancy is not None,
     }
-    laws_on(scene.indenter, scene.layer, scene.substrate, beside)
+    laws_on(scene.indenter, scene.layer, scene.substrate, effects)
 
 
 def _check_discrepancy(scene: Scene) -> None:

@@ -152,7 +152,7 @@ class Key:
         )
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
         """The values that the key takes, in words for people."""
         match self.takes:
             case Quantity(kind="dimensionless"):
@@ -172,16 +172,16 @@ class Key:
         """The values that the key takes, in the words of the message about a wrong value."""
         match self.takes:
             case range():
-                return f"{self.told} from {self.takes[0]:,} to {self.takes[-1]:,}"
+                return f"{self.text} from {self.takes[0]:,} to {self.takes[-1]:,}"
             case tuple() | list():
-                return f"{self.told.partition(' of ')[0]} of {', '.join(map(repr, self.takes))}"
-        return self.told
+                return f"{self.text.partition(' of ')[0]} of {', '.join(map(repr, self.takes))}"
+        return self.text
 
     def listed(self, section: str, name: str, meaning: str = "") -> SceneKey:
         """The key as a row of the list of all keys."""
         kind = self.takes.kind if isinstance(self.takes, Quantity) else ""
         words = self.takes if isinstance(self.takes, tuple) else ()
-        return SceneKey(section, name, self.told, _shown(self.default), self.meaning or meaning, kind, words)
+        return SceneKey(section, name, self.text, _shown(self.default), self.meaning or meaning, kind, words)
 
 
 def _amount(value: Any, known: Quantity) -> Any:
@@ -204,7 +204,7 @@ def keys_of(kind: type[Any]) -> dict[str, Key]:
     """The keys of a section by name, from the fields of the dataclass that it describes."""
     return {
         entry.name: Key(
-            _taken_by(entry), ... if entry.default is MISSING else entry.default, several=_is_of_many(entry)
+            _takes_of(entry), ... if entry.default is MISSING else entry.default, several=_is_of_many(entry)
         )
         for entry in fields(kind)
         if not entry.metadata.get("inlined")
@@ -216,7 +216,7 @@ def _is_of_many(entry: Any) -> bool:
     return any(word in str(entry.type) for word in ("tuple", "Array", "Sequence"))
 
 
-def _taken_by(entry: Any) -> Any:
+def _takes_of(entry: Any) -> Any:
     for own in ("words", "takes"):
         if own in entry.metadata:
             return entry.metadata[own]
@@ -429,7 +429,7 @@ def _all() -> Iterator[SceneKey]:
         yield SceneKey("uncertainties", name, what, "assumed", meaning)
     yield from _of_class(Noise, "noise")
     for name, entry in fit_keys("dimensionless").items():
-        what = "a quantity of the parameter's kind" if name in _OF_ITS_KIND else entry.told
+        what = "a quantity of the parameter's kind" if name in _OF_ITS_KIND else entry.text
         yield SceneKey("fit", f"PARAMETER.{name}", what, "none", entry.meaning)
     yield from _of_class(SolverSection, "solver")
     yield from _of_class(CurveSection, "curve")

@@ -39,7 +39,7 @@ from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.parameters import hint
 from underlay.scene.scene import Scene
 from underlay.scene.scene_keys import EQUIVALENT_CONES, SolverSection, keys_of, read_table
-from underlay.scene.uncertainties import rows_of, taken_out
+from underlay.scene.uncertainties import rows_of, split_uncertainties
 
 __all__ = ["noise_of", "scene_of", "solver_of", "table_of"]
 
@@ -59,7 +59,7 @@ def table_of(document: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
     """Return the test of a document; `stood_in` are placeholder numbers of the indenter that it leaves out."""
-    document, beside = taken_out(document)
+    document, inline = split_uncertainties(document)
     scene = Scene(
         indenter=_indenter({**table_of(document, "indenter"), **stood_in}),
         layer=_layer("layer", table_of(document, "layer")),
@@ -72,7 +72,7 @@ def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
         **_words(document),
     )
     left_out = tuple(f"indenter.{name}" for name in stood_in)
-    rows = rows_of(document.get("uncertainties"), beside, numbers_of(scene), left_out)
+    rows = rows_of(document.get("uncertainties"), inline, numbers_of(scene), left_out)
     return replace(scene, uncertainties=rows)
 
 

@@ -31,7 +31,7 @@ __all__ = [
     "checked",
     "parted",
     "rows_of",
-    "taken_out",
+    "split_uncertainties",
     "written",
 ]
 
@@ -134,7 +134,7 @@ def _size(path: str, given: object, numbers: Mapping[str, Number]) -> float:
 # --- scene files -----------------------------------------------------------------------------------------
 
 
-def taken_out(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Stated]]:
+def split_uncertainties(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Stated]]:
     """Split a scene file into the document without the uncertainties of its numbers, and these, by path."""
     found: dict[str, Stated] = {}
     bare = {
@@ -173,7 +173,7 @@ def parted(text: str) -> tuple[str, str | None]:
 
 
 def rows_of(
-    given: Any, beside: Mapping[str, Stated], numbers: Mapping[str, Number], left_out: tuple[str, ...]
+    given: Any, inline: Mapping[str, Stated], numbers: Mapping[str, Number], left_out: tuple[str, ...]
 ) -> dict[str, float] | str | None:
     """Uncertainties (SI) of a scene with these numbers, by path, from the entries of a scene file.
 
@@ -181,7 +181,7 @@ def rows_of(
     ----------
     given : object
         Value of ``uncertainties`` in the file: a table, or a word.
-    beside : mapping of path to Stated
+    inline : mapping of path to Stated
         Uncertainties that are written with their numbers.
     numbers : mapping of path to Number
         Numbers of the scene.
@@ -190,20 +190,20 @@ def rows_of(
     """
     if given is None or isinstance(given, Mapping):
         stated = {path: Stated(text, f"[uncertainties] {path}") for path, text in _leaves(given or {}, "")}
-        twice = sorted(stated.keys() & beside.keys())
+        twice = sorted(stated.keys() & inline.keys())
         if twice:
             raise InputError(
-                f"{beside[twice[0]].place}: its uncertainty is stated twice; leave one of them out"
+                f"{inline[twice[0]].place}: its uncertainty is stated twice; leave one of them out"
             )
-        together = {**beside, **stated}
-        checked(dict.fromkeys(together, 0.0), numbers)
-        return {path: _read(path, entry, numbers, left_out) for path, entry in together.items()}
+        joined = {**inline, **stated}
+        checked(dict.fromkeys(joined, 0.0), numbers)
+        return {path: _read(path, entry, numbers, left_out) for path, entry in joined.items()}
     if given != "none":
         raise InputError(
             f'uncertainties: write uncertainties = "none", or a section [uncertainties]; got {given!r:.60}'
         )
-    if beside:
-        place = next(iter(beside.values())).place
+    if inline:
+        place = next(iter(inline.values())).place
         raise InputError(f'{place}: an uncertainty beside uncertainties = "none"; leave one of them out')
     return "none"
 

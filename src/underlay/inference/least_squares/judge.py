@@ -60,9 +60,9 @@ def times_told_by(problem: Problem) -> list[tuple[float, float]]:
     if not clocks:
         return []
     # Not loaded for a sample that does not relax.
-    from underlay.mechanics.viscoelastic.history import times_told  # noqa: PLC0415  see above
+    from underlay.mechanics.viscoelastic.history import resolved_times  # noqa: PLC0415  see above
 
-    return [times_told(clock) for clock in clocks]
+    return [resolved_times(clock) for clock in clocks]
 
 
 def about_relaxation(problem: Problem, vector: FloatArray) -> list[FitWarning]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.model.jacobian_batch import batched_jacobians, goes_together
+from underlay.inference.model.jacobian_batch import batched_jacobians, can_batch_jacobians
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.response import WholeHistory
@@ -126,7 +126,7 @@ class Models:
         """Whether computing several parameter vectors together is less work than one by one."""
         return self._one_law and all(
             not member.forward.laws.is_solved
-            and goes_together(member.forward, member.base, tuple(member.entries))
+            and can_batch_jacobians(member.forward, member.base, tuple(member.entries))
             for member in self.members
         )
 
@@ -206,9 +206,9 @@ class Models:
         """
         if len(physical) == 1:
             return self._one(physical, possible)
-        together = self._together(physical) if self.in_batches else None
-        if together is not None:
-            columns, models, known = together
+        batch = self._batch(physical) if self.in_batches else None
+        if batch is not None:
+            columns, models, known = batch
             missing = possible & ~known
             self.count += int(np.count_nonzero(possible & known))
         else:
@@ -240,7 +240,7 @@ class Models:
                 possible[0] = False
         return self._room(1)
 
-    def _together(
+    def _batch(
         self, physical: FloatArray
     ) -> tuple[list[FloatArray], list[FloatArray], NDArray[np.bool_]] | None:
         """Derivatives and forces of all rows at once, and which rows (s,) have a law.

@@ -24,7 +24,7 @@ from underlay.inference.least_squares.models import FrozenNoise
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward, TipOverPowerLaw
-from underlay.inference.model.jacobian_batch import goes_together
+from underlay.inference.model.jacobian_batch import can_batch_jacobians
 from underlay.inference.model.laws import LawStore
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
@@ -57,7 +57,7 @@ MODULUS, BASE_MODULUS, THICKNESS = "layer.E", "substrate.E", "layer.thickness"
 CONTACT = "instrument.contact_depth"
 # Contacts tried again about the lowest point of a parabola, in `_NEAR` of a step between contacts: three beside
 # each other.
-_NEAR, _BESIDE = 0.3, np.array([-1.0, 0.0, 1.0])
+_NEAR, _OFFSETS = 0.3, np.array([-1.0, 0.0, 1.0])
 # Paths of the parameters in which a reading is linear.
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
@@ -158,7 +158,7 @@ def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
         if member.forward.left_out is None
         and (forward := member.by_power_law) is not None
         and not any(path.startswith("indenter.") for path in member.entries)
-        and goes_together(forward, member.base, tuple(member.entries))
+        and can_batch_jacobians(forward, member.base, tuple(member.entries))
     ]
     if len(forwards) < len(problem.members):
         return None
@@ -221,7 +221,7 @@ class LawRows:
         The rows that one law serves, in order.
     over : TipOverPowerLaw, optional
         The tip, where the laws are those of its power law.
-    together : callable, optional
+    batch : callable, optional
         Used in place of `shared` where every law serves rows of the same b: forces (N), (laws, n), of all laws at
         depths (m), (laws, n) or (1, n) for all.
     places : int
@@ -233,7 +233,7 @@ class LawRows:
     possible: NDArray[np.bool_]
     shared: list[tuple[slice, ContactLaw]]
     over: TipOverPowerLaw | None = None
-    together: Callable[[FloatArray], FloatArray] | None = None
+    batch: Callable[[FloatArray], FloatArray] | None = None
     places: int = 0
 
     @classmethod
@@ -253,9 +253,9 @@ class LawRows:
         scales = b[:, None, None], c[:, None, None]
         places = len(rows_of[0][1])
         if {len(group) for _, group in rows_of} == {places} and (b.reshape(-1, places) == b[:places]).all():
-            together = forward.laws.side_by_side([key for key, _ in rows_of], float(depths.max()))
-            if together is not None:
-                return cls(*scales, possible, shared, forward.over, together, places)
+            batch = forward.laws.side_by_side([key for key, _ in rows_of], float(depths.max()))
+            if batch is not None:
+                return cls(*scales, possible, shared, forward.over, batch, places)
         end = 0
         forward.laws.laws_of([key for key, _ in rows_of], _deepest(depths, rows_of))
         for key, group in rows_of:
@@ -276,11 +276,11 @@ class LawRows:
         return self._asked(asked) * (ratio * self.c)
 
     def _asked(self, depth: FloatArray) -> FloatArray:
-        if self.together is not None:
+        if self.batch is not None:
             alike = len(depth) == 1  # then the rows of every law ask for the same depths
             w = (self.b[: self.places] if alike else self.b) * depth
             laws = 1 if alike else len(self.b) // self.places
-            return self.together(w.reshape(laws, -1)).reshape(len(self.b), *w.shape[1:])
+            return self.batch(w.reshape(laws, -1)).reshape(len(self.b), *w.shape[1:])
         w = self.b * depth
         if not self.possible.all():
             w *= self.possible[:, None, None]
@@ -415,8 +415,8 @@ class ScanCurve:
         lowest = contact.copy()
         inside = np.flatnonzero((best > 0) & (best < len(self.contacts) - 1))
         if inside.size:
-            beside = (tried.misfit[inside, best[inside] + i] for i in (-1, 0, 1))
-            lowest[inside] += self._step * _steps_to_lowest(*beside)
+            adjacent = (tried.misfit[inside, best[inside] + i] for i in (-1, 0, 1))
+            lowest[inside] += self._step * _steps_to_lowest(*adjacent)
         amplitude, misfit = tried.amplitude[chosen], tried.misfit[chosen]
         return GridFit(misfit, contact, amplitude, lowest, tried.residuals(chosen))
 
@@ -429,7 +429,7 @@ class ScanCurve:
         step = _NEAR * self._step
         # No earlier than the first: the laws reach no deeper.
         lowest = np.maximum(found.lowest, self.contacts[0] + step)
-        tried = self._tried(rows, laws, lowest[:, None] + step * _BESIDE)
+        tried = self._tried(rows, laws, lowest[:, None] + step * _OFFSETS)
         share = np.minimum(np.maximum(_steps_to_lowest(*tried.misfit.T), -1.0), 1.0)
         parts = np.empty((len(share), 3))
         parts[:, 1] = 1.0 - share * share

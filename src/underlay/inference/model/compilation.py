@@ -18,7 +18,7 @@ from underlay.inference.model.coordinates import Coordinate, Spans, make_coordin
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore, quiet_law
 from underlay.inference.model.members import Member, means_alone, noise_start, scatter
-from underlay.inference.model.on_law_priors import begun, require_told_thickness, usual_prior
+from underlay.inference.model.on_law_priors import begun, require_thickness_prior, usual_prior
 from underlay.inference.priors import Given, Prior
 from underlay.mechanics.discrepancy import require_measured
 from underlay.mechanics.response import WholeHistory, checked_times
@@ -228,7 +228,7 @@ def compile_members(
         raise ParameterError("nothing is free: name at least one parameter, for example 'layer.E'")
     stiffens = any(scene.layer.stiffening is not None for scene, _ in tests)
     if stiffens:
-        require_told_thickness(free)
+        require_thickness_prior(free)
     coordinates = []
     entries: list[dict[str, int]] = [{} for _ in tests]
     paths = [request.path for request in requests]

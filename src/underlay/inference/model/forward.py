@@ -108,8 +108,8 @@ class TipOverPowerLaw:
         `slopes` holds the tip's depths, and the law of the power-law indenter.
         """
         asked, ratio = self.seen(slopes.w)
-        P, S, told = slopes.law.with_slopes(asked)
-        inner = replace(slopes, w=asked, P=P, S=S, told=told)
+        P, S, in_ratios = slopes.law.with_slopes(asked)
+        inner = replace(slopes, w=asked, P=P, S=S, in_ratios=in_ratios)
         return np.asarray(ratio * inner.of(path))
 
 
@@ -286,7 +286,7 @@ class Forward:
         Deflection of the cantilever that was subtracted from the depth readings (m), (n,).
     left_out : LeftOutLaws, OnLinear or None
         Corrections of the law of linear elasticity, where their sizes are numbers of the scene.
-    is_unbent : bool
+    is_rigid : bool
         Whether the depths are already without the cantilever's further bending: in batches only.
     over : TipOverPowerLaw or None
         The tip, where the laws are those of its power law: for searches, and in `jacobian` only.
@@ -299,7 +299,7 @@ class Forward:
     time: FloatArray | None = None
     bending: FloatArray | None = None
     left_out: LeftOutLaws | OnLinear | None = None
-    is_unbent: bool = False
+    is_rigid: bool = False
     over: TipOverPowerLaw | None = None
 
     @classmethod
@@ -342,7 +342,7 @@ class Forward:
 
     def solved_by(self, solver: Solver) -> Forward:
         """Return the model with laws of another solver that scale in the same way, stored apart from its own."""
-        return replace(self, laws=replace(self.laws, solver=solver, table=None, tips=None, beside=()))
+        return replace(self, laws=replace(self.laws, solver=solver, table=None, tips=None, slope_ratios=()))
 
     def moved(self, depth: FloatArray, force: FloatArray, laws: LawSource | None = None) -> Forward:
         """Return the model for other depth readings (m) and force readings (N), each (n,).
@@ -444,12 +444,12 @@ class Forward:
         deepest = self._deepest(chain, depth)
         law = self.law(values, deepest)
         w = self._tip_depth(chain, law, depth)
-        P, S, told = self._with_slopes(law, w)
+        P, S, in_ratios = self._with_slopes(law, w)
         columns = chain.offset_slopes(self.depth)
         if beyond := self._lever_compliance(values):
             kept = 1.0 - beyond * chain.at_fixed_travel(S, S)
             columns = {path: column * kept for path, column in columns.items()}
-        slopes = LawSlopes(self.similarity, self.laws, values, law, deepest, w, P, S, told, rough)
+        slopes = LawSlopes(self.similarity, self.laws, values, law, deepest, w, P, S, in_ratios, rough)
         if self.history is not None:
             P = self._through_history(self.history, slopes, paths, columns)
         for path in paths:
@@ -490,8 +490,8 @@ class Forward:
         if self.over is None:
             return law.with_slopes(w)
         asked, ratio = self.over.seen(w)
-        P, S, told = law.with_slopes(asked)
-        return ratio * P, self.over.stiffness(asked, ratio, P, S), told
+        P, S, in_ratios = law.with_slopes(asked)
+        return ratio * P, self.over.stiffness(asked, ratio, P, S), in_ratios
 
     def _remembered(self, law: Response, history: History, values: Mapping[str, float]) -> Remembered:
         """The elastic law combined with the memory, whose numbers are taken from `values`."""
@@ -522,8 +522,8 @@ class Forward:
 
         def slope(path: str) -> Elastic:
             def of(x: FloatArray) -> FloatArray:
-                P, S, told = kept.with_slopes(x)
-                return self._slope(path, replace(slopes, w=x, P=P, S=S, told=told))
+                P, S, in_ratios = kept.with_slopes(x)
+                return self._slope(path, replace(slopes, w=x, P=P, S=S, in_ratios=in_ratios))
 
             return of
 
@@ -564,7 +564,7 @@ class Forward:
         sigma is the ratio of the true sensitivity to the calibrated one and k the spring constant; zero without a
         cantilever.
         """
-        if self.similarity.scene.lever is None or self.is_unbent:
+        if self.similarity.scene.lever is None or self.is_rigid:
             return 0.0
         return (values[SENSITIVITY_RATIO] - 1.0) / values[SPRING_CONSTANT]
 

@@ -33,7 +33,7 @@ from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.groups import ParameterSets, Readings, Values, is_shaped_by_lengths, set_by_set
 from underlay.inference.model.on_law import OnLinear
-from underlay.inference.model.ratio_batch import by_ratios, goes_together
+from underlay.inference.model.ratio_batch import by_ratios, can_batch_depths
 from underlay.mechanics.contact import AdhesionTable
 from underlay.scene.instrument import Frame
 
@@ -107,14 +107,14 @@ def bending(forward: Forward, values: Values, empty: Readings) -> Readings:
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     beyond = np.broadcast_to(forward.lever_compliances(values), sets)
     offset = asked.instrument_force(np.zeros(asked.tip.shape))
-    unbent = replace(forward, depth=forward.depth - beyond[:, None] * offset, bending=None, is_unbent=True)
+    rigid = replace(forward, depth=forward.depth - beyond[:, None] * offset, bending=None, is_rigid=True)
     gives = {**values, Frame.path: values[Frame.path] + beyond}
     if forward.similarity.energies:
-        found = sticking(unbent, gives, sets)
-    elif goes_together(asked):
-        found = _given_way(unbent, gives, empty)
+        found = sticking(rigid, gives, sets)
+    elif can_batch_depths(asked):
+        found = _given_way(rigid, gives, empty)
     else:
-        found = set_by_set(unbent, gives, range(sets), empty)
+        found = set_by_set(rigid, gives, range(sets), empty)
     return found._replace(force=asked.instrument_force(found.contact))
 
 
@@ -188,7 +188,7 @@ def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffne
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     if not np.any(values[Frame.path]):
         return by_ratios(asked, empty, stiffness=stiffness)
-    if not goes_together(asked):
+    if not can_batch_depths(asked):
         return set_by_set(forward, values, range(sets), empty)
     found = _given_way(forward, values, empty)
     return found._replace(force=asked.instrument_force(found.contact))
@@ -200,9 +200,9 @@ def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness:
     from underlay.inference.model.remembered_batch import remembered_readings  # noqa: PLC0415  see above
 
     sets = len(empty.possible)
-    together = None if stiffness else remembered_readings(forward, values, sets, batched_readings)
-    if together is not None:
-        contact, force, possible, left = together
+    remembered = None if stiffness else remembered_readings(forward, values, sets, batched_readings)
+    if remembered is not None:
+        contact, force, possible, left = remembered
         possible[left] = False
         readings = Readings(contact, empty.stiffness, force, possible)
         return set_by_set(forward, values, left.tolist(), readings, stiffness=False)

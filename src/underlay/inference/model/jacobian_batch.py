@@ -27,7 +27,7 @@ from underlay.mechanics.exact.tip_law import TipSets
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.scene.instrument import ContactDepth, Frame
 
-__all__ = ["Jacobians", "batched_jacobians", "goes_together"]
+__all__ = ["Jacobians", "batched_jacobians", "can_batch_jacobians"]
 
 
 class Jacobians(NamedTuple):
@@ -68,7 +68,7 @@ class _Laws(NamedTuple):
     possible: NDArray[np.bool_]
 
 
-def goes_together(forward: Forward, values: Values, paths: Sequence[str]) -> bool:
+def can_batch_jacobians(forward: Forward, values: Values, paths: Sequence[str]) -> bool:
     """Whether sets that differ in the parameters at `paths` can be computed together; `values` are all numbers."""
     elsewhere = (forward.history, forward.left_out, forward.bending)
     if any(part is not None for part in elsewhere) or forward.similarity.energies:
@@ -100,7 +100,7 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
         A set that is not possible here may be so when computed alone. None where the sets cannot be computed
         together.
     """
-    if not goes_together(forward, values, paths):
+    if not can_batch_jacobians(forward, values, paths):
         return None
     asked = ParameterSets(forward, values, sets)
     over, ratio = forward.over, np.ones(())

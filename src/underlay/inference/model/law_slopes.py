@@ -132,7 +132,7 @@ class LawSlopes:
         Depth (m) that laws must reach.
     w, P, S : FloatArray
         Depths (m), and force (N) and stiffness dP/dw (N/m) there, each (n,).
-    told : FloatArray
+    in_ratios : FloatArray
         Derivatives that the law gives itself, (numbers, n): see `ContactLaw.with_slopes`.
     rough : bool
         Whether a ratio's derivative is taken from one further law instead of two.
@@ -146,7 +146,7 @@ class LawSlopes:
     w: FloatArray
     P: FloatArray
     S: FloatArray
-    told: FloatArray
+    in_ratios: FloatArray
     rough: bool
     _columns: dict[str, FloatArray] = field(default_factory=dict, init=False)
     _differenced: set[str] = field(default_factory=set, init=False)
@@ -163,8 +163,8 @@ class LawSlopes:
         """
         value = self.values[path]
         derivative = slope_by_factors(self.similarity, path, self.values, self.w, self.P, self.S) / value
-        if self.laws.table is not None and len(self.told) and (slope := self.laws.table.slope(path)):
-            return np.asarray(derivative + self.told[0] * (slope / value))
+        if self.laws.table is not None and len(self.in_ratios) and (slope := self.laws.table.slope(path)):
+            return np.asarray(derivative + self.in_ratios[0] * (slope / value))
         for ratio, slope in self.similarity.ratio_slopes(path, self.values).items():
             if ratio not in self._columns:
                 known = self._known(ratio)
@@ -181,13 +181,13 @@ class LawSlopes:
         if ratio == "adhesion.work":
             in_log, is_direct = self.law.work_slope(self.w), ratio in self.similarity.direct
             return in_log / self.values[ratio] if is_direct and in_log is not None else in_log
-        if not len(self.told):
+        if not len(self.in_ratios):
             return None
-        if ratio in self.laws.beside:
-            return np.asarray(self.told[self.laws.beside.index(ratio)])
+        if ratio in self.laws.slope_ratios:
+            return np.asarray(self.in_ratios[self.laws.slope_ratios.index(ratio)])
         if self.laws.tips is None:
             return None
-        in_thickness = self.told[
+        in_thickness = self.in_ratios[
             1
         ]  # as tables tell it; a law that is solved for beside them in the same order
         if ratio == "layer.thickness":

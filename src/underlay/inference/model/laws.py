@@ -18,7 +18,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.inference.model.similarity import Similarity
-from underlay.mechanics.contact import AdhesionTable, Beside, Contact, IsotropicLayer
+from underlay.mechanics.contact import AdhesionTable, Contact, IsotropicLayer, Variant
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase
@@ -145,7 +145,7 @@ def tip_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequenc
     return OneRatio(IsotropicPair(body.layer.nu, body.base.nu), "substrate.E", "layer.E")
 
 
-def quiet_law(scene: Scene, solver: Solver, max_depth: float, beside: tuple[Beside, ...] = ()) -> ContactLaw:
+def quiet_law(scene: Scene, solver: Solver, max_depth: float, bodies: tuple[Variant, ...] = ()) -> ContactLaw:
     """Build the law of a scene without warnings.
 
     A published correction warns where it leaves its range; a fit passes through such places and reports only those
@@ -159,14 +159,14 @@ def quiet_law(scene: Scene, solver: Solver, max_depth: float, beside: tuple[Besi
         Solver that builds the law.
     max_depth : float
         Depth (m) that the law must reach.
-    beside : tuple of Beside
+    bodies : tuple of Variant
         Slightly different bodies, from which the law computes its derivatives.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnderlayWarning)
-        if not beside:
+        if not bodies:
             return scene.contact_law(max_depth, solver=solver)
-        return solver.law(replace(scene.contact, beside=beside), max_depth)
+        return solver.law(replace(scene.contact, variants=bodies), max_depth)
 
 
 @dataclass
@@ -223,9 +223,9 @@ class LawSource:
         The one ratio that can change the law, where the solver has tables over it.
     tips : OneRatio or None
         The same under a tip that is no power law: its size over the thickness may vary too.
-    beside : tuple of str
-        Paths of the ratios in which laws that are solved for give their own derivatives (`Contact.beside`); where
-        there are tables, in the order of the tables' derivatives.
+    slope_ratios : tuple of str
+        Paths of the ratios in which laws that are solved for give their own derivatives (`Contact.variants`);
+        where there are tables, in the order of the tables' derivatives.
     scattered : bool
         Whether laws at ratios far apart are needed, as on a grid: each is then solved for itself.
     rough : bool
@@ -240,7 +240,7 @@ class LawSource:
     contact: Contact
     table: OneRatio | None
     tips: OneRatio | None = None
-    beside: tuple[str, ...] = ()
+    slope_ratios: tuple[str, ...] = ()
     scattered: bool = False
     rough: bool = False
 
@@ -267,12 +267,12 @@ class LawSource:
         body = self.contact.isotropic
         table = one_ratio(similarity, body, free) if solver.has_table(self.contact) else None
         tips = tip_ratio(similarity, body, free) if solver.has_tip_tables(self.contact) else None
-        return replace(self, table=table, tips=tips, beside=self._slopes_wanted(table, tips, free))
+        return replace(self, table=table, tips=tips, slope_ratios=self._slopes_wanted(table, tips, free))
 
     def _slopes_wanted(
         self, table: OneRatio | None, tips: OneRatio | None, free: Sequence[str]
     ) -> tuple[str, ...]:
-        """Ratios in which laws shall give their derivatives where the paths `free` vary: the value of `beside`.
+        """Ratios in which laws shall give their derivatives where the paths `free` vary, for `slope_ratios`.
 
         Empty where the solver gives no such derivatives.
         """
@@ -289,12 +289,12 @@ class LawSource:
     @property
     def is_solved(self) -> bool:
         """Whether laws come from the solver, one at a time and with derivatives, and not from tables."""
-        return self.table is None and self.tips is None and bool(self.beside)
+        return self.table is None and self.tips is None and bool(self.slope_ratios)
 
     @property
     def know_slopes(self) -> bool:
         """Whether the laws give their derivatives in all ratios that may vary, so that none need differences."""
-        return self.table is not None or self.tips is not None or bool(self.beside)
+        return self.table is not None or self.tips is not None or bool(self.slope_ratios)
 
     @property
     def for_differences(self) -> LawSource:
@@ -463,7 +463,7 @@ class LawSource:
 
     def _solved(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         octave = float(np.ceil(np.log2(depth))) if depth > 0.0 else -np.inf
-        key = (self.number, self.solver, self.similarity.length, reduced, octave, self.beside)
+        key = (self.number, self.solver, self.similarity.length, reduced, octave, self.slope_ratios)
         law = self.store.get(key)
         if law is None:
             law = self.store.keep(key, self._build(reduced, float(np.exp2(octave))))
@@ -496,19 +496,19 @@ class LawSource:
         """Law with ratios `reduced` up to `depth` (m), or the error why it does not reach so deep."""
         scene = self._scene(reduced)
         try:
-            return quiet_law(scene, self.solver, depth, self._bodies_beside(scene, reduced))
+            return quiet_law(scene, self.solver, depth, self._variants(scene, reduced))
         except RangeError as error:
             return error
 
-    def _bodies_beside(self, scene: Scene, reduced: tuple[float, ...]) -> tuple[Beside, ...]:
-        """Bodies with each of the ratios `beside` changed by a small step; empty where one cannot exist."""
+    def _variants(self, scene: Scene, reduced: tuple[float, ...]) -> tuple[Variant, ...]:
+        """Bodies with each of the ratios `slope_ratios` changed by a small step; empty where one cannot exist."""
         found, here = [], scene.contact
         shorter = float(np.exp(-_KERNEL_STEP))
         try:
-            for path in self.beside:
+            for path in self.slope_ratios:
                 if path in {"", _THICKNESS}:  # on a rigid base there is no ratio
                     thickness = shorter if path else 1.0
-                    found.append(Beside(here.kernel, 0.0, -_KERNEL_STEP, thickness))
+                    found.append(Variant(here.kernel, 0.0, -_KERNEL_STEP, thickness))
                     continue
                 entry, in_log = self.similarity.ratio_paths.index(path), path not in self.similarity.direct
                 # The step goes down: Poisson's ratio may not exceed one half.
@@ -519,7 +519,7 @@ class LawSource:
                 there = replace_values(scene, {path: value}, known=self.similarity.values).contact
                 if there.thickness != here.thickness or there.indenter != here.indenter:
                     return ()
-                found.append(Beside(there.kernel, float(np.log(there.theta / here.theta)), -step))
+                found.append(Variant(there.kernel, float(np.log(there.theta / here.theta)), -step))
         except InputError:
             return ()
         return tuple(found)

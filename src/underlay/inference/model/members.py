@@ -332,8 +332,8 @@ class CommonErrors:
 
     def whitened(self, parts: Sequence[FloatArray]) -> list[FloatArray]:
         """Whiten the residuals of the common errors too, after each curve's own noise, (..., n) each."""
-        together = sum(own @ along for own, along in zip(parts, self.directions, strict=True))
-        less = together * (1.0 - 1.0 / np.sqrt(1.0 + self.sizes**2))
+        summed = sum(own @ along for own, along in zip(parts, self.directions, strict=True))
+        less = summed * (1.0 - 1.0 / np.sqrt(1.0 + self.sizes**2))
         return [own - less @ along.T for own, along in zip(parts, self.directions, strict=True)]
 
     def log_density(self, along: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from underlay.mechanics.stiffening import FORM_SPREAD
 from underlay.quantities import path_of
 from underlay.scene.scene import Scene
 
-__all__ = ["FORM", "LEFT_OPEN", "begun", "require_told_thickness", "usual_prior"]
+__all__ = ["FORM", "LEFT_OPEN", "begun", "require_thickness_prior", "usual_prior"]
 
 _SECTION = "layer.stiffening."
 #: Path of the size of the form of the energy.
@@ -53,7 +53,7 @@ def begun(path: str, start: float, given: Given) -> float:
     return float(np.sqrt(low * high)) if low > 0.0 else 0.5 * (low + high)
 
 
-def require_told_thickness(free: Mapping[str, Given] | Iterable[str]) -> None:
+def require_thickness_prior(free: Mapping[str, Given] | Iterable[str]) -> None:
     """Refuse stiffening and thickness both free where the thickness has no informative prior.
 
     Raises

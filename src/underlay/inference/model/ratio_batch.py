@@ -22,7 +22,7 @@ from underlay.mechanics.exact.family_law import family_batch
 from underlay.mechanics.exact.tip_law import TipSets
 from underlay.mechanics.indenters import PowerLawShape
 
-__all__ = ["by_one_law", "by_ratios", "goes_together", "has_exact_batches", "sets_of_a_tip"]
+__all__ = ["by_one_law", "by_ratios", "can_batch_depths", "has_exact_batches", "sets_of_a_tip"]
 
 
 def by_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Readings:
@@ -56,7 +56,7 @@ def by_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Read
     return readings
 
 
-def goes_together(asked: ParameterSets) -> bool:
+def can_batch_depths(asked: ParameterSets) -> bool:
     """Whether sets with different depth readings can be computed together."""
     tabulated = asked.shared is not None or asked.forward.laws.table is not None
     return tabulated or has_exact_batches(asked) or has_stack_batches(asked)

@@ -174,8 +174,8 @@ def surfaces(
     width, edge = _cells(source, entry)
     number = np.log(value) if _in_log(source, entry) else value
     in_lengths = source.similarity.ratio_paths[entry] in source.similarity.lengths
-    counted = depth / value if in_lengths else depth
-    keys = np.column_stack((np.ceil((number - edge) / width), np.ceil(np.log2(counted))))
+    scaled_depth = depth / value if in_lengths else depth
+    keys = np.column_stack((np.ceil((number - edge) / width), np.ceil(np.log2(scaled_depth))))
     others = (*ratios[:entry], *ratios[entry + 1 :])
     kept = source.store.surfaces
     found = []

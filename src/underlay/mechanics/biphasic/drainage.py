@@ -226,9 +226,9 @@ class Drainage(WholeHistory):
             vary[_K] = values[_K] * modulus / known
 
         def solve(point: list[float]) -> FloatArray:
-            told = dict(zip(vary, point, strict=True))
+            changed = dict(zip(vary, point, strict=True))
             # Over the modulus, which bends a logarithm's axis most.
-            return self.at(told).answer(depth, time) / told.get(_E, known)
+            return self.at(changed).answer(depth, time) / changed.get(_E, known)
 
         columns = [(v, own[path].quantity.is_scale) for path, v in vary.items()]
         found = lattice_forces(columns, solve, sets // 2)

@@ -122,8 +122,8 @@ class Polyline:
         """Times (s) at which the slope changes, and the changes (unit of the values per s), (k,) each."""
         slopes = self._slopes
         change = np.concatenate((slopes, [0.0])) - np.concatenate(([0.0], slopes))
-        bent = np.abs(change) > _STRAIGHT * np.abs(slopes).max(initial=0.0)
-        return self._ends[bent], change[bent]
+        has_bend = np.abs(change) > _STRAIGHT * np.abs(slopes).max(initial=0.0)
+        return self._ends[has_bend], change[has_bend]
 
     @cached_property
     def _long(self) -> NDArray[np.bool_]:

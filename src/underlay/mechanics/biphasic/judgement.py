@@ -12,7 +12,7 @@ from underlay.quantities import Part
 
 __all__ = [
     "anisotropy_doubt",
-    "check_beside",
+    "check_effects",
     "checked_contact",
     "checked_hold",
     "checked_thickness",
@@ -41,7 +41,7 @@ def checked_thickness(thickness: float) -> float:
     return np.inf if thickness == np.inf else positive(thickness, "layer thickness", "m")
 
 
-def check_beside(
+def check_effects(
     layer: Layer, substrate: Body | None, adhesion: Part | None, history: Part | None, discrepant: bool
 ) -> None:
     """Refuse combinations of a draining layer with other effects that are not simulated.

@@ -204,11 +204,11 @@ def lattice_forces(
     which = which.reshape(len(x), len(steps))
     solved: dict[int, FloatArray] = {}
     for number, point in enumerate(points * spacing):
-        told = [
+        natural = [
             float(np.exp(v)) if by_log else float(v) for v, (_, by_log) in zip(point, columns, strict=True)
         ]
         with suppress(InputError):
-            solved[number] = solve(told)
+            solved[number] = solve(natural)
     served = fine & np.isin(which, list(solved)).all(axis=1)
     if not solved:
         return np.zeros((len(x), 1)), served

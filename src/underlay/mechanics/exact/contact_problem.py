@@ -18,7 +18,7 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import RangeError
 from underlay.mechanics.body import Real
-from underlay.mechanics.contact import Beside
+from underlay.mechanics.contact import Variant
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -103,7 +103,7 @@ class ContactProblem:
         Thickness of the layer (m).
     kernel : Kernel
         1 - L(u) of the body (layer and what lies under it), u the wavenumber times the thickness.
-    beside : tuple of Beside
+    variants : tuple of Variant
         Bodies a small step away in one parameter each, for the derivatives of the force in these parameters.
     """
 
@@ -111,14 +111,14 @@ class ContactProblem:
     measure: PowerLawShape
     thickness: float
     kernel: Kernel
-    beside: tuple[Beside, ...] = ()
+    variants: tuple[Variant, ...] = ()
 
     @classmethod
     def of(
-        cls, indenter: Indenter, thickness: float, kernel: Kernel, beside: tuple[Beside, ...] = ()
+        cls, indenter: Indenter, thickness: float, kernel: Kernel, variants: tuple[Variant, ...] = ()
     ) -> Self:
         """Build the problem of a tip over a layer of `thickness` (m) on the body of `kernel`."""
-        return cls(indenter, indenter.power_law, thickness, kernel, beside)
+        return cls(indenter, indenter.power_law, thickness, kernel, variants)
 
     @property
     def scales(self) -> Scales:
@@ -180,7 +180,7 @@ class ContactProblem:
 
         varpi is the half-space contact radius at the depth over the thickness. The first three columns are the
         logarithms of the factors (radius, force, stiffness over those of the half-space, see `Factor`); then, for
-        each body of `beside`, d ln P/ds at fixed depth, s the parameter in which that body differs.
+        each body of `variants`, d ln P/ds at fixed depth, s the parameter in which that body differs.
 
         Parameters
         ----------
@@ -200,7 +200,7 @@ class ContactProblem:
         known = {} if octaves is None else octaves
         top = float(eps.max())
         octave = np.minimum(np.floor(np.log2(top / eps)), _MOST_OCTAVES).astype(int)
-        varpi, columns = np.empty(eps.size), np.empty((eps.size, len(Factor) + len(self.beside)))
+        varpi, columns = np.empty(eps.size), np.empty((eps.size, len(Factor) + len(self.variants)))
         for number in np.unique(octave).tolist():
             rows = octave == number
             if number not in known:
@@ -214,20 +214,20 @@ class ContactProblem:
 
         varpi is the half-space contact radius at the depth over the thickness.
         """
-        if not self.beside:
+        if not self.variants:
             punch = grid.solve(self.kernel.values(grid.u))
             return contact_factors(punch, self.indenter, self.measure, self.thickness)
         weights = weights_over_depth(self.indenter, self.measure, grid.rule, grid.eps * self.thickness)
         bodies, stretches = zip(
-            (self.kernel, 1.0), *((body.kernel, body.thickness) for body in self.beside), strict=True
+            (self.kernel, 1.0), *((body.kernel, body.thickness) for body in self.variants), strict=True
         )
         here, *there = values_of(bodies, grid.u, stretches)
         punch = grid.solve(here, weights)
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, self.thickness)
-        steps = np.array([body.step for body in self.beside])
+        steps = np.array([body.step for body in self.variants])
         moved = punch.in_kernel @ ((np.array(there) - here).T / steps)
         moved /= punch.depth_and_force(weights)[1][:, None]
-        moved += np.array([body.log_theta for body in self.beside]) / steps
+        moved += np.array([body.log_theta for body in self.variants]) / steps
         return varpi, np.concatenate((logarithms, moved), axis=1)
 
 
@@ -471,7 +471,7 @@ def _placement(
     """
     if problem.scales.softest > SOFT:
         return guess.radius, last, 1.0
-    branches = _series(replace(problem, beside=()), last, _COARSE)[0].branches()
+    branches = _series(replace(problem, variants=()), last, _COARSE)[0].branches()
     gain = min(max(_steepest(branch) for branch in branches), _LARGEST_GAIN)
     if len(branches) > 1 or branches[0].varpi[-1] < top:
         return None, last, gain

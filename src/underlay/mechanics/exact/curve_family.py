@@ -414,8 +414,8 @@ def _resampled(
     low, high = ends
     angles = chebyshev_angles(MOST_TERMS)
     varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles))
-    told = np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves])
-    values = np.moveaxis(told, -1, 0)
+    logarithms = np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves])
+    values = np.moveaxis(logarithms, -1, 0)
     flat = chebyshev_coefficients(values.reshape(MOST_TERMS, -1), angles)
     error = float(truncation_error(flat))
     kept, missing = shortened(flat, _SHARE_OF_PIECE * rtol - error)

@@ -60,7 +60,7 @@ class ExactLaw(ContactLaw):
 
     @property
     def known_slopes(self) -> int:
-        """Number of derivatives dP/ds known, one for each s of `Contact.beside`; zero where the relation folds."""
+        """Number of derivatives dP/ds known, one for each of `Contact.variants`; zero where the relation folds."""
         return int(self.curve.coefficients.shape[1]) - len(Factor)
 
     _beyond: ClassVar[str] = "the law was solved up to there; ask for less depth, or build it for more"
@@ -213,7 +213,7 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     length = contact.thickness
     if length == np.inf:
         length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
-    problem = ContactProblem.of(indenter, length, contact.kernel, contact.beside)
+    problem = ContactProblem.of(indenter, length, contact.kernel, contact.variants)
     top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
     solved = known_curve(problem, top, rtol)
     reason = (

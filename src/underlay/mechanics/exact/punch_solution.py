@@ -240,14 +240,14 @@ def proved_resolution(body: Kernel, eps: float, rtol: float) -> Resolution:
         rtol *= 0.1
         resolution = Resolution.choose(body.scales, eps, rtol).scaled(_LEANER_RADII, _LEANER_WAVES)
     allowed = max(_SHARE_OF_DOUBLING * rtol, _ROUNDING)
-    told = _told(body, eps, resolution)
+    values = _watched(body, eps, resolution)
     for _ in range(_MOST_DOUBLINGS):
         finer = resolution.finer(0.5 if much else 1.0)
-        proof = _told(body, eps, finer)
-        change = float(np.abs(told / proof - 1.0).max())
+        proof = _watched(body, eps, finer)
+        change = float(np.abs(values / proof - 1.0).max())
         if change <= allowed:
             return resolution
-        resolution, told = finer, proof
+        resolution, values = finer, proof
     raise RangeError(
         f"the contact on this body does not settle: with {resolution.wavenumbers} wavenumbers it still changes by "
         f"{change:.1g}, and {allowed:.1g} is allowed; ask for a larger rtol, or leave out what is far stiffer or "
@@ -255,7 +255,7 @@ def proved_resolution(body: Kernel, eps: float, rtol: float) -> Resolution:
     )
 
 
-def _told(body: Kernel, eps: float, resolution: Resolution) -> FloatArray:
+def _watched(body: Kernel, eps: float, resolution: Resolution) -> FloatArray:
     punch = PunchSolution.solve(body, eps * _WATCHED, resolution)
     depth, force = punch.depth_and_force(punch.rule.power_weights(2.0))
     return np.stack([punch.kappa, depth, force])

@@ -179,7 +179,7 @@ def known_curve(
     problem: ContactProblem, top: float, rtol: float, left_out: float = SHARE_OF_NODES
 ) -> SolvedCurve:
     """Master curve read from the file where that holds it, else solved for; arguments as `solve_curve`."""
-    plain = problem.indenter is problem.measure and not problem.beside
+    plain = problem.indenter is problem.measure and not problem.variants
     stored = stored_curve(problem.kernel, problem.measure.exponent, top, rtol, left_out) if plain else None
     return stored or solve_curve(problem, top, rtol, left_out)
 

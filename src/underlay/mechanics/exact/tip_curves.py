@@ -94,7 +94,7 @@ _RANGES_BELOW = 5
 # Of ln k and ln h: a difference of polynomials, whose truncation is 1e-7 of the derivative and rounding 1e-9.
 _STEP = 1e-7
 # A contact, one a step further in ln k, and one in ln h.
-_BESIDE = _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+_SHIFTS = _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 class PunchCell(NamedTuple):
@@ -213,9 +213,9 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
         eps_angles = chebyshev_angles(radii)
         groups = _groups(bodies, stretch.v(np.cos(eps_angles)), resolution, cell.rtol)
         # One body tells whether these radii are enough before all are solved for.
-        first = chebyshev_coefficients(_told(bodies[hardest], groups), eps_angles)
+        first = chebyshev_coefficients(_table_values(bodies[hardest], groups), eps_angles)
         if truncation_error(first) <= _SHARE_OF_RADIUS * share:
-            values = np.stack([_told(body, groups) for body in bodies])
+            values = np.stack([_table_values(body, groups) for body in bodies])
             by_radius = np.stack([chebyshev_coefficients(own, eps_angles) for own in values])
             if truncation_error(np.moveaxis(by_radius, 1, 0).reshape(radii, -1)) <= _SHARE_OF_RADIUS * share:
                 break
@@ -264,17 +264,17 @@ def _groups(bodies: list[Kernel], eps: FloatArray, widest: Resolution, rtol: flo
     return groups[::-1]
 
 
-def _told(body: Kernel, groups: list[_Group]) -> FloatArray:
+def _table_values(body: Kernel, groups: list[_Group]) -> FloatArray:
     """The interpolated quantities ln kappa, ln g(1), g/kappa, rho/g(1) of one body, (radii, 2 + 2 nodes).
 
     kappa is the flat punch's stiffness over that on a half-space.
 
     k is the ratio in which the bodies of the family differ.
     """
-    return np.concatenate([_told_of(body, group) for group in groups])
+    return np.concatenate([_table_values_of(body, group) for group in groups])
 
 
-def _told_of(body: Kernel, group: _Group) -> FloatArray:
+def _table_values_of(body: Kernel, group: _Group) -> FloatArray:
     punch = group.grid.solve(body.values(group.grid.u))
     edge = 1.0 + punch.rho @ punch.rule.weights
     kappa = punch.kappa[:, None]
@@ -470,10 +470,10 @@ def _contracted(asked: TipContacts, eps: FloatArray, stretch: Stretch, number: i
         return None
     measure = asked.tip.power_law
     # Beside each contact one of the same radius on a layer a step further in ln k, and in ln h.
-    punch = table.at(asked.log_ratio[:, None] + _BESIDE[:, 0], eps[:, None] * np.exp(-_BESIDE[:, 1])[:, None])
+    punch = table.at(asked.log_ratio[:, None] + _SHIFTS[:, 0], eps[:, None] * np.exp(-_SHIFTS[:, 1])[:, None])
     thickness = asked.thickness[:, None, None]
     varpi, logarithms = contact_factors(
-        punch, asked.tip, measure, thickness * np.exp(_BESIDE[:, 1:]), eps[:, None] * thickness
+        punch, asked.tip, measure, thickness * np.exp(_SHIFTS[:, 1:]), eps[:, None] * thickness
     )
     varpi, factors = varpi[:, 0], logarithms[:, 0]
     slopes = _slopes(measure.exponent, factors, (logarithms[:, 1:] - logarithms[:, :1]) / _STEP)

@@ -50,7 +50,7 @@ _STEPS_PER_RADIUS = 1.1
 # What each part of the solution may take of the relative error: quadrature, the curve, and the growth.
 _SHARE, _SHARE_OF_GROWTH = 0.3, 0.4
 # Depth against radius is looked at on so many radii per term of its polynomial.
-_LOOKS = 6
+_SAMPLES_PER_TERM = 6
 # A measured tip has corners in its curvature: its radii converge as 1/n only, its integrals take more steps, and
 # what its coefficients say of the error is taken so many times. With 48 radii forces are right to 1e-3.
 _MEASURED_RADII, _MEASURED_STEPS, _UNEVEN = 48, 240, 4.0
@@ -101,7 +101,7 @@ class _Counts:
 class _Solved:
     """A growth, with varpi and the logarithms of the three factors (`Factor`) at its Chebyshev radii.
 
-    varpi is the half-space contact radius at the depth over the thickness. `looks` are further radii over the
+    varpi is the half-space contact radius at the depth over the thickness. `samples` are further radii over the
     thickness from 0 on, closely spaced, with varpi and b = w'/H' at them.
     """
 
@@ -110,9 +110,9 @@ class _Solved:
     varpi: FloatArray
     logarithms: FloatArray
     error: float
-    looks: FloatArray
-    varpi_at_looks: FloatArray
-    rate_at_looks: FloatArray
+    samples: FloatArray
+    varpi_at_samples: FloatArray
+    rate_at_samples: FloatArray
 
 
 def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> ContactLaw:
@@ -198,7 +198,7 @@ def _punch_law(contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw
         error_estimate=error + _SHARE * rtol,
         radius=radius,
         incremental=4.0 * contact.theta * radius * float(punch.kappa[0]),
-        resolution=_counted(resolution, counts),
+        resolution=_with_modes(resolution, counts),
     )
 
 
@@ -208,7 +208,7 @@ def _tail(punch: StuckPunch) -> float:
     return float((size[:, -2:].max(axis=1) / size.max(axis=1)).max())
 
 
-def _counted(resolution: Resolution, counts: _Counts) -> Resolution:
+def _with_modes(resolution: Resolution, counts: _Counts) -> Resolution:
     return Resolution(counts.modes, resolution.wavenumbers, resolution.first, resolution.reach)
 
 
@@ -261,16 +261,16 @@ def _solve(problem: ContactProblem, last: float, rtol: float) -> _Solved:
         if error <= _SHARE_OF_GROWTH * rtol or counts.radii >= most:
             break
         counts = counts.more(most)
-    looks = last * np.linspace(0.0, 1.0, _LOOKS * counts.radii + 1)
-    ratios = growth.values(looks)
+    samples = last * np.linspace(0.0, 1.0, _SAMPLES_PER_TERM * counts.radii + 1)
+    ratios = growth.values(samples)
     return _Solved(
         growth,
-        _counted(resolution, counts),
+        _with_modes(resolution, counts),
         varpi,
         logarithms,
         error + _SHARE * rtol,
-        looks,
-        _varpi(problem, looks, ratios[:, 1]),
+        samples,
+        _varpi(problem, samples, ratios[:, 1]),
         ratios[:, 3],
     )
 
@@ -311,9 +311,9 @@ def _reached(problem: ContactProblem, solved: _Solved, top: float) -> tuple[floa
     RangeError
         If the contact stops growing with depth before.
     """
-    looks, varpi, rate = solved.looks, solved.varpi_at_looks, solved.rate_at_looks
+    samples, varpi, rate = solved.samples, solved.varpi_at_samples, solved.rate_at_samples
     beyond = np.flatnonzero(varpi >= top)
-    stop = int(beyond[0]) if beyond.size else looks.size
+    stop = int(beyond[0]) if beyond.size else samples.size
     folded = np.flatnonzero(rate[: stop + 1] <= 0.0)
     if folded.size:
         before = max(int(folded[0]) - 1, 0)
@@ -325,8 +325,8 @@ def _reached(problem: ContactProblem, solved: _Solved, top: float) -> tuple[floa
             max_depth=deepest,
         )
     if not beyond.size:
-        return float(looks[-1]), float(varpi[-1])
-    return float(looks[stop]), float(varpi[stop])
+        return float(samples[-1]), float(varpi[-1])
+    return float(samples[stop]), float(varpi[stop])
 
 
 def _depth(problem: ContactProblem, varpi: float) -> float:
@@ -356,7 +356,7 @@ def _curve(problem: ContactProblem, solved: _Solved, top: float, rtol: float) ->
     while terms <= MOST_TERMS:
         wanted = stretch.v(np.cos(chebyshev_angles(terms)))
         at, logarithms = _factors(
-            problem, np.interp(wanted, solved.varpi_at_looks, solved.looks), solved.growth
+            problem, np.interp(wanted, solved.varpi_at_samples, solved.samples), solved.growth
         )
         curve = MasterCurve.through(at, logarithms, stretch, _SHARE * rtol)
         if curve.error_estimate <= _SHARE * rtol:

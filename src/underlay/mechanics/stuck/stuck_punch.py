@@ -343,7 +343,7 @@ class StuckPunch:
         """
         return np.abs(self.fields @ self.basis.at_edge) ** 2
 
-    def beside(self, eps: FloatArray) -> FloatArray:
+    def body_transform(self, eps: FloatArray) -> FloatArray:
         """Abel transform of what the body adds to the punches' displacement, at radii `eps` (n,): (radii, n)."""
         return (self.change * self.weights * self.eps[:, None]) @ np.cos(np.multiply.outer(self.u, eps))
 
@@ -398,7 +398,7 @@ class Growth:
         # T_k at s = x t, (terms, radii x, steps), and interpolation from values at the radii.
         table = _chebyshev(stretch.z(np.multiply.outer(radii, rule.nodes)), count)
         to_terms = chebyshev_coefficients(np.eye(count), angles)
-        bonds = (to_terms @ punch.beside(radii))[:, :, None]
+        bonds = (to_terms @ punch.body_transform(radii))[:, :, None]
         if punch.basis.gamma:
             bonds = bonds - (to_terms @ punch.fields @ punch.basis.outside(rule))[:, None, :]
         head = count - max(2, count // _LAST)

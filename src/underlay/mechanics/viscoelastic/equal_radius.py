@@ -324,8 +324,8 @@ def _inverse_cubic(share: FloatArray, rise: FloatArray, first: FloatArray, last:
     usable = (first > 0.0) & (last > 0.0) & (rise > 0.0)
     begin = np.divide(rise, first, out=np.ones_like(rise), where=usable)
     end = np.divide(rise, last, out=np.ones_like(rise), where=usable)
-    bent = share + share * (1.0 - share) * ((1.0 - share) * (begin - 1.0) + share * (1.0 - end))
-    return np.minimum(np.maximum(bent, 0.0), 1.0)
+    place = share + share * (1.0 - share) * ((1.0 - share) * (begin - 1.0) + share * (1.0 - end))
+    return np.minimum(np.maximum(place, 0.0), 1.0)
 
 
 def _within(

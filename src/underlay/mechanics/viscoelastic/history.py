@@ -32,7 +32,7 @@ __all__ = [
     "ViscoelasticMotion",
     "forces_of_sets",
     "led_in",
-    "times_told",
+    "resolved_times",
     "turns",
 ]
 
@@ -47,7 +47,7 @@ SUDDEN = 1e-7
 ElasticOfSets: TypeAlias = Callable[[NDArray[np.intp], FloatArray], FloatArray]
 
 
-def times_told(time: FloatArray) -> tuple[float, float]:
+def resolved_times(time: FloatArray) -> tuple[float, float]:
     """Shortest and longest relaxation time (s) that a record can determine: its sampling step and its length."""
     return float(np.median(np.diff(time))), float(time[-1] - time[0])
 
@@ -117,7 +117,7 @@ class Viscoelastic(History):
         ParameterError
             With the range of times that it can.
         """
-        shortest, longest = times_told(time)
+        shortest, longest = resolved_times(time)
         known = numbers_of(self.relaxation, self.prefix)
         for path in free:
             of_time = path.replace(".fractions[", ".times[")

@@ -211,9 +211,9 @@ class Unloading:
         values, bend, load = self._loads(elastic)
         z = self.memory.integrals(values, bend)
         in_time = self.memory.integral_slopes(z, values, bend)
-        bent = self._past - self._even
-        in_time1 = self._past * (in_time[:, n] + self._part / tau * z[:, n]) - bent / tau * (load - values[n])
-        in_time1 -= (bent - 2.0 * self._curved) / tau * self._bend_within(bend)
+        gap = self._past - self._even
+        in_time1 = self._past * (in_time[:, n] + self._part / tau * z[:, n]) - gap / tau * (load - values[n])
+        in_time1 -= (gap - 2.0 * self._curved) / tau * self._bend_within(bend)
         z1 = self._at_equal_radius(z, values, bend, load)
         y, y1, y_time, y_time1 = self._travelled
         left, out, k = self._left, self._out, stiffness(found.depth)

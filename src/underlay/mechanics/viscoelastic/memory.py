@@ -259,12 +259,12 @@ class Memory:
         z_k is int exp(-(t - s)/tau_k) dF(s), F the function of time.
         """
         clock, steps = self.clock, slice(values.shape[-1] - 1)
-        bent = (clock.decay - clock.even)[..., steps]
-        added = (clock.steps * clock.decay)[..., steps] * z[..., :-1] - bent * (
+        gap = (clock.decay - clock.even)[..., steps]
+        added = (clock.steps * clock.decay)[..., steps] * z[..., :-1] - gap * (
             values[..., 1:] - values[..., :-1]
         )
         if bend is not None:
-            added -= (bent - 2.0 * clock.curved[..., steps]) * bend
+            added -= (gap - 2.0 * clock.curved[..., steps]) * bend
         added /= self.tau
         return clock.summed(np.concatenate((np.zeros((*added.shape[:-1], 1)), added), axis=-1))
 
