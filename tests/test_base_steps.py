@@ -7,7 +7,7 @@ import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay.inference.least_squares.engine import minimise
 from underlay.inference.least_squares.models import freeze
-from underlay.inference.least_squares.objective import BaseSteps, Objective, bent
+from underlay.inference.least_squares.objective import BaseSteps, Objective, log_share
 from underlay.inference.least_squares.settle import first_noises
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
@@ -24,7 +24,7 @@ def test_a_step_leads_where_it_was_measured_to(ratio):
     rng = np.random.default_rng(0)
     here, there = rng.uniform(-2.0, 2.0, (2, 5, 4))
     course = steps_of(ratio).at(here)
-    changes = course.taken(course.straight(there - here), 10.0)
+    changes = course.changes(course.straight(there - here), 10.0)
     # u = -ln(1 + 1/k) of k up to 5e7 keeps nine digits of a change.
     assert changes == pytest.approx(there - here, rel=1e-7)
 
@@ -33,7 +33,7 @@ def test_a_step_leads_where_it_was_measured_to(ratio):
 def test_a_short_step_is_one_of_the_logarithm(ratio):
     course = steps_of(ratio).at(np.zeros((1, 4)))
     step = np.array([[0.3, -0.2, 0.1, 1e-4]])
-    changes = course.taken(step, 3.0)
+    changes = course.changes(step, 3.0)
     # d2(ln k)/du2 is at most one over the slope squared: the square of the step is what is left.
     assert changes == pytest.approx(step, abs=2e-8)
     assert (changes[:, :3] == step[:, :3]).all()
@@ -41,7 +41,7 @@ def test_a_short_step_is_one_of_the_logarithm(ratio):
 
 def test_a_step_is_straight_in_the_compliance_of_a_stiff_base_and_in_the_logarithm_of_a_soft_one():
     down = np.array([[0.0, 0.0, 0.0, -2.0]])
-    stiff, soft = (steps_of(ratio).at(np.zeros((1, 4))).taken(down, 5.0)[0, 3] for ratio in (1e6, 1e-6))
+    stiff, soft = (steps_of(ratio).at(np.zeros((1, 4))).changes(down, 5.0)[0, 3] for ratio in (1e6, 1e-6))
     assert stiff == pytest.approx(-np.log(3.0), abs=1e-5)
     assert soft == pytest.approx(-2.0, abs=1e-5)
 
@@ -49,11 +49,11 @@ def test_a_step_is_straight_in_the_compliance_of_a_stiff_base_and_in_the_logarit
 def test_no_step_leads_beyond_a_rigid_base_nor_further_than_the_longest():
     course = steps_of(10.0).at(np.zeros((1, 4)))
     for step, expected in ((1e3, 3.0), (np.inf, 3.0), (-1e3, -3.0)):
-        assert course.taken(np.array([[0.0, 0.0, 0.0, step]]), 3.0)[0, 3] == pytest.approx(expected)
+        assert course.changes(np.array([[0.0, 0.0, 0.0, step]]), 3.0)[0, 3] == pytest.approx(expected)
     rigid = course.straight(np.array([[0.0, 0.0, 0.0, np.inf]]))[0, 3]
     # u of a rigid base is zero.
     slope = 1.0 / 11.0
-    assert rigid == pytest.approx(-float(bent(np.log(10.0))) / slope)
+    assert rigid == pytest.approx(-float(log_share(np.log(10.0))) / slope)
     assert course.straight(np.array([[0.0, 0.0, 0.0, -np.inf]]))[0, 3] == -np.inf
 
 

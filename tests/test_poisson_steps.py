@@ -27,7 +27,7 @@ def test_a_step_leads_where_it_was_measured_to(nu):
     there[0] = [0.3, -0.1, -0.7]
     course = steps.at(np.zeros((5, 3)))
     # One half is reached, and not as a limit; downwards a step is what it says.
-    assert course.taken(course.straight(there.copy()), 3.0) == pytest.approx(there, rel=1e-12, abs=1e-14)
+    assert course.changes(course.straight(there.copy()), 3.0) == pytest.approx(there, rel=1e-12, abs=1e-14)
     assert (course.straight(there.copy())[0] == there[0]).all()
 
 
@@ -35,12 +35,12 @@ def test_a_short_step_is_one_of_the_ratio_and_a_long_one_shorter():
     steps, unit = steps_from(0.4)
     course = steps.at(np.zeros((2, 3)))
     step = np.array([[0.2, 0.1, 1e-5], [0.2, 0.1, 0.2 / unit]])
-    taken = course.taken(step, 3.0)
-    assert (taken[:, :2] == step[:, :2]).all()
+    changes = course.changes(step, 3.0)
+    assert (changes[:, :2] == step[:, :2]).all()
     # Half the square over the room, (1 - 2 nu + 0.13)/2 in nu, is left of it.
-    assert taken[0, 2] == pytest.approx(1e-5, rel=1e-5 * unit / 0.165)
+    assert changes[0, 2] == pytest.approx(1e-5, rel=1e-5 * unit / 0.165)
     # 0.165 (1 - exp(-0.2 / 0.165)) in nu.
-    assert taken[1, 2] * unit == pytest.approx(0.165 * -np.expm1(-0.2 / 0.165), rel=1e-12)
+    assert changes[1, 2] * unit == pytest.approx(0.165 * -np.expm1(-0.2 / 0.165), rel=1e-12)
 
 
 def test_only_a_ratio_that_is_free_is_stepped_so():

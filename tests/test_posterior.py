@@ -14,10 +14,10 @@ from scipy import stats
 import underlay as ul
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
 from underlay.inference.sampling.diagnostics import (
-    INFORMED,
-    NOT_INFORMED,
+    DETERMINED,
     PREDICTIVE_LEVELS,
-    WEAKLY_INFORMED,
+    UNDETERMINED,
+    WEAKLY_DETERMINED,
     arviz_library,
     compare_with_prior,
     highest_density_interval,
@@ -43,7 +43,7 @@ def test_summary_is_that_of_the_draws(posterior):
     assert row["hdi95_low"] < row["hdi68_low"] < row["median"] < row["hdi68_high"] < row["hdi95_high"]
     assert 500 < row["ess"] <= draws.size
     assert 0 < row["mcse"] < 0.1 * draws.std()
-    assert row["informed"] == INFORMED
+    assert row["informed"] == DETERMINED
     assert abs(row["median"] - posterior.truth["layer.E"]) < 4.0 * draws.std()
 
 
@@ -73,13 +73,13 @@ def test_prior_against_posterior(posterior):
 @pytest.mark.parametrize(
     ("shift", "ratio", "verdict"),
     [
-        (0.0, 1.0, NOT_INFORMED),
-        (0.2, 1.0, NOT_INFORMED),
-        (0.0, 0.7, NOT_INFORMED),
-        (0.4, 1.0, WEAKLY_INFORMED),
-        (0.0, 0.5, WEAKLY_INFORMED),
-        (0.0, 0.3, INFORMED),
-        (2.0, 1.0, INFORMED),
+        (0.0, 1.0, UNDETERMINED),
+        (0.2, 1.0, UNDETERMINED),
+        (0.0, 0.7, UNDETERMINED),
+        (0.4, 1.0, WEAKLY_DETERMINED),
+        (0.0, 0.5, WEAKLY_DETERMINED),
+        (0.0, 0.3, DETERMINED),
+        (2.0, 1.0, DETERMINED),
     ],
 )
 def test_verdicts_on_normal_posteriors(shift, ratio, verdict):
@@ -105,7 +105,7 @@ def test_an_order_of_magnitude_is_told_by_its_logarithm():
 def test_few_draws_do_not_claim_information():
     prior = stats.norm.ppf(prior_levels(1001))
     few = np.random.default_rng(0).normal(size=(12, 4))
-    assert compare_with_prior(few, prior).informed == NOT_INFORMED
+    assert compare_with_prior(few, prior).informed == UNDETERMINED
 
 
 # --- answers ----------------------------------------------------------------------------------------------

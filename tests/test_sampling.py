@@ -29,8 +29,8 @@ from underlay.inference.priors import Flat
 from underlay.inference.sampling import draws as drawing
 from underlay.inference.sampling import run as sampling
 from underlay.inference.sampling.diagnostics import (
-    INFORMED,
-    NOT_INFORMED,
+    DETERMINED,
+    UNDETERMINED,
     autocorrelation_times,
     effective_size,
 )
@@ -232,8 +232,8 @@ def test_a_thick_layer_barely_touched_tells_nothing_of_its_thickness():
     posterior = ul.sample(barely_touched_problem(), method="emcee")
     assert posterior.converged
     summary = posterior.summary()
-    assert summary.loc["layer.thickness", "informed"] == NOT_INFORMED == "not informed by these data"
-    assert summary.loc["layer.E", "informed"] == INFORMED
+    assert summary.loc["layer.thickness", "informed"] == UNDETERMINED == "not informed by these data"
+    assert summary.loc["layer.E", "informed"] == DETERMINED
     # The posterior is its prior: width and mean within four standard errors of the draws, plus the trace of
     # information that is there. The data alone would fix the thickness to about 20 %, four times the prior:
     # the width shrinks by 3 %, and the mean moves by a quarter of a standard deviation at most (one sigma).

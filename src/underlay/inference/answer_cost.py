@@ -113,8 +113,8 @@ def answer_cost(
         alone = _answer(own, own.scene, (MODULUS, CONTACT), solver, rounds)
         if np.isnan(alone.modulus):
             continue
-        together = (MODULUS, THICKNESS, CONTACT)
-        joint = _answer(own, own.scene, together, solver, rounds) if solver.sees_base else _NOTHING
+        jointly_free = (MODULUS, THICKNESS, CONTACT)
+        joint = _answer(own, own.scene, jointly_free, solver, rounds) if solver.sees_base else _NOTHING
         asked = solver.numbers
         rows.append(
             {

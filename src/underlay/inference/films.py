@@ -247,8 +247,8 @@ class _Model:
 
     def log_stiffness(self, logs: FloatArray) -> FloatArray:
         """ln S (S in N/m) of the body and the tip in series, (n,)."""
-        together = 1.0 / (1.0 / self.modulus(logs) + 1.0 / self.tip_modulus)
-        return np.asarray(np.log(2.0 * self.punch_factor * self.radius * together))
+        in_series = 1.0 / (1.0 / self.modulus(logs) + 1.0 / self.tip_modulus)
+        return np.asarray(np.log(2.0 * self.punch_factor * self.radius * in_series))
 
     def sample_modulus(self, log_stiffness: FloatArray) -> FloatArray:
         """Effective modulus M (Pa) of the sample from ln of the stiffness, (n,), corrected for the tip."""

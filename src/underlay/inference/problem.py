@@ -321,11 +321,11 @@ class Problem:
             for member in self.members:
                 total = total + member.log_likelihood(physical)
             return total
-        together = np.zeros((len(physical), len(self.common.sizes)))
+        common = np.zeros((len(physical), len(self.common.sizes)))
         for member, directions in zip(self.members, self.common.directions, strict=True):
             own, along = member.log_likelihood_along(physical, directions)
-            total, together = total + own, together + along
-        return total + self.common.log_density(together)
+            total, common = total + own, common + along
+        return total + self.common.log_density(common)
 
     def _one(self, vector: FloatArray) -> FloatArray:
         q = np.asarray(vector, dtype=np.float64)

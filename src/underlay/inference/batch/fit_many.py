@@ -27,7 +27,7 @@ from underlay.inference.batch.model import (
     BatchModel,
     MapOptions,
     MapProgress,
-    Told,
+    Reporter,
     batch_model,
     scene_file_of,
 )
@@ -194,7 +194,7 @@ def _gather(
     batches: Generator[Rows, None, None],
     total: int,
     *,
-    shown: bool | Told | None,
+    shown: bool | Reporter | None,
 ) -> None:
     """Append rows to the journal as they come, and write the table from time to time and at any exit."""
     last, pause = time.monotonic(), _EVERY

@@ -33,7 +33,7 @@ _TABLES = (
 # Bytes of the longest value that is read: the hashes and columns of a run take some thousand, a row some hundred.
 _LONGEST = 1_000_000
 # Endings of the database and of SQLite's companion files.
-_BESIDE = ("", "-wal", "-shm", "-journal")
+_ENDINGS = ("", "-wal", "-shm", "-journal")
 
 
 class PassingRows:
@@ -299,16 +299,16 @@ def _open(path: Path, mode: str) -> sqlite3.Connection:
 
 def _require_regular(path: Path) -> None:
     """Raise FileAccessError where the journal or a companion file of SQLite is a link, pipe, device or folder."""
-    for name in (f"{path.name}{end}" for end in _BESIDE):
-        beside = path.with_name(name)
+    for name in (f"{path.name}{end}" for end in _ENDINGS):
+        companion = path.with_name(name)
         try:
-            mode = beside.lstat().st_mode
+            mode = companion.lstat().st_mode
         except FileNotFoundError:
             continue
         except OSError as error:
-            raise FileAccessError(f"cannot open {beside}: {error.strerror or error}") from error
+            raise FileAccessError(f"cannot open {companion}: {error.strerror or error}") from error
         if not stat.S_ISREG(mode):
-            raise FileAccessError(f"cannot open {beside}: it is not a regular file; choose another output")
+            raise FileAccessError(f"cannot open {companion}: it is not a regular file; choose another output")
 
 
 def _identity_text(identity: Mapping[str, Any]) -> str:

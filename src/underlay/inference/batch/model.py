@@ -28,10 +28,10 @@ from underlay.scene.noise import NoiseModel
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
-__all__ = ["BatchModel", "MapOptions", "MapProgress", "Sampling", "Told", "batch_model", "scene_file_of"]
+__all__ = ["BatchModel", "MapOptions", "MapProgress", "Reporter", "Sampling", "batch_model", "scene_file_of"]
 
 #: A caller's own progress line: called with how many curves are done, and how many there are.
-Told: TypeAlias = Callable[[int, int], None]
+Reporter: TypeAlias = Callable[[int, int], None]
 # Default time limit of a fit (s): a fit takes milliseconds, or seconds where it is hard; after ten minutes it will
 # not end.
 _LONGEST_FIT = 600.0
@@ -58,8 +58,8 @@ class MapProgress:
         curves instead.
     """
 
-    def __init__(self, total: int, done: int, *, shown: bool | Told | None) -> None:
-        self._report: Told | None = None if isinstance(shown, bool) else shown
+    def __init__(self, total: int, done: int, *, shown: bool | Reporter | None) -> None:
+        self._report: Reporter | None = None if isinstance(shown, bool) else shown
         self._done, self._total = done, total
         console = Console(stderr=True)
         self._bar = Progress(
@@ -158,7 +158,7 @@ class MapOptions:
     resume: bool = False
     time_limit: float | None = None
     timeout: float = 10.0
-    progress: bool | Told | None = None
+    progress: bool | Reporter | None = None
     folders: Sequence[str] = ()
 
     def __post_init__(self) -> None:
@@ -166,9 +166,9 @@ class MapOptions:
             raise InputError(
                 f"folders must be different names, such as ('group', 'animal'); got {self.folders!r}"
             )
-        taken = [name for name in self.folders if not name or name in RESERVED or "." in name]
-        if taken:
-            raise InputError(f"folders cannot stand for {taken[0]!r}; the table has such a column of its own")
+        wrong = [name for name in self.folders if not name or name in RESERVED or "." in name]
+        if wrong:
+            raise InputError(f"folders cannot stand for {wrong[0]!r}; the table has such a column of its own")
         for name, value in (("time_limit", self.time_limit), ("timeout", self.timeout)):
             if value is not None and not value > 0.0:
                 raise InputError(f"{name} must be positive (s); got {value!r}")

@@ -420,12 +420,12 @@ class SeparableSearch:
         lengths = np.array([units[c.path] for c in self._coordinates])
         products = jacobian @ jacobian.T
         # The eigenvalues show whether it can be inverted, and with the eigenvectors give the inverse.
-        powers, ways = np.linalg.eigh(products)
+        powers, vectors = np.linalg.eigh(products)
         if self._is_near_a_bound(values) or powers[0] < _CONDITION:
             return None
         noise = self._noise or float(np.sqrt(model.sum_of_squares / (n - k)))
-        ways *= noise / lengths[:, None]
-        covariance = (ways / powers) @ ways.T
+        vectors *= noise / lengths[:, None]
+        covariance = (vectors / powers) @ vectors.T
         errors = np.sqrt(np.diag(covariance)) / np.array(self._natural_sizes(values))
         modulus = [c.path for c in self._coordinates].index(MODULUS)
         if self._follows and not errors[modulus] < _LOOSE:
@@ -634,15 +634,15 @@ def _statistics(found: SeparableFit, problem: Problem) -> FitStatistics:
     # The likelihood is maximal at S / n; the noise was estimated with n - k.
     variance = found.sum_of_squares / n if estimated else found.noise**2
     log_likelihood = -0.5 * n * float(np.log(2.0 * np.pi * variance)) - 0.5 * found.sum_of_squares / variance
-    counted = k + estimated
+    free_count = k + estimated
     return FitStatistics(
         points=n,
         parameters=k,
         chi_square=chi_square,
         reduced_chi_square=chi_square / (n - k),
         log_likelihood=log_likelihood,
-        aic=2.0 * counted - 2.0 * log_likelihood,
-        bic=counted * float(np.log(n)) - 2.0 * log_likelihood,
+        aic=2.0 * free_count - 2.0 * log_likelihood,
+        bic=free_count * float(np.log(n)) - 2.0 * log_likelihood,
         evaluations=found.steps,
         failures=0,
         laws_built=0,

@@ -503,7 +503,7 @@ class _Running(NamedTuple):
             step = np.where(made[:, None], step, 0.0)
         change = step
         for course in courses:
-            change = course.taken(change, LONGEST)
+            change = course.changes(change, LONGEST)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, self.now.square - gain, little & ~self.ventured & ((length <= _SURE) | ~made)
 

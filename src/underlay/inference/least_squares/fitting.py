@@ -37,7 +37,7 @@ from underlay.inference.uncertainty.answer import States
 from underlay.mechanics.solvers import Exact
 from underlay.scene.noise import NoiseModel
 
-__all__ = ["Ways", "fit", "law_bias", "quick_fit", "shift_of_the_law"]
+__all__ = ["VisitedPaths", "fit", "law_bias", "quick_fit", "shift_of_the_law"]
 
 # A place this near to the path of an earlier search, in every scaled coordinate, lies on it: two minima closer than
 # this are one (`candidates`).
@@ -198,12 +198,12 @@ def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatAr
     `began` is the clock (s) at the start of the fit. Raises FitError where no start has a contact law.
     """
     robust = lmfit if lmfit is not None and lmfit.loss else None
-    ways = Ways() if len(places) > 1 else None
+    visited = VisitedPaths() if len(places) > 1 else None
     settled = []
     for place in places:
-        if ways is not None:
-            ways.begin()
-        if (optimum := settle(problem, place, robust, give_up=ways)) is not None:
+        if visited is not None:
+            visited.begin()
+        if (optimum := settle(problem, place, robust, give_up=visited)) is not None:
             settled.append(optimum)
     if not settled:
         raise _no_law(problem)
@@ -357,7 +357,7 @@ def shift_of_the_law(
     return np.asarray(covariance @ total)
 
 
-class Ways:
+class VisitedPaths:
     """Paths of successive searches: a `GiveUp` callback that ends a search which joins an earlier one's path.
 
     Starts that end at the edge of what a start may explore often lie in one long valley. Below each of them the
@@ -395,6 +395,6 @@ def _leads_along(way: FloatArray, here: FloatArray, step: FloatArray) -> bool:
         return False
     first, along, lengths = first[long], along[long] / lengths[long, None], lengths[long]
     gone = ((here - first) * along).sum(axis=1)
-    beside = here - first - np.clip(gone, 0.0, lengths)[:, None] * along
-    on_it = (np.abs(beside) <= _ON_IT).all(axis=1)
+    offset = here - first - np.clip(gone, 0.0, lengths)[:, None] * along
+    on_it = (np.abs(offset) <= _ON_IT).all(axis=1)
     return bool((on_it & (along @ step >= _ALONG * np.sqrt(step @ step))).any())

@@ -14,7 +14,7 @@ from underlay.inference.least_squares.models import LOSSES, SQUARES
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import acting
 
-__all__ = ["METHODS", "LastWord", "Minimiser"]
+__all__ = ["METHODS", "LmfitOptimum", "Minimiser"]
 
 #: lmfit's minimisers that a fit may name: Levenberg-Marquardt (MINPACK), trust region.
 METHODS = ("leastsq", "least_squares")
@@ -29,7 +29,7 @@ _UNNAMEABLE = re.compile(r"\W+")
 
 
 @dataclass(frozen=True)
-class LastWord:
+class LmfitOptimum:
     """Optimum found by lmfit: scaled vector (k,), and its `MinimizerResult`, whose values are scaled parameters."""
 
     vector: FloatArray
@@ -61,7 +61,7 @@ class Minimiser:
     method: str = "leastsq"
     loss: str | None = None
 
-    def __call__(self, objective: Objective, start: FloatArray) -> LastWord:
+    def __call__(self, objective: Objective, start: FloatArray) -> LmfitOptimum:
         """Minimise the weighted sum of squares, or its robust loss, from a scaled vector (k,)."""
         # The engine alone needs no lmfit, and it takes a second to load.
         import lmfit  # noqa: PLC0415
@@ -106,7 +106,7 @@ class Minimiser:
                 result.params[name].value = float(lowest.vector[i])
             result.residual = lowest.residuals
             result._calculate_statistics()  # noqa: SLF001  there is no public way to tell it the residuals
-        return LastWord(vector(result.params), result)
+        return LmfitOptimum(vector(result.params), result)
 
 
 @dataclass

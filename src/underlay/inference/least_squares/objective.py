@@ -28,21 +28,21 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.noise import NoiseModel
 
-__all__ = ["HAIR", "BaseSteps", "Bent", "Objective", "PoissonSteps", "Risen", "bent"]
+__all__ = ["HAIR", "BaseSteps", "BaseTransform", "Objective", "PoissonSteps", "PoissonTransform", "log_share"]
 
 _BASE, _LAYER = "substrate.E", "layer.E"
 _NU = "layer.nu"
 # What is left of 1 - 2 nu where a layer gives way sideways, as `PoissonSteps` takes it. Between nu = 0.4 and 0.5
 # the logarithm of the exact force is straight in ln(room) with 0.2 of contacts a third as wide as the layer is
 # thick, 0.17 at 0.8, 0.1 at 1.5.
-_SIDEWAYS = 0.13
+_LATERAL = 0.13
 # Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
 _FAR = 40.0
 #: Models are smooth in scaled coordinates: over a step no longer than this derivatives change by as much of
 #: themselves.
 HAIR = 1e-3
 # Models are extrapolated linearly where that is wrong by less than this share of a standard error of the fit.
-_UNTOLD = 1e-3
+_NEGLIGIBLE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -89,14 +89,14 @@ class BaseSteps:
         layers, free, start = zip(*found.values(), strict=True)
         return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(start))
 
-    def at(self, vectors: FloatArray) -> Bent:
+    def at(self, vectors: FloatArray) -> BaseTransform:
         """Conversion between changes of the bases' moduli and transformed steps, at scaled vectors (s, k)."""
         log_ratio = vectors[:, self.bases] - self.free * vectors[:, self.layers] + self.at_start
         inverse = np.exp(-log_ratio)
-        return Bent(self.bases, log_ratio, -np.log1p(inverse), inverse / (1.0 + inverse))
+        return BaseTransform(self.bases, log_ratio, -np.log1p(inverse), inverse / (1.0 + inverse))
 
 
-class Bent(NamedTuple):
+class BaseTransform(NamedTuple):
     """Conversion between changes of bases' moduli and steps in u = -ln(1 + 1/k), from s points.
 
     k is the ratio of the base's modulus to the layer's. Steps up from a soft base (k < 1) stay linear in ln k: in u
@@ -121,18 +121,18 @@ class Bent(NamedTuple):
         Changes may be infinite; the array is overwritten.
         """
         change = changes[:, self.bases]
-        steps = (bent(self.log_ratio + change) - self.u) / self.slope
+        steps = (log_share(self.log_ratio + change) - self.u) / self.slope
         changes[:, self.bases] = np.where(self._up_from_soft(change), change, steps)
         return changes
 
-    def taken(self, steps: FloatArray, longest: float) -> FloatArray:
+    def changes(self, steps: FloatArray, longest: float) -> FloatArray:
         """Changes (s, k) of scaled vectors that steps (s, k) in the transformed numbers lead to.
 
         A base's modulus changes by at most `longest` in its logarithm.
         """
         step = steps[:, self.bases]
         # u = 0 is a rigid base: no step leads beyond it.
-        there = np.minimum(self.u + self.slope * step, bent(self.log_ratio + longest))
+        there = np.minimum(self.u + self.slope * step, log_share(self.log_ratio + longest))
         change = np.where(self._up_from_soft(step), step, -np.log(np.expm1(-there)) - self.log_ratio)
         result = steps.copy()
         result[:, self.bases] = np.where(step == 0.0, 0.0, np.clip(change, -longest, longest))
@@ -142,7 +142,7 @@ class Bent(NamedTuple):
         return (self.log_ratio < 0.0) & (change > 0.0)
 
 
-def bent(log_ratio: FloatArray) -> FloatArray:
+def log_share(log_ratio: FloatArray) -> FloatArray:
     """u = -ln(1 + 1/k), in which the force is nearly linear, from ln k.
 
     k is the modulus of the base over that of the layer.
@@ -187,13 +187,13 @@ class PoissonSteps:
         reference, scale = np.array([[c.reference, c.scale or 1.0] for c in found.values()]).T
         return cls(np.array(list(found)), reference, scale)
 
-    def at(self, vectors: FloatArray) -> Risen:
+    def at(self, vectors: FloatArray) -> PoissonTransform:
         """Conversion between changes of Poisson's ratios and transformed steps, at scaled vectors (s, k)."""
-        room = 1.0 - 2.0 * (self.reference + self.scale * vectors[:, self.entries]) + _SIDEWAYS
-        return Risen(self.entries, room / (2.0 * self.scale))
+        room = 1.0 - 2.0 * (self.reference + self.scale * vectors[:, self.entries]) + _LATERAL
+        return PoissonTransform(self.entries, room / (2.0 * self.scale))
 
 
-class Risen(NamedTuple):
+class PoissonTransform(NamedTuple):
     """Conversion between changes of Poisson's ratios and steps that go up linearly in the logarithm of `room`.
 
     Parameters
@@ -201,7 +201,7 @@ class Risen(NamedTuple):
     entries : ndarray of int (m,)
         Entries of the Poisson's ratios in a scaled vector.
     room : FloatArray
-        Distance of Poisson's ratio from (1 + `_SIDEWAYS`) / 2, a little above one half, in scaled parameters, (s,
+        Distance of Poisson's ratio from (1 + `_LATERAL`) / 2, a little above one half, in scaled parameters, (s,
         m).
     """
 
@@ -217,7 +217,7 @@ class Risen(NamedTuple):
         changes[:, self.entries] = np.where(change > 0.0, -self.room * np.log1p(-change / self.room), change)
         return changes
 
-    def taken(self, steps: FloatArray, longest: float) -> FloatArray:
+    def changes(self, steps: FloatArray, longest: float) -> FloatArray:
         """Changes (s, k) of scaled vectors that steps (s, k) in the transformed numbers lead to.
 
         None is longer than its step.
@@ -373,7 +373,7 @@ class Objective:
             for rows, entries in zip(self._whitened_rows(columns), self._entries, strict=True):
                 norms = np.sqrt(np.einsum("kn,kn->k", rows, rows))
                 curvature += float(norms @ np.abs(step[entries])) ** 2
-            return bool(length * curvature**0.5 <= _UNTOLD * (square / self.points) ** 0.5)
+            return bool(length * curvature**0.5 <= _NEGLIGIBLE * (square / self.points) ** 0.5)
 
         return not self.failures and self.asked.follow(physical, near)
 

@@ -140,9 +140,9 @@ class LinearDirections:
         if not len(self.rows):
             return None
         normal = self.rows @ places.normal @ self.rows.T
-        taken = np.asarray((normal.diagonal(axis1=1, axis2=2) > 0.0).all(axis=1))
-        if not taken.all():
-            normal = np.where(taken[:, None, None], normal, np.eye(len(self.rows)))
+        usable = np.asarray((normal.diagonal(axis1=1, axis2=2) > 0.0).all(axis=1))
+        if not usable.all():
+            normal = np.where(usable[:, None, None], normal, np.eye(len(self.rows)))
         slopes = places.gradient @ self.rows.T
         # Mostly there is one, and a solver takes ten times as long as a quotient.
         alone = len(self.rows) == 1
@@ -150,20 +150,20 @@ class LinearDirections:
         change, grown = along, np.ones(places.vector.shape)
         if self.scales:
             factor = 1.0 + along[:, -1]
-            taken = taken & (factor > _LEAST_FACTOR)
-            factor = np.where(taken, factor, 1.0)
+            usable = usable & (factor > _LEAST_FACTOR)
+            factor = np.where(usable, factor, 1.0)
             change = along.copy()
             change[:, -1] = np.log(factor)
             # All that acts through the contact force grows with it.
             grown[:, self.through_force] = factor[:, None]
         change, along = change @ self.rows, along @ self.rows
         there = places.vector + change
-        taken = np.asarray(taken & ((there >= low) & (there <= high)).all(axis=1))
-        if taken.all():
+        usable = np.asarray(usable & ((there >= low) & (there <= high)).all(axis=1))
+        if usable.all():
             return LinearSteps(change, along, grown)
-        if not taken.any():
+        if not usable.any():
             return None
-        kept = taken[:, None]
+        kept = usable[:, None]
         return LinearSteps(
             np.where(kept, change, 0.0), np.where(kept, along, 0.0), np.where(kept, grown, 1.0)
         )

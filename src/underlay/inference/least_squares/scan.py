@@ -25,7 +25,7 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.inference.least_squares.adhesive import adhesive_starts
 from underlay.inference.least_squares.memory_starts import Start, memory_starts
-from underlay.inference.least_squares.objective import bent
+from underlay.inference.least_squares.objective import log_share
 from underlay.inference.least_squares.scan_curve import (
     BASE_MODULUS,
     CONTACT,
@@ -447,9 +447,9 @@ def _consistent(grid: _Grid, log_ratios: FloatArray, beyond: FloatArray) -> _Gri
     below, above = beyond[:, :-1], beyond[:, 1:]
     crosses = usable[:, :-1] & usable[:, 1:] & (below <= 0.0) & (above > 0.0)
     straight = np.where(crosses, -below / np.where(crosses, above - below, 1.0), 0.0)
-    # Between the ratios tried all values are interpolated linearly in u = -ln(1 + 1/k), k the ratio (see `bent`).
+    # Between the ratios tried all values are linear in u = -ln(1 + 1/k), k the ratio (see `log_share`).
     crossing = log_ratios[:-1] + straight * np.diff(log_ratios)
-    start, at, end = (bent(crossing + past) for past in (below, 0.0, above))
+    start, at, end = (log_share(crossing + past) for past in (below, 0.0, above))
     share = np.where(crosses, (at - start) / np.where(crosses, end - start, 1.0), 0.0)
 
     def between(values: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ from scipy.linalg import lapack
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.engine import FINE, GiveUp, Minimum, minimise
-from underlay.inference.least_squares.lmfit_bridge import LastWord, Minimiser
+from underlay.inference.least_squares.lmfit_bridge import LmfitOptimum, Minimiser
 from underlay.inference.least_squares.models import FrozenNoise, freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.forward import Reading
@@ -392,5 +392,5 @@ def confirmed(optimum: Optimum, lmfit: Minimiser) -> Optimum:
     return _by_lmfit(optimum.objective, lmfit, lmfit(optimum.objective, optimum.vector))
 
 
-def _by_lmfit(objective: Objective, lmfit: Minimiser, said: LastWord) -> Optimum:
+def _by_lmfit(objective: Objective, lmfit: Minimiser, said: LmfitOptimum) -> Optimum:
     return Optimum(objective, said.vector, said.success, said.message, lmfit, said.result)

@@ -125,13 +125,13 @@ def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
     labels = measured.segments()
     if (labels == LOADING).any():
         inside &= labels == LOADING
-    taken = np.flatnonzero(inside)
-    count = min(most, len(taken) // _FEWEST)
+    used = np.flatnonzero(inside)
+    count = min(most, len(used) // _FEWEST)
     if count < 2:
         raise CurveError(
-            f"a modulus depth by depth needs {2 * _FEWEST} points beyond contact; there are {len(taken)}"
+            f"a modulus depth by depth needs {2 * _FEWEST} points beyond contact; there are {len(used)}"
         )
-    depth = measured.depth[taken]
+    depth = measured.depth[used]
     edges = np.linspace(contact, depth.max(), count + 1)
     which = np.minimum(np.searchsorted(edges, depth, side="right") - 1, count - 1)
     filled = [k for k in range(count) if np.count_nonzero(which == k) >= _FEWEST // 2]
@@ -139,7 +139,7 @@ def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
         raise CurveError("a modulus depth by depth needs points at several depths beyond contact")
     return Bins(
         np.array([float(depth[which == k].mean()) for k in filled]),
-        tuple(taken[which == k] for k in filled),
+        tuple(used[which == k] for k in filled),
     )
 
 
@@ -207,9 +207,9 @@ def noise_in(fit: Fit, curve: int, bins: Bins) -> Noise:
         product += float(left[1:] @ left[:-1])
         freedom += len(points) - 2
     variance = square / max(freedom, 1.0)
-    together = min(max(product / max(square, np.finfo(float).tiny), 0.0), 0.99)
+    correlation = min(max(product / max(square, np.finfo(float).tiny), 0.0), 0.99)
     size = 1.0 if fit.problem.noise_is_stated and not fit.statistics.noise_estimated else np.sqrt(variance)
-    return Noise(sigma * size, float(np.sqrt((1.0 + together) / (1.0 - together))))
+    return Noise(sigma * size, float(np.sqrt((1.0 + correlation) / (1.0 - correlation))))
 
 
 @dataclass(frozen=True, eq=False)

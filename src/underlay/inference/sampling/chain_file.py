@@ -273,10 +273,10 @@ def _put_new(
     progress: Progress | None = None,
 ) -> None:
     """Write a new chain file, with the steps of `progress` if given, and move it to `path` when it is complete."""
-    beside = Path(f"{os.fspath(path)}.new")
+    temporary = Path(f"{os.fspath(path)}.new")
     # Left by a killed run, or a symbolic link that would lead out of the output.
-    beside.unlink(missing_ok=True)
-    with _opened(beside, "x") as file:
+    temporary.unlink(missing_ok=True)
+    with _opened(temporary, "x") as file:
         _lay_out(file, names, shape)
         if progress is not None:
             steps = len(progress.chain)
@@ -285,4 +285,4 @@ def _put_new(
                 progress.random_state, (progress.evaluations, progress.failures)
             )
             file["steps"][0] = steps
-    beside.replace(path)
+    temporary.replace(path)

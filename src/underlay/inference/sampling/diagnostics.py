@@ -27,13 +27,13 @@ from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.scene.noise import NoiseModel
 
 __all__ = [
-    "INFORMED",
-    "INFORMED_COLUMNS",
+    "COMPARISON_COLUMNS",
+    "DETERMINED",
     "LEVELS",
     "MIN_STEPS",
-    "NOT_INFORMED",
     "PREDICTIVE_LEVELS",
-    "WEAKLY_INFORMED",
+    "UNDETERMINED",
+    "WEAKLY_DETERMINED",
     "Importance",
     "Information",
     "Outcome",
@@ -60,8 +60,8 @@ LEVELS = (0.025, 0.5, 0.975)
 #: Probabilities of the rows of a predictive band: 95 % and 68 % limits and the median.
 PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 #: Verdicts of `compare_with_prior`.
-INFORMED, WEAKLY_INFORMED = "informed", "weakly informed"
-NOT_INFORMED = "not informed by these data"
+DETERMINED, WEAKLY_DETERMINED = "informed", "weakly informed"
+UNDETERMINED = "not informed by these data"
 
 # Convergence of a chain: its length in autocorrelation times (emcee's advice), R-hat (advice of its source), and
 # the error of a quantile in standard deviations: one known to 0.06 is hardly ever off by 0.15.
@@ -484,7 +484,7 @@ class Information(NamedTuple):
 
 
 #: Columns of `Posterior.prior_comparison`.
-INFORMED_COLUMNS = list(Information._fields)
+COMPARISON_COLUMNS = list(Information._fields)
 
 
 def prior_levels(count: int) -> FloatArray:
@@ -521,9 +521,9 @@ def compare_with_prior(
     distance = float(max(np.max(ranks[1:] - below), np.max(below - ranks[:-1])))
     noise = _KOLMOGOROV_95 / np.sqrt(ordered.size if effective is None else effective)
     if distance < max(_NOTHING, noise):
-        verdict = NOT_INFORMED
+        verdict = UNDETERMINED
     else:
-        verdict = WEAKLY_INFORMED if distance < _LITTLE else INFORMED
+        verdict = WEAKLY_DETERMINED if distance < _LITTLE else DETERMINED
     prior68, posterior68 = _widths(prior_quantiles, ordered)
     return Information(
         float(np.median(prior_quantiles)),

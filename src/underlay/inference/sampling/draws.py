@@ -42,7 +42,7 @@ _ROUNDS = 4
 # standard deviations of the posterior.
 _SIGMAS, _SLACK = 4.0, 0.05
 # Vectors evaluated at once: with more, intermediate arrays do not fit into the processor's cache.
-_TOGETHER = 256
+_BATCH = 256
 # Difference of two evaluations of one log-density in different batches: rounding times the condition of the contact
 # problem, far below a thousandth of a log unit; another problem differs by log units.
 _SAME_DENSITY = 1e-3
@@ -79,8 +79,8 @@ class Target:
 
     def peek(self, vectors: FloatArray) -> FloatArray:
         """Log-posterior (m,) at scaled vectors (m, p), without a record of evaluations and failures."""
-        if len(vectors) > _TOGETHER:
-            parts = np.array_split(vectors, -(-len(vectors) // _TOGETHER))
+        if len(vectors) > _BATCH:
+            parts = np.array_split(vectors, -(-len(vectors) // _BATCH))
             return np.concatenate([self.peek(part) for part in parts])
         try:
             values = self.likelihood.log_density(vectors)

@@ -21,7 +21,7 @@ from underlay.inference.problem import Problem
 from underlay.inference.problem_record import problem_from_record, problem_record
 from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.inference.sampling.diagnostics import (
-    INFORMED_COLUMNS,
+    COMPARISON_COLUMNS,
     Information,
     Predictive,
     SamplingDiagnostics,
@@ -344,7 +344,7 @@ class Posterior:
             for i, name in enumerate(self.names)
         }
         table = pd.DataFrame.from_dict(
-            {name: row._asdict() for name, row in rows.items()}, orient="index", columns=INFORMED_COLUMNS
+            {name: row._asdict() for name, row in rows.items()}, orient="index", columns=COMPARISON_COLUMNS
         )
         table.insert(0, "prior", list(self.priors))
         return table
@@ -354,7 +354,7 @@ class Posterior:
         known = self.diagnostics
         return min(known.effective) if known.weighted else effective_size(values)
 
-    def _row(self, values: FloatArray, informed: str) -> dict[str, Any]:
+    def _row(self, values: FloatArray, verdict: str) -> dict[str, Any]:
         worth = self._worth(values)
         flat = values.reshape(-1, 1)
         even = np.full(len(flat), 1.0 / len(flat))
@@ -370,7 +370,7 @@ class Posterior:
             "ess": worth,
             "rhat": np.nan if self.diagnostics.weighted else rank_normalised_rhat(values),
             "mcse": float(error * values.std()),
-            "informed": informed,
+            "informed": verdict,
         }
 
     def to_inference_data(self, log_likelihood: FloatArray | None = None) -> Any:

@@ -8,7 +8,7 @@ from support.user_scenes import user_test
 from support.worlds import Clean, disturbed
 from underlay.inference.least_squares import fitting
 from underlay.inference.least_squares.engine import Ahead
-from underlay.inference.least_squares.fitting import Ways, quick_fit
+from underlay.inference.least_squares.fitting import VisitedPaths, quick_fit
 
 WAY = np.array([[0.0, 0.0], [3.0, -1.0], [6.0, -2.0]])
 ALONG = np.array([1.5, -0.5])
@@ -20,13 +20,13 @@ def ahead(here, step, square):
 
 
 def gone_before(lowest=1.0):
-    """Ways on which one search went before, to a square of `lowest`."""
-    ways = Ways()
-    ways.begin()
+    """Paths on which one search went before, to a square of `lowest`."""
+    visited = VisitedPaths()
+    visited.begin()
     for place, square in zip(WAY, (9.0, 4.0, lowest), strict=True):
-        assert not ways(ahead(place, ALONG, square))
-    ways.begin()
-    return ways
+        assert not visited(ahead(place, ALONG, square))
+    visited.begin()
+    return visited
 
 
 @pytest.mark.parametrize(
@@ -48,12 +48,12 @@ def test_a_search_joins_a_way_only_along_it_and_only_where_it_led_lower(here, st
 
 
 def test_steps_at_a_minimum_are_no_way():
-    ways = Ways()
-    ways.begin()
+    visited = VisitedPaths()
+    visited.begin()
     for place in (np.zeros(2), np.array([0.1, 0.1]), np.array([0.12, 0.1])):
-        ways(ahead(place, np.array([0.1, 0.0]), 1.0))
-    ways.begin()
-    assert not ways(ahead((0.05, 0.05), np.array([0.1, 0.1]), 2.0))
+        visited(ahead(place, np.array([0.1, 0.0]), 1.0))
+    visited.begin()
+    assert not visited(ahead((0.05, 0.05), np.array([0.1, 0.1]), 2.0))
 
 
 def relaxing(seed):
@@ -72,7 +72,7 @@ def test_joined_searches_spare_models_and_lose_no_optimum(monkeypatch):
     for number in (0, 51, 68, 78, 85):
         joined = quick_fit(relaxing([4017, number]))
         with monkeypatch.context() as patch:
-            patch.setattr(fitting, "Ways", lambda: None)
+            patch.setattr(fitting, "VisitedPaths", lambda: None)
             alone = quick_fit(relaxing([4017, number]))
         # Where a valley has no end a search stops once a step gains less than 5e-4 of the sum of squares.
         assert joined.statistics.chi_square <= alone.statistics.chi_square * (1.0 + 5e-3)
