@@ -10,7 +10,7 @@ import pytest
 import underlay as ul
 from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
 from support.posed import CASES, posed
-from underlay.inference.least_squares import lmfit_bridge as last_word
+from underlay.inference.least_squares import lmfit_bridge
 from underlay.inference.least_squares import settle as settling
 from underlay.inference.least_squares.engine import Search, _Running, damped_steps, minimise
 from underlay.inference.least_squares.fitting import quick_fit
@@ -114,7 +114,7 @@ def test_lmfits_own_result_is_handed_over():
 )
 def test_lmfit_cut_short_hands_over_the_lowest_place_that_it_asked_for(monkeypatch, method, loss):
     # Of lmfit's leastsq the last place is memory that MINPACK has given back; and the last one is seldom the best.
-    monkeypatch.setattr(last_word, "_MOST_EVALUATIONS", 8)
+    monkeypatch.setattr(lmfit_bridge, "_MOST_EVALUATIONS", 8)
     pose = posed("rigid")
     objective = Objective(pose, freeze(pose, pose.start, pose.noises(pose.start)))
     asked, residuals = [], objective.residuals
@@ -125,7 +125,7 @@ def test_lmfit_cut_short_hands_over_the_lowest_place_that_it_asked_for(monkeypat
         return found
 
     monkeypatch.setattr(objective, "residuals", told)
-    said = last_word.Minimiser(method, loss)(objective, pose.start + 0.5)
+    said = lmfit_bridge.Minimiser(method, loss)(objective, pose.start + 0.5)
     assert said.result.aborted
     rho = np.log1p if loss else np.asarray
     sums = [rho(own * own).sum() for _, own in asked]

@@ -321,11 +321,11 @@ class Problem:
             for member in self.members:
                 total = total + member.log_likelihood(physical)
             return total
-        common = np.zeros((len(physical), len(self.common.sizes)))
+        projected = np.zeros((len(physical), len(self.common.sizes)))
         for member, directions in zip(self.members, self.common.directions, strict=True):
             own, along = member.log_likelihood_along(physical, directions)
-            total, common = total + own, common + along
-        return total + self.common.log_density(common)
+            total, projected = total + own, projected + along
+        return total + self.common.log_density(projected)
 
     def _one(self, vector: FloatArray) -> FloatArray:
         q = np.asarray(vector, dtype=np.float64)

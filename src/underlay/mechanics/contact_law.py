@@ -241,7 +241,7 @@ class ContactLaw(Response, ABC):
     def with_slopes(self, depth: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Force P (N) and dP/dw (N/m), each (n,), and dP/ds (N), (known_slopes, n), at depths (m), (n,).
 
-        s are the parameters of `Contact.beside`; for laws read off tables, the logarithm of a ratio of moduli, and
+        s are the parameters of `Contact.variants`; for laws read off tables, the log of a ratio of moduli, and
         for tips that are no power law then that of the thickness. Raises as `force` does.
         """
         rows = self._in_contact(depth, self._with_slopes, 2 + self.known_slopes)

@@ -165,7 +165,7 @@ class Solver(ABC):
         return None
 
     def has_slopes(self, contact: Contact) -> bool:
-        """Whether laws of contacts like this one give derivatives in the parameters of `Contact.beside`."""
+        """Whether laws of contacts like this one give derivatives in the parameters of `Contact.variants`."""
         del contact
         return False
 

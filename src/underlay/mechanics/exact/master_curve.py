@@ -216,7 +216,7 @@ class MasterCurve:
         Ends of the pieces in z, from -1 to 1.
     coefficients : ndarray (pieces, 3, rows, 4)
         Of each factor's logarithm (and after these of d ln P/ds at fixed depth, one for each of
-        `ContactProblem.beside`), in powers of the piece's own variable in [-1, 1]: entry (j, i) of the last
+        `ContactProblem.variants`), in powers of the piece's own variable in [-1, 1]: entry (j, i) of the last
         two axes goes with power 4 j + i.
     error_estimate : float
         Largest truncation error of the logarithms.

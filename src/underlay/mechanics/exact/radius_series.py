@@ -56,7 +56,7 @@ class RadiusSeries:
         depth has the same H(a).
     coefficients : ndarray (terms, 4 + slopes)
         Chebyshev coefficients in z(chi) of ln(eps/chi) with eps = a/h, ln(P/P_half), ln(kappa_inf), of d ln P/ds at
-        fixed depth for each parameter s of `ContactProblem.beside`, and last of ln(varpi/chi).
+        fixed depth for each parameter s of `ContactProblem.variants`, and last of ln(varpi/chi).
     """
 
     stretch: Stretch
