@@ -72,6 +72,10 @@ def test_what_nobody_entered_is_assumed_in_the_result_in_the_report_and_in_the_e
     archive = zipfile.ZipFile(io.BytesIO(analyst.archive(silent)))
     exported = scene_file_from_text(archive.read("scene.toml").decode())
     assert exported.assumed == ("indenter.radius", "layer.E", "layer.thickness")
+    (record,) = json.loads(archive.read("results/gel_on_glass.fit.json"))["provenance"]["curves"]
+    assert record["assumed"] == ["indenter.radius", "layer.thickness"]
+    sheets = zipfile.ZipFile(io.BytesIO(analyst.excel(silent))).read("xl/sharedStrings.xml").decode()
+    assert "indenter.radius, layer.thickness" in sheets
 
 
 def test_a_share_of_the_force_is_a_range_that_the_picture_shows(tmp_path):

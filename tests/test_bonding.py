@@ -46,9 +46,9 @@ def test_each_fit_is_that_of_its_own_scene(told):
 def test_both_values_stand_in_one_sentence(told):
     first, second = bonds_sentences(told)
     assert first.startswith("bonded: layer modulus ")
-    assert ", slipping: layer modulus " in first
+    assert "; slipping: layer modulus " in first
     assert first.endswith("(95 % intervals).")
-    assert "speak for the slipping face" in second
+    assert "favour the slipping face" in second
     frame = told.to_frame()
     assert frame["face"].tolist() == ["bonded", "slipping"]
     assert ((frame["low"] < frame["value"]) & (frame["value"] < frame["high"])).all()
@@ -58,7 +58,7 @@ def test_both_values_stand_in_one_sentence(told):
 def test_a_shallow_curve_does_not_tell_and_says_so():
     problem = posed(GEL, noise=0.05, depth=3e-6)
     told = ul.compare_bonds(problem)
-    assert "do not tell which" in bonds_sentences(told)[1]
+    assert "do not show which" in bonds_sentences(told)[1]
     values = {name: fit.values["layer.E"] for name, fit in told.fits.items()}
     assert values["bonded"] < values["slipping"]
 

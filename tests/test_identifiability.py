@@ -91,9 +91,9 @@ def test_on_a_half_space_only_a_product_acts():
     assert fixed.powers == pytest.approx({E: 1.0, "indenter.radius": 0.5}, abs=1e-6)
     assert str(fixed).endswith("layer.E * indenter.radius^0.5")
     assert lost.relative_sd == np.inf
-    assert str(lost) == "not fixed: indenter.radius * layer.E^-0.5"
+    assert str(lost) == "not determined: indenter.radius * layer.E^-0.5"
     assert told.stderr[E] == np.inf
-    assert "layer.E: not fixed by these data" in told.report()
+    assert "layer.E: not determined by these data" in told.report()
     assert np.isnan(told.correlations.loc[E, "indenter.radius"])
 
 
@@ -102,17 +102,17 @@ def test_a_prior_is_told_from_the_data():
     told = judged(scene, 0.1, {E: None, H: ul.Normal(1e-3, 5e-5), C: None})
     assert told.stderr[H] == pytest.approx(5e-5, rel=0.1)
     assert told.stderr_data_only[H] > 3.0 * told.stderr[H]
-    assert "from its prior" in told.report()
+    assert "by its prior" in told.report()
     assert told.to_frame().loc[E, "stderr"] < told.to_frame().loc[E, "stderr, data only"]
 
 
 @pytest.mark.parametrize(
     ("sd", "text"),
     [
-        (0.004, "fixed to 0.4 %: a"),
-        (0.3, "weakly fixed to 30 %: a"),
-        (2.0, "not fixed: a"),
-        (np.inf, "not fixed: a"),
+        (0.004, "well determined, ± 0.78 %: a"),
+        (0.3, "weakly determined, to a factor of 1.8: a"),
+        (2.0, "not determined: a"),
+        (np.inf, "not determined: a"),
     ],
 )
 def test_verdicts(sd, text):

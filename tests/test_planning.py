@@ -53,7 +53,9 @@ def test_the_recommendation_is_the_mildest_of_the_good(grid):
     good = grid.stderr <= 1.1 * grid.stderr.min()
     assert good[i, j]
     assert grid.peak_force[i, j] == grid.peak_force[good].min()
-    assert "layer.E to" in grid.recommendation
+    half = 1.96 * grid.stderr[i, j] / grid.value
+    assert "layer.E to ± " in grid.recommendation
+    assert f"({100.0 * half:.2g} %) at 95 %, from the noise alone" in grid.recommendation
     assert "force up to" in grid.recommendation
     assert grid.interval is None
     assert grid.to_frame().shape == (4, 4)
@@ -68,8 +70,8 @@ def test_above_ten_per_cent_it_promises_an_interval_not_an_error():
     own = ul.profile(ul.fit(ul.Problem(scene, made, [E, H, C], NOISE)), H).interval()
     assert far.interval.low == pytest.approx(own.low, rel=1e-3)
     assert far.interval.high_reason == own.high_reason
-    assert f"the best of this grid would not fix it: {far.interval}" in far.recommendation
-    assert "to no better than 10 %" in far.second(1e-4, 4e-5).recommendation
+    assert f"the best test of this grid does not determine it: {far.interval}" in far.recommendation
+    assert "to no better than ± 20 % (95 %)" in far.second(1e-4, 4e-5).recommendation
 
 
 def test_a_prior_helps_where_the_data_do_not(grid):

@@ -63,7 +63,7 @@ def test_cycles_are_told_and_are_no_slip():
     depth = np.tile(np.concatenate((once.depth, once.depth[::-1])), 3)
     force = np.tile(np.concatenate((once.force, once.force[::-1])), 3)
     reasons = told(ul.Curve(depth, force)).reasons
-    assert any(reason.startswith("it goes in 3 times: ") for reason in reasons)
+    assert any(reason.startswith("the sample is loaded 3 times: ") for reason in reasons)
     assert not any("slipped" in reason for reason in reasons)
     # A slip in one of them is still one.
     force[(np.arange(len(force)) < 500) & (depth > 0.7e-6)] -= 0.2e-8
@@ -83,7 +83,9 @@ def test_a_ball_too_deep_for_its_paraboloid():
     deep = made(scale=1e-5, indenter_radius=1e-5)
     assert any("deeper than a ball of this radius" in r or "use the sphere" in r for r in told(deep).reasons)
     half = made(scale=4e-6, indenter_radius=1e-5)
-    assert any("paraboloid does not hold (4 % in force), use the sphere" in r for r in told(half).reasons)
+    assert any(
+        "there a paraboloid is off by 4 % in force; choose the sphere" in r for r in told(half).reasons
+    )
     assert told(made(scale=1e-7, indenter_radius=1e-5)).verdict == GOOD
     scene = ul.Scene(ul.Sphere(1e-5), ul.Layer(ul.Isotropic(1e4, 0.5)))
     assert not any("paraboloid" in reason for reason in told(half, scene).reasons)

@@ -122,7 +122,7 @@ def test_mach1_verdicts(locations):
 def test_mach1_ball_is_too_deep_for_a_paraboloid(locations):
     scene = ul.Scene(ul.Paraboloid(0.15e-3), ul.Layer(ul.Isotropic(1e5, 0.5)))
     reasons = ul.check_quality(locations[0], scene).reasons
-    assert any(reason.startswith("depth/radius 1.4") for reason in reasons)
+    assert any(reason.startswith("indented to 1.4 tip radii") for reason in reasons)
 
 
 def test_mach1_relaxation_at_the_end_of_300_s(locations):

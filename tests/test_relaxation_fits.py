@@ -421,7 +421,7 @@ def test_identifiability_says_which_times_are_told(fitted):
     ((shortest, longest),) = told.times_told
     assert shortest == pytest.approx(0.03)
     assert longest == pytest.approx(12.0)
-    assert "relaxation times from 30 ms to 12 s can be told" in told.report()
+    assert "relaxation times from 30 ms to 12 s can be determined" in told.report()
     # Before the test, by program.
     depth, time = ul.Program.triangle(1e-4, 2e-4, hold=30.0).sampled(points=300)
     before = ul.identifiability(SCENE, depth=depth, time=time, free=list(FREE), noise=NOISE)

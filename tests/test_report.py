@@ -32,6 +32,8 @@ from underlay.report.limits import distinct_scenes
         (138.3, 4.787, 567.1, "pressure", "0.138 (0.005 to 0.567) kPa"),
         (5.88e11, 7.6e5, np.inf, "pressure", "588 GPa (> 0.76 MPa)"),
         (1.2e-9, 0.0, 3.6e-9, "force", "1.2 (0.0 to 3.6) nN"),
+        # An end far away is known to three digits of its distance.
+        (7.8e4, 5.4e4, 5.018e6, "pressure", "78 (54 to 5020) kPa"),
     ],
 )
 def test_interval_in_words(value, low, high, kind, text):

@@ -420,10 +420,15 @@ def interval_digits(low: float, high: float) -> int:
 
 def _written(value: float, kind: str, digits: int) -> str:
     unit, factor = human_unit(value, kind)
-    return f"{value / factor:.{digits}g}{f' {unit}' if unit else ''}"
+    number = f"{value / factor:.{digits}g}"
+    # Above the largest unit: 1500 GPa, not 1.5e+03 GPa.
+    number = f"{float(number):.0f}" if re.search(r"e\+0\d$", number) else number
+    return f"{number} {unit}".rstrip()
 
 
-def format_quantity(value: float, kind: str, uncertainty: float | None = None) -> str:
+def format_quantity(
+    value: float, kind: str, uncertainty: float | None = None, *, digits: int = _DIGITS
+) -> str:
     """Write an SI value for people, in a unit of suitable size.
 
     Parameters
@@ -433,7 +438,9 @@ def format_quantity(value: float, kind: str, uncertainty: float | None = None) -
     kind : str
         One of `KINDS`.
     uncertainty : float, optional
-        Standard error in the same SI unit; sets the digits shown (two of its own).
+        Standard error or half width in the same SI unit; sets the digits shown (two of its own).
+    digits : int
+        Significant digits of a value without an uncertainty.
 
     Examples
     --------
@@ -446,7 +453,7 @@ def format_quantity(value: float, kind: str, uncertainty: float | None = None) -
     scaled = value / factor
     suffix = f" {unit}" if unit else ""
     if uncertainty is None or not math.isfinite(uncertainty) or uncertainty <= 0.0:
-        return _written(value, kind, _DIGITS)
+        return _written(value, kind, digits)
     error = uncertainty / factor
     decimals = max(0, 1 - math.floor(math.log10(error)))
     if decimals > 12:

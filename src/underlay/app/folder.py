@@ -221,10 +221,11 @@ def analyses(home: Path) -> list[str]:
 
 
 def described(analysis: Path) -> str:
-    """Describe an analysis in a line: number of curves, and day and time of its last change."""
-    count = sum(1 for path in (analysis / "curves").iterdir() if path.is_file())
-    day = time.strftime("%d %b %H:%M", time.localtime(analysis.stat().st_mtime))
-    return f"{count} curve{'' if count == 1 else 's'}, {day}"
+    """Describe an analysis in a line: its first curve, how many more, and the time of its last change."""
+    names = sorted(path.name for path in (analysis / "curves").iterdir() if path.is_file())
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    when = time.strftime("%H:%M", time.localtime(analysis.stat().st_mtime))
+    return f"{names[0] if names else 'no curve'}{more}, {when}"
 
 
 def new_analysis(home: Path) -> AnalysisFolder:

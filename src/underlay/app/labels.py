@@ -7,6 +7,7 @@ separate numbers or be part of one: `comma_problem` finds ambiguous ones, and `p
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -24,6 +25,7 @@ __all__ = [
     "comma_problem",
     "curves_on_sample",
     "label_columns",
+    "manifest_text",
     "pairs_of",
     "read_labels",
     "set_label",
@@ -155,15 +157,23 @@ def take_manifest(folder: AnalysisFolder, content: bytes) -> None:
 
 def write_labels(folder: AnalysisFolder, rows: dict[str, dict[str, str]]) -> None:
     """Write the cells of every curve, by file and column, as a manifest; delete it where all cells are empty."""
-    columns = list(dict.fromkeys(name for row in rows.values() for name in row))
-    used = [name for name in columns if any(row.get(name) for row in rows.values())]
     path = folder.path / "manifest.csv"
-    if not used:
+    if text := manifest_text(rows):
+        write_atomic(path, text)
+    else:
         path.unlink(missing_ok=True)
-        return
-    # A curve of nobody else's is its own animal; a place or a thickness that is not known stays empty.
+
+
+def manifest_text(rows: Mapping[str, Mapping[str, str]], *, leave: str = "") -> str:
+    """Return a manifest with the cells of curves, by file and column but one to `leave`; empty where all are empty.
+
+    A curve without a label is its own animal, sample or the like; a place or a thickness that is not known stays
+    empty.
+    """
+    columns = dict.fromkeys(name for row in rows.values() for name in row if name != leave)
+    used = [name for name in columns if any(row.get(name) for row in rows.values())]
     table = [
         {"file": file, **{name: row.get(name) or (file if name in LABELS else "") for name in used}}
         for file, row in rows.items()
     ]
-    write_atomic(path, csv_text(pd.DataFrame(table)))
+    return csv_text(pd.DataFrame(table)) if used else ""

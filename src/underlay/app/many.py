@@ -15,7 +15,7 @@ from underlay._door import FileKind, parse_json, read_text, sha256_of, understoo
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder, keep, kept
 from underlay.app.form import Draft
-from underlay.app.labels import BARE, curves_on_sample, label_columns, read_labels
+from underlay.app.labels import BARE, curves_on_sample, label_columns, manifest_text, read_labels
 from underlay.app.shown import Card, Gallery, Overview, Progress, Together
 from underlay.app.work import Tell
 from underlay.errors import InputError
@@ -248,14 +248,14 @@ def _scene_of_all(folder: AnalysisFolder) -> str:
 
 
 def _manifest(folder: AnalysisFolder) -> Path | None:
-    """Return the manifest of the map's curves; where some are on the bare substrate, one without their rows."""
+    """Return the manifest of the map's curves: with those brought later, without those on the bare substrate."""
     path = folder.path / "manifest.csv"
     rows = read_labels(folder)
-    if not any(row.get(BARE) for row in rows.values()):
+    if not path.exists() or all(row and not row.get(BARE) for row in rows.values()):
         return path if path.exists() else None
-    kept = [{"file": file, **row} for file, row in rows.items() if not row.get(BARE)]
-    table = pd.DataFrame(kept).drop(columns=BARE)
-    return write_atomic(folder.result("map.manifest.csv"), csv_text(table))
+    kept = {file: row for file, row in rows.items() if not row.get(BARE)}
+    text = manifest_text(kept, leave=BARE)
+    return write_atomic(folder.result("map.manifest.csv"), text) if text else None
 
 
 def _fingerprint(folder: AnalysisFolder, scene: str) -> str:

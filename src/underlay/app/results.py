@@ -100,7 +100,7 @@ def sample_posterior(
 
     def step(done: int, needed: int, effective: float) -> None:
         if done % _EVERY == 0:
-            words = f"{done} of about {needed} steps; worth {effective:.0f} independent draws so far"
+            words = f"{done} of about {needed} steps; {effective:.0f} effective samples so far"
             tell(Progress(done, needed, words))
 
     with gathered_warnings() as notes:

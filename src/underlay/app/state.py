@@ -34,6 +34,7 @@ _CHANGED = {
     "curve.file": "the curve",
     "curve.test": "the curve",
     "curve.m": "fit range",
+    "substrate.rigid": "the substrate",
     "instrument.contact_depth": "contact point",
     "assumed": "what is assumed",
 }

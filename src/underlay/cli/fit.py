@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 __all__ = ["compare", "demo", "film", "fit", "sample", "show_fit"]
 
+# Difference of AIC up to which a model is not clearly worse than another (Burnham and Anderson 2002, section 2.6).
+_AS_GOOD = 10.0
 _SAMPLES = (
     ("chiaro_cell_indentation.csv", "chiaro_cell.toml", "A real curve: a cell under an Optics11 Chiaro."),
     ("cartilage_on_bone.csv", "cartilage_on_bone.toml", "Made data: a ball on cartilage on bone."),
@@ -171,29 +174,40 @@ def compare(curve: CurveFile, scene: SceneOption = None, output: OutputFolder = 
         laws = ul.compare(problem)
         faces = all(has_face(one) for one in problem.base_scenes)
         bonds = ul.compare_bonds(problem) if faces else None
-    say_table(_laws_shown(laws), f"{curve.name} under each law")
+    say_table(_laws_shown(laws), f"{curve.name} under each contact model, best first")
     if bonds is not None:
         say("Lower face of the layer")
         for sentence in bonds_sentences(bonds):
             say(f"  {sentence}")
-    say_warnings(list(notes))
+    say_warnings([*_on_the_best(laws), *notes])
     files = {f"{curve.stem}.laws.csv": laws.to_frame().reset_index()}
     write_out(output, files | ({} if bonds is None else {f"{curve.stem}.bonds.csv": bonds.to_frame()}))
 
 
 def _laws_shown(laws: Comparison) -> pd.DataFrame:
-    """Return the comparison of contact models in units for people, without standard errors (the file has them)."""
+    """Return the sample's numbers by contact model, in units for people; the file has all numbers, and errors."""
     from underlay.quantities import path_of
+    from underlay.report.labels import is_of_the_sample, label
     from underlay.scene.parameters import kind_of
     from underlay.units import human_unit
 
-    frame = laws.to_frame()
+    frame = laws.to_frame().reindex(list(laws.fits)).sort_values("AIC").rename_axis("contact model")
     shown = frame[[]].copy()
-    for name in laws.names:
-        if name in frame:
-            unit, factor = human_unit(float(frame[name].abs().median()), kind_of(path_of(name)))
-            shown[f"{name} ({unit})" if unit else name] = frame[name] / factor
-    return shown.join(frame[[column for column in ("rms residual", "AIC", "notes") if column in frame]])
+    for name in filter(is_of_the_sample, laws.names):
+        unit, factor = human_unit(float(frame[name].abs().median()), kind_of(path_of(name)))
+        shown[f"{label(name)} ({unit})" if unit else label(name)] = frame[name] / factor
+    unit, factor = human_unit(float(frame["rms residual"].min()), "force")
+    return shown.assign(**{f"residuals, rms ({unit})": frame["rms residual"] / factor, "AIC": frame["AIC"]})
+
+
+def _on_the_best(laws: Comparison) -> Iterator[str]:
+    """Yield the notes on models that describe the curve about as well as the best, and why others were refused."""
+    for name, found in laws.to_frame()["notes"].items():
+        if (
+            name in laws.refused
+            or laws.fits[name].statistics.aic - laws.fits[laws.best].statistics.aic < _AS_GOOD
+        ):
+            yield from [f"{name}: {found}"] if found else []
 
 
 def film(

@@ -54,10 +54,7 @@ _FEW_POINTS = 20
 # Further below the baseline than noise goes in a million points.
 _CLEAR = 6.0
 # What to do about a dip.
-_FIT_IT = (
-    'fit it with adhesion: add [adhesion] with model = "jkr", a work such as "1 mJ/m^2" to begin with, and free '
-    "adhesion.work"
-)
+_FIT_IT = "the tip adheres: fit it with adhesion (JKR) and its work of adhesion"
 # With fewer points before contact there is no baseline to see it leave.
 _FEW_BEFORE = 4
 # A law's share in what is judged here: an exponent to 0.02, a contact depth beside its own noise.
@@ -253,18 +250,18 @@ def _doubts(
     deepest = float(beyond.depth.max())
     if contact.noise > 0.0 and peak < _SIGNAL * contact.noise:
         sigmas = peak / contact.noise
-        yield f"weak: the peak force {format_quantity(peak, 'force')} is {sigmas:.0f} sigma of noise"
+        yield f"the largest force, {format_quantity(peak, 'force')}, is only {sigmas:.0f} times the noise"
     before = int(np.count_nonzero(loading.depth < contact.depth))
     # An instrument that searched for contact begins its record there, and says so.
     if before < _FEW_BEFORE and curve.metadata.get("search_criterion") is None:
         yield (
-            f"it begins in contact, or {before} points before it: the contact depth rests on the shape of the law, "
-            "and its error with it"
+            f"the curve begins in contact ({before} points lie before it): its contact point, and with it the "
+            "modulus, rests on the shape of the model; record a longer approach"
         )
     if len(beyond.depth) < _FEW_POINTS:
         yield f"only {len(beyond.depth)} points beyond contact"
     if not np.isfinite(exponents.found):
-        yield "too few points with a force beyond contact to tell the force-depth exponent"
+        yield "too few points beyond contact to see how the force grows with the depth"
     elif abs(exponents.found - exponents.expected) > max(_EXPONENT, 2.0 * exponents.uncertainty):
         yield _about_exponent(exponents.found, exponents.expected)
     yield from _flat_top(loading, deepest)
@@ -272,20 +269,20 @@ def _doubts(
     ways = _ways_in(curve, beyond)
     if len(ways) > 1:
         yield (
-            f"it goes in {len(ways)} times: all its ways in are taken as one, which an elastic sample alone "
-            "allows; fit one of them, in a file of its own or by curve.select"
+            f"the sample is loaded {len(ways)} times: all loadings are fitted as one, which holds for an elastic "
+            "sample alone; fit one of them (ramp 1)"
         )
     fall = max(_largest_fall(force) for force in ways)
     if fall > _SLIP * peak + 6.0 * contact.noise:
         yield (
             f"the force falls by {format_quantity(fall, 'force')} ({100.0 * fall / peak:.0f} % of its peak) "
-            "while the indenter goes in: it slipped or the sample broke"
+            "while the indenter goes in: the tip slipped, or the sample broke"
         )
     unsure = max(contact.uncertainty, contact.scatter)
     if unsure > _CONTACT_SHARE * deepest:
         yield (
-            f"the contact depth is known to {format_quantity(unsure, 'length')} only, "
-            f"{100.0 * unsure / deepest:.0f} % of the depth pressed"
+            f"the contact point is uncertain by {format_quantity(unsure, 'length', digits=2)}, "
+            f"{100.0 * unsure / deepest:.0f} % of the indentation"
         )
     if scene is None or scene.adhesion is None:
         yield from _stickiness(curve, contact, beyond, peak)
@@ -301,7 +298,7 @@ def _flat_top(loading: Curve, deepest: float) -> Iterator[str]:
         yield (
             f"a flat top: the force stays at {format_quantity(float(loading.force.max()), 'force')} over the last "
             f"{count} points while the indenter goes in by {format_quantity(went, 'length')}: a saturated "
-            'detector; leave them out, such as with fit_to = "95 % of force" in [curve]'
+            "detector; fit up to 95 % of the force"
         )
 
 
@@ -322,8 +319,7 @@ def _risen_holds(curve: Curve, peak: float, noise: float) -> Iterator[str]:
         if force > max(_SLIP * peak, _CLEAR * noise) and abs(depth) < _STILL * float(np.ptp(curve.depth)):
             yield (
                 f"the force rises by {format_quantity(force, 'force')} ({100.0 * force / peak:.0f} % of its peak) "
-                "while the depth is held: a sample relaxes and does not push harder; look for drift of the force "
-                "or the stage"
+                "while the depth is held, where a sample would relax: look for drift of the force or the stage"
             )
             return
 
@@ -333,8 +329,7 @@ def _stickiness(curve: Curve, contact: ContactPoint, beyond: _Beyond, peak: floa
     dip = -float(beyond.force.min())
     if dip > _ADHESION * peak:
         yield (
-            f"adhesion: the force dips by {100.0 * dip / peak:.0f} % of its peak while the indenter goes in; "
-            f"{_FIT_IT}"
+            f"the force dips by {100.0 * dip / peak:.0f} % of its peak while the indenter goes in: {_FIT_IT}"
         )
     lowest = lowest_of(curve)
     if lowest is None:
@@ -342,18 +337,18 @@ def _stickiness(curve: Curve, contact: ContactPoint, beyond: _Beyond, peak: floa
     below = contact.baseline + contact.baseline_slope * lowest.depth - lowest.force
     if below > max(_ADHESION * peak, _CLEAR * lowest.scatter):
         yield (
-            f"adhesion: on the way out the force dips to {format_quantity(-below, 'force')}; "
-            f'{_FIT_IT}, and of this curve the withdrawal: segment = "unloading"'
+            f"the unloading shows a pull-off force of {format_quantity(below, 'force', digits=3)}: {_FIT_IT}, from "
+            "the unloading"
         )
 
 
 def _about_exponent(exponent: float, expected: float) -> str:
     why = (
-        "slipped, wrong contact, or an indenter that does not stay in contact"
+        "a slip, a wrong contact point, or a tip that does not stay in contact"
         if exponent < expected
-        else "contact set too early, a stiffer base felt, or a sample that stiffens"
+        else "a contact point set too early, a stiffer substrate, or a sample that stiffens with strain"
     )
-    return f"force-depth exponent {exponent:.2f} where {expected:.2f} is expected: {why}"
+    return f"the force grows as depth^{exponent:.2f} where depth^{expected:.2f} is expected: {why}"
 
 
 def _exponent(loading: Curve, contact: ContactPoint) -> tuple[float, float]:
@@ -429,15 +424,15 @@ def _shape_doubts(curve: Curve, scene: Scene | None, deepest: float) -> Iterator
     if radius is None or (indenter is not None and indenter.power_law is not indenter):
         return
     if deepest > largest_halfspace_depth(Sphere(float(radius))):
-        yield f"depth/radius {deepest / radius:.2g}: deeper than a ball of this radius holds contact"
+        yield f"indented to {deepest / radius:.2g} tip radii: no sphere holds contact so deep; is the radius right?"
         return
     if deepest < _SHALLOW * radius:
         return
     difference = _ball_against_paraboloid(deepest / float(radius))
     if difference > _SHAPE:
         yield (
-            f"depth/radius {deepest / radius:.2g}: paraboloid does not hold "
-            f"({100.0 * difference:.0f} % in force), use the sphere"
+            f"indented to {deepest / radius:.2g} tip radii: there a paraboloid is off by "
+            f"{100.0 * difference:.0f} % in force; choose the sphere"
         )
 
 

@@ -145,9 +145,9 @@ def result_rows(result: Fit) -> pd.DataFrame:
     pandas.DataFrame
         The columns of `fit_table`; then ``verdict``, ``reasons`` and ``cause``; of the curve: ``curve``, ``contact
         point (m)`` with its interval, ``fitted from (m)`` and ``fitted to (m)`` (depth readings), ``points``,
-        ``thickness (m)``, ``indenter``, ``radius (m)``, ``Poisson's ratio``; and ``solver``, ``file``, its
-        ``SHA-256``, ``underlay`` (version). For a parameter that several curves share, a column is empty where the
-        curves differ.
+        ``thickness (m)``, ``indenter``, ``radius (m)``, ``Poisson's ratio``, ``assumed`` (paths of inputs that
+        are usual values, not measured); and ``solver``, ``file``, its ``SHA-256``, ``underlay`` (version). For a
+        parameter that several curves share, a column is empty where the curves differ.
     """
     table = fit_table(result)
     told = [_about(result, number) for number in range(len(result.curves))]
@@ -188,6 +188,7 @@ def _about(result: Fit, number: int) -> dict[str, Any]:
         "indenter": scene.indenter.shape,
         "radius (m)": numbers.get("indenter.radius", math.nan),
         "Poisson's ratio": numbers.get("layer.nu", math.nan),
+        "assumed": ", ".join(record["assumed"]),
         "solver": result.solver.label,
         "file": one_line(record["path"] or ""),
         "SHA-256": record["file_sha256"] or record["data_sha256"],
@@ -250,6 +251,8 @@ def _of_curve(curve: Curve, record: dict[str, Any]) -> Iterator[tuple[str, str]]
     for name in ("name", "path", "scene_path", "recorded", "file_sha256", "data_sha256", "points"):
         if record.get(name):
             yield name, str(record[name])
+    if record["assumed"]:
+        yield "assumed, not measured", ", ".join(record["assumed"])
     for name in ("format", "test", "fit_range"):
         if curve.metadata.get(name):
             yield name, str(curve.metadata[name])

@@ -173,7 +173,7 @@ def bonds_sentences(told: BondComparison) -> list[str]:
 
     Examples
     --------
-    ``"bonded: layer modulus 1.20 ± 0.10 kPa, slipping: layer modulus 1.62 ± 0.14 kPa."``
+    ``"bonded: layer modulus 1.20 ± 0.10 kPa; slipping: layer modulus 1.62 ± 0.14 kPa."``
     """
     parts = []
     for bond, fit in told.fits.items():
@@ -182,9 +182,9 @@ def bonds_sentences(told: BondComparison) -> list[str]:
             for name in fit.names
             if is_of_the_sample(name)
         ]
-        parts.append(f"{bond}: {'; '.join(numbers)}")
+        parts.append(f"{bond}: {', '.join(numbers)}")
     parts += [f"{bond}: no fit, {reason}" for bond, reason in told.refused.items()]
-    return [f"{', '.join(parts)} (95 % intervals).", _spoken_for(told.difference)]
+    return [f"{'; '.join(parts)} (95 % intervals).", _spoken_for(told.difference)]
 
 
 def _spoken_for(difference: float) -> str:
@@ -193,13 +193,13 @@ def _spoken_for(difference: float) -> str:
     size = abs(difference)
     if size < _LITTLE:
         return (
-            "The data do not tell which it is: whoever does not know the face must allow for both values "
+            "The data do not show which it is: unless the face is known, allow for both values "
             f"(AIC differs by {size:.1f})."
         )
     better = "slipping" if difference < 0.0 else "bonded"
-    strength = "speak for" if size >= _MUCH else "lean towards"
+    strength = "favour" if size >= _MUCH else "slightly favour"
     return (
-        f"The data {strength} the {better} face (AIC lower by {size:.1f}), if nothing else is wrong with the "
+        f"The data {strength} the {better} face (AIC lower by {size:.3g}), if nothing else is wrong with the "
         "model."
     )
 

@@ -22,7 +22,7 @@ from underlay.inference.batch.decisions import (
     without_refused,
 )
 from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
-from underlay.inference.uncertainty.answer import Advice
+from underlay.inference.uncertainty.answer import NORMAL_95, Advice
 from underlay.report.labels import label
 from underlay.report.screen import interval_text, line, name_of, verdict_lines
 from underlay.report.tables import facts_table, labelled_table, source_rows
@@ -306,7 +306,7 @@ def population_lines(result: Population) -> list[str]:
 
 def shared_error_words(result: Population) -> str:
     """Write the 95 % systematic error (inputs and model) that shifts all curves alike, in per cent."""
-    share = 100.0 * 1.96 * result.shared_error
+    share = 100.0 * NORMAL_95 * result.shared_error
     return f"± {share:.2g} % on all curves alike, by inputs and model (95 %)"
 
 
@@ -344,7 +344,7 @@ def _more_units(result: Population, group: Group, level: str, most: int = 30) ->
         return f"measure more {level}s"
     for count in range(group.units + 1, most + 1):
         fewer = Variance(variance.value * group.units / count, count - 1.0)
-        half = math.hypot(fewer.half, 1.96 * result.shared_error)
+        half = math.hypot(fewer.half, NORMAL_95 * result.shared_error)
         if half <= math.log(_WIDE):
             ends = interval_text(
                 group.mean,

@@ -46,7 +46,6 @@ from underlay.report.screen import (
     half_space_fit,
     half_space_words,
     name_of,
-    next_step,
     source_words,
     told_names,
     written,
@@ -133,7 +132,7 @@ def headline(answers: list[Answer], verdict: Advice, curves: Iterable[Curve] = (
     more = f"{more} Assumed: {assumed}.".strip() if assumed else more
     numbers = [_number(known, place, str(verdict.word)) for place, known in enumerate(answers[:_NUMBERS])]
     told = verdict_block(
-        verdict.word, labelled(verdict.reason), labelled(verdict.cause), next_step(verdict), more
+        verdict.word, labelled(verdict.reason), labelled(verdict.cause), labelled(verdict.next), more
     )
     return tag("section", *numbers, told, kind="head")
 
@@ -401,7 +400,7 @@ class FitPage:
         also = [tag("p", words(f"Also {labelled(str(other))}.")) for other in fit.verdict.others]
         doubts = len(quality_doubts(fit.problem, require=False)) + len(fit.warnings)
         blocks = [*also, table(tables.diagnostics_table(fit)), table(tables.reservations_table(fit))]
-        return "Quality of the fit, reservations", f"{doubts or 'no'} reservations", blocks
+        return "Quality of the fit", f"{doubts or 'no'} reservation{'' if doubts == 1 else 's'}", blocks
 
     def _adhesion(self) -> Iterator[Detail]:
         blocks = []

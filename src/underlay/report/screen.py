@@ -46,7 +46,6 @@ __all__ = [
     "line",
     "map_lines",
     "name_of",
-    "next_step",
     "posterior_lines",
     "quartiles",
     "source_words",
@@ -128,7 +127,9 @@ def _with_ends(value: float, low: float, high: float) -> str:
     decimals = _decimals(min(arm for arm in (*arms, max(arms)) if arm > 0.0))
     # An end near zero is not read as zero.
     decimals += next((n for n in range(_MORE) if not _misread((low, high), decimals + n)), 0)
-    return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"
+    # Nor is one far away known to its last place.
+    ends = [_rounded(end, min(decimals, _place(arm) + 1)) for end, arm in zip((low, high), arms, strict=True)]
+    return f"{value:.{decimals}f} ({ends[0]} to {ends[1]})"
 
 
 def _misread(ends: Iterable[float], decimals: int) -> bool:
@@ -169,11 +170,21 @@ def _one_end(low: float, high: float, kind: str) -> str:
 
 def _decimals(width: float) -> int:
     """Return the number of decimals that show two digits of a width; 3 for zero or an infinite one."""
-    return max(0, 1 - math.floor(math.log10(width))) if 0.0 < width < math.inf else 3
+    return max(0, _place(width)) if 0.0 < width < math.inf else 3
+
+
+def _place(width: float) -> int:
+    """Return the decimal place of the second digit of a width: 2 for 0.037, -2 for 4900; 3 for zero."""
+    return 1 - math.floor(math.log10(width)) if width > 0.0 else 3
+
+
+def _rounded(number: float, place: int) -> str:
+    """Return a number rounded to a decimal place, which is negative for tens."""
+    return f"{round(number, place):.{max(0, place)}f}"
 
 
 def _two_digits(width: float) -> str:
-    return f"{width:.{_decimals(width)}f}" if width > 0.0 else "0"
+    return _rounded(width, _place(width)) if width > 0.0 else "0"
 
 
 def _answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
@@ -211,17 +222,19 @@ def verdict_lines(verdict: Advice) -> Iterator[str]:
     if verdict.cause:
         yield line("Likely cause", labelled(verdict.cause))
     if verdict.next:
-        yield line("Next step", next_step(verdict))
+        yield line("Next step", _next_step(verdict))
 
 
-def next_step(verdict: Advice) -> str:
+def _next_step(verdict: Advice) -> str:
     """Return the next step as text, with the key and value to write into the scene file where it is a setting."""
     if not verdict.setting:
         return labelled(verdict.next)
     path, value = verdict.setting
     # A number that is to be fitted stands in [fit] by its whole path.
     section, _, key = path.partition(".") if path.startswith("fit.") else path.rpartition(".")
-    return f'{labelled(verdict.next)}: {key} = "{value}" in [{section}]'
+    written = value if value == "{}" else f'"{value}"'
+    also = ", and rigid = true in [substrate]" if path == "layer.thickness" else ""
+    return f"{labelled(verdict.next)}: {key} = {written} in [{section}]{also}"
 
 
 # --- a budget -----------------------------------------------------------------------------------------------

@@ -94,7 +94,9 @@ class FilesStep(Step):
         self._list.clear()
         with self._list:
             if not names:
-                ui.label(f"Formats: {', '.join(entry.name for entry in all_formats())}.").classes("quiet")
+                with ui.expansion("Files that can be read").props("dense").classes("wide"):
+                    for entry in all_formats():
+                        ui.label(entry.description).classes("quiet")
             else:
                 with ui.list().props("dense separator").classes("files"):
                     for name in shown[:_LISTED]:

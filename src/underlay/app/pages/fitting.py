@@ -14,6 +14,7 @@ from underlay.app.folder import is_kept
 from underlay.app.pages.outcome import Outcome, plain_table
 from underlay.app.pages.step import Step, Window, Working, data_address, helped, message_list
 from underlay.app.shown import Film, Found, Law, Look
+from underlay.report.labels import labelled, start
 from underlay.report.plots.fit import Canvas
 from underlay.report.tables import amounts, span
 from underlay.units import printed
@@ -39,8 +40,15 @@ _WHEEL = """(event) => { event.preventDefault();
   emit({up: event.deltaY < 0, at: (event.clientX - box.left) / box.width}); }"""
 # A handle is taken from this far (pixels of the picture): a finger covers twice that.
 _REACH = 20.0
+# Verdicts on a curve, in the words of those on a fit.
+_QUALITY = {"doubtful": "check", "refused": "reject"}
 #: Of the handles: the contact point, and the ends of the range.
 GREEN, GREY = "#009e73", "#404040"
+
+
+def _sentence(note: str) -> str:
+    """Return a note on a curve as a sentence."""
+    return f"{printed(start(labelled(note)))}."
 
 
 def _stroke(law: Law) -> str:
@@ -273,7 +281,8 @@ class FitStep(Step):
         if first:
             self._contact, self._range = look.contact, (look.low, look.high)
             self._set_slides()
-            self._say([f"Quality: {look.quality}.", *look.notes], "note" if look.notes else "more")
+            quality = f"Quality of the curve: {_QUALITY.get(look.quality, look.quality)}."
+            self._say([quality, *map(_sentence, look.notes)], "note" if look.notes else "more")
         self._show_laws(look.laws, [] if first else look.notes)
 
     async def _hold_laws(self) -> None:

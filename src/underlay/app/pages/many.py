@@ -173,9 +173,10 @@ class PopulationPart:
                 helped(self._by, "by").props("outlined dense").classes("field")
                 self._group = ui.select([_NONE], value=_NONE, label="Compare")
                 helped(self._group, "group").props("outlined dense").classes("field")
-            ui.button("Mean and spread", on_click=self._together).props("outline no-caps").mark(
-                "together"
-            ).tooltip("Mean over animals with its interval, spread between and within them, and a box plot")
+            self._ask = ui.button("Mean and spread", on_click=self._together).props("outline no-caps")
+            self._ask.mark("together").tooltip(
+                "Mean over animals with its interval, spread between and within them, and a box plot"
+            )
 
     async def show(self, told: Overview) -> None:
         """Offer the map's columns of labels as units and groups, and show the stored population."""
@@ -243,7 +244,9 @@ class PopulationPart:
 
     async def _together(self) -> None:
         by, group = (str(select.value).replace(_NONE, "") for select in (self._by, self._group))
+        self._ask.props("loading")
         told = await self._window.try_to(self._window.analysis.quick, "population", by, group)
+        self._ask.props(remove="loading")
         self._place.clear()
         with self._place:
             if not isinstance(told, Together):

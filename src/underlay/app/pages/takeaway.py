@@ -98,13 +98,15 @@ class TakeAwayStep(Step):
                 ).props("flat dense no-caps align=left")
 
     def _offer(self, words: str, task: str, ending: str) -> ui.button:
-        button = ui.button(words, on_click=lambda: self._take(task, ending))
+        button = ui.button(words, on_click=lambda: self._take(button, task, ending))
         return button.props("outline no-caps align=left")
 
-    async def _take(self, task: str, ending: str) -> None:
-        with ui.context.client.content:
-            ui.notify("One moment ...", timeout=2000)
-        content = await self.window.ask(self.analysis.long, task)
+    async def _take(self, button: ui.button, task: str, ending: str) -> None:
+        button.props("loading")
+        try:
+            content = await self.window.ask(self.analysis.long, task)
+        finally:
+            button.props(remove="loading")
         if isinstance(content, bytes):
             ui.download.content(content, f"{self.analysis.stem or 'underlay'}.{ending}")
 

@@ -23,6 +23,7 @@ from underlay._door import FileKind, PathLike, printable, read_bytes, read_start
 from underlay._text import names_there, one_line, unguarded_cell
 from underlay.errors import InputError
 from underlay.inference.batch.results_table import FITTED, LIKELIHOOD, fitted_names, read_parquet
+from underlay.inference.uncertainty.answer import NORMAL_95
 
 __all__ = [
     "ACCEPT",
@@ -54,8 +55,6 @@ _NUMBERS = ("x", "y", "reduced_chi_square", "rms", "seconds")
 _MAP_TABLE_KIND = FileKind("the table of a map", 1_000_000_000, "make it again with underlay map --resume")
 _MAP_TABLE_MOST_COLUMNS, _MOST_CELLS = 1000, 50_000_000
 _HEADER = "name,path,x,y,status,verdict,reason"
-# Half width of a normal 95 % interval in standard errors.
-_NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -242,7 +241,7 @@ def shared_error_of(table: pd.DataFrame) -> float | None:
     fitted = fitted[fitted[low] > 0.0]
     if fitted.empty:
         return None
-    return float(np.median(0.5 * np.log(fitted[high] / fitted[low])) / _NORMAL_95)
+    return float(np.median(0.5 * np.log(fitted[high] / fitted[low])) / NORMAL_95)
 
 
 def read_map(path: PathLike) -> pd.DataFrame:

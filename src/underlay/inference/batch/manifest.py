@@ -97,7 +97,7 @@ class Manifest:
         extra = [file for file in self.entries if file not in known]
         if missing:
             raise InputError(
-                f"{self.source} has no row for {_listed(missing)}: add what is missing, or move the file away"
+                f"{self.source} has no row for {_listed(missing)}: add a row, or take the curve out"
             )
         if extra:
             raise InputError(f"{self.source} names {_listed(extra)}, but there is no such curve")

@@ -17,6 +17,7 @@ from underlay._csv import csv_text
 from underlay._files import replacing, write_atomic
 from underlay._text import guarded_cell, one_line, unguarded_cell
 from underlay.errors import InputError, missing_extra
+from underlay.inference.uncertainty.answer import NORMAL_95
 
 __all__ = [
     "DIFFERENCE",
@@ -73,8 +74,6 @@ RESERVED = frozenset((*(name for name, _ in (*_BEFORE, *_AFTER, *_SAMPLED)), *_D
 _SUFFIXES = (".csv", ".parquet")
 # Number of rows in memory while a table is written.
 _ROWS_AT_A_TIME = 20_000
-# Half width of a normal 95 % interval in standard errors.
-_NORMAL_95 = 1.96
 _STORED = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
 
 
@@ -90,7 +89,7 @@ def standard_errors(table: pd.DataFrame, name: str) -> Any:
     if f"{name}.stderr" in table.columns:
         return table[f"{name}.stderr"].to_numpy(dtype=float)
     low, high = (table[f"{name}.stat.{end}"].to_numpy(dtype=float) for end in ("low", "high"))
-    return (high - low) / (2.0 * _NORMAL_95)
+    return (high - low) / (2.0 * NORMAL_95)
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from underlay.inference.least_squares.judge import times_told_by
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.problem import Given, Problem
+from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.mechanics.solvers import AnySolver
 from underlay.scene.noise import NoiseModel
 from underlay.scene.parameters import kind_of
@@ -214,8 +215,11 @@ class Combination:
 
     def __str__(self) -> str:
         if self.verdict == "not fixed":
-            return f"not fixed: {self.formula}"
-        return f"{self.verdict} to {100.0 * self.relative_sd:.2g} %: {self.formula}"
+            return f"not determined: {self.formula}"
+        half = NORMAL_95 * self.relative_sd
+        if self.verdict == "fixed":
+            return f"well determined, ± {100.0 * half:.2g} %: {self.formula}"
+        return f"weakly determined, to a factor of {np.exp(half):.2g}: {self.formula}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,24 +280,25 @@ class Identifiability:
         )
 
     def report(self) -> str:
-        """Text that says which combinations and parameters are determined, and how well."""
+        """Text with the combinations and parameters that the test determines, and their 95 % half widths."""
         lines = [str(combination) for combination in self.combinations]
         lines += [
-            f"relaxation times from {format_quantity(low, 'time')} to {format_quantity(high, 'time')} can be told: "
-            "the record is sampled so finely, and lasts so long"
+            f"relaxation times from {format_quantity(low, 'time')} to {format_quantity(high, 'time')} can be "
+            "determined: the record is sampled so finely, and lasts so long"
             for low, high in dict.fromkeys(self.times_told)
         ]
         for name in self.names:
-            kind = kind_of(name)
             error, bare = self.stderr[name], self.stderr_data_only[name]
             if not np.isfinite(error):
-                lines.append(f"{name}: not fixed by these data")
+                lines.append(f"{name}: not determined by these data")
                 continue
-            text = f"{name}: {format_quantity(self.values[name], kind)} +- {format_quantity(error, kind)}"
+            text = f"{name}: {format_quantity(self.values[name], kind_of(name), NORMAL_95 * error)}"
             if bare > 3.0 * error:
-                text += " (from its prior; the data alone would not fix it so well)"
+                text += " (by its prior; the data alone determine it less well)"
             lines.append(text)
-        return "\n".join(lines)
+        return "\n".join(
+            [*lines, "± is at 95 %, for noise and priors alone: errors of inputs and model come on top"]
+        )
 
 
 @one_thread()

@@ -25,6 +25,7 @@ from underlay.inference.least_squares import fit
 from underlay.inference.problem import Given, by_path
 from underlay.inference.profiles import profile
 from underlay.inference.profiling.profile_result import Interval
+from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.mechanics.solvers import AnySolver
 from underlay.scene.noise import NoiseModel
 from underlay.scene.parameters import kind_of, unknown_parameter
@@ -211,23 +212,23 @@ class Plan:
         """The recommended test in words."""
         if not np.isfinite(self.stderr).any():
             return (
-                f"no test of this grid fixes {self.parameter}: give another parameter a prior, add a second "
+                f"no test of this grid determines {self.parameter}: give another parameter a prior, add a second "
                 "radius (Plan.second), or widen the grid"
             )
         i, j = self._best_cell()
         kind = kind_of(self.parameter)
-        error = format_quantity(float(self.stderr[i, j]), kind)
-        share = 100.0 * self.stderr[i, j] / abs(self.value) if self.value else np.nan
-        test = (
-            f"with radius {format_quantity(float(self.radii[i]), 'length')} and depth "
-            f"{format_quantity(float(self.depths[j]), 'length')} "
-            f"(force up to {format_quantity(float(self.peak_force[i, j]), 'force')})"
-        )
-        if not share > 100.0 * _NO_FORECAST:
-            return f"{self.parameter} to {error} ({share:.2g} %) {test}"
-        if self.interval is None:
-            return f"{self.parameter} to no better than {100.0 * _NO_FORECAST:.2g} % {test}"
-        return f"the best of this grid would not fix it: {self.interval}, {test}"
+        half = NORMAL_95 * float(self.stderr[i, j])
+        lengths = (format_quantity(float(x), "length", digits=3) for x in (self.radii[i], self.depths[j]))
+        force = format_quantity(float(self.peak_force[i, j]), "force", digits=2)
+        test = "with a tip radius of {}, indented to {} (force up to {})".format(*lengths, force)
+        if self.is_doubtful:
+            if self.interval is None:
+                least = 100.0 * NORMAL_95 * _NO_FORECAST
+                return f"{self.parameter} to no better than ± {least:.2g} % (95 %), {test}"
+            return f"the best test of this grid does not determine it: {self.interval}, {test}"
+        share = f" ({100.0 * half / abs(self.value):.2g} %)" if self.value else ""
+        to = f"± {format_quantity(half, kind, digits=2)}{share}"
+        return f"{self.parameter} to {to} at 95 %, from the noise alone, {test}"
 
     def to_frame(self) -> pd.DataFrame:
         """Standard error (SI) by radius (rows, m) and depth (columns, m)."""

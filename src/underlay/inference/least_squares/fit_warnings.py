@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -183,7 +184,7 @@ def _residuals(correlated: Sequence[ResidualDiagnostics | None], *, is_weighed: 
     advice = (
         "the intervals allow for it"
         if is_weighed
-        else "leave the noise out, and what hangs together is weighed, or the model is wrong"
+        else "leave the stated noise out: what the curve shows is allowed for then; or the model is wrong"
     )
     for number, entry in enumerate(correlated):
         if entry is not None:
@@ -191,9 +192,9 @@ def _residuals(correlated: Sequence[ResidualDiagnostics | None], *, is_weighed: 
             warnings.append(
                 FitWarning(
                     "correlated-residuals",
-                    f"{which}the residuals hang together (lag-one correlation {entry.lag_one:.2f}, "
+                    f"{which}the residuals are correlated (lag-one correlation {entry.lag_one:.2f}, "
                     f"{entry.runs} runs where {entry.expected_runs:.0f} are expected): {entry.points} points "
-                    f"tell as much as {entry.effective_points:.0f} independent ones, so the standard errors "
+                    f"count as {entry.effective_points:.0f} independent ones, so the standard errors "
                     f"are too small by a factor of about {entry.too_narrow_by:.1f}; {advice}",
                 )
             )
@@ -316,10 +317,14 @@ def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatisti
             warnings.append(
                 FitWarning(
                     "law-error",
-                    f"the {statistics.law_method} law's own error, by its estimate up to "
-                    f"{100.0 * statistics.law_error:.2g} % of the force, is larger than the standard error of "
-                    f"{coordinate.name} ({100.0 * deviation:.2g} %): "
-                    'use the solver "exact" with a smaller rtol',
+                    f"the {statistics.law_method} model may itself be off by {_share(statistics.law_error)} of the "
+                    f"force, more than the standard error of {coordinate.name} ({100.0 * deviation:.2g} %): use "
+                    "the exact model",
                 )
             )
     return warnings
+
+
+def _share(error: float) -> str:
+    """Return a relative error in words: ``"2.7 %"``; one that is not known has no number."""
+    return f"{float(f'{100.0 * error:.2g}'):g} %" if math.isfinite(error) else "an unknown part"

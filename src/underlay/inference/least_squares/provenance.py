@@ -38,7 +38,7 @@ def curve_hash(curve: Curve) -> str:
 
 
 def provenance(curves: Sequence[Curve]) -> dict[str, Any]:
-    """Versions of this program and its libraries, and of every curve its name, file and hashes."""
+    """Versions of this program and its libraries; of every curve its name, file, hashes and assumed inputs."""
     return {
         "versions": {"underlay": VERSION} | version_record(("numpy", "scipy", "lmfit")),
         "curves": [
@@ -50,6 +50,7 @@ def provenance(curves: Sequence[Curve]) -> dict[str, Any]:
                 "file_sha256": curve.metadata.get("sha256"),
                 "data_sha256": curve_hash(curve),
                 "points": len(curve),
+                "assumed": list(curve.metadata.get("assumed", ())),
             }
             for curve in curves
         ],

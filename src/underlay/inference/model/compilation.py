@@ -179,8 +179,8 @@ def against_travel(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[S
     at_rest = float(np.median(curve.force[np.argpartition(curve.depth, count)[:count]]))
     travel = curve.depth + (curve.force - at_rest) / stiffness
     note = (
-        f"fitted against the travel, with the lever of {format_quantity(stiffness, 'stiffness')} in series: its "
-        "noise is in depth and force alike"
+        f"fitted against the piezo position, with the cantilever of {format_quantity(stiffness, 'stiffness')} in "
+        "series: noise of its deflection is in indentation and force alike"
     )
     instrument = replace(scene.instrument, compliance=1.0 / stiffness)
     notes = (*curve.metadata.get("notes", ()), note)

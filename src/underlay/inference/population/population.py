@@ -38,6 +38,7 @@ from underlay.inference.population.selection import (
     select_results,
     select_rows,
 )
+from underlay.inference.uncertainty.answer import NORMAL_95
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -180,8 +181,8 @@ def _group(
         values = pd.DataFrame(
             {
                 "mean": np.exp(centre),
-                "low": np.exp(centre - 1.96 * deviation),
-                "high": np.exp(centre + 1.96 * deviation),
+                "low": np.exp(centre - NORMAL_95 * deviation),
+                "high": np.exp(centre + NORMAL_95 * deviation),
                 "own": np.exp(own),
                 "curves": [counted[unit[0]] for unit in model.units.names[0]],
             },

@@ -392,8 +392,8 @@ class Population:
             )
         elif group.leads_plain:
             said.append(
-                f"With {group.units} {level}s a prior would decide how much {level}s differ: the interval is "
-                f"Student's, of their means, without one."
+                f"{group.units} {level}s are too few to measure how much {level}s differ: the interval is "
+                "Student's t of their means, without a prior."
             )
             if group.plain_mean.agrees_by_chance:
                 said.append(

@@ -14,14 +14,13 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.population.likelihood import CurveLikelihood
 from underlay.inference.profiling.profile_result import LikelihoodProfile
 from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.uncertainty.answer import NORMAL_95
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["Labelled", "LabelledCurve", "LeftOut", "select_results", "select_rows"]
 
-# Half width of a normal 95 % interval in standard errors.
-_NORMAL_95 = 1.96
 #: Labels by column, with the result of one curve.
 Labelled: TypeAlias = tuple[Mapping[str, str], Fit | Posterior | LikelihoodProfile]
 # Largest number of names that a message lists.
@@ -203,7 +202,7 @@ def _error(row: Mapping[Any, Any], parameter: str) -> float:
     low, high = (float(row[f"{parameter}.stat.{end}"]) for end in ("low", "high"))
     if not 0.0 < low < high:
         return math.nan
-    return float(row[parameter]) * 0.5 * math.log(high / low) / _NORMAL_95
+    return float(row[parameter]) * 0.5 * math.log(high / low) / NORMAL_95
 
 
 def _normal(row: Mapping[Any, Any], parameter: str, name: str) -> CurveLikelihood:

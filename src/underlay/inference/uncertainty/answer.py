@@ -16,7 +16,19 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 
-__all__ = ["Advice", "Answer", "Contribution", "Follows", "Interval", "States", "answers_table"]
+__all__ = [
+    "NORMAL_95",
+    "Advice",
+    "Answer",
+    "Contribution",
+    "Follows",
+    "Interval",
+    "States",
+    "answers_table",
+]
+
+#: Half width of a normal 95 % interval in standard deviations.
+NORMAL_95 = 1.96
 
 #: Function from parameters (draws, k), SI, to quantities computed from them, (draws, n).
 Follows: TypeAlias = Callable[[FloatArray], FloatArray]

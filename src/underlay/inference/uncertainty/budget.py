@@ -22,6 +22,7 @@ from underlay.inference.model.compilation import IN_SERIES
 from underlay.inference.model.on_law_priors import FORM, LEFT_OPEN
 from underlay.inference.priors import Normal
 from underlay.inference.problem import Problem
+from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.inference.uncertainty.inputs import (
     DEPTH,
     FORCE,
@@ -50,8 +51,6 @@ Moved: TypeAlias = Callable[[Sequence[FloatArray]], FloatArray]
 Refit: TypeAlias = Callable[[Problem], "Fit"]
 #: Name of the general error of a contact law.
 LAW = "contact model"
-# Half width of a normal 95 % interval in standard deviations.
-_NORMAL_95 = 1.96
 # Sizes of the form of the energy at which curves are fitted again, in its deviations: the first, each next one
 # twice the last, and the farthest; and how many places are looked at between.
 _FORM_STEP, _FORM_FARTHEST, _FORM_LOOKS = 0.5, 2.0, 81
@@ -223,10 +222,10 @@ class _Budget:
                 w = np.maximum(_penetration(self.fit, i, reading), 0.0)
                 s = np.sqrt(w / max(float(w.max()), 1e-300))
                 columns.append(_kept(self.fit, i, reading) * reading.contact * s**power)
-            shift = self.moved([_NORMAL_95 * _LAW_SIZE / np.sqrt(2.0) * column for column in columns])
+            shift = self.moved([NORMAL_95 * _LAW_SIZE / np.sqrt(2.0) * column for column in columns])
             rows.append([-shift, shift])
         return Source(
-            LAW, f"± {100.0 * _NORMAL_95 * _LAW_SIZE:.2g} % at full depth", "assumed", np.array(rows)
+            LAW, f"± {100.0 * NORMAL_95 * _LAW_SIZE:.2g} % at full depth", "assumed", np.array(rows)
         )
 
     def _left_out(self) -> Iterator[Source]:
@@ -246,7 +245,7 @@ class _Budget:
                 # The error was not computed at this test's numbers: the report states which errors are not known.
                 continue
             shift = self.moved(columns)
-            spread = _NORMAL_95 * error.deviation
+            spread = NORMAL_95 * error.deviation
             # The fit has attributed to its parameters what the law lacks.
             yield Source(
                 error.words,
@@ -288,7 +287,7 @@ class _Budget:
             sizes = [i for i, coordinate in enumerate(again.problem.coordinates) if coordinate.path == path]
             sizes = [i for i in sizes if covariance[i, i] > 0.0]
             factor = np.linalg.cholesky(covariance[np.ix_(sizes, sizes)])
-            rows = _NORMAL_95 * np.linalg.solve(factor, covariance[np.ix_(sizes, own)])
+            rows = NORMAL_95 * np.linalg.solve(factor, covariance[np.ix_(sizes, own)])
             bias = 0.0 if FORM in open_ else way
             yield Source(*LEFT_OPEN[path], "model", np.stack((-rows, rows), axis=1), bias)
 
@@ -315,7 +314,7 @@ class _Budget:
         for sign in (-1.0, 1.0):
             inside, size = 0.0, sign * _FORM_STEP * FORM_SPREAD
             try:
-                while abs(size) <= _FORM_FARTHEST * FORM_SPREAD and lost(size, inside) <= _NORMAL_95:
+                while abs(size) <= _FORM_FARTHEST * FORM_SPREAD and lost(size, inside) <= NORMAL_95:
                     inside, size = size, 2.0 * size
             except (InputError, FitError):
                 continue
@@ -323,7 +322,7 @@ class _Budget:
         vectors = np.array([found[size].vector for size in sizes])
         at = np.linspace(sizes[0], sizes[-1], _FORM_LOOKS)
         rises = PchipInterpolator(sizes, [lost(size, size) for size in sizes])(at)
-        moves = PchipInterpolator(sizes, vectors)(at)[rises <= _NORMAL_95] - self.fit.vector
+        moves = PchipInterpolator(sizes, vectors)(at)[rises <= NORMAL_95] - self.fit.vector
         return Source(*LEFT_OPEN[FORM], "model", moves[None])
 
     def _bonds(self) -> Iterator[Source]:

@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 from underlay.data.curve import Curve
+from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.mechanics.profile import Profile
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
@@ -23,8 +24,6 @@ __all__ = ["DEPTH", "FORCE", "HEIGHTS", "SENSITIVITY", "SPRING_CONSTANT", "Input
 FORCE, DEPTH, SPRING_CONSTANT, SENSITIVITY = "force", "depth", "spring_constant", "sensitivity"
 HEIGHTS = "indenter.heights"
 _GIVEN, _ASSUMED = "given", "assumed"
-# Half width of a normal 95 % interval in standard deviations.
-_NORMAL_95 = 1.96
 # Assumed, relative, 95 %: force, spring constant, depth.
 _FORCE, _SPRING, _DEPTH = 0.02, 0.2, 0.01
 # Assumed, relative, 95 %: the radius of a tip of 0.1 mm or more (ground and measured spheres) and of a smaller one
@@ -105,7 +104,7 @@ def _spring(curve: Curve) -> tuple[float, str]:
 def _stated_share(curve: Curve, key: str) -> float:
     """A relative standard uncertainty in a file's metadata, converted to 95 %; zero where there is none."""
     own = curve.metadata.get(key)
-    return _NORMAL_95 * own if isinstance(own, float) and own > 0.0 else 0.0
+    return NORMAL_95 * own if isinstance(own, float) and own > 0.0 else 0.0
 
 
 def _share(source: str, given: Mapping[str, float], assumed: float, origin: str) -> Input:

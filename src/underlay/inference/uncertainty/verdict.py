@@ -157,7 +157,7 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             word,
             f"the model of a tip that adheres does not describe the curve{_residuals(fit)}",
             "E and the work of adhesion trade off; the tip's radius or shape is not as entered",
-            "enter the tip radius from its data sheet, and fit approach and withdrawal together",
+            "enter the tip radius from its data sheet, and fit the approach too where it was recorded",
             ("curve.segment", "all"),
         )
         return
@@ -170,16 +170,16 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             f"the half-space model does not describe the curve: E rises with depth by {share}",
             "a stiffer base below the layer"
             + (", or a sample that stiffens with strain" if stiffens else ""),
-            "enter thickness and substrate (a rigid base: rigid = true)",
+            "enter the thickness of the layer, and its substrate",
             ("layer.thickness", "<your thickness>"),
         )
         return
-    half = format_quantity(0.5 * pressed, "length")
+    half = format_quantity(0.5 * pressed, "length", digits=3)
     yield Advice(
         word,
         f"the curve is {stiffer} at depth than the model, by {share}",
         _cause(scene, signed),
-        "fit how it stiffens, inverse_limit (1/Jm, such as 0.5) free"
+        "fit its strain stiffening too, inverse_limit (1/Jm, such as 0.5) free"
         if stiffens
         else f"fit up to half of the depth ({half})",
         ("layer.stiffening.model", "gent") if stiffens else ("curve.fit_to", half),
@@ -278,7 +278,7 @@ def _of_widths(answers: Sequence[Answer]) -> Iterator[Advice]:
         elif known.low == 0.0:
             yield Advice(
                 CHECK,
-                f"{known.name} is not told from zero: it is below {known.high:.2g}",
+                f"{known.name} may as well be zero: it is below {known.high:.2g}",
                 "strains too small to show it, or nothing to show",
                 "indent deeper, or leave it out",
             )
@@ -322,7 +322,7 @@ def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     if seen.step > _LIKELY and abs(seen.step_force) > _STEP * peak and fit.scenes[i].adhesion is None:
         yield Advice(
             CHECK,
-            f"the force jumps at contact by {format_quantity(seen.step_force, 'force')}",
+            f"the force jumps at contact by {format_quantity(seen.step_force, 'force', digits=2)}",
             "snap-in, adhesion, or drag of the approach",
             "fit with adhesion, or leave out the first 5 % of the force",
             ("curve.fit_from", "5 % of force"),
@@ -330,7 +330,7 @@ def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     if seen.ramp > _LIKELY and abs(seen.ramp_force) > _RAMP * peak:
         yield Advice(
             CHECK,
-            f"the baseline drifts by {format_quantity(seen.ramp_force, 'force')} over the record",
+            f"the baseline drifts by {format_quantity(seen.ramp_force, 'force', digits=2)} over the record",
             "thermal drift, or drag of the approach",
             "fit a baseline slope",
             ("fit.instrument.baseline_slope", "{}"),
@@ -338,7 +338,7 @@ def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     if seen.turn > _LIKELY and seen.turn_force > _RAMP * peak:
         yield Advice(
             CHECK,
-            f"the baseline turns during the record, by {format_quantity(seen.turn_force, 'force')}",
+            f"the baseline turns during the record, by {format_quantity(seen.turn_force, 'force', digits=2)}",
             "thermal drift that changed on the way, or a cable or fluid that pulls",
             "let the instrument settle before a test, or fit the readings before the turn",
         )

@@ -211,7 +211,7 @@ def _half_space_line(upper: Axes, lower: Axes, what: tuple[Fit, FloatArray, floa
 def _say(panel: Axes, words: Sequence[tuple[str, str]]) -> None:
     """Write labels in the colours of their marks, from the top left down, where a rising curve leaves room."""
     left = panel.transAxes.inverted().transform(panel.transData.transform((0.0, 0.0)))[0]
-    place = float(left) + 0.02 if left < 0.45 else 0.02
+    place = max(float(left), 0.0) + 0.02 if left < 0.45 else 0.02
     for row, (text, colour) in enumerate(words):
         panel.annotate(
             text,
@@ -390,7 +390,7 @@ def laws(
     load, newton = _axis_unit(np.array(force_ends(curve, low, high)), "force")
     with style():
         ax = _wide_axes() if ax is None else ax
-        words = [("measured", SOFT), ("used in the fit", DATA)]
+        words = [("measured", SOFT), *([("used in the fit", DATA)] if len(used) < len(curve) else [])]
         for points, colour in ((curve, GREY), (used, DATA)):
             inside = np.flatnonzero((points.depth >= low) & (points.depth <= high))
             step = inside[:: max(1, len(inside) // _MOST_POINTS)]

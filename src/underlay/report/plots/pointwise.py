@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
+from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.report.plots.style import FIT, REFERENCE, SOFT, axes, style, unit_for, unit_of
 
 if TYPE_CHECKING:
@@ -22,10 +23,6 @@ __all__ = ["film", "pointwise_modulus"]
 
 # Over the largest modulus; what noise throws further out is cut off.
 _HEADROOM, _USUAL = 1.15, 0.95
-# Share of the width that words take.
-_WORDS = 0.6
-# Standard deviations to the ends of 95 %.
-_WIDTH = 1.96
 
 
 def pointwise_modulus(
@@ -53,32 +50,31 @@ def pointwise_modulus(
     with style():
         panel = axes(ax)
         band = answer is not None and not answer.is_open and not found.relaxing
-        words = [(f"bars: noise of that depth, {100.0 * found.level:.3g} %", SOFT)]
+        words = [("layer on substrate" if found.layered else "half-space (Hertz)", FIT)]
         if answer is not None and band:
             panel.axhspan(answer.low / pascal, answer.high / pascal, color=FIT, alpha=0.13, lw=0.0)
             panel.axhline(answer.value / pascal, color=FIT, lw=1.0)
-            words.append(("band: uncertainty of E, all depths alike", SOFT))
+            words.append(("band: uncertainty of E", SOFT))
         else:
             panel.plot(found.depth / metre, found.apparent.expected / pascal, color=FIT, lw=1.0)
-        words.append(("layer on substrate" if found.layered else "half-space (Hertz)", FIT))
+        words.insert(1, (f"bars: noise, {100.0 * found.level:.3g} %", SOFT))
         if found.layered:
             bare = found.apparent_halfspace.modulus / pascal
             panel.plot(
                 found.depth / metre, bare, "s", ms=2.6, mec="none", color=REFERENCE, label="half-space"
             )
-            words.append(("half-space (Hertz)", REFERENCE))
+            words.insert(1, ("half-space (Hertz)", REFERENCE))
         _bars(panel, found, metre, pascal)
         shown = _shown(found, answer if band else None, level) / pascal
         panel.set_xlim(0.0, 1.02 * found.depth[-1] / metre)
         panel.set_ylim(0.0, _HEADROOM * shown.max())
         panel.set(xlabel=f"Indentation δ ({length})", ylabel=f"Modulus E ({name})")
-        middle = _widest_gap(found, shown * pascal, panel.get_ylim()[1] * pascal)
-        for row, (text, colour) in enumerate(words):
-            place: dict[str, Any] = {
-                "xytext": (0.0, 11.0 * (row - 0.5 * len(words))),
-                "textcoords": "offset points",
-            }
-            panel.annotate(text, (0.03, middle), xycoords="axes fraction", color=colour, **place)
+        # Over the axes, in two columns: inside them bars may be anywhere.
+        for place, (text, colour) in enumerate(words):
+            row, column = divmod(place, 2)
+            spot: dict[str, Any] = {"xytext": (0.0, 3.0 + 11.0 * ((len(words) - 1) // 2 - row))}
+            spot |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+            panel.annotate(text, (0.5 * column, 1.0), color=colour, **spot)
     return panel
 
 
@@ -110,20 +106,6 @@ def _shown(found: PointwiseModulus, answer: Answer | None, level: float) -> Floa
     return np.asarray([level, *ends, *moduli])
 
 
-def _widest_gap(found: PointwiseModulus, shown: FloatArray, top: float) -> float:
-    """Return the middle of the widest empty stretch of the vertical axis at the left, as a share of it: for labels.
-
-    `shown` and `top` are moduli and the end of the axis (Pa).
-    """
-    left = found.depth <= _WORDS * found.depth[-1]
-    curves = (found.apparent, found.apparent_halfspace) if found.layered else (found.apparent,)
-    drawn = [found.apparent.low[left], found.apparent.high[left], *(curve.modulus[left] for curve in curves)]
-    values = np.concatenate([[0.0, top], shown[:3], *drawn])
-    rungs = np.sort(values[(values >= 0.0) & (values <= top)])
-    place = int(np.argmax(np.diff(rungs)))
-    return float(0.5 * (rungs[place] + rungs[place + 1]) / top)
-
-
 def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
     """Draw the modulus of a film from its contact stiffness at each depth, and that by the half-space formula.
 
@@ -151,7 +133,7 @@ def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
             layer = table["layer modulus"].to_numpy()
             noise = table["layer modulus noise"].to_numpy() / layer
             if np.isfinite(noise).all():
-                low, high = (layer * np.exp(sign * _WIDTH * noise) / pascal for sign in (-1.0, 1.0))
+                low, high = (layer * np.exp(sign * NORMAL_95 * noise) / pascal for sign in (-1.0, 1.0))
                 panel.fill_between(
                     depth / metre, low, high, color=FIT, alpha=0.2, lw=0.0, label="noise, 95 %"
                 )

@@ -171,20 +171,9 @@ def unit_of(value: float, kind: str) -> tuple[str, float]:
     return printed_unit(unit), factor
 
 
-def in_words(value: float, kind: str, uncertainty: float | None = None, *, digits: int = 0) -> str:
-    """Return an SI value as text in a unit that suits its size, with the micro sign where it is needed.
-
-    Parameters
-    ----------
-    value, kind, uncertainty
-        As in `format_quantity`.
-    digits : int, default 0
-        Significant digits; 0 leaves them to `format_quantity`.
-    """
-    if digits:
-        unit, factor = unit_of(value, kind)
-        return f"{float(f'{value / factor:.{digits}g}'):g} {unit}".rstrip()
-    return printed(format_quantity(value, kind, uncertainty))
+def in_words(value: float, kind: str, uncertainty: float | None = None, *, digits: int = 4) -> str:
+    """Return an SI value as `format_quantity` writes it, with the micro sign where it is needed."""
+    return printed(format_quantity(value, kind, uncertainty, digits=digits))
 
 
 def save(ax: Axes, path: str | os.PathLike[str]) -> Path:
