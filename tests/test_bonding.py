@@ -133,7 +133,7 @@ def test_the_command_prints_both(tmp_path):
     )
     assert done.exit_code == 0, done.output
     assert "bonded: layer modulus" in done.output
-    assert ", slipping: layer modulus" in done.output
+    assert "; slipping: layer modulus" in done.output
     assert (
         (tmp_path / "gel.bonds.csv").read_text(encoding="utf-8").startswith("face,parameter,value,low,high")
     )

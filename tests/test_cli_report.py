@@ -89,11 +89,11 @@ def test_weighted_draws_are_asked_for_by_name(run, tmp_path):
     assert "syst" in number
     assert "Verdict  " in short
     assert re.search(r"^Sampling +\d+ effective samples, [\d.]+ s$", short, re.MULTILINE)
-    assert "weighted draws" not in short
+    assert "weighted samples" not in short
     code, out, err = run(*words, "--details")
     assert code == 0, err
     assert number in out
-    assert "weighted draws" in out
+    assert "weighted samples" in out
     # No chain is kept, so none goes on.
     assert sorted(path.suffix for path in (tmp_path / "weighted").iterdir()) == [
         ".csv",

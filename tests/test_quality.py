@@ -29,11 +29,11 @@ def test_a_clean_curve_is_good():
     quality.require()
 
 
-@pytest.mark.parametrize(("exponent", "why"), [(0.75, "slipped, wrong contact"), (2.6, "stiffer base felt")])
+@pytest.mark.parametrize(("exponent", "why"), [(0.75, "a wrong contact point"), (2.6, "a stiffer substrate")])
 def test_a_wrong_exponent_is_named(exponent, why):
     quality = told(made(exponent))
     assert quality.verdict == DOUBTFUL
-    assert any("where 1.50 is expected" in reason and why in reason for reason in quality.reasons)
+    assert any("where depth^1.50 is expected" in reason and why in reason for reason in quality.reasons)
 
 
 def test_the_scene_says_which_exponent_to_expect():
@@ -45,8 +45,8 @@ def test_the_scene_says_which_exponent_to_expect():
     curve = ul.Curve(x, force)
     with_scene = told(curve, scene)
     assert with_scene.expected_exponent > 1.9
-    assert not any("exponent" in reason for reason in with_scene.reasons)
-    assert any("exponent" in reason for reason in told(curve).reasons)
+    assert not any("grows as depth^" in reason for reason in with_scene.reasons)
+    assert any("grows as depth^" in reason for reason in told(curve).reasons)
 
 
 def test_a_slip_is_named():
@@ -54,7 +54,7 @@ def test_a_slip_is_named():
     force = np.array(curve.force)
     force[curve.depth > 0.7e-6] -= 0.2e-8
     assert any(
-        "slipped or the sample broke" in reason for reason in told(ul.Curve(curve.depth, force)).reasons
+        "the tip slipped, or the sample broke" in reason for reason in told(ul.Curve(curve.depth, force)).reasons
     )
 
 
@@ -67,11 +67,11 @@ def test_cycles_are_told_and_are_no_slip():
     assert not any("slipped" in reason for reason in reasons)
     # A slip in one of them is still one.
     force[(np.arange(len(force)) < 500) & (depth > 0.7e-6)] -= 0.2e-8
-    assert any("slipped or the sample broke" in reason for reason in told(ul.Curve(depth, force)).reasons)
+    assert any("the tip slipped, or the sample broke" in reason for reason in told(ul.Curve(depth, force)).reasons)
 
 
 def test_a_weak_curve_is_named():
-    assert any(reason.startswith("weak") for reason in told(made(noise=0.08)).reasons)
+    assert any("times the noise" in reason for reason in told(made(noise=0.08)).reasons)
 
 
 def test_few_points_are_named():
@@ -81,7 +81,7 @@ def test_few_points_are_named():
 
 def test_a_ball_too_deep_for_its_paraboloid():
     deep = made(scale=1e-5, indenter_radius=1e-5)
-    assert any("deeper than a ball of this radius" in r or "use the sphere" in r for r in told(deep).reasons)
+    assert any("no sphere holds contact so deep" in r or "choose the sphere" in r for r in told(deep).reasons)
     half = made(scale=4e-6, indenter_radius=1e-5)
     assert any(
         "there a paraboloid is off by 4 % in force; choose the sphere" in r for r in told(half).reasons

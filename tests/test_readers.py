@@ -92,7 +92,7 @@ def test_several_tests_are_listed_and_picked(put):
 def test_an_unknown_format_or_file_is_named(put):
     with pytest.raises(ul.InputError, match="no format 'xyz'; there are"):
         ul.read(put(files.delimited()), format="xyz")
-    with pytest.raises(ul.FileFormatError, match="not recognised as any known format"):
+    with pytest.raises(ul.FileFormatError, match="in no format that can be read"):
         ul.read(put("Dear diary,\nnothing was measured.\n"))
     with pytest.raises(ul.FileFormatError):
         ul.read(put(files.delimited()), format="mach1")

@@ -279,4 +279,4 @@ def test_the_page_lists_what_speaks_against_a_curve():
     fit = ul.fit(ul.Problem(scene, curve, {"layer.E": None, "instrument.contact_depth": None}))
     table = tables.reservations_table(fit)
     assert list(table.index)[:2] == ["reading the file", "the curve"]
-    assert any("use the sphere" in text for text in table["reservation"])
+    assert any("choose the sphere" in text for text in table["reservation"])

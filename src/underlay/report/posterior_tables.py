@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from underlay.inference.sampling.derived import kind_of_quantity
+from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.report.labels import label
 from underlay.report.screen import interval_text
 from underlay.report.tables import facts_table, labelled_table
@@ -97,7 +98,7 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
         "converged": "yes" if d.converged else "NO",
         "why it stopped": d.reason,
         **(chain if d.method == "emcee" else {"draws": "weighted, then resampled: no chain"}),
-        "effective draws": ", ".join(f"{size:.0f}" for size in d.effective) or "not kept",
+        "effective samples": ", ".join(f"{size:.0f}" for size in d.effective) or "not kept",
         "errors of the 2.5, 50, 97.5 % quantiles": _errors(posterior),
         **_weighted(posterior),
         "evaluations": f"{d.evaluations}, of which {d.failures} failed",
@@ -131,15 +132,19 @@ def _weighted(posterior: Posterior) -> dict[str, str]:
     """Return rows on the importance-sampling check of the posterior, and on the log evidence it gives."""
     found, evidence = posterior.diagnostics.importance, posterior.log_evidence
     if found is None:
-        return {"weighted draws": "none"}
+        return {"weighted samples": "none"}
     verdict = (
-        f"not believed: {found.refused}"
+        f"not used: {found.refused}"
         if found.refused
         else f"they disagree: {found.disagreement}"
         if found.disagreement
-        else "believed"
+        else "used"
     )
     return {
-        "weighted draws": f"{found.effective:.0f} effective of {found.draws}, k-hat {found.k_hat:.2f}; {verdict}",
-        "ln(evidence)": "not known" if evidence is None else f"{evidence.value:.2f} +- {evidence.error:.2f}",
+        "weighted samples": (
+            f"{found.effective:.0f} effective of {found.draws}, Pareto k {found.k_hat:.2f}; {verdict}"
+        ),
+        "ln(evidence), 95 %": (
+            "not known" if evidence is None else f"{evidence.value:.2f} ± {NORMAL_95 * evidence.error:.2f}"
+        ),
     }

@@ -32,6 +32,8 @@ _CONTACT = "instrument.contact_depth"
 _STEPS = 1000
 # Seconds without a movement after which a handle has come to rest: longer than between two presses of a held key.
 _REST = 0.4
+# Width and height of the picture (pixels).
+_SIZE = (936, 507)
 # What is held where no handle is near.
 _PAN = "pan"
 # Which way a wheel was turned, and where on the picture, as a share of its width.
@@ -168,16 +170,18 @@ class FitStep(Step):
                         ui.button(icon=icon, on_click=lambda factor=factor: self._zoom(factor)).props(
                             f'flat dense aria-label="{words}"'
                         ).mark(icon).tooltip(words)
-                self._picture = (
-                    ui.interactive_image(
-                        size=(936, 507),
+                # The curve lies behind: with every move only what is over it is sent again.
+                self._paper = ui.element("div").classes("picture paper")
+                with self._paper:
+                    self._picture = ui.interactive_image(
+                        size=_SIZE,
                         on_mouse=self._drag,
                         # Pointers are mice, fingers and pens.
                         events=["pointerdown", "pointermove", "pointerup", "pointerleave", "pointercancel"],
+                        # Numbers and colours of this module.
+                        sanitize=False,
                     )
-                    .classes("picture handle")
-                    .mark("curve")
-                )
+                self._picture.classes("handle").mark("curve")
                 self._picture.on("wheel", self._wheel, js_handler=_WHEEL, throttle=0.05)
                 self._picture.on("dblclick", lambda: self._zoom(0.0))
                 ui.label(
@@ -277,7 +281,7 @@ class FitStep(Step):
             return
         first = self._look is None
         self._look = look
-        self._picture.set_source(data_address(look.picture.data))
+        self._paper.style(f"background-image: url({data_address(look.picture.data)})")
         if first:
             self._contact, self._range = look.contact, (look.low, look.high)
             self._set_slides()

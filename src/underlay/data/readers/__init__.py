@@ -282,7 +282,8 @@ def recognise(source: Source) -> Format:
             return candidate
     if what := way_out(source):
         raise source.wrong(f"is {what}")
-    raise source.wrong(f"is not recognised as any known format ({', '.join(_by_name())}){_broken()}")
+    wanted = "an export as text with names and units of its columns is"
+    raise source.wrong(f"is in no format that can be read; {wanted}{_broken()}")
 
 
 def _by_name() -> dict[str, Format]:

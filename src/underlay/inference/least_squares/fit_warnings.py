@@ -106,8 +106,8 @@ def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
             warnings.append(
                 FitWarning(
                     "not-fixed",
-                    f"{coordinate.name} is not fixed by these data: its standard error is {size}; measure it "
-                    "otherwise and give it a prior, or see what identify says of it",
+                    f"{coordinate.name} is not determined by these data: its standard error is {size}; measure "
+                    "it otherwise and give it a prior, or add a test (identify, plan)",
                 )
             )
     return warnings

@@ -198,9 +198,9 @@ def scaled_covariance(
         for i in gone:
             others = ", ".join(names[j] for j in gone if j != i)
             reasons[names[i]] = (
-                f"not fixed by these data: only a combination with {others} acts"
+                f"not determined by these data: only a combination with {others} acts"
                 if others
-                else "not fixed by these data: it does not change the model here"
+                else "not determined by these data: it does not change the model here"
             )
         kept = [i for i in kept if i not in gone]
     return covariance, reasons
