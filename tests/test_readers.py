@@ -181,7 +181,7 @@ def test_a_mapping_names_columns_units_and_signs(put):
         ("depth (um),force (kPa)\n1,2\n", ul.UnitError, "'kPa' is a unit of pressure, but a force is needed"),
         ("depth (um),force (bananas)\n1,2\n", ul.UnitError, "unknown unit 'bananas' for a force"),
         ("1,2\n3,4\n", ul.FileFormatError, "no row of names above its numbers"),
-        ("depth (um),force (mN)\n", ul.FileFormatError, "not recognised"),
+        ("depth (um),force (mN)\n", ul.FileFormatError, "in no format"),
         (
             "depth (um),force (mN)\n1,2\n3\n",
             ul.FileFormatError,

@@ -199,7 +199,7 @@ def _spoken_for(difference: float) -> str:
     better = "slipping" if difference < 0.0 else "bonded"
     strength = "favour" if size >= _MUCH else "slightly favour"
     return (
-        f"The data {strength} the {better} face (AIC lower by {size:.3g}), if nothing else is wrong with the "
+        f"The data {strength} the {better} face (AIC lower by {size:.0f}), if nothing else is wrong with the "
         "model."
     )
 

@@ -241,6 +241,12 @@ def _require_distinct(names: Sequence[str], source: str) -> None:
         raise InputError(f"{source} has two columns for {twice[0]!r}")
 
 
+def _without(where: str, column: _Column, texts: Mapping[str, str]) -> str:
+    """Say that a row has an empty cell, with the file of the row where that is known."""
+    which = f" for {texts['file']}" if texts.get("file") else ""
+    return f"{where}: no {column.name}{which}; every row needs one, or leave the column out"
+
+
 def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from_file: bool) -> Entry:
     texts: dict[str, str] = {}
     numbers: dict[str, float] = {}
@@ -248,7 +254,7 @@ def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from
         blank = bool(pd.isna(cell)) or (isinstance(cell, str) and not cell.strip())
         if column.name in ("file", "name") or column.unit in (_LABEL, _REMARK):
             if blank and column.unit == _LABEL:
-                raise InputError(f"{where}: no {column.name}; every row needs one, or leave the column out")
+                raise InputError(_without(where, column, texts))
             texts[column.name] = "" if blank else str(cell).strip()
         elif not blank:
             try:
@@ -256,7 +262,7 @@ def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from
             except UnderlayError as error:
                 raise InputError(f"{where}, column {column.name}: {error}") from error
         elif column.name not in _PLACES:
-            raise InputError(f"{where}: no {column.name}; every row needs one, or leave the column out")
+            raise InputError(_without(where, column, texts))
     if not texts["file"]:
         raise InputError(f"{where}: no file")
     x, y = numbers.pop("x", None), numbers.pop("y", None)
