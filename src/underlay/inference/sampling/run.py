@@ -485,8 +485,8 @@ class _Answer(NamedTuple):
         rows = drawn.rows(count, rng).reshape(-1, _COLUMNS)
         none = np.full(drawn.vectors.shape[1], np.nan)
         reason = (
-            f"{len(drawn.weights)} weighted draws, worth {drawn.effective:.0f}, with a Pareto k of "
-            f"{drawn.pareto:.2f}"
+            f"{len(drawn.weights)} weighted samples, as good as {drawn.effective:.0f} independent ones (Pareto k "
+            f"{drawn.pareto:.2f})"
         )
         steps, walkers, burn_in, times = len(rows), _COLUMNS, 0, none
         acceptance = drawn.effective / len(drawn.weights)
@@ -494,7 +494,7 @@ class _Answer(NamedTuple):
             steps, walkers = run.coords.shape[:2]
             burn_in, times = memory(run.coords)
             acceptance = _moved(run.coords[burn_in:])
-            reason += f"; a chain of {steps} steps begun from them agrees within the errors of both"
+            reason += f"; a chain of {steps} steps from them agrees within the errors of both"
         outcome = Outcome(steps, walkers, burn_in, times, none, drawn.quantile_errors, True, reason)
         effective = np.full(len(none), drawn.effective)
         coords, levels = drawn.vectors[rows], drawn.log_density[rows]
