@@ -170,7 +170,7 @@ def test_by_default_weighted_draws_are_judged_by_a_short_chain():
     posterior = ul.sample(halfspace_problem())
     details = posterior.diagnostics
     assert (details.method, details.weighted, details.steps, details.walkers) == ("emcee", True, 100, 64)
-    assert "a chain of 100 steps begun from them agrees" in details.reason
+    assert "a chain of 100 steps from them agrees" in details.reason
     assert details.importance.k_hat < 0.7
     assert details.importance.disagreement == ""
     assert max(map(max, details.quantile_errors.values())) < 0.15

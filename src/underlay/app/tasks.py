@@ -79,6 +79,7 @@ class Analyst:
     def __init__(self, path: str) -> None:
         self._folder = AnalysisFolder(Path(path))
         self._read: tuple[object, Curve] | None = None
+        self._said: tuple[str, SceneFile] | None = None
         self._fit: tuple[str, Fit] | None = None
 
     def read(self, name: str, _tell: Tell) -> Reading:
@@ -118,7 +119,7 @@ class Analyst:
 
     def scene(self, _tell: Tell) -> bytes:
         """Draw the test to scale as PNG, at the largest depth of the curve or at a default."""
-        file = read_scene_file(self._folder.scene)
+        file = self._test()
         curve = self._readable(file)
         if curve is not None:
             if file.left_out:
@@ -140,7 +141,7 @@ class Analyst:
 
         `contact`, `low` and `high` (contact point, fit range) and the ends of `view` are depth readings (m).
         """
-        file = read_scene_file(self._folder.scene)
+        file = self._test()
         curve = self._curve(file)
         low = float(file.curve.get("min_depth", -np.inf)) if low is None else low
         high = float(file.curve.get("max_depth", np.inf)) if high is None else high
@@ -169,7 +170,7 @@ class Analyst:
 
         `contact`, `low` and `high` (contact point, fit range) are depth readings (m).
         """
-        return self._laws(read_scene_file(self._folder.scene), contact, low, high)[:2]
+        return self._laws(self._test(), contact, low, high)[:2]
 
     def _laws(
         self, file: SceneFile, contact: float, low: float, high: float
@@ -249,7 +250,7 @@ class Analyst:
 
         `begins` is the beginning of the names of the curves on the bare substrate.
         """
-        return thickness_from_heights(self._folder, read_scene_file(self._folder.scene), begins)
+        return thickness_from_heights(self._folder, self._test(), begins)
 
     def take_manifest(self, content: bytes, _tell: Tell) -> None:
         """Store an uploaded manifest (CSV) with labels of the curves."""
@@ -320,9 +321,16 @@ class Analyst:
         if not self._folder.scene.exists():
             return {}
         try:
-            return dict(read_scene_file(self._folder.scene).curve)
+            return dict(self._test().curve)
         except UnderlayError:
             return {}
+
+    def _test(self) -> SceneFile:
+        """Return the scene file, interpreted again only if its text changed."""
+        text = self._folder.scene_text()
+        if self._said is None or self._said[0] != text:
+            self._said = (text, read_scene_file(self._folder.scene))
+        return self._said[1]
 
     def _curve(self, file: SceneFile) -> Curve:
         """Return the curve that the scene names; it is read again only if file or reading options changed."""

@@ -36,6 +36,13 @@ _REST = 0.4
 _SIZE = (936, 507)
 # What is held where no handle is near.
 _PAN = "pan"
+# Seconds between two places of a pointer or a wheel that are told: about what it takes to draw for one. What comes
+# faster waits, and a quick hand was half a second ahead of the picture (the study of the page).
+_EACH = 0.05
+# Where on the picture a pressed pointer is, as a share of its width.
+_MOVE = """(event) => { if (!event.buttons) return;
+  const box = event.target.getBoundingClientRect();
+  emit({at: (event.clientX - box.left) / box.width}); }"""
 # Which way a wheel was turned, and where on the picture, as a share of its width.
 _WHEEL = """(event) => { event.preventDefault();
   const box = event.currentTarget.getBoundingClientRect();
@@ -145,6 +152,7 @@ class FitStep(Step):
         self._view: tuple[float, float] | None = None
         self._taken = (0.0, 0.0, 0.0)
         self._held: str = ""
+        self._is_dragged = False
         self._laws: tuple[Law, ...] = ()
         # Whether laws are being worked out, and what is to be done after that.
         self._looking = self._again = self._redraw = False
@@ -177,12 +185,13 @@ class FitStep(Step):
                         size=_SIZE,
                         on_mouse=self._drag,
                         # Pointers are mice, fingers and pens.
-                        events=["pointerdown", "pointermove", "pointerup", "pointerleave", "pointercancel"],
+                        events=["pointerdown", "pointerup", "pointerleave", "pointercancel"],
                         # Numbers and colours of this module.
                         sanitize=False,
                     )
                 self._picture.classes("handle").mark("curve")
-                self._picture.on("wheel", self._wheel, js_handler=_WHEEL, throttle=0.05)
+                self._picture.on("pointermove", self._dragged, js_handler=_MOVE, throttle=_EACH)
+                self._picture.on("wheel", self._wheel, js_handler=_WHEEL, throttle=_EACH)
                 self._picture.on("dblclick", lambda: self._zoom(0.0))
                 ui.label(
                     "Drag the handles: green is the contact point, grey the ends of the fitted range. "
@@ -281,7 +290,8 @@ class FitStep(Step):
             return
         first = self._look is None
         self._look = look
-        self._paper.style(f"background-image: url({data_address(look.picture.data)})")
+        # A text of styles is cut at semicolons, and the address has one.
+        self._paper.style["background-image"] = f"url({data_address(look.picture.data)})"
         if first:
             self._contact, self._range = look.contact, (look.low, look.high)
             self._set_slides()
@@ -359,28 +369,37 @@ class FitStep(Step):
             await self._follow()
 
     async def _drag(self, event: events.MouseEventArguments) -> None:
-        """Move the handle nearest to where the pointer was pressed, or the visible range if none is near."""
+        """Take the handle nearest to where the pointer is pressed, or the visible range; let go of it."""
         if self._look is None:
             return
-        at, picture = self._depth(event.image_x), self._look.picture
         if event.type == "pointerdown":
-            self._held = self._nearest(event.image_x)
-            self._taken = (event.image_x, picture.low, picture.high)
-        elif event.type == "pointermove" and self._held == _PAN and event.buttons:
+            self._held, self._is_dragged = self._nearest(event.image_x), False
+            self._taken = (event.image_x, self._look.picture.low, self._look.picture.high)
+        elif held := self._held:
+            if self._is_dragged and event.type != "pointercancel":
+                self._pull(event.image_x)
+            self._held = ""
+            if held != _PAN:
+                self._set_slides()
+                self._write()
+            await self._follow(redraw=held == _PAN)
+
+    async def _dragged(self, event: events.GenericEventArguments) -> None:
+        """Move what is held to where the pointer is."""
+        if self._look is not None and self._held:
+            self._is_dragged = True
+            self._pull(event.args["at"] * self._look.picture.width)
+            await self._follow(redraw=self._held == _PAN)
+
+    def _pull(self, x: float) -> None:
+        """Move the handle that is held to a pixel, or the visible range with it."""
+        picture = self._known().picture
+        if self._held == _PAN:
             began, low, high = self._taken
-            moved = (began - event.image_x) * (high - low) / (picture.right - picture.left)
+            moved = (began - x) * (high - low) / (picture.right - picture.left)
             self._show_from(low + moved, high + moved)
-            await self._follow(redraw=True)
-        elif event.type == "pointermove" and self._held and event.buttons:
-            self._move(min(max(at, picture.low), picture.high))
-            await self._follow()
-        elif self._held == _PAN:
-            self._held = ""
-        elif self._held:
-            self._held = ""
-            self._set_slides()
-            self._write()
-            await self._follow()
+        else:
+            self._move(min(max(self._depth(x), picture.low), picture.high))
 
     def _nearest(self, x: float) -> str:
         places = {"contact": self._contact, "low": self._range[0], "high": self._range[1]}
