@@ -54,7 +54,8 @@ def test_a_slip_is_named():
     force = np.array(curve.force)
     force[curve.depth > 0.7e-6] -= 0.2e-8
     assert any(
-        "the tip slipped, or the sample broke" in reason for reason in told(ul.Curve(curve.depth, force)).reasons
+        "the tip slipped, or the sample broke" in reason
+        for reason in told(ul.Curve(curve.depth, force)).reasons
     )
 
 
@@ -67,7 +68,9 @@ def test_cycles_are_told_and_are_no_slip():
     assert not any("slipped" in reason for reason in reasons)
     # A slip in one of them is still one.
     force[(np.arange(len(force)) < 500) & (depth > 0.7e-6)] -= 0.2e-8
-    assert any("the tip slipped, or the sample broke" in reason for reason in told(ul.Curve(depth, force)).reasons)
+    assert any(
+        "the tip slipped, or the sample broke" in reason for reason in told(ul.Curve(depth, force)).reasons
+    )
 
 
 def test_a_weak_curve_is_named():

@@ -5,7 +5,8 @@
 Every job is done from a file of a curve and what is known of the test: tip radius, Poisson's ratio, thickness. A
 step is a command, a file that is filled in, a field that is typed into, or something pressed or dropped. Seconds
 are what the program takes, from the first step to the result on the screen: the hand here has no pauses. Results
-go to ``results/newcomer.csv``. Needs Chromium.
+go to ``results/newcomer.csv``, with state ``after``; rows of an earlier state, which stand there with the commit
+they were measured on by the same jobs, are kept. Needs Chromium.
 """
 
 from __future__ import annotations
@@ -210,6 +211,10 @@ def _number(said: str) -> str:
     return "" if found is None else " ".join(found[1].split())
 
 
+def _lines(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines(keepends=True) if path.exists() else []
+
+
 def main() -> None:
     """Measure and write."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -221,12 +226,15 @@ def main() -> None:
         rows = [*in_the_shell(Path(place) / "shell"), *on_the_page(Path(place) / "page")]
     rows.sort(key=lambda row: str(row[0]))
     load = f"load {os.getloadavg()[1]:.1f}, {os.cpu_count()} processors"
+    kept = [line for line in _lines(given.output) if line.startswith(("before,", "# before"))]
     with given.output.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# made by: python tests/studies/newcomer.py; {load}\n")
+        file.write(f"# after: made by python tests/studies/newcomer.py; {load}\n")
+        file.writelines(line for line in kept if line.startswith("#"))
         table = csv.writer(file)
-        table.writerow(["job", "where", "steps", "seconds", "result"])
+        table.writerow(["state", "job", "where", "steps", "seconds", "result"])
+        file.writelines(line for line in kept if not line.startswith("#"))
         table.writerows(
-            [job, where, steps, f"{seconds:.1f}", said] for job, where, steps, seconds, said in rows
+            ["after", job, where, steps, f"{seconds:.1f}", said] for job, where, steps, seconds, said in rows
         )
     print(given.output.read_text(encoding="utf-8"))
 

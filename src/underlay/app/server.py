@@ -12,8 +12,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from nicegui import app, ui
-from starlette.requests import ClientDisconnect
-from starlette.responses import Response
 
 from underlay.app.pages.routes import add_pages
 from underlay.app.security import Doorkeeper, Guard
@@ -87,8 +85,6 @@ def serve(folder: Path, port: int = 0, *, show: bool = True, tell: Callable[[str
 def prepare(home: Home) -> None:
     """Register pages, access control and shutdown of `home` with the application, before the server runs."""
     app.add_middleware(Guard, keeper=home.keeper)
-    # A folder that is dropped ends its own upload: the page says so, and the terminal needs no traceback.
-    app.add_exception_handler(ClientDisconnect, lambda *_: Response(status_code=400))
     app.on_shutdown(home.close)
     add_pages(home)
 

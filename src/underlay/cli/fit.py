@@ -202,12 +202,11 @@ def _laws_shown(laws: Comparison) -> pd.DataFrame:
 
 def _on_the_best(laws: Comparison) -> Iterator[str]:
     """Yield the notes on models that describe the curve about as well as the best, and why others were refused."""
-    for name, found in laws.to_frame()["notes"].items():
-        if (
-            name in laws.refused
-            or laws.fits[name].statistics.aic - laws.fits[laws.best].statistics.aic < _AS_GOOD
-        ):
-            yield from [f"{name}: {found}"] if found else []
+    frame = laws.to_frame()
+    for name, notes, above in zip(frame.index, frame["notes"], frame["AIC"], strict=True):
+        # A model that was refused has no AIC.
+        if notes and not above >= _AS_GOOD:
+            yield f"{name}: {notes}"
 
 
 def film(

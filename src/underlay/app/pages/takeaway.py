@@ -98,8 +98,8 @@ class TakeAwayStep(Step):
                 ).props("flat dense no-caps align=left")
 
     def _offer(self, words: str, task: str, ending: str) -> ui.button:
-        button = ui.button(words, on_click=lambda: self._take(button, task, ending))
-        return button.props("outline no-caps align=left")
+        button = ui.button(words).props("outline no-caps align=left")
+        return button.on_click(lambda: self._take(button, task, ending))
 
     async def _take(self, button: ui.button, task: str, ending: str) -> None:
         button.props("loading")
