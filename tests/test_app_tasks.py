@@ -72,7 +72,7 @@ def test_what_nobody_entered_is_assumed_in_the_result_in_the_report_and_in_the_e
     archive = zipfile.ZipFile(io.BytesIO(analyst.archive(silent)))
     exported = scene_file_from_text(archive.read("scene.toml").decode())
     assert exported.assumed == ("indenter.radius", "layer.E", "layer.thickness")
-    (record,) = json.loads(archive.read("results/gel_on_glass.fit.json"))["provenance"]["curves"]
+    (record,) = json.loads(archive.read("results/gel_on_glass.csv.fit.json"))["provenance"]["curves"]
     assert record["assumed"] == ["indenter.radius", "layer.thickness"]
     sheets = zipfile.ZipFile(io.BytesIO(analyst.excel(silent))).read("xl/sharedStrings.xml").decode()
     assert "indenter.radius, layer.thickness" in sheets
