@@ -293,7 +293,7 @@ def test_a_doubtful_curve_is_fitted_and_the_doubt_is_said(run, tmp_path):
     assert code == 0
     assert "reject" in out
     assert "no uncertainty given" in out
-    assert "exponent" in run("fit", curve, "--scene", SCENE, "--details")[1]
+    assert "grows as depth^" in run("fit", curve, "--scene", SCENE, "--details")[1]
 
 
 def test_in_a_file_no_table_is_cut_off(run):

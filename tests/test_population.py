@@ -401,7 +401,7 @@ def test_what_a_reader_must_know_is_said():
     table.loc[1, "verdict"] = "check"
     said = " ".join(ul.population(table, doubtful="drop").sentences())
     assert "Left out: 2 of 8 curves (1 no fit, 1 verdict check)" in said
-    assert "Student's, of their means" in said
+    assert "Student's t of their means" in said
     alone = table[table["animal"] == "a1"]
     assert "nothing here says how animals differ" in " ".join(ul.population(alone).sentences())
     assert "these sites" in " ".join(ul.population(table, by=[]).sentences())
