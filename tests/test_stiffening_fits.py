@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from underlay.report.screen import fit_lines
 
 R = 25e-6
 TIP = ul.Sphere(R)
@@ -295,7 +296,7 @@ def test_stiffening_that_is_not_told_from_zero_has_a_bound_above_alone():
     answer = fit.answer(LIMIT)
     assert answer.low == answer.statistical.low == 0.0
     assert answer.value < answer.statistical.high < answer.high < 2.0
-    assert fit.verdict.reason.startswith(f"{LIMIT} is not told from zero: it is below {answer.high:.2g}")
+    assert fit.verdict.reason.startswith(f"{LIMIT} may as well be zero: it is below {answer.high:.2g}")
 
 
 def test_depths_at_which_the_form_matters_are_a_warning():
@@ -360,11 +361,14 @@ def test_a_linear_fit_says_that_the_sample_stiffens_and_what_to_set(thickness, l
     assert verdict.setting == ("layer.stiffening.model", "gent")
 
 
-def test_the_report_of_a_linear_fit_says_where_it_is_set(tmp_path):
-    text = html.unescape(
-        ul.report(linear_fit(4.0 * R, 3.0, 0.35), tmp_path / "report.html").read_text(encoding="utf-8")
-    )
-    assert 'inverse_limit (1/Jm, such as 0.5) free: model = "gent" in [layer.stiffening]' in text
+def test_the_screen_says_where_it_is_set_and_the_report_that_it_may_be(tmp_path):
+    """A report is read by people without the scene file: of its keys only the screen speaks."""
+    fit = linear_fit(4.0 * R, 3.0, 0.35)
+    said = " ".join(" ".join(fit_lines(fit)).split())
+    assert 'inverse_limit (1/Jm, such as 0.5) free: model = "gent" in [layer.stiffening]' in said
+    text = html.unescape(ul.report(fit, tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "inverse_limit (1/Jm, such as 0.5) free." in text
+    assert "[layer.stiffening]" not in text.partition("<details")[0]
 
 
 def test_where_stiffening_is_not_known_the_verdict_does_not_ask_for_it():
