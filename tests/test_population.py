@@ -542,7 +542,8 @@ def test_as_many_animals_as_are_asked_for_would_give_the_interval_that_is_promis
     )
     (group,) = result.groups.values()
     step = population_verdict(result).next
-    count = int(step.split()[0])
+    count = int(step.partition(": ")[2].split()[0])
+    assert step.startswith(f"measure {count - 3} more: {count} animals")
     variance = group.plain_mean.variance.value * group.units / count
     half = stats.t.ppf(0.975, count - 1) * math.sqrt(variance)
     assert half <= math.log(2.0)

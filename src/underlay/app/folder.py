@@ -224,8 +224,8 @@ def described(analysis: Path) -> str:
     """Describe an analysis in a line: its first curve, how many more, and the time of its last change."""
     names = sorted(path.name for path in (analysis / "curves").iterdir() if path.is_file())
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    when = time.strftime("%H:%M", time.localtime(analysis.stat().st_mtime))
-    return f"{names[0] if names else 'no curve'}{more}, {when}"
+    when = time.strftime("%d %b at %H:%M", time.localtime(analysis.stat().st_mtime))
+    return f"{names[0] if names else 'no curve'}{more}, changed {when}"
 
 
 def new_analysis(home: Path) -> AnalysisFolder:

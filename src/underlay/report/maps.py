@@ -95,7 +95,7 @@ def errors_in_words(table: pd.DataFrame) -> str:
     """
     if not any(str(column).endswith(".stat.low") for column in table.columns):
         return "± of a curve is the standard error of white noise alone; without --quick it is what a fit prints."
-    return "± of a curve is at 95 %, statistical and systematic parts together, as of a single fit."
+    return "± of one curve is at 95 % and holds all its errors, those too that all curves share (the tip's radius, say)."
 
 
 def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -296,7 +296,7 @@ def population_lines(result: Population) -> list[str]:
     lines += verdict_lines(population_verdict(result))
     spreads = next(iter(result.groups.values())).spreads
     told = [f"between {spread.level}s {_spread_in_words(spread)}" for spread in spreads]
-    lines.append(line("Spread", "; ".join(told)))
+    lines.append(line("Spread", f"{'; '.join(told)} (standard deviations, 95 %)"))
     if result.shared_error:
         lines.append(line("Systematic", shared_error_words(result)))
     if result.left_out:
@@ -352,16 +352,16 @@ def _more_units(result: Population, group: Group, level: str, most: int = 30) ->
                 group.mean * math.exp(half),
                 kind_of(result.parameter),
             )
-            return f"{count} {level}s of the same spread would give {ends}"
+            return f"measure {count - group.units} more: {count} {level}s of this spread would give {ends} (95 %)"
     return f"measure more {level}s: of this spread more than {most} are needed"
 
 
 def _spread_in_words(spread: Spread) -> str:
-    """Write a relative spread with its interval: ``"24 % (9 to 56)"``; ``"under 30 %"`` where it may be zero."""
+    """Write a relative spread with its interval: ``"24 % (9 to 56)"``; ``"less than 30 %"`` where it may be zero."""
     low, middle, high = (
         f"{float(f'{100.0 * end:.2g}'):g}" for end in (spread.low, spread.median, spread.high)
     )
-    return f"{middle} % ({low} to {high})" if spread.low > 0.0 else f"under {high} %"
+    return f"{middle} % ({low} to {high})" if spread.low > 0.0 else f"less than {high} %"
 
 
 def _ratio(ratio: float, low: float, high: float) -> str:

@@ -104,7 +104,7 @@ def drawing(test: DistinctScene, solver: Solver, where: str, assumed: Iterable[s
     layers = [f"{material_words(layer.material)}{_thickness(layer)}" for layer in scene.layers]
     base = [] if scene.base is None else [f"substrate {material_words(scene.base)}"]
     told = [f"to scale {where}", f"layer {'; '.join(layers)}", *base, size]
-    told += [f"assumed: {named}"] if (named := ", ".join(map(label, assumed))) else []
+    told += [f"usual values, not measured: {named}"] if (named := ", ".join(map(label, assumed))) else []
     alt = "Tip, layer and substrate to scale, with the contact radius and the depth."
     caption = "; ".join([test.label, *told] if test.label else told)
     return figure(ax, f"test {test.label}", alt, "The test,", f"{caption}.", kind="side")
@@ -311,7 +311,7 @@ class FitPage:
             return tag("p", "No uncertainty budget: no number is determined.", kind="none")
         ax = sized(_HALF, lambda panel: plots.budget(known, ax=panel))
         name, letter = name_of(known.name)
-        caption = "Each source alone, at 95 %, the larger side. What you state in the scene is not assumed."
+        caption = "What each source alone does to it, at 95 %, the larger side. Hatched: a usual size; enter your own."
         alt = f"Bars: what each source does to the {name.lower()}."
         return figure(ax, "budget", alt, f"Uncertainty budget of {letter}.", caption)
 

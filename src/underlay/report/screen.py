@@ -97,7 +97,8 @@ def line(name: str, text: str) -> str:
 class _Written(NamedTuple):
     """The parts of a printed number: ``"0.617 ± 0.037"``, ``"MPa"``, ``"95 %"``, ``"0.009"``, ``"0.036"``.
 
-    The last two are half widths of the statistical and systematic parts, in the same unit.
+    The last two are half widths of the statistical and systematic parts, in the same unit; of a lopsided interval
+    the longer arms: ``"up to 0.57"``.
     """
 
     number: str
@@ -110,11 +111,12 @@ class _Written(NamedTuple):
 def written(known: Answer) -> _Written:
     """Return the printed parts of a number and its interval, whose ends must both be finite."""
     unit, factor = human_unit(known.value, kind_of(path_of(known.name)))
+    number = _with_ends(*(end / factor for end in (known.value, known.low, known.high)))
+    reach = "" if "±" in number else "up to "
     own = [
-        _two_digits(max(known.value - part.low, part.high - known.value) / factor)
+        reach + _two_digits(max(known.value - part.low, part.high - known.value) / factor)
         for part in (known.statistical, known.systematic)
     ]
-    number = _with_ends(*(end / factor for end in (known.value, known.low, known.high)))
     return _Written(number, unit, f"{100.0 * known.level:.3g} %", *own)
 
 
@@ -257,7 +259,8 @@ def _budget_words(known: Answer) -> tuple[str, str]:
 
 
 def _budget_lines(known: Answer) -> Iterator[str]:
-    for name, words in zip(("Uncertainty", ""), _budget_words(known), strict=True):
+    shares = f"Variance of {name_of(known.name)[1]}"
+    for name, words in zip((shares, ""), _budget_words(known), strict=True):
         if words:
             yield line(name, words)
 
@@ -356,7 +359,10 @@ def _by_depth(fit: Fit) -> Iterator[str]:
         return
     if words:
         # Intervals of a rejected model are no judge of whether it is constant.
-        yield line("E by depth", words.partition(",")[0] if fit.verdict == "reject" else words)
+        relaxes = any(path_of(name) == "layer.instantaneous_modulus" for name in fit.derived)
+        yield line(
+            f"{'E0' if relaxes else 'E'} by depth", words.partition(",")[0] if fit.verdict == "reject" else words
+        )
 
 
 def by_depth_words(found: PointwiseModulus) -> str:

@@ -27,7 +27,7 @@ _HEIGHTS = (
     "All curves must count depth from one zero."
 )
 _CUT = "This run did not come to its end; what it finished is kept. Press Fit all curves to go on."
-_MANY_OLD = "Curves, labels or the test were changed since: fit all curves again. What was decided is kept."
+_MANY_OLD = "Curves, labels or the test have changed since this fit: fit all curves again. Curves that you left out stay out."
 
 
 class GalleryPart:

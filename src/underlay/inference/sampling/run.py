@@ -486,7 +486,7 @@ class _Answer(NamedTuple):
         none = np.full(drawn.vectors.shape[1], np.nan)
         reason = (
             f"{len(drawn.weights)} weighted samples, as good as {drawn.effective:.0f} independent ones (Pareto k "
-            f"{drawn.pareto:.2f})"
+            f"{drawn.pareto:.2f}; below 0.7 they can be trusted)"
         )
         steps, walkers, burn_in, times = len(rows), _COLUMNS, 0, none
         acceptance = drawn.effective / len(drawn.weights)

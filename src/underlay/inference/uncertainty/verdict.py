@@ -156,7 +156,7 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
         yield Advice(
             word,
             f"the model of a tip that adheres does not describe the curve{_residuals(fit)}",
-            "E and the work of adhesion trade off; the tip's radius or shape is not as entered",
+            "this curve hardly tells E from the work of adhesion, or the tip's radius or shape is not as entered",
             "enter the tip radius from its data sheet, and fit the approach too where it was recorded",
             ("curve.segment", "all"),
         )
