@@ -153,7 +153,9 @@ def _number(known: Answer, place: int, verdict: str) -> str:
     else:
         one = written(known)
         number, unit, kind = one.number, one.unit, f"{'long' if len(one.number) > _LONG else ''}{second}"
-        under = f"{one.level}: statistical {one.statistical}, systematic {one.systematic}"
+        under = (
+            f"{one.level}: statistical {one.reach}{one.statistical}, systematic {one.reach}{one.systematic}"
+        )
     return number_block(f"{title} {letter}", number, unit, under, kind)
 
 

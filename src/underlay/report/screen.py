@@ -98,7 +98,7 @@ class _Written(NamedTuple):
     """The parts of a printed number: ``"0.617 ± 0.037"``, ``"MPa"``, ``"95 %"``, ``"0.009"``, ``"0.036"``.
 
     The last two are half widths of the statistical and systematic parts, in the same unit; of a lopsided interval
-    the longer arms: ``"up to 0.57"``.
+    the longer arms, and `reach` is ``"up to "``.
     """
 
     number: str
@@ -107,14 +107,18 @@ class _Written(NamedTuple):
     statistical: str
     systematic: str
 
+    @property
+    def reach(self) -> str:
+        """What stands before the two parts: nothing, or ``"up to "``."""
+        return "" if "±" in self.number else "up to "
+
 
 def written(known: Answer) -> _Written:
     """Return the printed parts of a number and its interval, whose ends must both be finite."""
     unit, factor = human_unit(known.value, kind_of(path_of(known.name)))
     number = _with_ends(*(end / factor for end in (known.value, known.low, known.high)))
-    reach = "" if "±" in number else "up to "
     own = [
-        reach + _two_digits(max(known.value - part.low, part.high - known.value) / factor)
+        _two_digits(max(known.value - part.low, part.high - known.value) / factor)
         for part in (known.statistical, known.systematic)
     ]
     return _Written(number, unit, f"{100.0 * known.level:.3g} %", *own)
@@ -160,7 +164,10 @@ def answer_text(known: Answer, *, parts: bool = True) -> str:
         return f"not determined by this curve{_one_end(known.low, known.high, kind_of(path_of(known.name)))}"
     one = written(known)
     text = f"{one.number} {one.unit}".rstrip()
-    return f"{text} ({one.level}; stat {one.statistical}, syst {one.systematic})" if parts else text
+    told = f"stat {one.statistical}, syst {one.systematic}"
+    if one.reach:
+        told = f"{one.reach}{one.statistical} stat, {one.systematic} syst"
+    return f"{text} ({one.level}; {told})" if parts else text
 
 
 def _one_end(low: float, high: float, kind: str) -> str:
@@ -361,7 +368,8 @@ def _by_depth(fit: Fit) -> Iterator[str]:
         # Intervals of a rejected model are no judge of whether it is constant.
         relaxes = any(path_of(name) == "layer.instantaneous_modulus" for name in fit.derived)
         yield line(
-            f"{'E0' if relaxes else 'E'} by depth", words.partition(",")[0] if fit.verdict == "reject" else words
+            f"{'E0' if relaxes else 'E'} by depth",
+            words.partition(",")[0] if fit.verdict == "reject" else words,
         )
 
 
