@@ -91,8 +91,8 @@ def test_the_page_prints_the_numbers_of_the_fit(fit, tmp_path):
     for name in ("layer.E", "layer.thickness"):
         one = screen.written(fit.answer(name))
         assert (
-            f"{one.number} {one.unit} {one.level}: statistical {one.statistical}, systematic {one.systematic}"
-            in text
+            f"{one.number} {one.unit} {one.level}: statistical {one.reach}{one.statistical}, "
+            f"systematic {one.reach}{one.systematic}" in text
         )
     assert "Good. The model describes the curve" in text
     for part in (

@@ -95,7 +95,9 @@ def errors_in_words(table: pd.DataFrame) -> str:
     """
     if not any(str(column).endswith(".stat.low") for column in table.columns):
         return "± of a curve is the standard error of white noise alone; without --quick it is what a fit prints."
-    return "± of one curve is at 95 % and holds all its errors, those too that all curves share (the tip's radius, say)."
+    return (
+        "± of one curve is at 95 % and holds all its errors, also those that all share (of the radius, say)."
+    )
 
 
 def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -357,7 +359,7 @@ def _more_units(result: Population, group: Group, level: str, most: int = 30) ->
 
 
 def _spread_in_words(spread: Spread) -> str:
-    """Write a relative spread with its interval: ``"24 % (9 to 56)"``; ``"less than 30 %"`` where it may be zero."""
+    """Write a relative spread with its interval: ``"24 % (9 to 56)"``, or ``"less than 30 %"``."""
     low, middle, high = (
         f"{float(f'{100.0 * end:.2g}'):g}" for end in (spread.low, spread.median, spread.high)
     )

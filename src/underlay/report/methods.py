@@ -156,8 +156,8 @@ def _number(known: Answer, *, whole: bool) -> str:
     if not whole:
         return f"{text} ({one.level})."
     return (
-        f"{text} ({kind}), from a statistical part of {one.reach}{one.statistical} {one.unit} (noise and misfit of the curve) "
-        f"and a systematic part of {one.reach}{one.systematic} {one.unit}{_sources(known)}."
+        f"{text} ({kind}), from a statistical part of {one.reach}{one.statistical} {one.unit} (noise and misfit of "
+        f"the curve) and a systematic part of {one.reach}{one.systematic} {one.unit}{_sources(known)}."
     )
 
 

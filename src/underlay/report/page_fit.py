@@ -313,7 +313,9 @@ class FitPage:
             return tag("p", "No uncertainty budget: no number is determined.", kind="none")
         ax = sized(_HALF, lambda panel: plots.budget(known, ax=panel))
         name, letter = name_of(known.name)
-        caption = "What each source alone does to it, at 95 %, the larger side. Hatched: a usual size; enter your own."
+        caption = (
+            "What each source alone does, at 95 %, the larger side. Hatched: usual sizes; enter your own."
+        )
         alt = f"Bars: what each source does to the {name.lower()}."
         return figure(ax, "budget", alt, f"Uncertainty budget of {letter}.", caption)
 

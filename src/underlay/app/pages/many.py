@@ -27,7 +27,9 @@ _HEIGHTS = (
     "All curves must count depth from one zero."
 )
 _CUT = "This run did not come to its end; what it finished is kept. Press Fit all curves to go on."
-_MANY_OLD = "Curves, labels or the test have changed since this fit: fit all curves again. Curves that you left out stay out."
+_MANY_OLD = (
+    "Curves, labels or test changed since this fit: fit all curves again. What you left out stays out."
+)
 
 
 class GalleryPart:
