@@ -297,7 +297,11 @@ def population_lines(result: Population) -> list[str]:
             )
     lines += verdict_lines(population_verdict(result))
     spreads = next(iter(result.groups.values())).spreads
-    told = [f"between {spread.level}s {_spread_in_words(spread)}" for spread in spreads]
+    within = f" of one {result.by[-1]}" if result.by else ""
+    told = [
+        f"between {spread.level}s{within if spread.level == 'curve' else ''} {_spread_in_words(spread)}"
+        for spread in spreads
+    ]
     lines.append(line("Spread", f"{'; '.join(told)} (standard deviations, 95 %)"))
     if result.shared_error:
         lines.append(line("Systematic", shared_error_words(result)))
