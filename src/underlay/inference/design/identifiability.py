@@ -295,7 +295,7 @@ class Identifiability:
             known = format_quantity(self.values[name], kind_of(name), NORMAL_95 * error)
             text = f"{name}: {known} (95 %) is what this test can tell"
             if bare > 3.0 * error:
-                text += "; the data alone, without its prior, less"
+                text += ", by its prior; the data alone determine it less well"
             lines.append(text)
         return "\n".join(
             [*lines, "± is at 95 %, for noise and priors alone: errors of inputs and model come on top"]
