@@ -157,17 +157,18 @@ def interval_text(value: float, low: float, high: float, kind: str) -> str:
 def answer_text(known: Answer, *, parts: bool = True) -> str:
     """Write a fitted number with its uncertainty: ``"0.617 ± 0.037 MPa (95 %; stat 0.009, syst 0.036)"``.
 
-    The text is ``"0.62 (0.52 to 0.81) MPa"`` where the interval is lopsided, and ``"not determined by this curve (>
-    1.1 mm)"`` where it has an open end. Without `parts` the brackets with level and parts are left out.
+    Where the interval is lopsided it is ``"0.62 (0.52 to 0.81) MPa (95 %; stat <0.01, syst <0.19)"``, with the
+    longer arms of the parts, and where it has an open end ``"not determined by this curve (> 1.1 mm)"``. Without
+    `parts` the brackets with level and parts are left out.
     """
     if known.is_open:
         return f"not determined by this curve{_one_end(known.low, known.high, kind_of(path_of(known.name)))}"
     one = written(known)
     text = f"{one.number} {one.unit}".rstrip()
-    told = f"stat {one.statistical}, syst {one.systematic}"
-    if one.reach:
-        told = f"{one.reach}{one.statistical} stat, {one.systematic} syst"
-    return f"{text} ({one.level}; {told})" if parts else text
+    sign = "<" if one.reach else ""
+    return (
+        f"{text} ({one.level}; stat {sign}{one.statistical}, syst {sign}{one.systematic})" if parts else text
+    )
 
 
 def _one_end(low: float, high: float, kind: str) -> str:
