@@ -308,6 +308,72 @@ def test_depths_at_which_the_form_matters_are_a_warning():
     assert fit.law_reason.startswith("exact: stiffening, 1/Jm = ")
 
 
+def test_the_form_of_the_energy_shifts_as_fits_at_its_sizes_do():
+    """Sizes that the curve allows, one by one, with heights as they are; the row searches several at once."""
+    curve = made()
+    row = (
+        ul.fit(ul.Problem(SCENE, curve, FREE))
+        .answer("layer.E")
+        .budget.set_index("source")
+        .loc["form of the energy"]
+    )
+    found = []
+    for size in np.linspace(-0.66, 0.66, 45):
+        scene = replace(SCENE, layer=replace(SCENE.layer, stiffening=ul.Gent(1.0, form=size)))
+        try:
+            fit = ul.fit(ul.Problem(scene, curve, FREE, ul.Noise(force=0.003 * FORCE)))
+        except ul.FitError:
+            continue
+        off = np.log(fit.values[LIMIT] / 0.5) / 1.6  # as its prior has it
+        found.append((fit.statistics.chi_square + off**2, fit.values["layer.E"]))
+    squares, moduli = np.array(found).T
+    # What the formula of Ogden's energy leaves at worst is no evidence: 5.3e-4 of the largest force.
+    allowed = 5.3e-4 / 0.003 * np.sqrt(len(DEPTH)) + 1.96
+    inside = np.flatnonzero(np.sqrt(squares - squares.min()) <= allowed)
+    fitted = ul.fit(ul.Problem(SCENE, curve, FREE)).values["layer.E"]
+    # At large sizes E falls; the row ends between the last size inside and the next.
+    last = fitted - moduli[inside[-1]], fitted - moduli[inside[-1] + 1]
+    assert 0.95 * last[0] < row["low"] < 1.05 * last[1]
+    assert last[1] < 1.5 * last[0]
+    assert row["high"] == pytest.approx(moduli[inside].max() - fitted, rel=0.05)
+
+
+@pytest.mark.parametrize("limit", [0.0, 0.1, 1.0])
+def test_the_form_of_the_energy_goes_to_both_sides(limit):
+    """On a thin layer 1/Jm near zero grows many times beside a form that softens."""
+    scene = replace(SCENE, layer=replace(SCENE.layer, thickness=2.0 * R, stiffening=ul.Gent(limit)))
+    depth = np.linspace(-0.1, 0.2, 240) * R
+    noise = ul.Noise(force=0.003 * float(scene.force(depth[-1])))
+    for seed in range(3):
+        curve = ul.synthesize(scene, depth, noise, rng=seed)
+        posed = ul.Problem(scene.with_values({LIMIT: 0.5}), curve, FREE)
+        row = ul.fit(posed).answer("layer.E").budget.set_index("source").loc["form of the energy"]
+        assert row["low"] > 0.02 * 3e3
+        assert row["high"] > 0.02 * 3e3
+
+
+@pytest.mark.parametrize("free", [FREE, {**FREE, FORM: None, HEIGHTS: None}])
+def test_answers_do_not_depend_on_where_the_scene_begins(free):
+    begun = {"layer.E": 1.5e3, LIMIT: 0.4}
+    first, second = (
+        ul.fit(ul.Problem(scene, made(), free)).answer("layer.E")
+        for scene in (SCENE, SCENE.with_values(begun))
+    )
+    width = first.high - first.low
+    for name in ("value", "low", "high"):
+        assert getattr(second, name) == pytest.approx(getattr(first, name), abs=0.03 * width)
+
+
+@pytest.mark.parametrize("limit", [0.3, 1.0, 5.0])
+def test_priors_do_not_make_searches_long(limit):
+    """With first derivatives alone the second, in which forms and heights are free too, takes 40 evaluations."""
+    scene = SCENE.with_values({LIMIT: limit})
+    for more, most in (({}, 8), ({FORM: None, HEIGHTS: None}, 14)):
+        statistics = ul.fit(ul.Problem(SCENE, made(scene), FREE | more)).statistics
+        assert statistics.success
+        assert statistics.evaluations <= most
+
+
 def test_what_is_free_is_no_row():
     fit = ul.fit(problem(free={**FREE, FORM: None, HEIGHTS: None}))
     answer = fit.answer("layer.E")

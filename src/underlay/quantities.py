@@ -76,6 +76,8 @@ class Quantity:
         curve.
     from_zero : bool
         Whether zero means that an effect is absent: near zero its interval has an upper end only.
+    power : float
+        Power of it with which its effect on the force grows from zero, for searches; 0 if not known.
     scales : {"force", "length"} or None
         Whether it is a scale of the force (a modulus) or of the lengths of the contact (a thickness, a radius).
     many : bool
@@ -92,6 +94,7 @@ class Quantity:
     many: bool = False
     nearly_linear: bool = False
     from_zero: bool = False
+    power: float = 0.0
 
     @property
     def is_scale(self) -> bool:

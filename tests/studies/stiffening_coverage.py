@@ -2,6 +2,9 @@
 
     python tests/studies/stiffening_coverage.py [--right 500] [--wrong 200] [--free 20]
                                                 [--output tests/studies/results/stiffening_coverage.csv]
+    python tests/studies/stiffening_coverage.py --misfits
+
+It goes on from the rows of the output file that have as many curves.
 
 A sphere of 25 um on 3 kPa, 240 points, white noise of 0.3 % of the largest force, known inputs. Truths: a Gent
 layer (the model is right, `--right` curves a cell); Ogden's energy, on a half-space from the finite elements of the
@@ -9,7 +12,9 @@ study of stiffening layers (section 2: ln(S/N)/(a/R), between exponents by a mon
 it is 0), on layers to z = 0.1 from `ogden_layers.py`; a contact made gradually, without stiffening and with
 (`--wrong` curves). E, 1/Jm, contact and baseline are free; `terms` says whether the form of the energy and the
 spread of heights are rows of the budget, or free too (`--free` curves). Counted are the answer's interval and, as
-controls without the two terms, its statistical part, and least squares' own error bars.
+controls without the two terms, its statistical part, and least squares' own error bars. The scene begins with
+another E than the true one. `--misfits`: what fits with the size of the form that an exponent has leave of forces
+without noise, rms over the largest, and their E over the true one.
 """
 
 from __future__ import annotations
@@ -25,7 +30,7 @@ from scipy.interpolate import PchipInterpolator
 import underlay as ul
 
 RESULTS = Path(__file__).parent / "results"
-R, E = 25e-6, 3e3
+R, E, BEGUN = 25e-6, 3e3, 2e3
 POINTS, NOISE = 240, 0.003
 INPUTS = dict.fromkeys(("force", "depth", "indenter.radius", "layer.nu"), 0.0)
 TERMS = ("layer.stiffening.form", "layer.stiffening.height_spread")
@@ -40,7 +45,8 @@ OGDEN = {
     20: (-0.586, -0.332, -0.227, -0.093, -0.005, 0.065, 0.121, 0.170),
 }
 HALF_SPACE = PchipInterpolator(list(OGDEN), np.array(list(OGDEN.values())))
-# Of the exponents that a form of the energy stands for.
+# Size of the form for an exponent less two, to first order; and the exponents that a form of the energy stands for.
+SIZE = -0.0325379
 LEAST, MOST = -16.0, 20.0
 # Thickness and largest depth over R, Gent's 1/Jm, spread of heights over R, Ogden.s exponent (words: any of these).
 CELLS = {
@@ -60,10 +66,10 @@ RIGHT = ("Gent 1, half-space", "Gent 3, half-space", "Gent 1, h = 4 R")
 FREED = ("Gent 1, half-space", "gradual 0.05 R, Gent 0", "gradual 0.05 R, Gent 1", "Ogden -16 to 20, normal")
 
 
-def scene(thickness: float, stiffening: ul.Gent | None) -> ul.Scene:
+def scene(thickness: float, stiffening: ul.Gent | None, modulus: float = E) -> ul.Scene:
     """The test."""
     layered = bool(np.isfinite(thickness))
-    layer = ul.Layer(ul.Isotropic(E, 0.5), thickness * R, stiffening=stiffening)
+    layer = ul.Layer(ul.Isotropic(modulus, 0.5), thickness * R, stiffening=stiffening)
     known = INPUTS | ({"layer.thickness": 0.0} if layered else {})
     return ul.Scene(ul.Sphere(R), layer, ul.RIGID if layered else None, friction="none", uncertainties=known)
 
@@ -90,7 +96,7 @@ def drawn(how: str, rng: np.random.Generator) -> float:
     return float(next(x for x in iter(lambda: rng.normal(middle, deviation), None) if LEAST <= x <= MOST))
 
 
-def made(cell: str, seed: int) -> tuple[ul.Curve, float]:
+def made(cell: str, seed: int, noise: float = NOISE) -> tuple[ul.Curve, float]:
     """One curve, and its largest force (N)."""
     thickness, deepest, s, spread, exponent = CELLS[cell]
     rng = np.random.default_rng(seed)
@@ -99,21 +105,25 @@ def made(cell: str, seed: int) -> tuple[ul.Curve, float]:
         force = scene(thickness, ul.Gent(s, height_spread=spread * R)).force(depth)
     else:
         force = stiffened(thickness, depth, drawn(exponent, rng) if isinstance(exponent, str) else exponent)
-    return ul.Curve(depth, force + NOISE * force.max() * rng.standard_normal(POINTS)), float(force.max())
+    return ul.Curve(depth, force + noise * force.max() * rng.standard_normal(POINTS)), float(force.max())
 
 
-def intervals(cell: str, seed: int, terms: bool) -> Iterator[dict[str, object]]:
-    """What one curve's fit states of E, and of 1/Jm where there is a true one."""
-    curve, top = made(cell, seed)
-    free = {
+def freed(top: float) -> dict[str, tuple[float, float] | None]:
+    """The free numbers of a curve whose largest force is `top` (N)."""
+    return {
         "layer.E": (1e2, 1e6),
         "layer.stiffening.inverse_limit": None,
         "instrument.contact_depth": (-0.2 * R, 0.3 * R),
         "instrument.baseline": (-top, top),
     }
+
+
+def intervals(cell: str, seed: int, terms: bool) -> Iterator[dict[str, object]]:
+    """What one curve's fit states of E, and of 1/Jm where there is a true one."""
+    curve, top = made(cell, seed)
+    free = freed(top) | (dict.fromkeys(TERMS) if terms else {})
     thickness, _, s, _, exponent = CELLS[cell]
-    posed = ul.Problem(scene(thickness, ul.Gent(0.5)), curve, free | (dict.fromkeys(TERMS) if terms else {}))
-    fit = ul.fit(posed)
+    fit = ul.fit(ul.Problem(scene(thickness, ul.Gent(0.5), BEGUN), curve, free))
     truth = {"layer.E": E} | ({"layer.stiffening.inverse_limit": s} if exponent is None and s else {})
     for name, value in truth.items():
         told = fit.answer(name)
@@ -141,15 +151,32 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def study(right: int, wrong: int, free: int, output: Path) -> None:
-    """Run every cell, and write after each."""
-    rows: list[dict[str, object]] = []
-    for terms in (False, True):
-        for cell in FREED if terms else CELLS:
-            for seed in range(free if terms else right if cell in RIGHT else wrong):
-                rows += intervals(cell, seed, terms)
-            found = summary(pd.DataFrame(rows))
-            print(found[(found["cell"] == cell)].to_string(index=False, header=False), flush=True)
-            found.round(3).to_csv(output, index=False)
+    """Run every cell that the output lacks, and write after each."""
+    known = pd.read_csv(output) if output.exists() else pd.DataFrame(columns=["cell", "terms", "curves"])
+    found = []
+    for terms in ("rows", "free"):
+        for cell in FREED if terms == "free" else CELLS:
+            count = free if terms == "free" else right if cell in RIGHT else wrong
+            own = known[(known["cell"] == cell) & (known["terms"] == terms) & (known["curves"] == count)]
+            if own.empty:
+                rows = [row for seed in range(count) for row in intervals(cell, seed, terms == "free")]
+                own = summary(pd.DataFrame(rows)).round(3)
+            found.append(own)
+            print(own.to_string(index=False, header=False), flush=True)
+            pd.concat(found).to_csv(output, index=False)
+
+
+def misfits() -> None:
+    """Print, for every exponent and thickness: size of the form, misfit, E over the true one, 1/Jm."""
+    for cell, (thickness, *_, exponent) in CELLS.items():
+        if isinstance(exponent, int):
+            curve, top = made(cell, 0, noise=0.0)
+            size = SIZE * (exponent - 2.0)
+            posed = scene(thickness, ul.Gent(0.5, form=size), BEGUN)
+            fit = ul.fit(ul.Problem(posed, curve, freed(top), ul.Noise(force=NOISE * top)))
+            off = float(np.sqrt(np.mean(np.square(fit.residuals)))) / top
+            stiffness = fit.values["layer.stiffening.inverse_limit"]
+            print(f"{cell:20} {size:6.3f} {off:8.2g} {fit.values['layer.E'] / E:6.3f} {stiffness:8.3g}")
 
 
 if __name__ == "__main__":
@@ -158,5 +185,6 @@ if __name__ == "__main__":
     parser.add_argument("--wrong", type=int, default=200)
     parser.add_argument("--free", type=int, default=20)
     parser.add_argument("--output", type=Path, default=RESULTS / "stiffening_coverage.csv")
+    parser.add_argument("--misfits", action="store_true")
     given = parser.parse_args()
-    study(given.right, given.wrong, given.free, given.output)
+    misfits() if given.misfits else study(given.right, given.wrong, given.free, given.output)

@@ -4,8 +4,9 @@ The noise is frozen: it is that of a current model, and a fit updates it from ou
 (Weights that follow the parameters without the normalisation of the likelihood would pull the model towards large
 noise.)
 
-Two parameters are stepped in a transformed number in which the force is nearly linear: the modulus of the base,
-which is what the layer stands on (`BaseSteps`), and a layer's Poisson's ratio (`PoissonSteps`).
+Some parameters are stepped in a transformed number in which the force is nearly linear: the modulus of the base,
+which is what the layer stands on (`BaseSteps`), a layer's Poisson's ratio (`PoissonSteps`), and amounts of effects
+that begin at zero (`PowerSteps`).
 """
 
 from __future__ import annotations
@@ -28,7 +29,16 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.noise import NoiseModel
 
-__all__ = ["HAIR", "BaseSteps", "BaseTransform", "Objective", "PoissonSteps", "PoissonTransform", "log_share"]
+__all__ = [
+    "HAIR",
+    "BaseSteps",
+    "BaseTransform",
+    "Objective",
+    "PoissonSteps",
+    "PoissonTransform",
+    "PowerSteps",
+    "log_share",
+]
 
 _BASE, _LAYER = "substrate.E", "layer.E"
 _NU = "layer.nu"
@@ -439,7 +449,12 @@ class Objective:
                 strict=True,
             )
         ]
-        here = projected(curves, self._prior_places(vectors, physical), self._linear, low, high)
+        prior = self._prior_places(vectors, physical)
+        here = projected(curves, prior, self._linear, low, high)
+        for entry, power in self._powers:
+            # At the optimum the readings pull as hard as the prior; farther away the first order leads faster.
+            pull = np.minimum(here.gradient[:, entry] - prior.gradient[:, entry], -prior.gradient[:, entry])
+            here.normal[:, entry, entry] += power * np.maximum(pull, 0.0)
         possible &= np.isfinite(here.square)
         if possible.all():
             return here
@@ -457,9 +472,25 @@ class Objective:
         return PoissonSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
-    def courses(self) -> tuple[BaseSteps | PoissonSteps, ...]:
+    def courses(self) -> tuple[BaseSteps | PoissonSteps | PowerSteps, ...]:
         """Transformations of those parameters in which the force is far from linear."""
-        return tuple(steps for steps in (self.bases, self.poissons) if steps is not None)
+        by_powers = PowerSteps.of(self.problem.coordinates)
+        return tuple(steps for steps in (self.bases, self.poissons, by_powers) if steps is not None)
+
+    @cached_property
+    def _powers(self) -> list[tuple[int, float]]:
+        """Entries whose curvature is added to J'J, and the power p in which the force changes with them.
+
+        In q, the logarithm of such a number, the residuals' second derivative is p times the first, and adds p
+        times the pull of the readings to the curvature of the sum of squares. Without it a step overshoots by so
+        much, where a prior holds a number that the readings pull towards zero, that a search may not settle.
+        """
+        known = self.problem.coordinates
+        return [
+            (i, known[i].quantity.power)
+            for i in self._informative
+            if known[i].scale is None and known[i].quantity.power
+        ]
 
     @cached_property
     def _linear(self) -> LinearDirections:
@@ -575,6 +606,53 @@ class Objective:
         for row, index in enumerate(which):
             values[row], slopes[row, index] = self.problem.coordinates[index].prior.penalty(physical[index])
         return values, slopes
+
+
+@dataclass(frozen=True)
+class PowerSteps:
+    """Steps of m numbers q by whose exponentials to a power p the force changes, such as an amount of stiffening.
+
+    A step up is straight in exp(p q), in which the force is, and one down in q: there zero is at no distance.
+
+    Parameters
+    ----------
+    entries : ndarray of int (m,)
+        Their entries in a scaled vector.
+    powers : FloatArray
+        p of each, (m,).
+    """
+
+    entries: NDArray[np.intp]
+    powers: FloatArray
+
+    @classmethod
+    def of(cls, coordinates: Sequence[Coordinate]) -> Self | None:
+        """Find them by what their quantities declare; None where there are none."""
+        found = {
+            i: c.quantity.power for i, c in enumerate(coordinates) if c.scale is None and c.quantity.power
+        }
+        return cls(np.array(list(found)), np.array(list(found.values()))) if found else None
+
+    def at(self, vectors: FloatArray) -> Self:
+        """Conversion between changes and steps, the same at all scaled vectors (s, k)."""
+        del vectors
+        return self
+
+    def straight(self, changes: FloatArray) -> FloatArray:
+        """Steps (s, k) that lead to `changes` (s, k) of scaled vectors; the array of changes is overwritten."""
+        change = changes[:, self.entries]
+        changes[:, self.entries] = np.where(
+            change > 0.0, np.expm1(self.powers * change) / self.powers, change
+        )
+        return changes
+
+    def changes(self, steps: FloatArray, longest: float) -> FloatArray:
+        """Changes (s, k) of scaled vectors that steps (s, k) lead to; none is longer than its step."""
+        del longest
+        step, result = steps[:, self.entries], steps.copy()
+        up = np.log1p(self.powers * np.maximum(step, 0.0)) / self.powers
+        result[:, self.entries] = np.where(step > 0.0, up, step)
+        return result
 
 
 def _within(vector: FloatArray, low: FloatArray, high: FloatArray) -> bool:

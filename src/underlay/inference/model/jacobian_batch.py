@@ -3,8 +3,8 @@
 The time of a search's step goes into calls, not arithmetic; here the same calls serve every start. Of three ways
 the first that applies is taken: no ratio of moduli or lengths varies, and one law serves all; one ratio varies, and
 the sets are read from tables over it, which give the derivative in it; tables of the flat punch give the laws of a
-tip that is no power law. Samples with memory, corrections or adhesion, and compliant frames, go one by one
-(`Forward.jacobian`).
+tip that is no power law. Layers that stiffen go on the first (`on_law_batch`). Samples with memory, other
+corrections or adhesion, and compliant frames, go one by one (`Forward.jacobian`).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.groups import ParameterSets, Values
 from underlay.inference.model.law_slopes import slope_by_factors
 from underlay.inference.model.laws import OneRatio
+from underlay.inference.model.on_law import OnLinear
 from underlay.inference.model.ratio_batch import by_one_law, sets_of_a_tip
 from underlay.mechanics.body import isotropic_constants
 from underlay.mechanics.exact.family_law import family_batch
@@ -70,8 +71,15 @@ class _Laws(NamedTuple):
 
 def can_batch_jacobians(forward: Forward, values: Values, paths: Sequence[str]) -> bool:
     """Whether sets that differ in the parameters at `paths` can be computed together; `values` are all numbers."""
-    elsewhere = (forward.history, forward.left_out, forward.bending)
-    if any(part is not None for part in elsewhere) or forward.similarity.energies:
+    if forward.history is not None or forward.bending is not None or forward.similarity.energies:
+        return False
+    if isinstance(forward.left_out, OnLinear):
+        # Not loaded for a scene without it.
+        from underlay.inference.model.on_law_batch import goes_on_one_law  # noqa: PLC0415  see above
+
+        if not goes_on_one_law(forward.left_out, paths):
+            return False
+    elif forward.left_out is not None:
         return False
     return Frame.path not in paths and not _acts(values[Frame.path])
 
@@ -106,7 +114,8 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
     over, ratio = forward.over, np.ones(())
     if over is not None:
         asked.tip, ratio = over.seen(asked.tip)
-    laws = _laws(asked)
+    on_law = forward.left_out if isinstance(forward.left_out, OnLinear) else None
+    laws = _laws(asked) if on_law is None else _on_law(forward, values, sets, on_law, paths)
     if laws is None:
         return None
     stiffness = (
@@ -120,10 +129,23 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
         elif path == ContactDepth.path:
             np.negative(stiffness, out=columns[:, row])
         else:
-            slope = _slope(asked, path, laws)
+            slope = laws.through_ratios[path] if on_law is not None else _slope(asked, path, laws)
             columns[:, row] = slope if over is None else ratio * slope
     contact = laws.force if over is None else ratio * laws.force
     return Jacobians(asked.instrument_force(contact), columns, laws.possible)
+
+
+def _on_law(
+    forward: Forward, values: Values, sets: int, on_law: OnLinear, paths: Sequence[str]
+) -> _Laws | None:
+    """Laws of a layer that stiffens; `through_ratios` are the whole derivatives (SI)."""
+    from underlay.inference.model.on_law_batch import on_law_slopes  # noqa: PLC0415  as in `goes_together`
+
+    found = on_law_slopes(forward, values, sets, on_law, paths)
+    if found is None:
+        return None
+    readings, slopes = found
+    return _Laws(readings.contact, readings.stiffness, slopes, readings.possible)
 
 
 def _laws(asked: ParameterSets) -> _Laws | None:

@@ -25,9 +25,9 @@ from underlay.mechanics.stiffening import (
     largest_by_depth,
     within_reach,
 )
-from underlay.scene.instrument import Frame
+from underlay.scene.instrument import Baseline, BaselineSlope, ContactDepth, Frame
 
-__all__ = ["on_law_readings", "stiffening_factors"]
+__all__ = ["goes_on_one_law", "on_law_readings", "on_law_slopes", "stiffening_factors"]
 
 # Least depth (m) at which a law is asked of a set that does not press.
 _TINY = float(np.sqrt(np.finfo(float).tiny))
@@ -131,6 +131,62 @@ class _Similar:
         return np.asarray(self.s * self.law.contact_radius(self.b * depth))
 
 
+@dataclass(frozen=True)
+class _Ready:
+    """Sets whose layers are to be pressed.
+
+    Parameters
+    ----------
+    asked : ParameterSets
+        The sets.
+    stiff, sides : StiffLayer and Sides, or None
+        Their stiffening and sides.
+    linear : _Similar
+        Their linear laws.
+    depth : FloatArray
+        Depths (m) in contact, (sets, n); where there is none the largest depth, at which the law exists.
+    inside, possible : ndarray of bool
+        Where there is contact and the law is known, (sets, n), and which sets are known, (sets, 1).
+    """
+
+    asked: ParameterSets
+    stiff: StiffLayer | None
+    sides: Sides | None
+    linear: _Similar
+    depth: FloatArray
+    inside: NDArray[np.bool_]
+    possible: NDArray[np.bool_]
+
+    def readings(self, force: FloatArray, slope: FloatArray) -> Readings:
+        """Readings from force (N) and stiffness (N/m) at `depth`."""
+        contact, slope = np.where(self.inside, force, 0.0), np.where(self.inside, slope, 0.0)
+        return Readings(contact, slope, self.asked.instrument_force(contact), self.possible[:, 0])
+
+
+def _ready(asked: ParameterSets, on_linear: OnLinear) -> _Ready | None:
+    """Make sets ready; None where no linear law serves them together, or reaches so deep."""
+    upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in asked.values.items()}
+    stiff, sides = on_linear.laws(upright)
+    inside = asked.tip > (0.0 if stiff is None else FIRST_TOUCH * stiff.spread)
+    deepest = top = np.maximum(asked.deepest[:, None], _TINY)
+    possible = np.ones((asked.sets, 1), dtype=bool)
+    if stiff is not None:
+        stiff, top, possible = _shallow(stiff, top)
+        deepest = stiff.asked(top).depth
+    linear = _linear(asked, MARGIN * deepest, upright)
+    if linear is None:
+        return None
+    if stiff is not None:
+        possible = possible & within_reach(
+            stiff.place(deepest, linear.contact_radius(deepest)), stiff.medium, stiff.inverse_limit
+        )
+        stiff = replace(stiff, inverse_limit=np.where(possible, stiff.inverse_limit, 0.0))
+    if sides is not None:
+        possible = possible & is_wide(linear.contact_radius(deepest), sides.radius)
+    inside = inside & possible
+    return _Ready(asked, stiff, sides, linear, np.where(inside, asked.tip, top), inside, possible)
+
+
 def on_law_readings(
     forward: Forward, values: Values, sets: int, on_linear: OnLinear, *, stiffness: bool
 ) -> Readings:
@@ -163,34 +219,44 @@ def on_law_readings(
             for whole, own in zip(readings, part, strict=True):
                 whole[rows] = own
         return readings
-    upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-    stiff, sides = on_linear.laws(upright)
-    w, inside = asked.tip, asked.tip > (0.0 if stiff is None else FIRST_TOUCH * stiff.spread)
-    # Depths before contact are replaced by the largest depth, at which the law exists; their force is set to zero.
-    top = np.maximum(asked.deepest[:, None], _TINY)
-    deepest, possible = top, np.ones((sets, 1), dtype=bool)
-    if stiff is not None:
-        stiff, top, possible = _shallow(stiff, top)
-        deepest, inside = stiff.asked(top).depth, inside & possible
-    linear = _linear(asked, MARGIN * deepest, upright)
-    if linear is None:
+    ready = _ready(asked, on_linear)
+    if ready is None:
         return set_by_set(forward, values, range(sets), readings)
-    if stiff is not None:
-        possible = possible & within_reach(
-            stiff.place(deepest, linear.contact_radius(deepest)), stiff.medium, stiff.inverse_limit
-        )
-        stiff = replace(stiff, inverse_limit=np.where(possible, stiff.inverse_limit, 0.0))
-    if sides is not None:
-        possible = possible & is_wide(linear.contact_radius(deepest), sides.radius)
-    w = np.where(inside, w, top)
+    stiff, sides, linear, w = ready.stiff, ready.sides, ready.linear, ready.depth
     if stiffness or sides is not None or stiff is None:
         force, slope = _pressed(stiff, sides, linear, w)
     else:
         force, slope = stiff.force(linear, w), np.zeros(w.shape)
-    contact = np.where(inside & possible, force, 0.0)
-    return Readings(
-        contact, np.where(inside & possible, slope, 0.0), asked.instrument_force(contact), possible[:, 0]
-    )
+    return ready.readings(force, slope)
+
+
+def goes_on_one_law(on_linear: OnLinear, paths: Sequence[str]) -> bool:
+    """Whether sets that differ in the parameters at `paths` are a layer that stiffens, on one linear law."""
+    by_scale = {"layer.E", ContactDepth.path, Baseline.path, BaselineSlope.path}
+    own = all(path in by_scale or path.startswith("layer.stiffening.") for path in paths)
+    return own and not on_linear.layer.has_sides
+
+
+def on_law_slopes(
+    forward: Forward, values: Values, sets: int, on_linear: OnLinear, paths: Sequence[str]
+) -> tuple[Readings, dict[str, FloatArray]] | None:
+    """Readings, and derivatives of the contact force at fixed depth by path (SI), (sets, n) each.
+
+    For parameters of `goes_on_one_law`; None where the linear law does not reach so deep. The other arguments are
+    those of `on_law_readings`.
+    """
+    ready = _ready(ParameterSets(replace(forward, left_out=None), values, sets), on_linear)
+    if ready is None or ready.stiff is None:
+        return None
+    found = ready.stiff.pressed(ready.linear, ready.depth)
+    readings, slopes = ready.readings(found.force, found.stiffness), {}
+    for path in paths:
+        section, _, name = path.rpartition(".")
+        if path == "layer.E":
+            slopes[path] = readings.contact / ready.asked.column(path)
+        elif section == "layer.stiffening":
+            slopes[path] = np.where(ready.inside, ready.stiff.slope(name, found), 0.0)
+    return readings, slopes
 
 
 def stiffening_factors(forward: Forward, values: Values, sets: int, on_linear: OnLinear) -> FloatArray:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError, UnderlayError
@@ -23,6 +22,7 @@ from underlay.inference.model.on_law_priors import FORM, LEFT_OPEN
 from underlay.inference.priors import Normal
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.answer import NORMAL_95
+from underlay.inference.uncertainty.form_of_energy import shifts_by_form
 from underlay.inference.uncertainty.inputs import (
     DEPTH,
     FORCE,
@@ -34,7 +34,6 @@ from underlay.inference.uncertainty.inputs import (
 )
 from underlay.inference.uncertainty.known_errors import KnownError, Pressed, known_errors, left_out
 from underlay.mechanics.profile import Profile
-from underlay.mechanics.stiffening import FORM_SPREAD
 from underlay.scene.instrument import ContactDepth, Frame
 from underlay.scene.scene import Scene, has_face, unknown_faces, with_bond
 
@@ -51,9 +50,6 @@ Moved: TypeAlias = Callable[[Sequence[FloatArray]], FloatArray]
 Refit: TypeAlias = Callable[[Problem], "Fit"]
 #: Name of the general error of a contact law.
 LAW = "contact model"
-# Sizes of the form of the energy at which curves are fitted again, in its deviations: the first, each next one
-# twice the last, and the farthest; and how many places are looked at between.
-_FORM_STEP, _FORM_FARTHEST, _FORM_LOOKS = 0.5, 2.0, 81
 # Inputs that have no path in a scene.
 _NO_PATHS = {FORCE, SPRING_CONSTANT, SENSITIVITY, DEPTH, HEIGHTS}
 # Sections of a scene whose numbers act on a curve.
@@ -261,7 +257,7 @@ class _Budget:
         The curves are fitted again with the stiffening's numbers: where stiffening is strong, a first-order step
         from the fit without them is too short or has the wrong sign (Ogden's energy of exponent -16). The spread of
         heights is free; its rows are its contribution to the covariance. Beside 1/Jm the shift does not grow with
-        the size of the form of the energy: that is held at several sizes within its prior, and its places are those
+        the size of the form of the energy: that is held at several sizes within its range, and its places are those
         that the curves allow.
         """
         problem = self.fit.problem
@@ -277,7 +273,8 @@ class _Budget:
         try:
             again = self._opened(others, self.fit.scenes)
             if FORM in open_:
-                yield self._by_form(again)
+                largest = [float(reading.contact.max()) for reading in self.readings]
+                yield Source(*LEFT_OPEN[FORM], "model", shifts_by_form(self.fit, again, largest)[None])
         except (InputError, FitError):
             return
         covariance = again.scaled_covariance
@@ -295,35 +292,6 @@ class _Budget:
         """The curves fitted again with numbers free, from where the scenes are."""
         free = {**self.fit.problem.free, **dict.fromkeys(paths)}
         return self.refit(self.fit.problem.revised(free=free, scenes=scenes, noise=self.fit.noises))
-
-    def _by_form(self, begun: Fit) -> Source:
-        """The form of the energy, beginning with a fit without it."""
-        found: dict[float, Fit] = {}
-        levels: dict[float, float] = {}
-
-        def lost(size: float, beside: float) -> float:
-            """Deviations by which the best at a size is less likely than the best so far; begun beside it."""
-            if size not in levels:
-                scenes = found.get(beside, begun).scenes
-                again = self._opened([], [scene.with_values({FORM: size}) for scene in scenes])
-                density = float(again.problem.log_posterior(again.vector[None])[0])
-                found[size], levels[size] = again, density - 0.5 * (size / FORM_SPREAD) ** 2
-            return math.sqrt(2.0 * (max(levels.values()) - levels[size]))
-
-        lost(0.0, 0.0)
-        for sign in (-1.0, 1.0):
-            inside, size = 0.0, sign * _FORM_STEP * FORM_SPREAD
-            try:
-                while abs(size) <= _FORM_FARTHEST * FORM_SPREAD and lost(size, inside) <= NORMAL_95:
-                    inside, size = size, 2.0 * size
-            except (InputError, FitError):
-                continue
-        sizes = np.array(sorted(found))
-        vectors = np.array([found[size].vector for size in sizes])
-        at = np.linspace(sizes[0], sizes[-1], _FORM_LOOKS)
-        rises = PchipInterpolator(sizes, [lost(size, size) for size in sizes])(at)
-        moves = PchipInterpolator(sizes, vectors)(at)[rises <= NORMAL_95] - self.fit.vector
-        return Source(*LEFT_OPEN[FORM], "model", moves[None])
 
     def _bonds(self) -> Iterator[Source]:
         """Sources that are bonds of a face not stated in the scene: the shift if that face slips."""

@@ -87,7 +87,8 @@ def series_moment(x: FloatArray, power: float) -> FloatArray:
 
     Z is standard normal.
     """
-    orders = np.arange(_TERMS)
-    moments = 2.0**orders * special.gamma(orders + 0.5) / np.sqrt(np.pi)
-    terms = special.binom(power, 2 * orders) * moments
-    return np.asarray(x**power * np.polynomial.polynomial.polyval(x**-2.0, terms), dtype=np.float64)
+    square, total = 1.0 / (x * x), np.ones_like(x)
+    for j in range(_TERMS - 2, -1, -1):
+        # The next term over this one.
+        total = 1.0 + (power - 2 * j) * (power - 2 * j - 1) / (2 * j + 2) * square * total
+    return np.asarray(x**power * total)

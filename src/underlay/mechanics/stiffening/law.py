@@ -84,8 +84,9 @@ class Pressed(NamedTuple):
         Dimensionless depth and contact radius there.
     force, stiffness : FloatArray
         Force (N) and stiffness (N/m), all factors included.
-    in_limit : FloatArray
-        Derivative d ln G/ds of the stiffening factor G, s = 1/Jm.
+    in_limit, in_form : FloatArray
+        Derivatives d ln G/ds of the stiffening factor G, s = 1/Jm, and d ln F/dc of the form's; that is None at
+        c = 0.
     """
 
     asked: GradualDepth
@@ -93,6 +94,7 @@ class Pressed(NamedTuple):
     force: FloatArray
     stiffness: FloatArray
     in_limit: FloatArray
+    in_form: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -130,18 +132,19 @@ class StiffLayer(OnLaw):
         """Make depths and linear contact radii `wide` (m), (..., n), dimensionless, by radius and thickness."""
         return Place(depth / self.radius, depth / self.thickness, wide / self.thickness, wide / self.radius)
 
-    def factor(self, place: Place) -> tuple[LogFactor, FloatArray]:
-        """Product N G F of the factors (neo-Hookean, stiffening, form), and d ln G/ds, s = 1/Jm."""
+    def factor(self, place: Place) -> tuple[LogFactor, FloatArray, FloatArray | None]:
+        """Product N G F of the factors (neo-Hookean, stiffening, form); d ln G/ds and d ln F/dc as in `Pressed`."""
         stiff, in_limit = gent(place, self.medium, self.inverse_limit)
         found = neo_hookean(place, self.medium).times(stiff)
-        if np.any(self.form):
-            found = found.times(form(place, self.medium, self.form)[0])
-        return found, in_limit
+        if not np.any(self.form):
+            return found, in_limit, None
+        other, in_form = form(place, self.medium, self.form)
+        return found.times(other), in_limit, in_form
 
     def force(self, linear: Linear, depth: FloatArray) -> FloatArray:
         """Force (N), (..., n), at depths (m) in contact, without derivatives: a third of the work of `pressed`."""
         asked = self.asked(depth).depth
-        factor, _ = self.factor(self.place(asked, linear.contact_radius(asked)))
+        factor, *_ = self.factor(self.place(asked, linear.contact_radius(asked)))
         return np.asarray(linear.force(asked) * factor.value)
 
     def pressed(self, linear: Linear, depth: FloatArray) -> Pressed:
@@ -151,11 +154,11 @@ class StiffLayer(OnLaw):
         wide = linear.contact_radius(asked.depth * steps)
         rate = np.tensordot(_WEIGHTS, np.log(wide), 1) / _STEP
         place = self.place(asked.depth, wide[2])
-        factor, in_limit = self.factor(place)
+        factor, in_limit, in_form = self.factor(place)
         force, slope = linear.force_and_stiffness(asked.depth)
         rising = force * factor.along_depth(rate) / asked.depth
         value = factor.value
-        return Pressed(asked, place, force * value, asked.slope * (slope + rising) * value, in_limit)
+        return Pressed(asked, place, force * value, asked.slope * (slope + rising) * value, in_limit, in_form)
 
     def slope(self, name: str, found: Pressed) -> FloatArray:
         """Derivative of the force at fixed depth, (..., n), in one parameter of `Gent`, by its field name.
@@ -165,7 +168,8 @@ class StiffLayer(OnLaw):
         if name == "inverse_limit":
             return found.force * found.in_limit
         if name == "form":
-            return found.force * form(found.place, self.medium, self.form)[1]
+            known = found.in_form
+            return found.force * (form(found.place, self.medium, self.form)[1] if known is None else known)
         if not np.any(self.spread):
             return np.zeros_like(found.force)
         return found.stiffness / found.asked.slope * found.asked.in_spread / self.spread
@@ -178,17 +182,14 @@ class StiffLayer(OnLaw):
         RangeError
             If the factors are not known so deep, with the largest depth (m) that works.
         """
-
-        def asked(depth: float) -> float:
-            return float(self.asked(np.array([depth])).depth[0])
-
         radius, thickness, limit = float(self.radius), float(self.thickness), float(self.inverse_limit)
-        deepest = asked(max_depth)
+        end = self.asked(np.array([max_depth])).depth
+        deepest = float(end[0])
         known = min(deepest, float(largest_by_depth(radius, thickness)))
         linear = inner(MARGIN * known)
 
         def place_at(depth: float) -> Place:
-            at = np.array([asked(depth)])
+            at = end if depth == max_depth else self.asked(np.array([depth])).depth
             wide = linear.contact_radius(at) if at[0] <= known else np.full(1, np.nan)
             return self.place(at, wide)
 
@@ -333,6 +334,7 @@ class Gent(Stiffening):
             bounds=(0.0, np.inf),
             nearly_linear=True,
             from_zero=True,
+            power=1.0,
         )
     )
     form: float = field(
@@ -341,7 +343,9 @@ class Gent(Stiffening):
     )
     height_spread: float = field(
         default=0.0,
-        metadata=quantity("length", "spread of heights at contact", symbol="s_z", bounds=(0.0, np.inf)),
+        metadata=quantity(
+            "length", "spread of heights at contact", symbol="s_z", bounds=(0.0, np.inf), power=2.0
+        ),
     )
 
     def __post_init__(self) -> None:
