@@ -5,7 +5,8 @@ sphere on an isotropic layer, whose E, nu and k are free; two flat punches (a/h 
 isotropic one, whose E, E_axial and k are. Each isotropic test has a control that must fail: a record whose noise
 is alike for 30 s, fitted as white noise of its size. What nobody knows is a row of the budget in further tests:
 whether the tip lets water through (solid and porous ones, fitted as unknown), and G_axial under one punch
-(a/h = 1), off by its assumed size, 20 % to 95 %: normal, and at both ends of that. All other inputs are exact.
+(a/h = 1), off by its assumed size, 20 % to 95 %: normal, and at both ends of that. All other inputs are exact; at the ends, where an exact budget of
+that row alone holds the truth in half of all tests or little more, also with every input of its assumed size.
 
 ::
 
@@ -49,6 +50,11 @@ def exact(rng):
     return 0.2e6
 
 
+def at_an_end(rng):
+    """The shear modulus, 20 % above or below what is entered: at one end of its assumed 95 %."""
+    return 0.2e6 * (1.2 if rng.uniform() < 0.5 else 0.8)
+
+
 @dataclass(frozen=True)
 class Cell:
     """Curves of `tests`, how the tip is and what is said of it, and how many fits."""
@@ -58,7 +64,7 @@ class Cell:
     material: ul.Biphasic | ul.BiphasicTransverse = ISOTROPIC
     tip: str = "solid"
     said: str = "solid"
-    inputs: str | dict = "none"
+    inputs: str | dict | None = "none"
     alike: bool = False
     G_axial: Callable = exact
 
@@ -105,8 +111,9 @@ CELLS = {
     "one punch, G_axial as assumed": Cell(
         100, (WIDE,), G_axial=lambda rng: rng.normal(0.2e6, 0.02e6), **ASSUMED
     ),
-    "one punch, G_axial 20 % off": Cell(
-        40, (WIDE,), G_axial=lambda rng: 0.2e6 * (1.2 if rng.uniform() < 0.5 else 0.8), **ASSUMED
+    "one punch, G_axial 20 % off": Cell(40, (WIDE,), G_axial=at_an_end, **ASSUMED),
+    "one punch, G_axial 20 % off, every input as assumed": Cell(
+        100, (WIDE,), STIFF, inputs=None, G_axial=at_an_end
     ),
 }
 
