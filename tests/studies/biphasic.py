@@ -5,8 +5,9 @@ sphere on an isotropic layer, whose E, nu and k are free; two flat punches (a/h 
 isotropic one, whose E, E_axial and k are. Each isotropic test has a control that must fail: a record whose noise
 is alike for 30 s, fitted as white noise of its size. What nobody knows is a row of the budget in further tests:
 whether the tip lets water through (solid and porous ones, fitted as unknown), and G_axial under one punch
-(a/h = 1), off by its assumed size, 20 % to 95 %: normal, and at both ends of that. All other inputs are exact; at the ends, where an exact budget of
-that row alone holds the truth in half of all tests or little more, also with every input of its assumed size.
+(a/h = 1), off by its assumed size, 20 % to 95 %: normal, and at both ends of that. All other inputs are exact; at
+the ends, where an exact budget of that row alone holds the truth in half of all tests or little more, also with
+every input of its assumed size.
 
 ::
 

@@ -112,8 +112,8 @@ class Body:
             P, S = self._law(values, 1.0, contact.depth).force_and_stiffness(contact.depth)
             ones = np.ones_like(P)
             return Explained(
-                values["layer.E"] * contact.force / P,
-                values["layer.E"] * contact.stiffness / S,
+                values["layer.E"] * _ratio(contact.force, P),
+                values["layer.E"] * _ratio(contact.stiffness, S),
                 ones,
                 ones,
             )
@@ -187,6 +187,11 @@ def halfspace_of(scene: Scene) -> Scene:
         adhesion=scene.adhesion,
         lever=scene.lever,
     )
+
+
+def _ratio(measured: FloatArray, by_law: FloatArray) -> FloatArray:
+    """Quotient (n,); nan before contact, where the law has no force that a modulus could scale."""
+    return np.divide(measured, by_law, out=np.full_like(by_law, np.nan), where=by_law > 0.0)
 
 
 def _looked_up(
