@@ -23,8 +23,7 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.sampling.derived import derived_quantities
 from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
-from underlay.mechanics.viscoelastic.history import Viscoelastic
-from underlay.mechanics.viscoelastic.loading import Loading, Unloading
+from underlay.mechanics.viscoelastic.history import Loading, Unloading, Viscoelastic
 from underlay.report import plots, screen, tables
 from underlay.report.scene_tables import scene_table
 

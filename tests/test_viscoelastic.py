@@ -14,8 +14,7 @@ from underlay.mechanics.response import Remembered
 from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.equal_radius import equal_radius
-from underlay.mechanics.viscoelastic.history import Viscoelastic
-from underlay.mechanics.viscoelastic.loading import Loading, WayIn
+from underlay.mechanics.viscoelastic.history import Loading, Viscoelastic, WayIn
 from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.report import plots
 

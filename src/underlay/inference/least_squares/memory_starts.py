@@ -35,9 +35,9 @@ def memory_starts(problem: Problem, count: int) -> list[Start]:
     read_off = [_read_off(member, problem) for member in problem.members]
     own = problem.start
     for member, values in zip(problem.members, read_off, strict=True):
-        own = _with(problem, member, values[0], own) if values else own
+        own = _with_values(problem, member, values[0], own) if values else own
     vectors = [
-        _with(problem, member, each, own)
+        _with_values(problem, member, each, own)
         for member, values in zip(problem.members, read_off, strict=True)
         for each in values
     ] or [own]
@@ -62,7 +62,9 @@ def _read_off(member: Member, problem: Problem) -> list[Mapping[str, float]]:
     return list(history.starts(bounds, depth, member.force, checked_times(member.curve.time, depth)))
 
 
-def _with(problem: Problem, member: Member, values: Mapping[str, float], vector: FloatArray) -> FloatArray:
+def _with_values(
+    problem: Problem, member: Member, values: Mapping[str, float], vector: FloatArray
+) -> FloatArray:
     """Scaled vector (k,) with the parameters of one curve set to `values` (SI, by path), within their bounds."""
     found = np.array(vector)
     for path, entry in member.entries.items():

@@ -18,7 +18,7 @@ from underlay.inference.model.coordinates import Coordinate, Spans, make_coordin
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore, quiet_law
 from underlay.inference.model.members import Member, means_alone, noise_start, scatter
-from underlay.inference.model.on_law_priors import begun, require_thickness_prior, usual_prior
+from underlay.inference.model.on_law import begun, require_thickness_prior, usual_prior
 from underlay.inference.priors import Given, Prior
 from underlay.mechanics.discrepancy import require_measured
 from underlay.mechanics.response import WholeHistory, checked_times

@@ -16,28 +16,187 @@ otherwise set by set, through `Forward.reading`: so DMT and a flat punch without
    and Maugis, two tenths of a second.
 
 The second to the seventh are in `ratio_batch.py`, the last is `groups.set_by_set`. For a sample with memory the
-elastic force is computed in one of these ways, and then the memory applied (`remembered_batch.py`). With a
+elastic force is computed in one of these ways, and then the memory applied (`remembered_readings`). With a
 compliant frame, or a cantilever that bends by other than what was subtracted, the depth of the tip is found by
 Newton's method (`_given_way`).
 
 The result of a set does not depend on the other sets of the batch: a chain can be repeated bit by bit.
+
+Laws with corrections for friction and finite strain, at many parameter sets.
+
+The frictionless and the no-slip law are computed in batches, and then combined by the sizes of each set.
+
+A sample with memory at many parameter sets at once: the elastic forces of all, then the memory of all.
+
+It serves a relaxing layer during loading and unloading, whatever the contact point of a set, and a memory that
+gives the forces of many sets itself. Motions without a closed construction, such as a second cycle, and a compliant
+frame are computed one by one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.model.forward import Forward
+from underlay.inference.model.forward import Forward, LeftOutLaws
 from underlay.inference.model.groups import ParameterSets, Readings, Values, is_shaped_by_lengths, set_by_set
 from underlay.inference.model.on_law import OnLinear
 from underlay.inference.model.ratio_batch import by_ratios, can_batch_depths
 from underlay.mechanics.contact import AdhesionTable
-from underlay.scene.instrument import Frame
+from underlay.mechanics.response import WholeHistory, checked_times
+from underlay.mechanics.viscoelastic.history import Viscoelastic, forces_of_sets
+from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
+from underlay.scene.instrument import SENSITIVITY_RATIO, Chain, ContactDepth, Frame
 
-__all__ = ["batched_pull_offs", "batched_readings", "bending", "sticking"]
+__all__ = [
+    "batched_pull_offs",
+    "batched_readings",
+    "bending",
+    "left_out_readings",
+    "remembered_readings",
+    "sticking",
+]
+
+
+class _Read(Protocol):
+    """Readings of the elastic sets, as far as the memory needs them."""
+
+    @property
+    def contact(self) -> FloatArray:
+        """Contact force (N), (sets, n)."""
+
+    @property
+    def possible(self) -> NDArray[np.bool_]:
+        """Whether each set has a law, (sets,)."""
+
+
+def remembered_readings(
+    forward: Forward, values: Values, sets: int, elastic: Callable[..., _Read]
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
+    """Forces of all sets of a sample with memory.
+
+    Parameters
+    ----------
+    forward : Forward
+        The compiled scene, with its memory.
+    values : mapping of path to float or FloatArray
+        Every number of the scene (SI), (sets,) where it varies.
+    sets : int
+        How many sets.
+    elastic : callable
+        Function that computes the readings of a model without memory, as `batched_readings`.
+
+    Returns
+    -------
+    tuple or None
+        Contact force and instrument force (N), each (sets, n), which sets have a law, (sets,), and the rows that
+        must be computed one by one; None where that is all of them.
+    """
+    history, time = forward.history, forward.time
+    if isinstance(history, WholeHistory):
+        return _whole_readings(history, forward, values, sets)
+    if not isinstance(history, Viscoelastic) or time is None or np.any(values[Frame.path]):
+        return None
+    contact = np.broadcast_to(values[ContactDepth.path], sets)
+    depth = np.broadcast_to(forward.depth_at(_upright(values)), (sets, forward.depth.shape[-1]))
+    depth = depth - contact[:, None]
+    prefix = f"{history.prefix}."
+    own = {
+        path.removeprefix(prefix): np.broadcast_to(value, sets)
+        for path, value in values.items()
+        if path.startswith(prefix)
+    }
+    known = history.relaxation.modes_of(own)
+    if known is None:
+        return None
+    modes, possible = known
+    # A modulus that is not finite at once must not meet a sudden step.
+    sudden = possible & (depth[:, 0] > 0.0) & (not history.relaxation.bounded)
+    asked, left = np.flatnonzero(possible & ~sudden), np.flatnonzero(sudden)
+    force = np.zeros(depth.shape)
+    if asked.size:
+        still = {**values, ContactDepth.path: 0.0, SENSITIVITY_RATIO: 1.0}
+
+        def loads(rows: NDArray[np.intp], w: FloatArray) -> FloatArray:
+            of = asked[rows]
+            own = {path: v[of] if isinstance(v, np.ndarray) else v for path, v in still.items()}
+            same = replace(forward, history=None, time=None, depth=w, bending=None)
+            found = elastic(same, own, len(of), stiffness=False)
+            possible[of] &= found.possible
+            return found.contact
+
+        force[asked], closed = forces_of_sets(modes.of(asked), loads, depth[asked], time)
+        left = np.append(left, asked[~closed])
+    chain = Chain.of(_upright(values))
+    return force, chain.reading(force, forward.depth), possible, left
+
+
+def _whole_readings(
+    history: WholeHistory, forward: Forward, values: Values, sets: int
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
+    """`remembered_readings` of a memory that gives the force of a whole motion itself.
+
+    None where the memory cannot treat these sets at once.
+    """
+    chain = Chain.of(_upright(values))
+    depth = chain.travel(forward.depth)
+    found = history.answers(values, sets, depth, checked_times(forward.time, np.atleast_2d(depth)[0]))
+    if found is None:
+        return None
+    force, answered = found
+    return force, chain.reading(force, forward.depth), answered, np.flatnonzero(~answered)
+
+
+def _upright(values: Values) -> dict[str, float | FloatArray]:
+    """The numbers shaped to broadcast over readings: (sets, 1) where they vary."""
+    return {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
+
+
+#: Contact force (N), stiffness (N/m), instrument force (N), (sets, n), and which sets exist, (sets,).
+Found = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]
+
+
+def left_out_readings(
+    forward: Forward, values: Values, sets: int, batched: Callable[[Forward, Values, int], Found]
+) -> Found | None:
+    """Readings of all parameter sets of a law with corrections; None where they must be computed one by one.
+
+    Parameters
+    ----------
+    forward : Forward
+        Forward model with corrections of its law (`LeftOutLaws`).
+    values : mapping of path to float or FloatArray
+        Every number of the scene (SI), (sets,) where it varies.
+    sets : int
+        How many sets.
+    batched : callable
+        Function that computes the readings of a model without corrections; without stiffness.
+
+    Returns
+    -------
+    tuple or None
+        Contact force (N), stiffness (N/m, left zero) and instrument force (N), each (sets, n), and which sets have
+        a law.
+    """
+    left_out = forward.left_out
+    if not isinstance(left_out, LeftOutLaws) or np.any(values[Frame.path]):
+        # A frame gives way under the whole force: its depths are those of one law at a time.
+        return None
+    bare = replace(forward, left_out=None)
+    free, _, _, exists = batched(bare, values, sets)
+    sticks, _, _, also = batched(bare.solved_by(bare.laws.solver.without_slip), values, sets)
+    asked = ParameterSets(bare, values, sets)
+    upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
+    strained = upright[FINITE_STRAIN_PATH] * left_out.excess(forward, upright, asked.tip)
+    strained = strained + upright[BOTH_PATH] * left_out.further(upright, sticks, free, asked.tip)
+    contact = free + upright[FRICTION_PATH] * (sticks - free) + free * strained
+    return contact, np.zeros_like(contact), asked.instrument_force(contact), exists & also
+
 
 # Newton's method ends where the tip's depth changes by less than this share of the range of depth, or after so many
 # steps.
@@ -196,9 +355,6 @@ def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffne
 
 def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
     """Readings of all parameter sets of a sample with memory, together if possible, else one by one."""
-    # Not loaded for a sample that does not remember.
-    from underlay.inference.model.remembered_batch import remembered_readings  # noqa: PLC0415  see above
-
     sets = len(empty.possible)
     remembered = None if stiffness else remembered_readings(forward, values, sets, batched_readings)
     if remembered is not None:
@@ -211,12 +367,9 @@ def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness:
 
 def _with_left_out(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
     """Readings of all parameter sets of a law with corrections, together if possible, else one by one."""
-    # Not loaded for a scene without it.
-    from underlay.inference.model.left_out_batch import left_out_readings  # noqa: PLC0415  see above
-
     sets = len(empty.possible)
     if isinstance(forward.left_out, OnLinear):
-        from underlay.inference.model.on_law_batch import on_law_readings  # noqa: PLC0415  see above
+        from underlay.inference.model.on_law_batch import on_law_readings  # noqa: PLC0415  few scenes
 
         return on_law_readings(forward, values, sets, forward.left_out, stiffness=stiffness)
     found = None if stiffness else left_out_readings(forward, values, sets, _forces)

@@ -26,7 +26,7 @@ from underlay.errors import InputError
 from underlay.inference.model.forward_batch import batched_pull_offs
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.inference.relaxed_moduli import of_memory, relaxed_moduli, suffixes
+from underlay.inference.reported_moduli import of_memory, relaxed_moduli, suffixes
 from underlay.mechanics.body import Base
 from underlay.mechanics.response import WholeHistory
 from underlay.mechanics.solver import Solver

@@ -18,7 +18,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError, UnderlayError
 from underlay.inference.model.compilation import IN_SERIES
-from underlay.inference.model.on_law_priors import FORM, LEFT_OPEN
+from underlay.inference.model.on_law import FORM, LEFT_OPEN
 from underlay.inference.priors import Normal
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.answer import NORMAL_95

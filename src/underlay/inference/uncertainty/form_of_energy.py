@@ -21,7 +21,7 @@ from underlay.inference.least_squares.engine import FINE, LONGEST, Minimum, desc
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.settle import first_noises
-from underlay.inference.model.on_law_priors import FORM
+from underlay.inference.model.on_law import FORM
 from underlay.inference.priors import Uniform
 from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.mechanics.stiffening import FORM_SPREAD

@@ -1,13 +1,21 @@
 """A rounded tip on a biphasic layer: the contact moves, and remembers where it has been.
 
-Pressures are expanded on the *present* disc (see `galerkin`), the past acts by convolution quadrature (`past`), and
-the radius of each step is the one at which the edge has no singularity. Steps need no search over nodes, and
-no shortcut holds: the kernel ages with the radius, so neither Ting's argument nor a superposed step response
-does.
+Pressures are expanded on the *present* disc (see `galerkin`), the past acts by convolution quadrature
+(`StepWeights`), and the radius of each step is the one at which the edge has no singularity. Steps need no search
+over nodes, and no shortcut holds: the kernel ages with the radius, so neither Ting's argument nor a superposed
+step response does.
 
 Lengths in any one unit l, times in l^2/c, forces in A44 l^2. Error of the force over the undrained one at the
 deepest point, a linear ramp of n steps: 2e-4 (20), 1e-4 (40), of order 1.5. A sudden step of depth is smeared
 over the first step: index i then means t = (i + 1/2) dt.
+
+Convolution quadrature: what the earlier steps of a moving contact still do, from the kernel's transform.
+
+Of a function f at even steps of time and a kernel of Laplace transform c, (c * f)(t_n) = sum_j omega_(n-j) f_j,
+with omega_m the coefficients in z of c(delta(z)/dt), delta(z) = (1-z) + (1-z)^2/2 (Lubich 1988, doi
+10.1007/BF01398686; BDF2), by one FFT on a circle of radius rho, rho^L = 1e-10, L its length and dt the step.
+`StepWeights` are the omega_m of the surface kernel; `Steps` and `Past` sum settlement and flux of the surface,
+at every wavenumber.
 """
 
 from __future__ import annotations
@@ -21,16 +29,185 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
+from underlay.mechanics.biphasic.elastic_ends import ComplexArray
 from underlay.mechanics.biphasic.equations import ShapeRule, as_drainage, edge_signs, galerkin
 from underlay.mechanics.biphasic.material import Skeleton
-from underlay.mechanics.biphasic.past import FIRST_RATE, Past, Steps, StepWeights
-from underlay.mechanics.biphasic.surface import SurfaceKernel, WavenumberRule, spherical_bessel
+from underlay.mechanics.biphasic.surface import Sampled, SurfaceKernel, WavenumberRule, spherical_bessel
+from underlay.mechanics.biphasic.transfer import operational
 from underlay.mechanics.relaxation import Modes
 
-__all__ = [
-    "MovedContact",
-    "MovingContact",
-]
+__all__ = ["FIRST_RATE", "MovedContact", "MovingContact", "Past", "StepWeights", "Steps"]
+
+#: delta(0): the Laplace variable of the present step is this over dt.
+FIRST_RATE = 1.5
+# rho^L: wrap-around is below it, rounding is the machine's over it.
+_WRAPPED = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class StepWeights:
+    """Convolution-quadrature weights omega_m of the surface kernel, for even steps of time (module).
+
+    Parameters
+    ----------
+    kernel : SurfaceKernel
+        Surface kernel c(xi, s), xi the wavenumber and s the Laplace variable.
+    xi : FloatArray
+        Wavenumbers, (nodes,).
+    step : float
+        Time step dt, in l^2/c: l the unit of length, c the diffusivity.
+    count : int
+        Number of steps.
+    sealed : bool, default False
+        Whether no water passes the surface, as in `SurfaceKernel.matrix`.
+    modes : Modes or None
+        Relaxation of the skeleton, times in l^2/c.
+    """
+
+    kernel: SurfaceKernel
+    xi: FloatArray
+    step: float
+    count: int
+    sealed: bool = False
+    modes: Modes | None = None
+
+    @cached_property
+    def _circle(self) -> tuple[int, float, ComplexArray]:
+        """Length and radius of the discrete Fourier transform, and the Laplace variables on half of its circle."""
+        length = 1 << int(np.ceil(np.log2(2 * (self.count + 1))))
+        radius = float(_WRAPPED ** (1.0 / length))
+        z = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
+        return length, radius, ((1.0 - z) + 0.5 * (1.0 - z) ** 2) / self.step
+
+    def _coefficients(self, values: ComplexArray) -> FloatArray:
+        """Power-series coefficients 0 ... count - 1, (count, ...), from values on the half circle, (half, ...)."""
+        length, radius, _ = self._circle
+        found = np.fft.irfft(values, length, axis=0)[: self.count]
+        return np.asarray(found / (radius ** np.arange(self.count)).reshape(-1, *[1] * (values.ndim - 1)))
+
+    @cached_property
+    def kernels(self) -> FloatArray:
+        """Weights omega_m(xi) of the 2 by 2 surface kernel, (count, nodes, 2, 2)."""
+        s = self._circle[2]
+        left = np.ones_like(s) if self.modes is None else operational(self.modes, s)
+        scaled = s / left * self.kernel.skeleton.A33
+        sampled = Sampled(self.xi, self.kernel.thickness)
+        xi = sampled.places(self.xi.size)
+        values = self.kernel.matrix(np.tile(xi, s.size), np.repeat(scaled, xi.size), sealed=self.sealed)
+        values = values.reshape(s.size, xi.size, 2, 2)
+        values[:, :, 0] /= left[:, None, None]
+        return np.asarray(sampled.read(self._coefficients(values), self.xi.size), dtype=np.float64)
+
+    @cached_property
+    def tails(self) -> FloatArray:
+        """Weights omega_m, (count,), of theta xi c11 at large wavenumbers xi: 1, 0, 0, ... unless it relaxes.
+
+        There c11, the settlement under pressure, is 1/(theta xi e*(s)), e* the relaxation of the skeleton.
+        """
+        if self.modes is None:
+            return np.asarray(np.eye(1, self.count)[0])
+        return self._coefficients(1.0 / operational(self.modes, self._circle[2]))
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """Settlement and flux of the surface in one step due to the pressures of the earlier steps.
+
+    Parameters
+    ----------
+    settled : FloatArray
+        Settlement due to earlier steps less its limit at large wavenumbers, (nodes,), by wavenumber.
+    flow : FloatArray
+        Flux due to earlier steps, (nodes,), by wavenumber.
+    kept : FloatArray
+        Weight of that limit for each earlier step, (steps,): `StepWeights.tails` over theta; zero where the
+        skeleton does not relax.
+    coefficients : FloatArray
+        Coefficients alpha_n of the pressure in the earlier steps, (steps, terms).
+    radii : FloatArray
+        Their contact radii, (steps,); zero before contact.
+    """
+
+    settled: FloatArray
+    flow: FloatArray
+    kept: FloatArray
+    coefficients: FloatArray
+    radii: FloatArray
+
+    def tail(self, radius: float) -> FloatArray:
+        """Moments, (terms,), over the present contact of radius `radius` of the limit left out of `settled`.
+
+        j_2n(xi a) is the cosine transform of (-1)^n P_2n(x/a)/a on (0, a), so that the integral over all xi of a
+        product of two is pi/2 times that of the polynomials over the smaller disc: exact.
+        """
+        terms = self.coefficients.shape[1]
+        touching = (self.kept != 0.0) & (self.radii > 0.0)
+        if not touching.any():
+            return np.zeros(terms)
+        radii = self.radii[touching]
+        y, w = np.polynomial.legendre.leggauss(2 * terms)
+        end = np.minimum(radii, radius)
+        x = 0.5 * end[:, None] * (y + 1.0)
+        signs = edge_signs(terms)
+        then = np.polynomial.legendre.legvander(x / radii[:, None], 2 * terms - 2)[..., ::2]
+        now = np.polynomial.legendre.legvander(x / radius, 2 * terms - 2)[..., ::2]
+        amount = np.einsum("jqn,jn->jq", then, signs * self.coefficients[touching])
+        amount *= (self.kept[touching] * end / radii)[:, None] * (0.5 * w)
+        return np.asarray(0.5 * np.pi / radius * signs * np.einsum("jqm,jq->m", now, amount))
+
+
+class Steps:
+    """Store of the time steps solved so far, from which the effect of the past on the next is summed.
+
+    Parameters
+    ----------
+    weights : StepWeights
+        Convolution weights.
+    count, terms : int
+        Number of steps, and of the pressures' coefficients.
+    theta : float
+        Drained elastic constant over A44 (half the indentation modulus).
+    wet : bool
+        Whether the tip is impervious, so that there is water pressure under it.
+    """
+
+    def __init__(self, weights: StepWeights, count: int, terms: int, theta: float, *, wet: bool) -> None:
+        nodes = weights.xi.size
+        self._weights, self._theta, self._wet = weights, theta, wet
+        self._sigma, self._water = np.zeros((count, nodes)), np.zeros((count, nodes))
+        self._coefficients, self._radii = np.zeros((count, terms)), np.zeros(count)
+
+    @cached_property
+    def _kernels(self) -> FloatArray:
+        """Weights of the surface kernel, (2, 2, count, nodes), c11 without its limit at large wavenumbers."""
+        found = np.ascontiguousarray(self._weights.kernels.transpose(2, 3, 0, 1))
+        found[0, 0] -= self._weights.tails[:, None] / (self._theta * self._weights.xi)
+        return found
+
+    def before(self, index: int) -> Past:
+        """Settlement and flux that the steps before step `index` (from 0) cause in that step."""
+        then = slice(index, 0, -1)
+        pairs = ((0, self._sigma), (1, self._water)) if self._wet else ((0, self._sigma),)
+        both = [
+            sum(np.einsum("mx,mx->x", self._kernels[row, column, then], of[:index]) for column, of in pairs)
+            for row in ((0, 1) if self._wet else (0,))
+        ]
+        settled = np.asarray(both[0], dtype=np.float64)
+        flow = np.asarray(both[1], dtype=np.float64) if self._wet else np.zeros_like(settled)
+        kept = self._weights.tails[then] / self._theta
+        return Past(settled, flow, kept, self._coefficients[:index], self._radii[:index])
+
+    def add(
+        self, index: int, sigma: FloatArray, water: FloatArray, coefficients: FloatArray, radius: float
+    ) -> None:
+        """Store step `index` (from 0).
+
+        `sigma` and `water` are the Hankel transforms of total and water pressure, (nodes,); `coefficients` the
+        alpha_n, (terms,); `radius` the contact radius.
+        """
+        self._sigma[index], self._water[index] = sigma, water
+        self._coefficients[index], self._radii[index] = coefficients, radius
+
 
 # The force does not change to first order with the radius: 1e-5 in it is 1e-10 in the force.
 _RADIUS_TOLERANCE = 1e-5

@@ -1,7 +1,7 @@
 """The kernel 1 - L(u): how what lies under the surface changes the surface compliance with the wavenumber.
 
 `kernel` says what every kernel answers, its scales and quadrature; `substrate` is one layer on a base, `stack` are
-several; `recursion` is the formula of both, `waves` the passage through a layer in it.
+several; `recursion` is the formula of both.
 """
 
 from underlay.mechanics.kernel.kernel import Compliance, Family, Kernel, Scales, u_rule

@@ -11,7 +11,7 @@ which the elastic contact reaches a, Q(x, t) = int_a^inf Omega obeys at every x 
     Q = e * dy >= 0,   y = w - x in contact, free to relax where Q = 0,   P(t) = int Q(x, t) P_el''(x) dx :
 
 a bed of independent springs (`bed`). While the contact grows this is the superposition of Lee
-and Radok (1960); after a single maximum it is Ting's (1966) construction: both in `loading`, on the integrals
+and Radok (1960); after a single maximum it is Ting's (1966) construction: both in `history`, on the integrals
 of `memory` and the times of `equal_radius`. Nothing of the half-space was used, only that A is fixed and A g_a
 = 1 on the disc. `history` chooses among them; `elastic_base` has what holds where the base is elastic and not
 much stiffer.
