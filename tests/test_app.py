@@ -85,7 +85,7 @@ async def drag_the_contact(user):
 def everything_is_told(shown):
     """Both parts, verdict, curve with residuals, the modulus by depth, what it is made of, effects, parameters."""
     text = text_in(shown["sheet"])
-    assert "95 %: statistical 0" in text
+    assert "95 %: statistical up to 0" in text
     assert "Good. The model describes the curve" in text
     for part in (
         "Curve and fit.",

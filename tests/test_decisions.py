@@ -132,7 +132,7 @@ def test_the_gallery_shows_the_fit_of_a_curve_refused_by_hand(gallery, tmp_path)
     assert "refused; misfit " in card
     misfits = [pd.read_csv(path).set_index("curve").loc[name(1)].iloc[-2] for path in (before[1], pages[1])]
     assert misfits[0] == misfits[1]
-    assert "± of a curve is at 95 %" in text
+    assert "± of one curve is at 95 %" in text
     # A path, since the file stands in the folder of the output.
     assert "--decisions</code> and the path of that file" in text
 

@@ -240,7 +240,7 @@ def test_correlated_noise_taken_for_white_is_noticed():
     (warning,) = [w for w in found.warnings if w.code == "correlated-residuals"]
     # AR(1) with rho = exp(-0.002 / 0.02): n_eff = n (1 - rho) / (1 + rho) = n / 20, a factor sqrt(20) = 4.5.
     assert 2.5 < found.diagnostics[0].too_narrow_by < 7.0
-    assert "leave the noise out" in warning.message
+    assert "leave the stated noise out" in warning.message
     (weighed,) = [
         w
         for w in ul.fit(problem(scene, [E, C], curve, noise=None)).warnings

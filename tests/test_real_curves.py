@@ -53,7 +53,7 @@ def test_a_lever_softer_than_the_sample_is_fitted_against_its_travel():
     assert found.value == pytest.approx(3e6, rel=0.01)
     assert 3e6 in found
     assert fit.scene.instrument.compliance == pytest.approx(1 / 0.2, rel=1e-3)
-    assert any("travel" in note for note in problem.curves[0].metadata["notes"])
+    assert any("piezo position" in note for note in problem.curves[0].metadata["notes"])
 
 
 @pytest.mark.parametrize("ratio", [2.0, 6.0, 20.0])

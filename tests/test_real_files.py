@@ -194,7 +194,7 @@ def test_hysitron_hld():
         [9.0, 11.3], abs=0.3
     )
     # A pop-in at 8 s halves the force for a moment.
-    assert any("slipped or the sample broke" in reason for reason in ul.check_quality(curve).reasons)
+    assert any("slipped, or the sample broke" in reason for reason in ul.check_quality(curve).reasons)
 
 
 def test_hysitron_load_control():

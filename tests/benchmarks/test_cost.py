@@ -27,15 +27,15 @@ def test_exact_law_held_at_so_many_depths(benchmark, count):
 
 @pytest.fixture
 def quick(monkeypatch):
-    """The real cases, each timed twice, and three numbers of depths."""
-    monkeypatch.setattr(cost_models, "model_table", partial(cost_models.model_table, rounds=2))
-    monkeypatch.setattr(cost_models, "fit_table", partial(cost_models.fit_table, rounds=2))
+    """The real cases, each timed once, and three numbers of depths."""
+    monkeypatch.setattr(cost_models, "model_table", partial(cost_models.model_table, rounds=1))
+    monkeypatch.setattr(cost_models, "fit_table", partial(cost_models.fit_table, rounds=1))
     monkeypatch.setattr(
-        cost_models, "depth_table", partial(cost_models.depth_table, (10, 100, 1000), rounds=2)
+        cost_models, "depth_table", partial(cost_models.depth_table, (10, 100, 1000), rounds=1)
     )
     # Start-up and maps take seconds each: two rows stand for them all.
     few = tuple(case for case in cost_users.CASES if "1000 points" in case.what and "CSV" in case.what)
-    monkeypatch.setattr(cost_users, "user_table", partial(cost_users.user_table, few, rounds=2))
+    monkeypatch.setattr(cost_users, "user_table", partial(cost_users.user_table, few, rounds=1))
 
 
 @pytest.mark.usefixtures("quick")

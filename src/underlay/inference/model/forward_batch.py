@@ -49,7 +49,6 @@ from underlay.inference.model.on_law import OnLinear
 from underlay.inference.model.ratio_batch import by_ratios, can_batch_depths
 from underlay.mechanics.contact import AdhesionTable
 from underlay.mechanics.response import WholeHistory, checked_times
-from underlay.mechanics.viscoelastic.history import Viscoelastic, forces_of_sets
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
 from underlay.scene.instrument import SENSITIVITY_RATIO, Chain, ContactDepth, Frame
 
@@ -100,6 +99,8 @@ def remembered_readings(
     history, time = forward.history, forward.time
     if isinstance(history, WholeHistory):
         return _whole_readings(history, forward, values, sets)
+    from underlay.mechanics.viscoelastic.history import Viscoelastic, forces_of_sets  # noqa: PLC0415  few scenes
+
     if not isinstance(history, Viscoelastic) or time is None or np.any(values[Frame.path]):
         return None
     contact = np.broadcast_to(values[ContactDepth.path], sets)

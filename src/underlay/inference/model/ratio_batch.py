@@ -462,9 +462,6 @@ def _on_surfaces(asked: ParameterSets, entry: int) -> Readings:
 
     Sets without a surface are computed one by one.
     """
-    # Not loaded for laws that have tables.
-    from underlay.inference.model.ratio_batch import surfaces  # noqa: PLC0415  see above
-
     readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     b, c = asked.factors
     touching = np.flatnonzero(asked.deepest > 0.0)
