@@ -244,7 +244,7 @@ def test_the_stored_coverage_is_what_is_said():
     """Within three standard errors of 95 %; 90 % where something is assumed; far less where a control must fail."""
     path = Path(__file__).parent / "studies" / "results" / "biphasic_coverage.csv"
     rows = pd.read_csv(path, comment="#", index_col="test").drop(columns="seconds")
-    assert {"punch", "sphere"} <= set(rows.index)
+    assert {"punch", "sphere", "punch, noise stated", "sphere, noise stated"} <= set(rows.index)
     for test, row in rows.iterrows():
         fits = row.pop("fits")
         share = row.dropna() / fits
@@ -253,4 +253,7 @@ def test_the_stored_coverage_is_what_is_said():
         elif "drainage unknown" in test or "as assumed" in test:
             assert (share > 0.9 - 3.0 * np.sqrt(0.09 / fits)).all(), test
         elif not test.endswith("20 % off"):
-            assert ((share - 0.95).abs() <= 3.0 * np.sqrt(0.95 * 0.05 / fits)).all(), test
+            allowed = 3.0 * np.sqrt(0.95 * 0.05 / fits)
+            assert (share - 0.95 >= -allowed).all(), test
+            # Where the noise is not stated intervals allow for kinds of noise that are not there.
+            assert not test.endswith("noise stated") or (share - 0.95 <= allowed).all(), test
