@@ -192,12 +192,20 @@ class _Budget:
         return -amount * member.force
 
     def _moved_input(self, source: str, amounts: Sequence[float], near: FloatArray) -> FloatArray:
-        """Shift (k,) of the optimum in a new fit with the input changed; `near` where that fit fails."""
+        """Shift (k,) of the optimum by a changed input, from a new fit begun at `near`, which stands if it fails."""
         fit = self.fit
+        begin = fit.problem.physical(np.clip(fit.vector + near, *fit.problem.bounds.T))
         try:
             scenes = [
-                scene.with_values({source: scene.parameters[source] + amount}) if amount else scene
-                for scene, amount in zip(fit.scenes, amounts, strict=True)
+                scene.with_values(
+                    {
+                        path: float(begin[entry])
+                        for path, entry in member.entries.items()
+                        if path in scene.parameters
+                    }
+                    | ({source: scene.parameters[source] + amount} if amount else {})
+                )
+                for scene, amount, member in zip(fit.scenes, amounts, fit.problem.members, strict=True)
             ]
             again = self.refit(fit.problem.revised(scenes=scenes, noise=fit.noises))
         except (InputError, FitError):
