@@ -192,7 +192,7 @@ class _Budget:
         return -amount * member.force
 
     def _moved_input(self, source: str, amounts: Sequence[float], near: FloatArray) -> FloatArray:
-        """Shift (k,) of the optimum by a changed input, from a new fit begun at `near`, which stands if it fails."""
+        """Shift (k,) of the optimum by a changed input: a new fit, begun at `near`, which stands if it fails."""
         fit = self.fit
         begin = fit.problem.physical(np.clip(fit.vector + near, *fit.problem.bounds.T))
         try:

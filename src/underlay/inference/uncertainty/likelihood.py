@@ -64,7 +64,7 @@ class Likelihood(Weighed):
         # Nothing is linear over a factor of e, and far beyond it numbers overflow.
         if (2.0 * self.mixture.deviations[curved & problem.space.logarithmic] > 1.0).any():
             return False
-        return self._bend(curved) < _CURVED and self._bend(bending(problem)) < _BENT
+        return self._bend(curved, chord=True) < _CURVED and self._bend(bending(problem)) < _BENT
 
     def read(self, rng: int | np.random.Generator = 0, draws: int | None = None) -> Reading:
         """Compute intervals and draws of the parameters.
@@ -108,10 +108,11 @@ class Likelihood(Weighed):
         """Synthetic curves at the averaged depths of the measured ones, with noise and disturbances drawn anew."""
         return [state.model.curve(state.disturbed(rng)) for state in self.states]
 
-    def _bend(self, entries: NDArray[np.bool_]) -> float:
+    def _bend(self, entries: NDArray[np.bool_], *, chord: bool = False) -> float:
         """Nonlinearity of the force in the entries of a mask (k,): relative error of a Gauss-Newton step.
 
-        The step starts two standard deviations from the optimum in each of them; the largest error counts.
+        The step starts two standard deviations from the optimum in each of them; the largest error counts. With
+        `chord` it takes the derivatives at the optimum, which errs by as much to leading order and needs no others.
         """
         mixture, worst = self.mixture, 0.0
         for i in np.flatnonzero(entries):
@@ -120,20 +121,28 @@ class Likelihood(Weighed):
                 continue
             away = 2.0 * C[i] / C[i, i] ** 0.5
             for sign in (-1.0, 1.0):
-                worst = max(worst, self._missed(sign * away, int(i)))
+                worst = max(worst, self._missed(sign * away, int(i), chord=chord))
         return worst
 
-    def _missed(self, away: FloatArray, i: int) -> float:
+    def _missed(self, away: FloatArray, i: int, *, chord: bool) -> float:
         """Relative distance of entry `i` from the optimum after a Gauss-Newton step from the offset `away` (k,)."""
-        k = len(away)
+        k, there = len(away), self.fit.vector + away
         pull, normal = np.zeros(k), np.diag(self.priors)
         for state in self.states:
-            try:
-                there = state.model.tangent(self.fit.vector + away)
-            except InputError:
-                return np.inf
-            pull += there.columns.T @ (state.tangent.force - there.force)
-            normal = normal + there.columns.T @ there.columns
+            columns = state.tangent.columns
+            if chord:
+                _, forces, possible = state.model.forces(there[None])
+                if not possible[0]:
+                    return np.inf
+                force = forces[0]
+            else:
+                try:
+                    tangent = state.model.tangent(there)
+                except InputError:
+                    return np.inf
+                columns, force = tangent.columns, tangent.force
+            pull += columns.T @ (state.tangent.force - force)
+            normal = normal + columns.T @ columns
         kept = np.flatnonzero(self.determined)
         step = np.zeros(k)
         step[kept] = least_norm(normal[kept[:, None], kept], pull[kept])
