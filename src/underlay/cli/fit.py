@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,7 +64,9 @@ def fit(
         problem = ul.load_problem(curve, scene)
         problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
         doubts = quality_doubts(problem)
-        result = ul.fit(problem)
+        with _at_work() if any(one.drainage for one in problem.base_scenes) else nullcontext():
+            result = ul.fit(problem)
+            result.answers  # noqa: B018  they take longest, and are kept
     show_fit(result, curve.name, details=details)
     if details:
         say_warnings([*doubts, *reservations(result, notes)])
@@ -79,6 +82,13 @@ def fit(
 
         by_depth = [found for found in pointwise_of(result) if not isinstance(found, str)]
         say(f"wrote {ul.write_excel(excel, result, *by_depth)}")
+
+
+def _at_work() -> AbstractContextManager[object]:
+    """Show on a terminal that a fit goes on: of a draining layer under a sphere it may take a minute."""
+    from rich.console import Console
+
+    return Console(stderr=True).status("fitting; a layer that drains may take a minute")
 
 
 def show_fit(result: ul.Fit, name: str, *, details: bool = False) -> None:
