@@ -261,3 +261,31 @@ def test_a_correction_that_leads_to_no_law_leaves_the_walk_at_least_squares():
     }
     known = ul.fit(ul.Problem(made, ul.Curve(clean.depth, force, time=clean.time), bounds)).answer(E)
     assert known.low < made.layer.material.E < known.high
+
+
+# At a Poisson's ratio of zero its factor of the force is 0/0; two moduli of which one curve tells one combination
+# lead the draws to the edge of positive definite materials, and beyond.
+EDGES = {
+    "Poisson's ratio of zero": (ul.Isotropic(1e6, 0.0), {E: None, "layer.nu": (0.0, 0.5)}, 0),
+    "Poisson's ratio on its bound": (ul.Isotropic(1e6, 0.02), {E: None, "layer.nu": (0.0, 0.5)}, 1),
+    "two moduli": (
+        ul.TransverselyIsotropic(E=2e6, E_axial=1e6, nu=0.3, nu_axial=0.2, G_axial=4e5),
+        {E: None, "layer.E_axial": None},
+        0,
+    ),
+}
+
+
+@pytest.mark.parametrize(("material", "free", "seed"), EDGES.values(), ids=EDGES)
+def test_at_the_edge_of_what_is_possible_there_is_an_answer(material, free, seed):
+    made = ul.Scene(ul.Cone(1.2), ul.Layer(material, 1e-3), ul.RIGID)
+    depth = np.linspace(-2e-5, 1e-4, 120)
+    noise = ul.Noise(force=0.02 * float(made.force(depth[-1])))
+    curve = ul.synthesize(made, depth, noise, np.random.default_rng(seed))
+    fit = ul.fit(ul.Problem(made, curve, free))
+    for name in fit.names:
+        known, (lowest, highest) = fit.answer(name), (-1.0, 0.5) if name == "layer.nu" else (0.0, math.inf)
+        assert known.low <= known.value <= known.high
+        assert not known.low < lowest or known.low == -math.inf
+        assert not known.high > highest or known.high == math.inf
+    assert fit.verdict.reason

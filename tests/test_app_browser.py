@@ -94,14 +94,19 @@ def middle(tab, handle):
 
 def move(tab, handle, by, folder, *path, hand=drag):
     """Drag a handle: the laws follow, it stays where it was let go; what the scene file says then."""
+    section, name = path
+
+    def written():
+        return said_of_the_test(folder).get(section, {}).get(name)
+
     x, y = middle(tab, handle)
-    before = modulus(tab)
+    before, stood = modulus(tab), written()
     hand(tab, (x, y), (x + by, y))
     modulus(tab, before)
     # Pixels of the window are whole.
     assert eventually(lambda: abs(middle(tab, handle)[0] - x - by) < 2.0)
-    section, name = path
-    said = eventually(lambda: said_of_the_test(folder).get(section, {}).get(name))
+    # The file follows the handle, which may have stood in it before.
+    said = eventually(lambda: now if (now := written()) != stood else None)
     return float(said.split()[0])
 
 

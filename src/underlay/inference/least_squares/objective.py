@@ -24,7 +24,7 @@ from underlay.errors import InputError
 from underlay.inference.least_squares.fractions import Fractions
 from underlay.inference.least_squares.models import FrozenNoise, Models
 from underlay.inference.least_squares.projection import LinearDirections, Places, Point, Rows, projected
-from underlay.inference.model.coordinates import Coordinate
+from underlay.inference.model.coordinates import FAR, Coordinate
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.noise import NoiseModel
@@ -46,8 +46,6 @@ _NU = "layer.nu"
 # the logarithm of the exact force is straight in ln(room) with 0.2 of contacts a third as wide as the layer is
 # thick, 0.17 at 0.8, 0.1 at 1.5.
 _LATERAL = 0.13
-# Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
-_FAR = 40.0
 #: Models are smooth in scaled coordinates: over a step no longer than this derivatives change by as much of
 #: themselves.
 HAIR = 1e-3
@@ -308,7 +306,7 @@ class Objective:
         Where no contact law exists every residual is the root of the largest sum of squares seen, so that a
         minimiser steps back.
         """
-        if np.abs(vector).max(initial=0.0) > _FAR:
+        if np.abs(vector).max(initial=0.0) > FAR:
             return self._refused()
         physical = self.problem.physical(vector)
         try:
@@ -358,7 +356,7 @@ class Objective:
 
     def exists(self, vector: FloatArray) -> bool:
         """Whether a contact law, and those that its derivatives need, exist at a scaled vector (k,)."""
-        if np.abs(vector).max(initial=0.0) > _FAR:
+        if np.abs(vector).max(initial=0.0) > FAR:
             return False
         try:
             self.asked.columns(self.problem.physical(vector), rough=True)
@@ -434,7 +432,7 @@ class Objective:
 
     def _places(self, vectors: FloatArray, low: FloatArray, high: FloatArray) -> Places:
         """`places` without solving for the relaxing fractions."""
-        possible = np.abs(vectors).max(axis=1, initial=0.0) <= _FAR
+        possible = np.abs(vectors).max(axis=1, initial=0.0) <= FAR
         if not possible.all():
             vectors = np.where(possible[:, None], vectors, 0.0)
         physical = self.problem.physical(vectors)

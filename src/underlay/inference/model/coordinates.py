@@ -20,7 +20,10 @@ from underlay.inference.priors import Flat, Given, LogUniform, Prior, Uniform
 from underlay.quantities import Quantity
 from underlay.units import format_quantity
 
-__all__ = ["Coordinate", "ScaledSpace", "Spans", "make_coordinate"]
+__all__ = ["FAR", "Coordinate", "ScaledSpace", "Spans", "make_coordinate"]
+
+#: No contact law is asked for at scaled coordinates beyond this: a factor of 1e17 from the scene.
+FAR = 40.0
 
 
 @dataclass(frozen=True)

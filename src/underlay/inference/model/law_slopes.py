@@ -162,7 +162,9 @@ class LawSlopes:
         It has a part from the two factors of similarity, and one from the ratios that the parameter changes.
         """
         value = self.values[path]
-        derivative = slope_by_factors(self.similarity, path, self.values, self.w, self.P, self.S) / value
+        derivative = np.zeros_like(self.P)
+        if any(self.similarity.factor_slopes(path, self.values)):  # a number that may be zero is in no factor
+            derivative = slope_by_factors(self.similarity, path, self.values, self.w, self.P, self.S) / value
         if self.laws.table is not None and len(self.in_ratios) and (slope := self.laws.table.slope(path)):
             return np.asarray(derivative + self.in_ratios[0] * (slope / value))
         for ratio, slope in self.similarity.ratio_slopes(path, self.values).items():

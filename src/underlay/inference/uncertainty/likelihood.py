@@ -21,7 +21,14 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
-from underlay.inference.uncertainty.tree import bending, curve_models, has_common_errors, held, straight
+from underlay.inference.uncertainty.tree import (
+    bending,
+    curve_models,
+    has_common_errors,
+    held,
+    straight,
+    tangents,
+)
 from underlay.inference.uncertainty.weighed import CurveState, Weighed, least_norm
 
 if TYPE_CHECKING:
@@ -128,22 +135,36 @@ class Likelihood(Weighed):
         """Relative distance of entry `i` from the optimum after a Gauss-Newton step from the offset `away` (k,)."""
         k, there = len(away), self.fit.vector + away
         pull, normal = np.zeros(k), np.diag(self.priors)
-        for state in self.states:
-            columns = state.tangent.columns
-            if chord:
-                _, forces, possible = state.model.forces(there[None])
-                if not possible[0]:
-                    return np.inf
-                force = forces[0]
-            else:
-                try:
-                    tangent = state.model.tangent(there)
-                except InputError:
-                    return np.inf
-                columns, force = tangent.columns, tangent.force
+        asked = self._chords(there) if chord else self._tangents(there)
+        if asked is None:
+            return np.inf
+        for state, (force, columns) in zip(self.states, asked, strict=True):
             pull += columns.T @ (state.tangent.force - force)
             normal = normal + columns.T @ columns
         kept = np.flatnonzero(self.determined)
         step = np.zeros(k)
         step[kept] = least_norm(normal[kept[:, None], kept], pull[kept])
         return float(abs(away[i] + step[i]) / abs(away[i]))
+
+    def _tangents(self, there: FloatArray) -> list[tuple[FloatArray, FloatArray]] | None:
+        found = tangents([state.model for state in self.states], there)
+        return None if found is None else [(own.force, own.columns) for own in found]
+
+    def _chords(self, there: FloatArray) -> list[tuple[FloatArray, FloatArray]] | None:
+        """Force (n,) of each curve at a scaled vector, with the derivatives (n, k) at the optimum.
+
+        None without a contact law, and beyond bounds, of which the closed form knows nothing.
+        """
+        low, high = self.fit.problem.bounds.T
+        if not ((low <= there) & (there <= high)).all():
+            return None
+        found = []
+        for state in self.states:
+            try:
+                _, forces, possible = state.model.forces(there[None])
+            except InputError:
+                return None
+            if not possible[0]:
+                return None
+            found.append((forces[0], state.tangent.columns))
+        return found

@@ -59,6 +59,8 @@ class _Scale:
         The quantity, on the scale, at each of the scaled vectors `Statement._places`, (p,).
     physical : callable
         Converts a number on the scale to the quantity (SI).
+    possible : (float, float)
+        Physical bounds of the quantity (SI), which no finite end passes.
     """
 
     name: str
@@ -67,6 +69,7 @@ class _Scale:
     high: float
     places: FloatArray
     physical: Callable[[float], float]
+    possible: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def value(self) -> float:
@@ -75,8 +78,9 @@ class _Scale:
 
     def at(self, below: float, above: float) -> tuple[float, float]:
         """The quantity (SI) at two distances from the value on the scale; infinite distances give infinite ends."""
-        low = self.physical(self.value - below) if math.isfinite(below) else -math.inf
-        high = self.physical(self.value + above) if math.isfinite(above) else math.inf
+        lowest, highest = self.possible
+        low = max(self.physical(self.value - below), lowest) if math.isfinite(below) else -math.inf
+        high = min(self.physical(self.value + above), highest) if math.isfinite(above) else math.inf
         return low, high
 
 
@@ -197,7 +201,7 @@ class Statement:
             return math.inf if is_beyond else float(coordinate.physical(np.asarray(q)))
 
         if not declared(coordinate.path).from_zero:
-            return _Scale(name, unit, low, high, places, physical)
+            return _Scale(name, unit, low, high, places, physical, coordinate.quantity.bounds)
         # Its errors add in the plain value: in logarithms small errors near zero become factors of 100.
         own, top = physical(places[_VALUE]), physical(high)
         slope = float(self.fit.problem.slopes(self.reading.corrected)[index])

@@ -67,17 +67,23 @@ class Path:
         return Node(vector, places) if all(place is not None for place in places) else None  # type: ignore[arg-type]
 
     def settled(self, vector: FloatArray, coordinate: int | None) -> Node | None:
-        """Node with `coordinate` held and the others optimised, from a vector (k,) near it; None without a law."""
+        """Node with `coordinate` held and the others optimised, from a vector (k,) near it; None without a law.
+
+        A step beyond the last contact law is halved: where the optimum lies beyond, the node is beside that edge.
+        """
         node = self.node(vector)
+        if node is None:
+            return None
         for _ in range(_STEPS):
-            if node is None:
-                return None
             step, deviations = self._step(node, coordinate)
             step = step * min(1.0, _STRIDE / max(float(np.abs(step).max()), 1e-300))
-            there = np.clip(node.vector + step, self.bounds[:, 0] + 1e-6, self.bounds[:, 1] - 1e-6)
-            if (np.abs(there - node.vector) <= _SETTLED * deviations + 1e-9).all():
-                return node
-            node = self.node(there)
+            ahead = None
+            while ahead is None:
+                there = np.clip(node.vector + step, self.bounds[:, 0] + 1e-6, self.bounds[:, 1] - 1e-6)
+                if (np.abs(there - node.vector) <= _SETTLED * deviations + 1e-9).all():
+                    return node
+                ahead, step = self.node(there), 0.5 * step
+            node = ahead
         return node
 
     def _step(self, node: Node, coordinate: int | None) -> tuple[FloatArray, FloatArray]:

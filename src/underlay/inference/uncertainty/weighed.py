@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay.inference.model.coordinates import FAR
 from underlay.inference.uncertainty.columns import Columns
 from underlay.inference.uncertainty.hypotheses import Hypotheses, weigh, white
 from underlay.inference.uncertainty.linear import Combined, Mixture, combine, linear_mixture
@@ -24,6 +25,7 @@ from underlay.inference.uncertainty.tree import (
     held,
     noise_entries,
     prior_precision,
+    tangents,
 )
 
 __all__ = ["CurveState", "Weighed", "least_norm"]
@@ -143,14 +145,14 @@ class Weighed:
         """Force (n,) of each curve less its linearisation, for a step (k,) from the optimum."""
         there = self.fit.vector + step
         low, high = self.fit.problem.bounds.T
-        if not ((low <= there) & (there <= high)).all():
-            # The value stays inside its bounds, beyond which there may be no contact law.
+        inside = ((low <= there) & (there <= high) & (np.abs(there) <= FAR)).all()
+        asked = tangents([state.model for state in self.states], there) if inside else None
+        if asked is None:
+            # Beyond bounds, or where no contact law exists, the correction stays one of the first order.
             return [np.zeros(len(state.tangent.force)) for state in self.states]
         return [
-            state.model.tangent(there).force
-            - state.tangent.force
-            - state.columns.values[:, state.columns.law] @ step
-            for state in self.states
+            own.force - state.tangent.force - state.columns.values[:, state.columns.law] @ step
+            for own, state in zip(asked, self.states, strict=True)
         ]
 
     def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
