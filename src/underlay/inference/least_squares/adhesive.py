@@ -31,11 +31,12 @@ __all__ = ["about_adhesion", "adhesive_starts"]
 _RTOL = 1e-2
 _MODULUS, _WORK = "layer.E", "adhesion.work"
 # Moduli tried, over the modulus of a contact without adhesion.
-_MODULI = np.geomspace(0.05, 20.0, 13)
+_MODULI = np.geomspace(0.05, 20.0, 7)
 # Works of adhesion tried where the curve shows no dip, over the scene's own.
 _WORKS = (0.01, 0.1, 1.0, 10.0)
-# Corrections of the work to the dip: pull-off goes with the work to a power near one, and two leave a few per cent.
-_CORRECTIONS = 3
+# Corrections of the work to the dip: pull-off goes with the work to a power near one, so that one of less than a
+# third leaves a few per cent.
+_CORRECTIONS, _FEW_PER_CENT = 3, 1.0 / 3.0
 # Depths at which a law's force is asked for its lowest and its zero.
 _POINTS = 200
 # Share of the readings that are taken to lie before contact.
@@ -87,8 +88,11 @@ def adhesive_starts(problem: Problem, count: int) -> list[FloatArray]:
     if _MODULUS in first.entries:
         moduli = (_elastic_modulus(first, marks[0]) * _MODULI).tolist()
     ranked: list[tuple[float, FloatArray]] = []
+    works = [first.base[_WORK]]
     for modulus in moduli:
-        for work in _works(first, marks, modulus):
+        # The pull hardly depends on the modulus: one work leads to the next.
+        works = _works(first, marks, modulus, works[-1])
+        for work in works:
             vector = _vector(problem, marks, modulus, work)
             if vector is not None and np.isfinite(misfit := _misfit(problem, vector)):
                 ranked.append((misfit, vector))
@@ -116,10 +120,10 @@ def _elastic_modulus(member: Member, marks: _Marks) -> float:
     return member.base[_MODULUS] * max(marks.top, marks.pull) / force
 
 
-def _works(member: Member, marks: list[_Marks], modulus: float) -> list[float]:
+def _works(member: Member, marks: list[_Marks], modulus: float, near: float) -> list[float]:
     """Works of adhesion (J/m^2) to try together with a layer modulus (Pa).
 
-    One value that gives the pull of the curve's dip; a few multiples of the scene's own value where no curve shows
+    One value that gives the pull of the curve's dip, sought from `near`; a few multiples of the scene's own value where no curve shows
     a dip; the scene's own value where the work of adhesion is fixed.
     """
     known = member.base[_WORK]
@@ -128,15 +132,17 @@ def _works(member: Member, marks: list[_Marks], modulus: float) -> list[float]:
     pull = max(mark.pull for mark in marks)
     if not pull > 0.0:
         return [known * factor for factor in _WORKS]
-    work = known
+    work = near
     for _ in range(_CORRECTIONS):
-        law = _law(member, {_MODULUS: modulus, _WORK: work}, 0.0)
+        law = _law(member, {_MODULUS: modulus, _WORK: work}, max(mark.span for mark in marks))
         if law is None:
             return [known]
         least = -float(_forces(law)[1].min())
         if not least > 0.0:
             return [known]
         work *= pull / least
+        if abs(pull / least - 1.0) < _FEW_PER_CENT:
+            break
     return [work]
 
 
@@ -178,7 +184,10 @@ def _forces(law: ContactLaw) -> tuple[FloatArray, FloatArray]:
     start, end = law.domain
     depths = np.linspace(start, max(end, -start), _POINTS)[1:]
     depths = depths[depths <= law.max_depth]
-    return (depths, law.force(depths)) if depths.size else (np.zeros(1), np.zeros(1))
+    if not depths.size:
+        return np.zeros(1), np.zeros(1)
+    # On the way out: on its way in a tip sticks from its touch on only.
+    return depths, law.force(depths[::-1])[::-1]
 
 
 def _misfit(problem: Problem, vector: FloatArray) -> float:

@@ -55,7 +55,7 @@ _TIGHTEST, _LOOSEST = 1e-12, 1e-2
 # 1.2 times one on blocks with 1000 readings, twice with 3000.
 _FEW_POINTS = 2000
 # Steps of a first search on all readings from the best start: along a valley without an end blocks are less work.
-_QUICKLY = 5
+_QUICKLY = 7
 # A start from which a search goes further than this in a scaled coordinate was no good one.
 _FAR = 6.0
 # Times that the readings beside a jump are chosen at most; the second mostly confirms the first.
@@ -205,6 +205,9 @@ def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatAr
             visited.begin()
         if (optimum := settle(problem, place, robust, give_up=visited)) is not None:
             settled.append(optimum)
+            if problem.adheres and robust is None and optimum.success and _explains(optimum):
+                # The starts of an adhesive contact are points of one valley: nothing of its dip is left to explain.
+                break
     if not settled:
         raise _no_law(problem)
     return _judged(lmfit, settled, began)
@@ -220,14 +223,18 @@ def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
         return None
     start = starts[0].vector
     found = settle(problem, start, steps=_QUICKLY, give_up=lambda ahead: _is_far(ahead.there - start))
-    if found is None or not found.success:
-        return None
+    return found if found is not None and found.success and _explains(found) else None
+
+
+def _explains(found: Optimum) -> bool:
+    """Whether the model leaves hardly more of the curves than their scatter."""
+    problem = found.objective.problem
     models = found.objective.models(found.vector)
     square = sum(
         float(np.square(model - member.force).sum()) / member.scatter**2
         for model, member in zip(models, problem.members, strict=True)
     )
-    return found if square <= EXPLAINED * problem.n_points else None
+    return square <= EXPLAINED * problem.n_points
 
 
 def _is_far(change: FloatArray) -> bool:
