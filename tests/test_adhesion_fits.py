@@ -329,3 +329,15 @@ def test_the_study_runs():
     row = adhesion_coverage.summary("cantilever", held, pulls)
     assert set(row["profile"]) == set(adhesion_coverage.ASKED)
     assert all(np.abs(pull).max() < 5.0 for pull in pulls.values())
+
+
+@pytest.mark.parametrize("branch", ["separating", "cycle"])
+def test_starts_pull_as_hard_as_the_dip(branch):
+    scene = replace(SCENE, adhesion=ul.JKR(2e-4, branch=branch))
+    depth = DEPTH if branch == "separating" else np.concatenate((DEPTH[::-1], DEPTH))
+    begun = scene.with_values({"adhesion.work": 1e-3, "layer.E": 2e4})
+    starts = adhesive_start.adhesive_starts(ul.Problem(begun, made(scene, depth), FREE), 3)
+    for vector in starts:
+        work = ul.Problem(begun, made(scene, depth), FREE).physical(vector)[1]
+        # The deepest of the readings is deeper than the dip by some of their noise, 2 % each.
+        assert work == pytest.approx(2e-4, rel=0.15)

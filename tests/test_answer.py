@@ -267,7 +267,8 @@ def test_a_correction_that_leads_to_no_law_leaves_the_walk_at_least_squares():
 # lead the draws to the edge of positive definite materials, and beyond.
 EDGES = {
     "Poisson's ratio of zero": (ul.Isotropic(1e6, 0.0), {E: None, "layer.nu": (0.0, 0.5)}, 0),
-    "Poisson's ratio on its bound": (ul.Isotropic(1e6, 0.02), {E: None, "layer.nu": (0.0, 0.5)}, 1),
+    "Poisson's ratio on its lower bound": (ul.Isotropic(1e6, 0.02), {E: None, "layer.nu": (0.0, 0.5)}, 1),
+    "Poisson's ratio on its upper bound": (ul.Isotropic(1e6, 0.49), {E: None, "layer.nu": (0.0, 0.5)}, 4),
     "two moduli": (
         ul.TransverselyIsotropic(E=2e6, E_axial=1e6, nu=0.3, nu_axial=0.2, G_axial=4e5),
         {E: None, "layer.E_axial": None},
@@ -277,7 +278,7 @@ EDGES = {
 
 
 @pytest.mark.parametrize(("material", "free", "seed"), EDGES.values(), ids=EDGES)
-def test_at_the_edge_of_what_is_possible_there_is_an_answer(material, free, seed):
+def test_at_the_edge_of_what_is_possible_there_is_an_answer(material, free, seed, tmp_path):
     made = ul.Scene(ul.Cone(1.2), ul.Layer(material, 1e-3), ul.RIGID)
     depth = np.linspace(-2e-5, 1e-4, 120)
     noise = ul.Noise(force=0.02 * float(made.force(depth[-1])))
@@ -288,4 +289,27 @@ def test_at_the_edge_of_what_is_possible_there_is_an_answer(material, free, seed
         assert known.low <= known.value <= known.high
         assert not known.low < lowest or known.low == -math.inf
         assert not known.high > highest or known.high == math.inf
+        end = ul.profile(fit, name).interval()
+        assert end.low <= known.value <= end.high
     assert fit.verdict.reason
+    assert (fit.modulus_by_depth().apparent.modulus > 0.0).all()
+    assert ul.report(fit, tmp_path / "page.html").stat().st_size > 10_000
+
+
+def test_numbers_of_which_a_curve_tells_one_combination_spread_along_it():
+    """The force of a flat punch is a straight line, which a thin soft layer has as well as a thick stiff one."""
+    made = ul.Scene(ul.FlatPunch(1.8e-4), ul.Layer(ul.Isotropic(4e7, 0.5), 4.1e-4), ul.RIGID)
+    depth = np.linspace(-1e-5, 5e-5, 77)
+    noise = ul.Noise(force=0.02 * float(made.force(depth[-1])))
+    free = {E: ul.LogUniform(4e5, 4e9), H: ul.LogUniform(4e-5, 4e-3)}
+    for seed in range(6):
+        curve = ul.synthesize(made, depth, noise, np.random.default_rng(seed))
+        fit = ul.fit(ul.Problem(made, curve, free))
+        known = fit.answer(E)
+        # On the thickest layer it is what a half-space has, on the thinnest one what the bound leaves.
+        assert 10.0 * known.low < known.high < 1e8
+        assert fit.answer(H).high == math.inf
+    drawn = ul.sample(fit.problem, method="importance").samples
+    assert np.log(drawn[E]).std() > 0.5
+    forces = [float(made.with_values(row).force(depth[-1])) for row in drawn.head(200).to_dict("records")]
+    assert np.std(forces) < 0.02 * np.mean(forces)

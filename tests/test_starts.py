@@ -190,3 +190,18 @@ def test_beside_a_start_that_explains_the_data_far_worse_ones_are_not_searched_f
     wavy = curve.force + 0.03 * np.ptp(curve.force) * np.sin(4e5 * curve.depth)
     fitting.quick_fit(problem(scene, [E, H, C, BASE], ul.Curve(curve.depth, wavy)))
     assert asked
+
+
+def test_a_layer_on_another_is_found_without_laws_of_thin_layers():
+    """Every law of a stack is solved for: a first step that is too long asks for those that cost most."""
+    below = ul.Stack([ul.Layer(ul.Isotropic(3e5, 0.3), 1e-3 / 3.0)], ul.RIGID)
+    gel, touch = ul.Layer(ul.Isotropic(3e6, 0.5), 1e-3), ul.Instrument(contact_depth=1.8e-5)
+    made = ul.Scene(ul.Paraboloid(1e-3), gel, below, touch)
+    depth = np.linspace(-5.4e-5, 3.6e-4, 1000)
+    noise = ul.Noise(force=0.005 * float(made.force(depth[-1])))
+    begun = made.with_values({E: 9e6, H: 5e-4, C: 0.0})
+    found = ul.fit(ul.Problem(begun, ul.synthesize(made, depth, noise, rng=0), [E, H, C], noise))
+    assert found.values[E] == pytest.approx(3e6, rel=0.05)
+    assert found.values[H] == pytest.approx(1e-3, rel=0.1)
+    # Those of the scan are not counted; with steps three times as long it is ten.
+    assert found.statistics.laws_built <= 6

@@ -17,7 +17,7 @@ from underlay._arrays import FloatArray, read_only
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
-from underlay.inference.model.coordinates import ScaledSpace
+from underlay.inference.model.coordinates import FAR, ScaledSpace
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import CommonErrors, means_alone
 from underlay.inference.priors import Given, Prior
@@ -282,14 +282,14 @@ class Problem:
         return np.concatenate(own if self.common is None else self.common.whitened(own))
 
     def log_prior(self, vectors: FloatArray) -> FloatArray:
-        """Log-prior of scaled vectors (..., k), (...); -inf outside the bounds.
+        """Log-prior of scaled vectors (..., k), (...); -inf outside the bounds and beyond `FAR`.
 
         A density in the scaled coordinates q: that of the physical parameters x times |dx/dq|.
         """
         q = np.asarray(vectors, dtype=np.float64)
-        # Far outside the bounds physical values may overflow.
+        # Far outside the bounds, and far from the scene, physical values may overflow.
         low, high = self.bounds.T
-        near = ((q >= low - 1.0) & (q <= high + 1.0)).all(axis=-1)
+        near = ((q >= np.maximum(low - 1.0, -FAR)) & (q <= np.minimum(high + 1.0, FAR))).all(axis=-1)
         inside = np.where(near[..., None], q, self.start)
         return np.where(near, self.space.log_prior(inside, self.space.physical(inside)), -np.inf)
 
@@ -306,11 +306,10 @@ class Problem:
         """log_prior + log_likelihood at scaled vectors (..., k), (...); without a law where the prior is zero."""
         q = np.asarray(vectors, dtype=np.float64)
         flat = q.reshape(-1, q.shape[-1])
-        physical = self.space.physical(flat)
-        posterior = self.space.log_prior(flat, physical)
+        posterior = self.log_prior(flat)
         possible = np.isfinite(posterior)
         if possible.any():
-            posterior[possible] += self._likelihood_at(physical[possible])
+            posterior[possible] += self._likelihood_at(self.physical(flat[possible]))
         return posterior.reshape(q.shape[:-1])
 
     def _likelihood_at(self, physical: FloatArray) -> FloatArray:

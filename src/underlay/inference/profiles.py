@@ -22,6 +22,7 @@ crossings and fails where one does not exist.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import special
@@ -35,6 +36,7 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.settle import most_likely, restricted_log_likelihood
+from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
 from underlay.inference.profiling.calibrated_profile import calibrated, p_value_at
@@ -132,30 +134,50 @@ def _of_answers(fit: Fit, name: str) -> LikelihoodProfile:
     """Profile made of the ends of the statistical intervals at several levels."""
     index = fit.names.index(name)
     coordinate = fit.problem.coordinates[index]
+    middle = coordinate.scaled(fit.answer(name).value)
     parts = [fit.interval(name, float(2.0 * special.ndtr(z) - 1.0), part="statistical") for z in _HEIGHTS]
-    middle = coordinate.scaled(parts[0].value)
-    below, above = (
-        [coordinate.scaled(end) for end in ends if math.isfinite(end)]
-        for ends in ([part.low for part in parts], [part.high for part in parts])
+    (below, low, low_reason), (above, high, high_reason) = (
+        _ends_outwards(coordinate, middle, [part.high if upper else part.low for part in parts], upper=upper)
+        for upper in (False, True)
     )
     q = np.array([*below[::-1], middle, *above])
-    heights = np.concatenate((_HEIGHTS[: len(below)][::-1], [0.0], _HEIGHTS[: len(above)]))
     vectors = np.tile(fit.vector, (len(q), 1))
     vectors[:, index] = q
     return LikelihoodProfile(
         name=name,
         fit=fit,
         values=read_only(np.asarray(coordinate.physical(q))),
-        delta_chi_square=read_only(np.square(heights)),
+        delta_chi_square=read_only(np.square([*low[::-1], 0.0, *high])),
         vectors=read_only(vectors),
-        ends=(_reason(below), _reason(above)),
+        ends=(low_reason, high_reason),
         averaged=True,
     )
 
 
-def _reason(ends: list[float]) -> str:
-    """Why a side of the profile ends: ``"data"`` if its interval end is finite at every level, else ``"none"``."""
-    return "data" if len(ends) == len(_HEIGHTS) else "none"
+def _ends_outwards(
+    coordinate: Coordinate, middle: float, ends: Sequence[float], *, upper: bool
+) -> tuple[list[float], list[float], str]:
+    """One side of a profile made of the ends (SI) of intervals at growing levels.
+
+    Returns the scaled ends that lie further out than the one before, their heights, and why the side ends.
+    """
+    bound = coordinate.high if upper else coordinate.low
+    places: list[float] = []
+    heights: list[float] = []
+    last = middle
+    for end, height in zip(ends, _HEIGHTS.tolist(), strict=True):
+        if not math.isfinite(end):
+            return places, heights, "none"
+        if end == bound == 0.0 and coordinate.scale is None:
+            return places, heights, "bound"
+        at = coordinate.scaled(end)
+        if (at > last) if upper else (at < last):
+            places.append(at)
+            heights.append(height)
+            last = at
+        if end == bound:
+            return places, heights, "bound"
+    return places, heights, "data"
 
 
 def _walked(fit: Fit, name: str, highest: float) -> LikelihoodProfile:

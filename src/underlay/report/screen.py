@@ -283,7 +283,8 @@ def budget_table(known: Answer) -> pd.DataFrame:
     def moves(row: Contribution) -> str:
         if not math.isfinite(row.half_width):
             return "open"
-        return f"{format_quantity(row.half_width, kind)} ({100.0 * row.half_width / abs(known.value):.2g} %)"
+        moved = format_quantity(row.half_width, kind)
+        return f"{moved} ({100.0 * row.half_width / abs(known.value):.2g} %)" if known.value else moved
 
     rows = [
         {

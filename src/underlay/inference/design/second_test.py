@@ -74,8 +74,9 @@ class Remedy:
 
     @property
     def shares(self) -> FloatArray:
-        """Relative standard error of both tests together, (m, r)."""
-        return np.asarray(self.stderr / np.abs(self.values)[:, None])
+        """Relative standard error of both tests together, (m, r); infinite for an assumed value of zero."""
+        size = np.broadcast_to(np.abs(self.values)[:, None], self.stderr.shape)
+        return np.asarray(np.divide(self.stderr, size, out=np.full(size.shape, np.inf), where=size > 0.0))
 
     @property
     def radius(self) -> float | None:

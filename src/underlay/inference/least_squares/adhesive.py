@@ -123,8 +123,8 @@ def _elastic_modulus(member: Member, marks: _Marks) -> float:
 def _works(member: Member, marks: list[_Marks], modulus: float, near: float) -> list[float]:
     """Works of adhesion (J/m^2) to try together with a layer modulus (Pa).
 
-    One value that gives the pull of the curve's dip, sought from `near`; a few multiples of the scene's own value where no curve shows
-    a dip; the scene's own value where the work of adhesion is fixed.
+    One value that gives the pull of the curve's dip, sought from `near`; a few multiples of the scene's own value
+    where no curve shows a dip; the scene's own value where the work of adhesion is fixed.
     """
     known = member.base[_WORK]
     if _WORK not in member.entries:

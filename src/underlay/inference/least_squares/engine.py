@@ -21,8 +21,8 @@ from underlay.inference.least_squares.projection import Places, Point, acting
 
 __all__ = ["FINE", "LONGEST", "Ahead", "GiveUp", "Minimum", "Search", "damped_steps", "descend", "minimise"]
 
-#: A step is cut to this in every scaled coordinate: a factor e of a modulus, a range of the curve. Cut to 3 instead,
-#: searches reach the same minima (tests/studies/starts.py), and by laws of thin layers that cost ten times as much.
+#: A step is cut to this in every scaled coordinate: a factor e of a modulus, a range of the curve. Cut to 3,
+#: searches reach the same minima (tests/studies/starts.py), by laws of thin layers that cost ten times as much.
 LONGEST = 1.0
 # Damping (over columns of unit length) beyond which no step leads down; factors on it after a step that did, and
 # after one that did not.

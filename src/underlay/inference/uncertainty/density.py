@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from underlay._arrays import FloatArray
-from underlay.inference.model.coordinates import FAR
 from underlay.inference.uncertainty.moments import CurveMoments
 from underlay.inference.uncertainty.tree import CurveModel, Tangent, log_posterior, log_prior, scales_force
 
@@ -162,8 +161,7 @@ class Density:
         problem = self.likelihood.fit.problem
         if not problem.noise_is_open:
             return log_posterior(problem, vectors)
-        found, near = np.full(len(vectors), -np.inf), (np.abs(vectors) <= FAR).all(axis=1)
-        found[near] = log_prior(problem, vectors[near])
+        found = log_prior(problem, vectors)
         inside = np.flatnonzero(np.isfinite(found))
         if not inside.size:
             return found

@@ -50,7 +50,7 @@ class Mixture:
 
     def quantiles(self, index: int, shares: FloatArray) -> FloatArray:
         """Quantiles (q,) of entry `index` of the vector, at the probabilities `shares` (q,)."""
-        deviations = np.sqrt(np.maximum(self.covariances[:, index, index], 0.0))
+        deviations = np.sqrt(self.covariances[:, index, index])
         return mixture_quantiles(self.means[:, index], deviations, self.weights, self.freedom, shares)
 
     @property
@@ -58,7 +58,7 @@ class Mixture:
         """Standard deviations (k,) of the whole mixture about its mean."""
         off = self.means - self.weights @ self.means
         own = np.diagonal(self.covariances, axis1=1, axis2=2)
-        return np.asarray(np.sqrt(np.maximum(self.weights @ (own + off * off), 0.0)))
+        return np.asarray(np.sqrt(self.weights @ (own + off * off)))
 
     def draws(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Random vectors (count, k) from the mixture."""
@@ -137,16 +137,29 @@ def linear_mixture(
             missed = own.along(beyond)[row][:, kept]
             steps[:, kept] -= grown[:, None] * np.einsum("mij,mj->mi", gain, missed)
     means += steps
-    own = covariance[:, kept[:, None], kept] + np.diag(prior_precision[kept])
-    covariances[:, kept[:, None], kept] = gain @ own @ np.swapaxes(gain, 1, 2)
+    # As a square: rounding must not make the variance of what is hardly determined negative.
+    roots = gain @ _roots(covariance[:, kept[:, None], kept] + np.diag(prior_precision[kept]))
+    covariances[:, kept[:, None], kept] = roots @ np.swapaxes(roots, 1, 2)
     return Mixture(combined.weights, means, covariances, freedom)
 
 
 def _inverses(matrices: FloatArray) -> FloatArray:
     """Inverses (m, k, k) of symmetric, perhaps nearly singular matrices, regularised at unit diagonal."""
+    scale, scaled = _at_unit_diagonal(matrices)
+    return np.asarray(np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :]))
+
+
+def _roots(matrices: FloatArray) -> FloatArray:
+    """Cholesky factors (m, k, k) of such matrices."""
+    scale, scaled = _at_unit_diagonal(matrices)
+    return np.asarray(scale[:, :, None] * np.linalg.cholesky(scaled))
+
+
+def _at_unit_diagonal(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Roots (m, k) of the diagonals of matrices (m, k, k), and the matrices scaled by them and regularised."""
     scale = np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))
-    outer = scale[:, :, None] * scale[:, None, :]
-    return np.asarray(np.linalg.inv(matrices / outer + _SINGULAR * np.eye(matrices.shape[1])) / outer)
+    scaled = matrices / (scale[:, :, None] * scale[:, None, :])
+    return scale, scaled + _SINGULAR * np.eye(matrices.shape[1])
 
 
 def _root(covariance: FloatArray) -> FloatArray:

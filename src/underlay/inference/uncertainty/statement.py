@@ -146,14 +146,16 @@ class Statement:
         """Lower ends, middles and upper ends, (n,) each, of quantities that `of` computes; see `Fit.band`."""
         require_level(level)
         at, k = self.reading.corrected, len(self.fit.names)
-        steps = _STEP * np.vstack([np.zeros((1, k)), np.eye(k), -np.eye(k)])
-        found = _quantities(of, self.fit.problem.physical(at + steps))
+        # Beside a bound a step leads to it, and no further.
+        ends = [np.clip(at + side * _STEP * np.eye(k), *self.fit.problem.bounds.T) for side in (1.0, -1.0)]
+        apart = np.diagonal(ends[0] - ends[1])
+        found = _quantities(of, self.fit.problem.physical(np.vstack([at, *ends])))
         low, middle, high = np.full(found.shape[1], -np.inf), found[0].copy(), np.full(found.shape[1], np.inf)
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
         away = self.reading.draws - at
         for n in np.flatnonzero((found > 0.0).all(axis=0)):
             above, below = np.split(np.log(found[1:, n]), 2)
-            along = away @ ((above - below) / (2.0 * _STEP))
+            along = away @ ((above - below) / apart)
             low[n], high[n] = middle[n] * np.exp(weighted_quantiles(along, self.reading.weights, tails))
         return low, middle, high
 

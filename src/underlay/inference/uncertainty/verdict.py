@@ -308,10 +308,11 @@ def _of_inputs(answers: Sequence[Answer]) -> Iterator[Advice]:
         if known.is_open or not is_input or first.share < _ONE_INPUT or half < _WIDE * abs(known.value):
             continue
         what = _WORDS.get(first.source, first.source)
+        moved = f"{100.0 * first.half_width / abs(known.value):.0f} %" if known.value else "all of it"
         yield Advice(
             CHECK,
             f"{known.name} rests on {what} that you entered",
-            f"{first.size} in {what} moves it by {100.0 * first.half_width / abs(known.value):.0f} %",
+            f"{first.size} in {what} moves it by {moved}",
             f"measure {what} and state its uncertainty",
         )
 

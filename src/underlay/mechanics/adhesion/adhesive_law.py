@@ -50,8 +50,10 @@ Columns: TypeAlias = Callable[[FloatArray], FloatArray]
 # Knots per unit of ln a, at a relative error of 1e-6: cubic splines of functions whose scale is one.
 _DENSITY, _DENSITY_RTOL = 60.0, 1e-6
 _FEWEST = 24
-# Points of Chebyshev between two points of the grid, at which the slope there is asked.
-_NODES = 10
+# Points of Chebyshev between two points of the grid, at which the slope there is asked, and the matrix from values
+# at them to the coefficients of the polynomial, highest power first.
+_NODES = np.cos(np.pi * (np.arange(10) + 0.5) / 10)
+_TO_POWERS = np.linalg.inv(np.vander(_NODES))
 # Points of the search for minima, per decade of the radius.
 _PER_DECADE = 60
 #: Which states a law takes: see `JKR`.
@@ -222,11 +224,9 @@ def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
         )
     # On a stretch this short the slope is a polynomial to rounding: one call in place of one for each step.
     low, high = np.log(grid[start - 1]), np.log(grid[min(start + 1, grid.size - 1)])
-    nodes = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
-    slope = np.polynomial.Polynomial.fit(
-        nodes, curve(np.exp(low + 0.5 * (high - low) * (nodes + 1.0)))[1], _NODES - 1
-    )
-    place = brentq(slope, -1.0, 1.0, xtol=1e-15, rtol=1e-14)
+    slopes = curve(np.exp(low + 0.5 * (high - low) * (_NODES + 1.0)))[1]
+    powers = _TO_POWERS @ (slopes / np.abs(slopes).max())
+    place = brentq(lambda at: float(np.polyval(powers, at)), -1.0, 1.0, xtol=1e-15, rtol=1e-14)
     return float(np.exp(low + 0.5 * (high - low) * (place + 1.0)))
 
 

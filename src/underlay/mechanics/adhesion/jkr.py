@@ -79,6 +79,8 @@ _RANGE_RTOL, _RANGE_SHARE = 1e-4, 0.05
 # wide enough.
 _PER_OCTAVE = 4
 _WIDEN = 2.0**0.5
+# Factors on the radius that are tried together for the width of a contact on a half-space.
+_WIDTHS = 1.1 ** np.arange(32)
 
 
 class MaugisState(NamedTuple):
@@ -433,11 +435,13 @@ def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: f
     halfspace = HalfspaceRelation(contact.indenter, contact.theta)
     end = min(1.2 * reference, widest)
     while end < widest:
-        here = JKRBranch(halfspace, work, end, reference).at(np.array([end]))
-        if here.depth[0] >= max_depth and here.force[0] >= 0.0:
-            break
-        end = min(1.1 * end, widest)
-    return end
+        ends = np.minimum(end * _WIDTHS, widest)
+        here = JKRBranch(halfspace, work, widest, reference).at(ends)
+        wide = (here.depth >= max_depth) & (here.force >= 0.0)
+        if wide.any():
+            return float(ends[np.argmax(wide)])
+        end = float(ends[-1])
+    return widest
 
 
 def _too_wide(branch: JKRBranch, contact: Contact, asked: float) -> RangeError:

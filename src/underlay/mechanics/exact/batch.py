@@ -278,13 +278,16 @@ def curves_through(
     Returns
     -------
     CurveBatch
-        Its error estimates are the truncation errors of the polynomials up to `top`.
+        Its error estimates are the truncation errors of the polynomials up to `top`; infinite for a curve whose
+        varpi does not increase.
     """
     count = varpi.shape[1]
     last = varpi[:, -1:]
     share = stretch.over(np.asarray(top)).length
     stretch = Stretch(stretch.over(last).length * reach(count), np.full_like(last, stretch.rate))
-    angles = np.arccos(stretch.z(varpi))
+    # A contact that folds (its depth falls while it grows) is no function of depth: its polynomial is none.
+    single = np.all(varpi[:, 1:] > varpi[:, :-1], axis=1)
+    angles = np.arccos(np.where(single[:, None], stretch.z(varpi), np.cos(chebyshev_angles(count))))
     basis = np.cos(angles[..., None] * np.arange(count))
     coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
     factors = len(Factor)
@@ -297,7 +300,7 @@ def curves_through(
         top,
         stretch,
         tables[:, :factors],
-        errors,
+        np.where(single, errors, np.inf),
         tables[:, factors:],
     )
 
