@@ -313,3 +313,21 @@ def test_numbers_of_which_a_curve_tells_one_combination_spread_along_it():
     assert np.log(drawn[E]).std() > 0.5
     forces = [float(made.with_values(row).force(depth[-1])) for row in drawn.head(200).to_dict("records")]
     assert np.std(forces) < 0.02 * np.mean(forces)
+
+
+@pytest.mark.parametrize(
+    ("base", "free"),
+    [
+        (ul.RIGID, {E: (1e4, 1e9), H: (1e-4, 1e-2)}),
+        (ul.Isotropic(7e5, 0.3), {E: None, B: None}),
+        (ul.Isotropic(1e6, 0.3), {E: None, H: None, "layer.nu": (0.0, 0.5), "substrate.E": (1e2, 1e12)}),
+    ],
+)
+def test_a_curve_without_contact_sets_no_lower_limit(base, free):
+    """The search ends in a corner of the bounds, or so far away that no draw has a contact law."""
+    assumed = ul.Scene(ul.Paraboloid(3e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), base)
+    depth = np.linspace(-2e-5, 1e-4, 120)
+    force = 1e-9 * np.random.default_rng(1).standard_normal(len(depth))
+    fit = ul.fit(ul.Problem(assumed, ul.Curve(depth, force), free))
+    assert fit.answer(E).low == -math.inf
+    assert fit.verdict != "good"

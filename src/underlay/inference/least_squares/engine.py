@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.objective import HAIR, Objective
 from underlay.inference.least_squares.projection import Places, Point, acting
+from underlay.inference.model.coordinates import SHORTEST
 
 __all__ = ["FINE", "LONGEST", "Ahead", "GiveUp", "Minimum", "Search", "damped_steps", "descend", "minimise"]
 
@@ -37,8 +38,6 @@ _VENTURE = 100.0  # how much higher than its beginning a step up the side may en
 # The model is not computed after a last step. A step longer than this, over which the sum of squares may rise
 # again, is not taken as a last one.
 _SURE = 0.05
-# Steps shorter than this in every scaled parameter change nothing that a curve could show.
-_SHORTEST = 1e-10
 # A last step that should gain less than this share of the sum of squares, a thousandth of a standard error with
 # 1000 points, is not made: the model is known where the search stands.
 _STILL = 1e-9
@@ -494,7 +493,7 @@ class _Running(NamedTuple):
             low, high = course.straight(low), course.straight(high)
         step, gain, length = damped_steps(self.now, self.damping, active, low, high)
         little = search.is_little(gain, self.best.square)
-        little |= length <= _SHORTEST
+        little |= length <= SHORTEST
         if search.straight and not little.all() and (length <= HAIR).any():
             plain, its_gain, straight = self._straight(active, low, high, search.straight, objective.points)
             step, gain = np.where(straight[:, None], plain, step), np.where(straight, its_gain, gain)

@@ -23,7 +23,7 @@ from underlay.inference.uncertainty.adapt import Kernels
 from underlay.inference.uncertainty.likelihood import Likelihood
 from underlay.inference.uncertainty.linear import Mixture
 from underlay.inference.uncertainty.mixture import pareto_shape, weighted_quantiles
-from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
+from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, NothingDrawnError, Reading
 
 __all__ = ["Proposal", "Source", "Target", "WeightedDraws", "differs", "weigh"]
 
@@ -248,7 +248,7 @@ def weigh(density: Target, rng: np.random.Generator) -> WeightedDraws:
         reading = density.likelihood.read(rng, _DRAWS)
         source = Source.of(reading)
         vectors = source.filled(reading.draws, rng)
-    except RuntimeError as error:
+    except NothingDrawnError as error:
         raise FitError(f"nothing can be drawn: {error}") from error
     if isinstance(reading, DrawnReading):
         ridge = reading.ridge

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 
 from underlay._arrays import FloatArray
+from underlay.inference.model.coordinates import SHORTEST
 from underlay.inference.uncertainty.mixture import pareto_shape
 
 __all__ = ["Kernels", "Pool"]
@@ -92,7 +93,7 @@ def _local(standard: FloatArray, weights: FloatArray, centre: FloatArray) -> Flo
 
 
 def _regular(covariance: FloatArray) -> FloatArray:
-    floor = 1e-6 * np.diagonal(covariance) + np.finfo(float).tiny
+    floor = 1e-6 * np.diagonal(covariance) + SHORTEST**2
     return covariance + np.diag(floor)
 
 

@@ -54,7 +54,9 @@ def _conditional(
     others = np.flatnonzero(kept != coordinate)
     priors = density.likelihood.priors[kept]
     away = priors * (density.likelihood.fit.vector - node.vector)[kept]
-    normal = local.normal[chosen] + np.diag(priors)
+    # Between bounds a number has at most the variance of an even distribution, a twelfth of their distance squared.
+    low, high = density.likelihood.fit.problem.bounds[kept].T
+    normal = local.normal[chosen] + np.diag(priors + 12.0 / (high - low) ** 2)
     normal, pull = normal[:, others[:, None], others], (local.pull[chosen] + away)[:, others]
     scale = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), np.finfo(float).tiny))
     scaled = normal / scale[:, :, None] / scale[:, None, :] + 1e-10 * np.eye(len(others))
@@ -69,7 +71,7 @@ def _conditional(
     reach = np.maximum(np.abs(step).max(axis=1, initial=0.0), 1e-300)
     step = step * np.minimum(1.0, 1.0 / reach)[:, None]
     symmetric = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
-    middle = node.vector[kept][others] + step
+    middle = np.clip(node.vector[kept][others] + step, low[others], high[others])
     factors = np.asarray(np.linalg.cholesky(symmetric), dtype=np.float64)
     return Conditional(float(node.vector[coordinate]), evidence, middle, factors)
 

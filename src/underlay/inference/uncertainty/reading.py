@@ -19,10 +19,14 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.seen import Seen
     from underlay.inference.uncertainty.weighed import Weighed
 
-__all__ = ["DrawnReading", "LinearReading", "Reading", "widened"]
+__all__ = ["DrawnReading", "LinearReading", "NothingDrawnError", "OpenReading", "Reading", "widened"]
 
 # Default number of draws of a result in closed form.
 _DRAWS = 2000
+
+
+class NothingDrawnError(RuntimeError):
+    """No draw has a density: where the likelihood leads there is no contact law, or it is out of bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,3 +186,27 @@ class DrawnReading(Reading):
         """Standard deviations (k,) of the weighted draws."""
         off = self.draws - self.weights @ self.draws
         return np.sqrt(self.weights @ (off * off))
+
+
+@dataclass(frozen=True, eq=False)
+class OpenReading(Reading):
+    """Of curves that say nothing of their parameters, such as one without contact: every interval is open."""
+
+    def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:  # noqa: ARG002  all are open
+        """No limit on either side."""
+        return -np.inf, np.inf
+
+    @property
+    def draws(self) -> FloatArray:
+        """The least-squares fit alone, (1, k)."""
+        return self.value[None]
+
+    @property
+    def weights(self) -> FloatArray:
+        """Its weight, (1,)."""
+        return np.ones(1)
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Infinite, (k,)."""
+        return np.full(len(self.value), np.inf)

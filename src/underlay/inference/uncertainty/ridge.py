@@ -20,6 +20,7 @@ from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.adapt import Kernels, Pool
 from underlay.inference.uncertainty.density import Density
 from underlay.inference.uncertainty.proposal import Proposal, conditionals
+from underlay.inference.uncertainty.reading import NothingDrawnError
 from underlay.inference.uncertainty.tree import noise_entries, straight
 from underlay.inference.uncertainty.walk import Node, Path, bends_of, walk
 
@@ -204,7 +205,7 @@ class Ridges:
 
         Raises
         ------
-        RuntimeError
+        NothingDrawnError
             If no ridge could be walked.
         """
         groups = _groups(likelihood)
@@ -212,7 +213,7 @@ class Ridges:
             density, nodes = _paths(likelihood, coordinate, groups)
             if min(len(own) for own in nodes) > 1:
                 return cls(density, coordinate, groups, nodes)
-        raise RuntimeError("no ridge could be walked from the optimum of a fit")
+        raise NothingDrawnError("no ridge could be walked from the optimum of a fit")
 
     @property
     def proposals(self) -> list[Proposal]:
@@ -237,11 +238,21 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
         Random generator.
     count : int
         Number of draws of a round.
+
+    Raises
+    ------
+    NothingDrawnError
+        If no draw has a density.
     """
     density, proposals = ridges.density, ridges.proposals
     fit = density.likelihood.fit
     source = Source.of(proposals, fit)
     pool = Pool.begin(density.log, source.log_density, source.draw(count, rng))
+    paths = [RidgePath.of(density, proposal) for proposal in proposals]
+    if not (np.isfinite(pool.levels).any() and any(np.isfinite(path.levels).any() for path in paths)):
+        raise NothingDrawnError(
+            "no draw along the ridge of the likelihood has a contact law within the bounds"
+        )
     rounds, entries = 0, np.concatenate((density.kept, source.noise))
     while rounds < _ROUNDS and not (pool.pareto < _TRUSTED and pool.effective > _ENOUGH):
         kernels = Kernels.about(pool.vectors, pool.log_weights, entries, rng)
@@ -262,7 +273,7 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
         rounds=rounds,
         failed=int((inside & ~np.isfinite(pool.levels)).sum()),
         source=source,
-        paths=[RidgePath.of(density, proposal) for proposal in proposals],
+        paths=paths,
     )
 
 

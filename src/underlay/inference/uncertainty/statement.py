@@ -20,7 +20,7 @@ from underlay.inference.uncertainty.answer import Advice, Answer, Contribution, 
 from underlay.inference.uncertainty.budget import Refit, Source, sensitivities, sources_of
 from underlay.inference.uncertainty.likelihood import Likelihood
 from underlay.inference.uncertainty.mixture import weighted_quantiles
-from underlay.inference.uncertainty.reading import Reading, widened
+from underlay.inference.uncertainty.reading import NothingDrawnError, OpenReading, Reading, widened
 from underlay.inference.uncertainty.verdict import verdict_of
 from underlay.scene.parameters import declared, kind_of
 from underlay.units import KINDS
@@ -110,8 +110,11 @@ class Statement:
     @cached_property
     @one_thread()
     def reading(self) -> Reading:
-        """Intervals and draws of the fitted numbers, from the likelihood."""
-        return self.likelihood.read(0)
+        """Intervals and draws of the fitted numbers, from the likelihood; open where nothing can be drawn."""
+        try:
+            return self.likelihood.read(0)
+        except NothingDrawnError:
+            return OpenReading(self.likelihood)
 
     @cached_property
     @one_thread()

@@ -122,6 +122,13 @@ def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Itera
     yield from _of_warnings(fit)
 
 
+def _in_words(change: float) -> str:
+    """A change of a logarithm in words: per cents, or the power of ten of a factor beyond a thousand."""
+    if change > math.log(1e3):
+        return f"a factor of 1e{change / math.log(10.0):.0f}"
+    return f"{100.0 * abs(math.expm1(change)):.0f} %"
+
+
 # --- the model ----------------------------------------------------------------------------------------------
 def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     """Advice where the law does not fit: everywhere, or by an amount that changes with depth."""
@@ -138,7 +145,7 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             )
         return
     scene, curve = fit.scenes[i], fit.curves[i]
-    share = f"{100.0 * abs(math.expm1(signed)):.0f} %"
+    share = _in_words(signed)
     if seen.foot > _FOOT:
         yield Advice(
             CHECK,

@@ -13,6 +13,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.density import Density, Place
+from underlay.inference.uncertainty.reading import NothingDrawnError
 from underlay.inference.uncertainty.tree import tangents
 
 __all__ = ["Node", "bends_of", "walk"]
@@ -127,12 +128,12 @@ def walk(
 
     Raises
     ------
-    RuntimeError
+    NothingDrawnError
         If there is no contact law at the start.
     """
     first = path.settled(np.clip(start, path.bounds[:, 0] + 1e-6, path.bounds[:, 1] - 1e-6), coordinate)
     if first is None:
-        raise RuntimeError("no contact law at the optimum of a fit")
+        raise NothingDrawnError("no contact law at the optimum of a fit")
     top = level(first)
     sides = []
     for sign in (-1.0, 1.0):
