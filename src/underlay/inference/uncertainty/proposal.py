@@ -54,9 +54,8 @@ def _conditional(
     others = np.flatnonzero(kept != coordinate)
     priors = density.likelihood.priors[kept]
     away = priors * (density.likelihood.fit.vector - node.vector)[kept]
-    # Between bounds a number has at most the variance of an even distribution, a twelfth of their distance squared.
     low, high = density.likelihood.fit.problem.bounds[kept].T
-    normal = local.normal[chosen] + np.diag(priors + 12.0 / (high - low) ** 2)
+    normal = local.normal[chosen] + np.diag(priors)
     normal, pull = normal[:, others[:, None], others], (local.pull[chosen] + away)[:, others]
     scale = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), np.finfo(float).tiny))
     scaled = normal / scale[:, :, None] / scale[:, None, :] + 1e-10 * np.eye(len(others))
