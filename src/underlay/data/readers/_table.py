@@ -155,7 +155,9 @@ def _curves(
     """
     read = [_Reader(source, table, options) for table in parts.values()]
     first, times = read[0], [one.time for one in read if one.time is not None]
-    depth, force = (np.concatenate([getattr(one, name) for one in read]) for name in ("depth", "force"))
+    depth, force, bending = (
+        np.concatenate([getattr(one, name) for one in read]) for name in ("depth", "force", "bending")
+    )
     time = np.concatenate(times) if len(times) == len(read) else None
     labels: NDArray[np.str_] | None
     if len(parts) > 1:
@@ -177,18 +179,25 @@ def _curves(
             about["name"] = f"{metadata.get('name') or source.path.stem}, test {number}"
         clock = None if time is None else time[here]
         segment = None if labels is None else labels[here]
-        curve = make_curve(source, depth[here], force[here], clock, segment, **about)
+        beside = {"bending": bending[here]} if first.free else {}
+        curve = make_curve(source, depth[here], force[here], clock, segment, columns=beside, **about)
         curves.append(_with_signs(curve, free=first.free))
     return curves
 
 
 def _with_signs(curve: Curve, *, free: bool) -> Curve:
-    """Add a note if depth or force looks reversed; if `free`, a depth of either direction is turned instead."""
-    notes = curve.metadata["notes"]
-    if free and reversed_columns(curve) == ("depth",):
+    """Add a note if depth or force looks reversed; if `free`, a travel of either direction is turned instead.
+
+    The column ``bending`` (m), if there is one, was taken off the travel; it is dropped.
+    """
+    notes, bending = curve.metadata["notes"], curve.columns.get("bending", 0.0)
+    curve = replace(curve, columns={})
+    travel = replace(curve, depth=curve.depth + bending).with_metadata(bending_taken_off=False)
+    if free and reversed_columns(travel) == ("depth",):
         rules = {**curve.metadata["sign_rules"], "depth": "turned: the first motion goes into the sample"}
         note = "the depth is turned: its column may grow either way, and the first motion of a test goes in"
-        return replace(curve, depth=-curve.depth).with_metadata(sign_rules=rules, notes=(*notes, note))
+        turned = replace(curve, depth=-curve.depth - 2.0 * bending)
+        return turned.with_metadata(sign_rules=rules, notes=(*notes, note))
     doubt = sign_note(curve)
     return curve.with_metadata(notes=(*notes, *doubt)) if doubt else curve
 
@@ -196,7 +205,8 @@ def _with_signs(curve: Curve, *, free: bool) -> Curve:
 class _Reader:
     """Depth, force and time (SI) of one table, with their units, rules of sign and notes.
 
-    `free`: the depth is a travel whose direction is not known. `known`: the calibration used, for the metadata.
+    `free`: the depth is a travel whose direction is not known, less the `bending` (m) of a lever. `known`: the
+    calibration used, for the metadata.
     """
 
     def __init__(self, source: Source, table: Table, options: Options) -> None:
@@ -223,7 +233,9 @@ class _Reader:
         self._read_columns(wanted)
         self.depth, self.force = (self._value(role, wanted[role]) for role in ("depth", "force"))
         self.time = self._clock(self._value("time", wanted["time"])) if "time" in wanted else None
+        self.bending = np.zeros(len(self.depth))
         self._take_off_bending()
+        self.depth = self.depth - self.bending
         self.notes += unread(self.labels, self.found, self.mapping)
 
     def _read_columns(self, wanted: dict[str, Asked]) -> None:
@@ -434,14 +446,14 @@ class _Reader:
             name = self.labels[deflection]
             if deflection not in self.columns:
                 self.columns[deflection] = self._numbers([deflection])[:, 0]
-            self.depth = self.depth - self.columns[deflection] * unit_factor(unit, "length")
+            self.bending = self.columns[deflection] * unit_factor(unit, "length")
             self.signs["depth"] += f" - {name!r}"
             self.units[name] = unit
             if self.table.stated.get("stiffness"):
                 self._lever()
             self.known["bending_taken_off"] = True
         elif self.options.calibration or self.table.stated:
-            self.depth = self.depth - self.force / self._lever().stiffness
+            self.bending = self.force / self._lever().stiffness
             self.signs["depth"] += " - force / spring constant"
         else:
             self.notes.append(
