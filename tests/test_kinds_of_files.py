@@ -500,6 +500,55 @@ def test_units_and_names_as_people_write_them(head, factor, put):
     np.testing.assert_allclose(curve.force, 1e-9 * factor * FORCE, rtol=1e-6, atol=1e-15 * factor)
 
 
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("depth (um)|force (nN)|time (s)", "{}|{}|{}"),
+        ("# depth (um) | force (nN) | time (s)", "{} | {} | {}"),
+        ("| depth (um) | force (nN) | time (s) |\n|---|:---:|---|", "| {} | {} | {} |"),
+        ("Tiefe|Kraft|Zeit\num|nN|s", "{}|{}|{}"),
+    ],
+)
+@pytest.mark.parametrize("comma", [False, True])
+def test_bars_between_the_cells(head, row, comma, put):
+    body = "\n".join(
+        row.format(f"{d:.6f}", f"{f:.6f}", f"{t:.6f}") for d, f, t in zip(DEPTH, FORCE, TIME, strict=True)
+    )
+    curve = ul.read(put(f"{head}\n{body.replace('.', ',') if comma else body}\n"))
+    is_whole(curve)
+    np.testing.assert_allclose(curve.time, TIME, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("head", "depth"),
+    [
+        ("d (um),F (nN),other", 0),
+        ("t (s),d (um),force (nN)", 1),
+        ("F (nN),d_um,note", 1),
+        ("d,F\num,nN", 0),
+        ("d (um),h (um),F (nN)", 1),
+        ("d (um),Extension (um),Load (nN)", 1),
+        ("d (um),measuredHeight (um),F (nN)", 1),
+        ("D (um),F (nN)", None),
+        ("d (um),weight of it,other (nN)", None),
+        ("d (V),F (nN)", None),
+        ("d (um),d (um),F (nN)", None),
+    ],
+)
+def test_d_is_a_depth_where_a_force_stands_beside_it_and_no_other_depth(head, depth, put):
+    names = head.split("\n")[0].split(",")
+    is_force = [name.startswith(("F", "Load", "force")) for name in names]
+    columns = [FORCE if one else DEPTH if at == depth else TIME - 6.0 for at, one in enumerate(is_force)]
+    if depth is not None and "Height" in names[depth]:
+        columns[depth] = -DEPTH
+    path = put(head + "\n" + rows(*columns, separator=","))
+    if depth is None:
+        with pytest.raises(ul.InputError, match="column"):
+            ul.read(path)
+    else:
+        is_whole(ul.read(path))
+
+
 @pytest.mark.parametrize("head", ["Height (um)", "Separation (um)", "measuredHeight_um"])
 def test_a_height_falls_towards_the_sample(head, put):
     curve = ul.read(put(f"{head},Force (nN)\n" + rows(5.0 - DEPTH, FORCE, separator=",")))

@@ -38,6 +38,7 @@ ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
 KNOWN = {role: listed(text) for role, text in SAID["columns"].items()}
 # What stands beside a name and changes nothing of what it means here.
 _FILLERS = words("beside")
+_BESIDE_FORCE = words("depth_beside_force")
 # In brackets behind a name, and no unit.
 _REMARKS = frozenset(("measured", "sensor"))
 _CALLED = re.compile(r"(?:column|col\.?|spalte|#)?\s*#?\s*(\d{1,3})\b[\s,:_/]*(.*)", re.IGNORECASE)
@@ -231,6 +232,10 @@ def _known_columns(labels: tuple[str, ...]) -> Mapping[str, int]:
                     chosen += there if len(there) == 1 and role != "deflection" else []
                 if chosen:
                     found.setdefault(role, chosen[0])
+    if "force" in found and not found.keys() & {"depth", "travel", "height"}:
+        beside = [at for at, label in enumerate(labels) if split_label(label)[0].strip() in _BESIDE_FORCE]
+        if len(beside) == 1 and kinds[beside[0]] in ("length", None):
+            found["depth"] = beside[0]
     return found
 
 

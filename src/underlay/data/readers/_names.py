@@ -317,7 +317,7 @@ def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list
         text = _COUNT.sub(" ", text)
     label, colon, rest = text.partition(":")
     texts = [rest, text] if colon and len(label.split()) <= 2 else [text]
-    splits = [split(one.strip(), each) for one in texts for each in ("", "\t", ";", ",", " ")]
+    splits = [split(one.strip(), each) for one in texts for each in ("", "\t", ";", "|", ",", " ")]
     for one in texts:
         try:
             splits += [shlex.split(one), one.split(), with_units(one)]

@@ -1,7 +1,7 @@
 """Plain CSV and TSV tables: a row of names with units, then numbers.
 
 Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``, ``load_N``), in a row below the names,
-in a comment, or in the column mapping. Separators are tab, semicolon, comma or blanks; a decimal comma is
+in a comment, or in the column mapping. Separators are tab, semicolon, bar, comma or blanks; a decimal comma is
 understood where the separator is not a comma, or the cells stand in quotes.
 
 What stands above the first long run of rows of numbers (results, settings) is passed over. Lines that start with
@@ -63,6 +63,7 @@ _READINGS = {
     for separator, between, number in (
         ("\t", "[ ]*\t[ ]*", _DECIMAL),
         (";", r"[ \t]*;[ \t]*", _DECIMAL),
+        ("|", r"[ \t]*\|[ \t]*", _DECIMAL),
         (",", r"[ \t]*,[ \t]*", _DECIMAL.replace(",", "")),
         (" ", r"[ \t]+", _DECIMAL),
     )
@@ -80,11 +81,11 @@ _SEGMENTS = {
 
 
 def _separator(line: str) -> str:
-    """Separator (tab, semicolon, comma or blank) of a line with two numbers or more; '' for any other line."""
+    """Separator (a key of `_READINGS`) of the cells of a line with two numbers or more; '' for any other line."""
     if _DIGIT.search(line) is None or line.lstrip().startswith(_COMMENT):
         return ""
     some = ""
-    for separator in ("\t", ";", ",", " "):
+    for separator in _READINGS:
         if separator in line or separator == " ":
             cells = _split(line, separator)
             count = sum(map(is_number, cells))
