@@ -26,8 +26,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
-from underlay.data.readers._text import kind_named, plain, split_label, unit_named
-from underlay.data.readers._words import SAID, listed, words
+from underlay.data.readers._text import SAID, kind_named, listed, plain, split_label, unit_named, words
 from underlay.errors import InputError, UnitError
 from underlay.units import unit_factor
 

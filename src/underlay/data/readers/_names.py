@@ -16,8 +16,15 @@ from typing import NamedTuple, TypeAlias
 from underlay._text import names_there
 from underlay.data.readers._columns import find_columns, parse_column
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import is_number, is_unit, kind_named, plain, split_label, without_brackets
-from underlay.data.readers._words import words
+from underlay.data.readers._text import (
+    is_number,
+    is_unit,
+    kind_named,
+    plain,
+    split_label,
+    without_brackets,
+    words,
+)
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.units import unit_factor
 

@@ -50,8 +50,8 @@ from underlay.data.readers._text import (
     split_label,
     unit_named,
     without_brackets,
+    words,
 )
-from underlay.data.readers._words import words
 from underlay.data.segments import HOLD, LOADING, UNLOADING, against_motion
 from underlay.data.signs import reversed_columns, sign_note
 from underlay.errors import FileFormatError, InputError

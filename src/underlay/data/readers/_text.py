@@ -5,18 +5,33 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._door import parse_toml
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source
-from underlay.data.readers._words import SAID, listed
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import kind_of, unit_factor
+
+#: The document: ``columns``, ``words``, ``units`` and ``formats``.
+SAID: Mapping[str, Any] = parse_toml(files(__package__).joinpath("formats.toml").read_text(encoding="utf-8"))
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """Split a text at commas into its entries, blanks tidied; () of an empty text."""
+    return tuple(" ".join(name.split()) for name in text.split(",") if name.strip())
+
+
+def words(name: str) -> frozenset[str]:
+    """Return the set of words that ``formats.toml`` holds under this name in its section ``words``."""
+    return frozenset(listed(SAID["words"][name]))
+
 
 #: Instruments write the largest double, or averages of it, for "no value".
 SENTINEL = 1e300

@@ -24,13 +24,12 @@ from underlay._arrays import FloatArray
 from underlay._door import parse_json
 from underlay._text import names_there
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options, make_curve
+from underlay.data.readers._format import Options, declared, header_of, make_curve
 from underlay.data.readers._hdf5 import HDF5_MAGIC, Checked, curve_groups, is_own, open_checked
 from underlay.data.readers._lever import Lever
 from underlay.data.readers._source import Source, curve_name
 from underlay.data.readers._text import Lines, is_number, lines_of, numbers
 from underlay.data.readers.jpk import read_jpk
-from underlay.data.readers.text_format import header_of
 from underlay.data.segments import HOLD, label_pieces, segments_from_motion
 from underlay.errors import InputError
 
@@ -267,11 +266,4 @@ def _segments(data: Mapping[str, FloatArray], height: FloatArray, time: FloatArr
     return label_pieces(-height, starts, {int(first): HOLD for first in resting})
 
 
-FORMAT = Format(
-    name="afm",
-    description="AFM files: JPK, NT-MDT and AFM Workshop text, HDF5 and .tab of afmformats",
-    sniff=lambda source: bool(_kind(source)),
-    read_all=_read_all,
-    extra="afm",
-    takes_calibration=True,
-)
+FORMAT = declared("afm", _read_all, lambda source: bool(_kind(source)))

@@ -28,7 +28,7 @@ from underlay._door import parse_json
 from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK, restored
-from underlay.data.readers._format import Format, Options
+from underlay.data.readers._format import Options, declared
 from underlay.data.readers._names import (
     Layout,
     Row,
@@ -343,11 +343,4 @@ def _stored(comments: Sequence[str]) -> Any:
     return None
 
 
-FORMAT = Format(
-    name="csv",
-    description="plain CSV or TSV with names and units in the header",
-    sniff=lambda source: any(map(_separator, source.head(65_536).split("\n"))),
-    read_all=_read_all,
-    takes_columns=True,
-    takes_calibration=True,
-)
+FORMAT = declared("csv", _read_all, lambda source: any(map(_separator, source.head(65_536).split("\n"))))

@@ -15,7 +15,7 @@ from underlay._arrays import FloatArray
 from underlay._door import parse_json, understood
 from underlay.data.curve import Curve
 from underlay.data.export import HDF5_MARK, restored
-from underlay.data.readers._format import Format, Options, make_curve
+from underlay.data.readers._format import Options, declared, make_curve
 from underlay.data.readers._hdf5 import curve_groups, is_own, open_checked
 from underlay.data.readers._source import CURVES, Source
 from underlay.data.readers._text import decode
@@ -23,6 +23,10 @@ from underlay.data.readers._text import decode
 __all__ = ["HDF5_FORMAT", "JSON_FORMAT"]
 
 _SIGNS = {"depth": "as exported", "force": "as exported"}
+
+
+def _is_json(head: str) -> bool:
+    return head.startswith("{") and f'"{HDF5_MARK}"' in head
 
 
 def _read_json(source: Source, options: Options) -> list[Curve]:
@@ -79,17 +83,6 @@ def _numbers(source: Source, columns: Mapping[str, Any], name: str, length: int 
     return array
 
 
-JSON_FORMAT = Format(
-    name="json",
-    description="curves written by underlay as JSON",
-    sniff=lambda source: (head := source.head(400).lstrip()).startswith("{") and f'"{HDF5_MARK}"' in head,
-    read_all=_read_json,
-)
+JSON_FORMAT = declared("json", _read_json, lambda source: _is_json(source.head(400).lstrip()))
 
-HDF5_FORMAT = Format(
-    name="hdf5",
-    description="curves written by underlay as HDF5",
-    sniff=is_own,
-    read_all=_read_hdf5,
-    extra="afm",
-)
+HDF5_FORMAT = declared("hdf5", _read_hdf5, is_own)

@@ -22,9 +22,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
+from underlay.data.readers._format import Columns, Part, TextFormat, header_of, table_below
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import as_number, is_number, lines_of, split_label
-from underlay.data.readers.text_format import Columns, Part, TextFormat, header_of, table_below
 from underlay.data.segments import (
     HOLD,
     LOADING,

@@ -36,7 +36,6 @@ import re
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -46,11 +45,10 @@ from underlay._arrays import FloatArray
 from underlay._door import understood
 from underlay._text import names_there
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options
+from underlay.data.readers._format import Options, declared, library
 from underlay.data.readers._lever import Lever, header_entries, lever_curve, sensor_note
 from underlay.data.readers._source import CURVES, MAX_BYTES, Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
-from underlay.errors import missing_extra
 
 __all__ = ["ASYLUM", "NANOSURF", "PARK"]
 
@@ -124,10 +122,7 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
 
 def _wave(source: Source) -> tuple[FloatArray, list[str], dict[str, str], float]:
     """Read an Igor wave: numbers (rows, columns), column names, its note, and seconds between rows (0: unknown)."""
-    try:
-        binarywave = import_module("igor2.binarywave")
-    except ImportError as error:
-        raise missing_extra("reading Asylum .ibw files needs igor2", "afm") from error
+    binarywave = library("igor2.binarywave", "reading Asylum .ibw files needs igor2")
     wave = binarywave.load(io.BytesIO(source.data))["wave"]
     values = np.asarray(wave["wData"], dtype=np.float64)
     # The first label of a dimension is that of the dimension itself.
@@ -143,14 +138,7 @@ def _wave(source: Source) -> tuple[FloatArray, list[str], dict[str, str], float]
     return values, names, note, step if math.isfinite(step) else 0.0
 
 
-ASYLUM = Format(
-    name="asylum",
-    description="Asylum Research force curves (Igor binary waves, .ibw)",
-    sniff=lambda source: source.data[:2] in _ORDERS and _NOTE in source.data,
-    read_all=_read_asylum,
-    extra="afm",
-    takes_calibration=True,
-)
+ASYLUM = declared("asylum", _read_asylum, lambda source: source.data[:2] in _ORDERS and _NOTE in source.data)
 
 
 # --- Nanosurf
@@ -359,13 +347,7 @@ def _axis(source: Source, channels: list[_Channel]) -> _Channel:
     return next((channel for channel in lengths if "sensor" in channel.name.lower()), lengths[0])
 
 
-NANOSURF = Format(
-    name="nanosurf",
-    description="Nanosurf force curves and maps (.nid)",
-    sniff=lambda source: source.data.startswith(b"[DataSet]"),
-    read_all=_read_nanosurf,
-    takes_calibration=True,
-)
+NANOSURF = declared("nanosurf", _read_nanosurf)
 
 
 # --- Park
@@ -543,10 +525,6 @@ def _park_force(
     return force, (note,)
 
 
-PARK = Format(
-    name="park",
-    description="Park Systems force-distance curves (.tiff)",
-    sniff=lambda source: source.data.startswith(b"II*\0") and _MAGIC in source.data[:4096],
-    read_all=_read_park,
-    takes_calibration=True,
+PARK = declared(
+    "park", _read_park, lambda source: source.data[:4] == b"II*\0" and _MAGIC in source.data[:4096]
 )

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options
+from underlay.data.readers._format import Options, declared
 from underlay.data.readers._lever import Lever, header_entries, lever_curve, sensor_note
 from underlay.data.readers._source import Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING
@@ -471,11 +471,4 @@ def _tap_of(header: _Header) -> _Tap | None:
     return _Tap(points, turn, amplitude, 1e-3 / abs(kilohertz) if kilohertz else None)
 
 
-FORMAT = Format(
-    name="nanoscope",
-    description="Bruker NanoScope force curves, volumes and PeakForce captures (.spm, .000, .pfc)",
-    sniff=lambda source: source.data.startswith((b"\\*Force file list", b"\\*File list")),
-    read_all=_read_all,
-    read_one=_read_one,
-    takes_calibration=True,
-)
+FORMAT = declared("nanoscope", _read_all, read_one=_read_one)

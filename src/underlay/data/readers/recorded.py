@@ -21,15 +21,14 @@ from underlay._arrays import FloatArray
 from underlay._door import understood
 from underlay._text import one_line
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options
+from underlay.data.readers._format import Options, declared, library
 from underlay.data.readers._source import CURVES, MAX_BYTES, Source
 from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import Arrays
-from underlay.errors import FileFormatError, missing_extra
+from underlay.errors import FileFormatError
 
 __all__ = ["MATLAB_FORMAT", "TDMS_FORMAT"]
 
-_MATLAB, _TDMS = b"MATLAB 5.0 MAT-file", b"TDSm"
 # MAT-file format (MathWorks, "MAT-File Format", level 5): types of elements, and classes of arrays.
 _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _FIRST_NUMBER, _LAST_NUMBER = 2, 6, 15
@@ -110,24 +109,21 @@ def _columns(matrix: bytes, order: str, above: str, deep: int) -> dict[str, Floa
 
 
 def _read_tdms(source: Source, options: Options) -> list[Curve]:
-    try:
-        library = import_module("nptdms")
-    except ImportError as error:
-        raise missing_extra(
-            f"{source.name} is a TDMS file, as Optics11 writes; reading it needs npTDMS",
-            "afm",
-            "export the curve as text from the instrument's program",
-        ) from error
+    nptdms = library(
+        "nptdms",
+        f"{source.name} is a TDMS file, as Optics11 writes; reading it needs npTDMS",
+        "export the curve as text from the instrument's program",
+    )
     # It prints parts of a damaged file; what is wrong with one is said here.
     import_module("nptdms.log").log_manager.set_level(logging.CRITICAL + 1)
     with understood(source.name, CURVES):
-        file = library.TdmsFile.read_metadata(io.BytesIO(source.data))
+        file = nptdms.TdmsFile.read_metadata(io.BytesIO(source.data))
         declared = sum(len(channel) for group in file.groups() for channel in group.channels())
         if declared > len(source.data):
             raise FileFormatError(f"it claims {declared} numbers and holds {len(source.data)} bytes")
         groups = [
             (str(group.name), dict(map(_tdms_column, group.channels())))
-            for group in library.TdmsFile.read(io.BytesIO(source.data)).groups()
+            for group in nptdms.TdmsFile.read(io.BytesIO(source.data)).groups()
         ]
     return _curves(source, options, dict(groups))
 
@@ -157,21 +153,6 @@ def _curves(source: Source, options: Options, groups: Mapping[str, dict[str, Flo
     return curves
 
 
-MATLAB_FORMAT = Format(
-    name="matlab",
-    description="columns of numbers in MATLAB files (.mat, up to version 7)",
-    sniff=lambda source: source.data.startswith(_MATLAB),
-    read_all=_read_matlab,
-    takes_columns=True,
-    takes_calibration=True,
-)
+MATLAB_FORMAT = declared("matlab", _read_matlab)
 
-TDMS_FORMAT = Format(
-    name="tdms",
-    description="National Instruments TDMS files, as newer Optics11 instruments write (.tdms)",
-    sniff=lambda source: source.data.startswith(_TDMS),
-    read_all=_read_tdms,
-    extra="afm",
-    takes_columns=True,
-    takes_calibration=True,
-)
+TDMS_FORMAT = declared("tdms", _read_tdms)
