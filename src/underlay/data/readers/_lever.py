@@ -33,6 +33,10 @@ _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
 _PER_CENT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*%\s*")
 # A piezo without closed loop is off by a few per cent, and 1.35 and 1.21 times were seen in files.
 _CLOSE = 0.1
+_STILL_BENT = (
+    'depth still holds the bending of the cantilever: give calibration = { spring_constant = "0.04 N/m" } with your '
+    "number, or set the instrument's compliance to its inverse"
+)
 #: Kinds of quantity of a calibration, and what they are called in the metadata of a curve.
 _NAMES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 
@@ -197,12 +201,13 @@ def lever_curve(
     source: Source,
     travel: FloatArray,
     force: FloatArray,
-    lever: Lever,
+    lever: Lever | None,
     *,
     channel: str,
     time: FloatArray | None = None,
     segment: NDArray[np.str_] | None = None,
     number: int = 1,
+    header: Mapping[str, str] | None = None,
     **metadata: Any,
 ) -> Curve:
     """Make a curve of the travel of an AFM's scanner and the force on its cantilever.
@@ -213,14 +218,17 @@ def lever_curve(
         Travel of the scanner, growing towards the sample (m); its zero is arbitrary.
     force : ndarray (n,)
         Force on the lever, positive in compression (N).
-    lever : Lever
-        Its spring constant takes the bending off: depth = travel - force / spring constant.
+    lever : Lever or None
+        Its spring constant takes the bending off: depth = travel - force / spring constant. None, where it is not
+        known, leaves it in, with a note.
     channel : str
         Name of the signal that the travel was read from, for the note on signs in the metadata.
     time, segment : ndarray (n,), optional
         Time (s) and segment labels.
     number : int
         Number of the curve in its file, from 1.
+    header : mapping, optional
+        Entries of the file's header, kept as one line of at most 200 characters each; empty ones are dropped.
     **metadata
         Further entries of the curve's metadata.
 
@@ -229,27 +237,27 @@ def lever_curve(
     CurveError
         If no point is left.
     """
+    entries = {name: one_line(text)[:200] for name, text in (header or {}).items() if text}
     rules = {
-        "depth": f"{channel} - force / spring constant",
+        "depth": f"{channel} - force / spring constant" if lever else channel,
         "force": "positive in compression: volts * sensitivity * spring constant",
         **metadata.pop("sign_rules", {}),
     }
+    about: dict[str, Any] = {"name": curve_name(source.path, number), **(lever.about if lever else {})}
+    if lever is None:
+        about["notes"] = (_STILL_BENT,)
     return make_curve(
         source,
-        travel - force / lever.stiffness,
+        travel - force / lever.stiffness if lever else travel,
         force,
         time,
         segment,
         units={"depth": "m", "force": "N", "time": "s"},
         sign_rules=rules,
-        bending_taken_off=True,
-        **{"name": curve_name(source.path, number), **lever.about, **metadata},
+        bending_taken_off=lever is not None,
+        header=entries,
+        **{**about, **metadata},
     )
-
-
-def header_entries(entries: Mapping[str, str]) -> dict[str, str]:
-    """Shorten header entries to one line of at most 200 characters each; empty ones are dropped."""
-    return {name: one_line(text)[:200] for name, text in entries.items() if text}
 
 
 def sensor_note(sensor: FloatArray, driven: float) -> tuple[str, ...]:

@@ -280,6 +280,15 @@ def column_factor(unit: str, kind: str, column: str, where: str) -> float:
         raise UnitError(f"{where}, column {column!r:.80}: {error}") from error
 
 
+def finite(text: str) -> float | None:
+    """Return the finite number that a text is; None of any other text."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
 def is_number(cell: str) -> bool:
     """Whether a cell holds a number, with a decimal point or comma."""
     return len(cell) < 60 and _NUMBER.fullmatch(cell) is not None

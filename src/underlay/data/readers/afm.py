@@ -24,10 +24,10 @@ from underlay._arrays import FloatArray
 from underlay._door import parse_json
 from underlay._text import names_there
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Options, declared, header_of, make_curve
+from underlay.data.readers._format import Options, declared, header_of
 from underlay.data.readers._hdf5 import HDF5_MAGIC, Checked, curve_groups, is_own, open_checked
-from underlay.data.readers._lever import Lever
-from underlay.data.readers._source import Source, curve_name
+from underlay.data.readers._lever import Lever, lever_curve
+from underlay.data.readers._source import Source
 from underlay.data.readers._text import Lines, is_number, lines_of, numbers
 from underlay.data.readers.jpk import read_jpk
 from underlay.data.segments import HOLD, label_pieces, segments_from_motion
@@ -225,31 +225,30 @@ def _curve(
     channel = next((name for name in _HEIGHTS if name in data), _HEIGHTS[-1])
     height, force = (np.array(data[name], dtype=np.float64) for name in (channel, "force"))
     time = np.array(data["time"], dtype=np.float64) if "time" in data else None
-    stiffness = found.get("spring constant")
-    depth, rule, notes = -height, f"minus {channel}", list[str]()
-    if stiffness:
-        depth, rule = -(height + force / stiffness), f"minus ({channel} + force / spring constant)"
-    else:
-        notes.append(
-            'depth still holds the bending of the cantilever: give calibration = { spring_constant = "0.04 N/m" } '
-            "with your number, or set the instrument's compliance to its inverse"
-        )
     if "position x" in found and "position y" in found:
         known["position"] = (float(found["position x"]), float(found["position y"]))
-    about = {
-        "name": curve_name(source.path, number),
-        "header": {key: str(found[key]) for key in found if key not in {"path", "z range"}},
-        "units": {"height": "m", "force": "N", "time": "s"},
-        "sign_rules": {
-            "depth": rule,
-            "force": "positive in compression",
-            "segment": "from the file's segments where it has several, else from the motion of the height",
-        },
-        "notes": notes,
-        "bending_taken_off": bool(stiffness),
-        **{name: found[key] for key, name in _KNOWN.items() if key in found},
+    about = {name: found[key] for key, name in _KNOWN.items() if key in found}
+    stiffness = found.get("spring constant")
+    rules = {
+        "force": "positive in compression",
+        "segment": "from the file's segments where it has several, else from the motion of the height",
     }
-    return make_curve(source, depth, force, time, _segments(data, height, time), **{**about, **known})
+    return lever_curve(
+        source,
+        -height,
+        force,
+        Lever(stiffness) if stiffness else None,
+        channel=f"minus {channel}",
+        time=time,
+        segment=_segments(data, height, time),
+        number=number,
+        sign_rules=rules,
+        **{
+            "header": {key: str(found[key]) for key in found if key not in {"path", "z range"}},
+            **about,
+            **known,
+        },
+    )
 
 
 def _segments(data: Mapping[str, FloatArray], height: FloatArray, time: FloatArray | None) -> Any:

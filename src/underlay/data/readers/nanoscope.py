@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, declared
-from underlay.data.readers._lever import Lever, header_entries, lever_curve, sensor_note
+from underlay.data.readers._lever import Lever, lever_curve, sensor_note
 from underlay.data.readers._source import Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import InputError
@@ -44,7 +44,7 @@ __all__ = ["FORMAT"]
 
 _END = b"\\*File list end"
 # Headers of 35 to 80 kB were seen; a map of 128 by 128 with room: 20,000 curves of 256 points are 400 MB as curves.
-_LONGEST_HEADER, _LONGEST_COUNT, _MOST_CURVES = 1_000_000, 12, 20_000
+_LONGEST_HEADER, _MOST_CURVES = 1_000_000, 20_000
 _WIDE_SINCE = 0x09200000
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 # "V [Sens. DeflSens] (0.0003750000 V/LSB) 2.500000 V", "V 21.90000 nm/V"
@@ -134,13 +134,11 @@ class _Header:
         self.file, self.force, self.scan = map(
             self.section, ("Force file list", "Ciao force list", "Ciao scan list")
         )
-        deflection = next((image for image in self.images if "[Deflection" in image.text(_SIGNAL)), None)
-        if deflection is None:
-            raise source.wrong(
-                "is a NanoScope file without a force curve of the deflection: an image, or another signal; save "
-                "the force curves themselves"
-            )
-        self.deflection = deflection
+        self.deflection = source.given(
+            next((image for image in self.images if "[Deflection" in image.text(_SIGNAL)), None),
+            "is a NanoScope file without a force curve of the deflection: an image, or another signal; save the "
+            "force curves themselves",
+        )
         self._lay_out()
 
     def section(self, title: str) -> _Section:
@@ -158,10 +156,7 @@ class _Header:
 
     def count(self, section: _Section, name: str) -> int:
         """A whole number of a section; FileFormatError where it is missing."""
-        text = section.text(name)
-        sound = text.isdecimal() and len(text) <= _LONGEST_COUNT
-        self.source.require(sound, f": no number for {name!r}; it says {text!r:.40}")
-        return int(text)
+        return self.source.count(section.text(name), repr(name))
 
     def _lay_out(self) -> None:
         source, kind, image = self.source, self.file.text("Start context"), self.deflection
@@ -204,17 +199,10 @@ class _Header:
         Values are in the file's order, volts times `per_volt`; NaN where no reading was recorded.
         """
         source, width, start = self.source, self.width, self.count(image, "Data offset")
-        length = self.curves * self.points * width
-        content = source.data[start : start + length]
-        source.require(
-            len(content) == length,
-            f"is cut short: a channel claims {length} bytes from byte {start} on, and the file has "
-            f"{len(source.data)}",
-        )
-        signal, scale = image.text(_SIGNAL), image.scale(*_Z)
-        if scale is None:
-            raise source.wrong(f": no scale in volts for {signal!r:.60}")
-        raw = np.frombuffer(content, _NUMBERS[width]).reshape(self.curves, self.points)
+        signal = image.text(_SIGNAL)
+        scale = source.given(image.scale(*_Z), f": no scale in volts for {signal!r:.60}")
+        raw = source.array(_NUMBERS[width], self.curves * self.points, start, "a channel")
+        raw = raw.reshape(self.curves, self.points)
         stated = 8 * min(4 if image.number("Bytes/pixel") == 4 else 2, width)
         # A scale of 16 bits beside "Bytes/pixel: 4" was not seen, but then no signal is as wide as that makes it.
         whole = scale.per_number * 2.0 ** (32 if image.number("Bytes/pixel") == 4 else 16)
@@ -358,7 +346,7 @@ def _time(header: _Header, tap: _Tap | None) -> FloatArray | None:
     return header.stored(in_time, np.linspace(there, there + rest, hold, endpoint=False))
 
 
-def _place(header: _Header, number: int) -> dict[str, tuple[float, float]]:
+def _place(header: _Header, number: int) -> dict[str, Any]:
     """Entry ``position`` (x, y) (m) of a curve, in a force volume the middle of its pixel; {} where not known."""
     scan, curves = header.scan, header.curves
     across = int(header.force.number("force/line") or 0) if curves > 1 else 1
@@ -375,16 +363,14 @@ def _place(header: _Header, number: int) -> dict[str, tuple[float, float]]:
 def _about(header: _Header, lever: Lever) -> dict[str, Any]:
     """Entries of a curve's metadata from the header: instrument, date, trigger, rules of sign, setpoint (N)."""
     about: dict[str, Any] = {
-        "header": header_entries(
-            {
-                "instrument": header.section("Equipment list").text("Microscope", "Description"),
-                "software version": header.file.text("Version"),
-                "date": header.file.text("Date"),
-                "trigger": header.force.text("Trigger mode"),
-                # Typed in, and often the program's preset: never taken for the tip's own.
-                "tip radius (nm), as typed in": header.scan.text("Tip Radius"),
-            }
-        ),
+        "header": {
+            "instrument": header.section("Equipment list").text("Microscope", "Description"),
+            "software version": header.file.text("Version"),
+            "date": header.file.text("Date"),
+            "trigger": header.force.text("Trigger mode"),
+            # Typed in, and often the program's preset: never taken for the tip's own.
+            "tip radius (nm), as typed in": header.scan.text("Tip Radius"),
+        },
         "sign_rules": {"segment": "from the order of the ramp: way in, hold, way out"},
     }
     trigger = header.force.scale(*_TRIGGER)
