@@ -20,7 +20,6 @@ from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
     delimited,
-    exported,
     indenters,
     microscopes,
     nanoscope,
@@ -60,8 +59,8 @@ FORMATS: tuple[Format, ...] = (
     microscopes.PARK,
     microscopes.ASYLUM,
     workbooks.TESTXPERT,
-    exported.JSON_FORMAT,
-    exported.HDF5_FORMAT,
+    recorded.JSON_FORMAT,
+    recorded.HDF5_FORMAT,
     afm.FORMAT,
     recorded.MATLAB_FORMAT,
     recorded.TDMS_FORMAT,

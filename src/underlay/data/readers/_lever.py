@@ -34,8 +34,8 @@ _PER_CENT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*%\s*")
 # A piezo without closed loop is off by a few per cent, and 1.35 and 1.21 times were seen in files.
 _CLOSE = 0.1
 _STILL_BENT = (
-    'depth still holds the bending of the cantilever: give calibration = { spring_constant = "0.04 N/m" } with your '
-    "number, or set the instrument's compliance to its inverse"
+    'depth still holds the bending of the cantilever: give calibration = { spring_constant = "0.04 N/m" } with '
+    "your number, or set the instrument's compliance to its inverse"
 )
 #: Kinds of quantity of a calibration, and what they are called in the metadata of a curve.
 _NAMES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}

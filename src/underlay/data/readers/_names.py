@@ -17,6 +17,7 @@ from underlay._text import names_there
 from underlay.data.readers._columns import find_columns, parse_column
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import (
+    SEGMENT_OF,
     is_number,
     is_unit,
     kind_named,
@@ -68,11 +69,6 @@ _COMPLETE = [{"Fn", "Pd"}] + [
 _WAVES_ALONE = frozenset({"Raw", "Defl", "DeflV", "DeflVolts", "ZSnsr", "LVDT"})
 _WAVE_NAMES = {"DeflV": "Defl", "DeflVolts": "Defl"}
 _WAVE_UNITS = {"DeflV": "V", "DeflVolts": "V", "Force": "N"}
-# Approach and way back side by side: a word of each, beside the name of the channel.
-_DIRECTIONS = {
-    **dict.fromkeys(("ex", "extend", "approach", "trace", "ext"), LOADING),
-    **dict.fromkeys(("rt", "retract", "withdraw", "retrace", "ret"), UNLOADING),
-}
 
 
 def side_by_side(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, list[int], list[str]]]:
@@ -121,9 +117,9 @@ def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]
     for index, label in enumerate(labels):
         joint = "_" if "_" in label else " "
         words = label.strip().split("_" if joint == "_" else None)
-        directions = [word for word in words if word.lower() in _DIRECTIONS]
+        directions = [word for word in words if SEGMENT_OF.get(word.lower()) in found]
         if len(directions) == 1:
-            indices, names = found[_DIRECTIONS[directions[0].lower()]]
+            indices, names = found[SEGMENT_OF[directions[0].lower()]]
             indices.append(index)
             names.append(joint.join(word for word in words if word != directions[0]))
     there, back = found[LOADING][1], found[UNLOADING][1]

@@ -42,6 +42,7 @@ from underlay.data.readers._not_readings import (
 )
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import (
+    SAID,
     bare_cell,
     column_factor,
     is_number,
@@ -63,14 +64,6 @@ _PLAIN_HUNDREDS = re.compile(r"[+-]?[1-9]\d\d")
 _THREE_DIGITS, _ROUNDING = 100.0, 1e-6
 # Names from which a lever's bending is still to be taken off.
 _SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - words("of_a_stage")
-_MARKS = {
-    "end of loading": HOLD,
-    "end of hold": UNLOADING,
-    "unload": UNLOADING,
-    "hold": HOLD,
-    "load": LOADING,
-    "approach": LOADING,
-}
 
 
 @dataclass(frozen=True)
@@ -572,7 +565,7 @@ def marked(markers: Sequence[str], motion: NDArray[np.str_] | None = None) -> ND
     for row, marker in enumerate(markers):
         text = marker.strip().lower()
         if text and text != "end":
-            found = next((label for word, label in _MARKS.items() if word in text), "")
+            found = next((label for word, label in SAID["marks"].items() if word in text), "")
             if not found and motion is None:
                 return None
             # What is no mark of a segment, as the first reading of a drift, ends one.

@@ -33,6 +33,10 @@ def words(name: str) -> frozenset[str]:
     return frozenset(listed(SAID["words"][name]))
 
 
+#: Label of a segment (loading, hold, unloading) by the word that an instrument has for it.
+SEGMENT_OF: Mapping[str, str] = {
+    word: label for label, text in SAID["segments"].items() for word in listed(text)
+}
 #: Instruments write the largest double, or averages of it, for "no value".
 SENTINEL = 1e300
 
@@ -204,6 +208,13 @@ def unit_named(text: str) -> str:
     """
     word = text.strip()
     return word if word in _PLAIN_UNITS else _WORD_UNITS.get(word.rstrip(".").casefold(), word)
+
+
+def si_factor(unit: str, *kinds: str) -> float | None:
+    """Return the SI value of a unit, a tilde in it read as micro; None unless it is of one of these kinds."""
+    symbol = unit_named(unit.replace("~", "u"))
+    kind = kind_named(symbol)
+    return _factor(symbol, kind) if kind in kinds else None
 
 
 def bare_cell(cell: str) -> str:

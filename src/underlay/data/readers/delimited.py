@@ -40,8 +40,7 @@ from underlay.data.readers._names import (
 )
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import Table, table_curves
-from underlay.data.readers._text import Lines, is_number, lines_and_gaps
-from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.data.readers._text import SEGMENT_OF, Lines, is_number, lines_and_gaps
 from underlay.errors import UnitError
 from underlay.units import kind_of, parse_quantity
 
@@ -70,14 +69,6 @@ _READINGS = {
 }
 _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 _LISTED = 3
-# "segment: extend", as JPK's text export says it above each.
-_SEGMENTS = {
-    "extend": LOADING,
-    "approach": LOADING,
-    "pause": HOLD,
-    "retract": UNLOADING,
-    "withdraw": UNLOADING,
-}
 
 
 def _separator(line: str) -> str:
@@ -286,8 +277,8 @@ def _said_above(
     starts, before = {0}, ""
     for at, line in commented.items():
         label, word = (text.strip() for text in _bare(line).partition(":")[::2])
-        if label.lower() == "segment" and word.lower() in _SEGMENTS:
-            segments.append((row_of(at), _SEGMENTS[word.lower()]))
+        if label.lower() == "segment" and word.lower() in SEGMENT_OF:
+            segments.append((row_of(at), SEGMENT_OF[word.lower()]))
         elif label.lower() == "index" and word != before:
             starts.add(row_of(at))
             before = word

@@ -40,7 +40,7 @@ from underlay._door import opened, read_member
 from underlay.data.curve import Curve
 from underlay.data.readers._lever import Lever, lever_curve, uncalibrated
 from underlay.data.readers._source import MAX_BYTES, Source, curve_name, open_zip
-from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.data.readers._text import SEGMENT_OF
 from underlay.errors import FileFormatError
 
 __all__ = ["JpkMapCurve", "curves_of_jpk_map", "read_jpk"]
@@ -60,7 +60,6 @@ _INTEGERS = {
     "unsignedinteger": ">u4",
 }
 _FLOATS = "float-data"
-_STYLES = {"extend": LOADING, "pause": HOLD, "modulation": HOLD, "retract": UNLOADING}
 # Where a segment says what it is, in files of different ages.
 _STYLE_KEYS = [f"force-segment-header.{at}style" for at in ("settings.segment-settings.", "settings.", "")]
 # From the base of the deflection to the force: what each step is multiplied by, and what a caller may give.
@@ -142,8 +141,8 @@ class _Segment:
     def label(self) -> str:
         """Label of the segment (loading, hold or unloading) by the style that its header states."""
         style = next((self.header[key] for key in _STYLE_KEYS if key in self.header), "")
-        self.source.require(style in _STYLES, f", {self.place}: unknown kind of segment {style!r:.40}")
-        return _STYLES[style]
+        self.source.require(style in SEGMENT_OF, f", {self.place}: unknown kind of segment {style!r:.40}")
+        return SEGMENT_OF[style]
 
     @property
     def calibration(self) -> dict[str, float]:

@@ -48,7 +48,7 @@ from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, declared, library
 from underlay.data.readers._lever import Lever, lever_curve, sensor_note
 from underlay.data.readers._source import CURVES, MAX_BYTES, Source
-from underlay.data.readers._text import finite
+from underlay.data.readers._text import finite, si_factor
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
 
 __all__ = ["ASYLUM", "NANOSURF", "PARK"]
@@ -334,8 +334,7 @@ _BYTE, _MOST_TAGS = np.dtype("u1"), 1000
 _CHANNELS, _CHANNEL = 8, struct.Struct("<64s16sdii")
 _COUNTS_AT, _CALIBRATION_AT, _TYPE_AT, _PLACES_AT, _PLACE = 768, 976, 1108, 1208, 12
 _NUMBERS: Mapping[int, np.dtype[Any]] = {0: np.dtype("<i2"), 1: np.dtype("<i4"), 2: np.dtype("<f4")}
-_UNITS = {"um": 1e-6, "µm": 1e-6, "nm": 1e-9, "N": 1.0, "uN": 1e-6, "nN": 1e-9, "pN": 1e-12, "V": 1.0, "mV": 1e-3,
-          "sec": 1.0, "s": 1.0, "msec": 1e-3, "usec": 1e-6}  # fmt: skip
+_KINDS = ("length", "force", "voltage", "time")
 _VOLTS, _FORCE, _TIME = "Vertical (A-B)", "Force", "Time Stamp"
 # The sensor first: the scan is what the scanner was told. One that moves less than this share of it is dead.
 _PARK_HEIGHTS, _DEAD = ("Z Detector", "Z Scan"), 0.5
@@ -413,8 +412,9 @@ def _spectra(
         name, unit = (
             text.decode("utf-16-le", errors="replace").split("\0")[0].strip() for text in (name, unit)
         )
-        if unit in _UNITS and np.isfinite(gain):
-            channels[name] = raw[:, number, :] * (gain * _UNITS[unit])
+        factor = si_factor(unit, *_KINDS)
+        if factor and np.isfinite(gain):
+            channels[name] = raw[:, number, :] * (gain * factor)
     at = np.frombuffer(header, "<f4", 3 * curves, _PLACES_AT).reshape(curves, 3)
     stiffness, volts_per_micrometre = struct.unpack_from("<2d", header, _CALIBRATION_AT)
     sensitivity = 1e-6 / volts_per_micrometre if volts_per_micrometre else 0.0

@@ -37,6 +37,7 @@ from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, declared
 from underlay.data.readers._lever import Lever, lever_curve, sensor_note
 from underlay.data.readers._source import Source
+from underlay.data.readers._text import si_factor
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import InputError
 
@@ -51,8 +52,6 @@ _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _SCALE = re.compile(rf"V\s+(?:\[([^\]]*)\]\s*)?\(\s*({_NUMBER})\s*([^/\s]*)/LSB\)\s*({_NUMBER})?")
 _SENSITIVITY = re.compile(rf"V\s+({_NUMBER})\s*(?:([^/\s]+)/V)?")
 _PLAIN = re.compile(rf"({_NUMBER})\s*(\S*)")
-_METRES = {"m": 1.0, "um": 1e-6, "~m": 1e-6, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}
-_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "~V": 1e-6}
 _Z = ("@4:Z scale", "@4:Z Scale")
 _TRIGGER = ("@4:Trig threshold Deflection", "@4:Trig Threshold Deflection")
 _RAMP = ("@4:Ramp size", "@4:Ramp Size")
@@ -97,14 +96,15 @@ class _Section(dict[str, str]):
     def length(self, name: str) -> float:
         """A length (m) of the header; zero where the entry is missing."""
         value, found = self.number(name), _PLAIN.match(self.text(name))
-        return 0.0 if value is None or found is None else value * _METRES.get(found[2], 1e-9)
+        return 0.0 if value is None or found is None else value * (si_factor(found[2], "length") or 1e-9)
 
     def scale(self, *names: str) -> _Scale | None:
         """The first of these entries as a scaled quantity in volts; None where it is not of that form."""
         found = _SCALE.match(self.text(*names))
-        if found is None or found[3] not in _VOLTS:
+        factor = si_factor(found[3], "voltage") if found else None
+        if found is None or factor is None:
             return None
-        per_number, value = (float(text) * _VOLTS[found[3]] for text in (found[2], found[4] or "nan"))
+        per_number, value = (float(text) * factor for text in (found[2], found[4] or "nan"))
         sound = math.isfinite(per_number) and not math.isinf(value)
         return _Scale(per_number, value, found[1] or "") if sound else None
 
@@ -150,7 +150,7 @@ class _Header:
         for section in self.sections:
             if found := _SENSITIVITY.match(section.text(f"@{name}")):
                 # Where no unit was written in a file that was seen, the number was of nanometres.
-                metres = float(found[1]) * _METRES.get(found[2] or "nm", math.nan)
+                metres = float(found[1]) * (si_factor(found[2] or "nm", "length") or math.nan)
                 return metres if math.isfinite(metres) else None
         return None
 
