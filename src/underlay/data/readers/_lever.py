@@ -33,7 +33,8 @@ _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
 _PER_CENT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*%\s*")
 # A piezo without closed loop is off by a few per cent, and 1.35 and 1.21 times were seen in files.
 _CLOSE = 0.1
-_STILL_BENT = (
+#: What is said of a depth of which no bending could be taken off.
+STILL_BENT = (
     'depth still holds the bending of the cantilever: give calibration = { spring_constant = "0.04 N/m" } with '
     "your number, or set the instrument's compliance to its inverse"
 )
@@ -245,7 +246,7 @@ def lever_curve(
     }
     about: dict[str, Any] = {"name": curve_name(source.path, number), **(lever.about if lever else {})}
     if lever is None:
-        about["notes"] = (_STILL_BENT,)
+        about["notes"] = (STILL_BENT,)
     return make_curve(
         source,
         travel - force / lever.stiffness if lever else travel,

@@ -46,6 +46,9 @@ _SENSITIVITY = re.compile(
     r"(?:defl\w*\.?\s?sens\w*|invols|sensitivity)[^\d\n]{0,12}([\d.]+(?:e[+-]?\d+)?)\s*([num]m/V|m/V)",
     re.IGNORECASE,
 )
+# AFM Workshop: nN/nm is N/m, mV/nm an inverse sensitivity; a 1 is written where nothing was calibrated.
+_WORKSHOP = re.compile(r"(Force Constant, nN/nm|Light Lever Gain, mV/nm):\s*([\d.]+)\s*")
+_UNSET = (0.0, 1.0)
 # "Column 1: time (s)", one a line; "1: time 2: depth", "[1] time [2] depth".
 _ONE_A_LINE = re.compile(
     r"\W*(?:column|col\.?|spalte|colonne|columna)?\s*#?(\d{1,3})\s*[\]:.)=]\s*(\D.*)", re.IGNORECASE
@@ -364,6 +367,10 @@ def stated_lever(lines: Sequence[str]) -> dict[str, float]:
             if stated and is_number(stated[1]) and float(stated[1]) > 0.0:
                 unit = 1.0 if kind == "stiffness" else unit_factor(stated[2], kind)
                 found.setdefault(kind, float(stated[1]) * unit)
+        stated = _WORKSHOP.fullmatch(line)
+        if stated and is_number(stated[2]) and (value := float(stated[2])) not in _UNSET:
+            gain = stated[1].startswith("Light")
+            found["sensitivity" if gain else "stiffness"] = 1e-6 / value if gain else value
     return found
 
 

@@ -31,7 +31,7 @@ from underlay.data.readers._columns import (
     unread,
 )
 from underlay.data.readers._format import Options, make_curve
-from underlay.data.readers._lever import Lever
+from underlay.data.readers._lever import STILL_BENT, Lever
 from underlay.data.readers._names import side_by_side, sides_of
 from underlay.data.readers._not_readings import (
     beginnings,
@@ -403,6 +403,8 @@ class _Reader:
         return time
 
     def _lever(self) -> Lever:
+        if "sensitivity" in self.options.calibration and "deflection" not in self.found:
+            raise InputError(f"{self.source.name} holds forces, not volts; a sensitivity cannot be given")
         lever = Lever.of(self.source, self.table.stated, self.options.calibration)
         self.known |= {**lever.about, "bending_taken_off": True}
         return lever
@@ -449,10 +451,7 @@ class _Reader:
             self.bending = self.force / self._lever().stiffness
             self.signs["depth"] += " - force / spring constant"
         else:
-            self.notes.append(
-                f"the depth is read from {label!r:.80} and still holds the bending of the lever: give "
-                'calibration = { spring_constant = "0.04 N/m" } with your number, or a compliance in [instrument]'
-            )
+            self.notes.append(STILL_BENT)
 
 
 def _indices(wanted: Mapping[str, Asked]) -> list[int]:
