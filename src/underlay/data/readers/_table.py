@@ -403,7 +403,8 @@ class _Reader:
         return time
 
     def _lever(self) -> Lever:
-        if "sensitivity" in self.options.calibration and "deflection" not in self.found:
+        signals = [label for label in self.labels if name_of(label) in KNOWN["deflection"]]
+        if "sensitivity" in self.options.calibration and not signals:
             raise InputError(f"{self.source.name} holds forces, not volts; a sensitivity cannot be given")
         lever = Lever.of(self.source, self.table.stated, self.options.calibration)
         self.known |= {**lever.about, "bending_taken_off": True}

@@ -188,15 +188,12 @@ class _Header:
             f"is damaged: {length} bytes of deflection are no whole number of curves of {self.points} points"
         )
 
-    def stored(self, in_time: FloatArray, held: FloatArray | None = None) -> FloatArray:
-        """Reorder values in order of time into that of the file: approach reversed, retraction, then `held`."""
-        parts = (in_time[: self.way][::-1], in_time[self.way :], *(() if held is None else (held,)))
-        return np.concatenate(parts)
+    def numbers(
+        self, image: _Section, order: NDArray[np.intp], per_volt: float = 1.0
+    ) -> Callable[[int], FloatArray]:
+        """Return a function that gives the values (n,) of a channel for a curve by its index, from 0.
 
-    def numbers(self, image: _Section, per_volt: float = 1.0) -> Callable[[int], FloatArray]:
-        """Return a function that gives the values (points,) of a channel for a curve by its index, from 0.
-
-        Values are in the file's order, volts times `per_volt`; NaN where no reading was recorded.
+        Values are volts times `per_volt`, put into `order`; NaN where no reading was recorded.
         """
         source, width, start = self.source, self.width, self.count(image, "Data offset")
         signal = image.text(_SIGNAL)
@@ -219,7 +216,12 @@ class _Header:
             f"for {bits} bits, up to {2 ** (bits - 1)}: read so, they would be {reached * scale.per_number:.3g} V, "
             f"a power of two too large; {_NEXT}",
         )
-        return lambda number: np.where(np.isin(raw[number], marks), np.nan, raw[number] * per_number)
+
+        def values(number: int) -> FloatArray:
+            stored = raw[number][order]
+            return np.where(np.isin(stored, marks), np.nan, stored * per_number)
+
+        return values
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:
@@ -255,26 +257,30 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
         "sensitivity": header.sensitivity(scale.sensitivity) if scale and scale.sensitivity else None,
     }
     lever = Lever.of(source, stated, options.calibration)
-    volts, travels, time = header.numbers(header.deflection), _travel(header, tap), _time(header, tap)
     order, labels = _order(tap, header)
+    volts, travels, time = (
+        header.numbers(header.deflection, order),
+        _travel(header, tap, order),
+        _time(header, tap),
+    )
     about = _about(header, lever)
 
     def curve(number: int) -> Curve | None:
-        deflection = volts(number)[order]
+        deflection = volts(number)
         if tap is None:
             _check_trigger(header, deflection[: header.way])
         force = lever.force(source, deflection)
         recorded = np.isfinite(force)
         if not recorded.any():
             return None
-        which, travel = order[recorded], travels.of(number)
+        travel = travels.of(number)
         return lever_curve(
             source,
-            travel[which],
+            travel[recorded],
             force[recorded],
             lever,
             channel=travels.channel,
-            time=None if time is None else time[which],
+            time=None if time is None else time[recorded],
             segment=labels[recorded],
             number=number + 1,
             notes=(*_notes(recorded, tap), *sensor_note(travel[: header.way], travels.ramp)),
@@ -289,8 +295,8 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
 class _Travels(NamedTuple):
     """Travel of the scanner towards the sample.
 
-    `of` gives it (m), (points,) in the file's order, for a curve by its index; `channel` names its origin; `ramp`
-    is the size of the driven ramp (m), zero if unknown.
+    `of` gives it (m), in the order of time, for a curve by its index; `channel` names its origin; `ramp` is the
+    size of the driven ramp (m), zero if unknown.
     """
 
     of: Callable[[int], FloatArray]
@@ -298,10 +304,9 @@ class _Travels(NamedTuple):
     ramp: float = 0.0
 
 
-def _travel(header: _Header, tap: _Tap | None) -> _Travels:
+def _travel(header: _Header, tap: _Tap | None, order: NDArray[np.intp]) -> _Travels:
     if tap is not None:
-        tapped = header.stored(tap.travel)
-        return _Travels(lambda _: tapped, "sine of the drive, of which the file holds size and turn,")
+        return _Travels(lambda _: tap.travel, "sine of the drive, of which the file holds size and turn,")
     ramp = header.deflection.scale(*_RAMP)
     piezo = header.sensitivity(ramp.sensitivity) if ramp else None
     driven = ramp.volts * piezo if ramp and piezo and ramp.volts > 0.0 else 0.0
@@ -309,15 +314,18 @@ def _travel(header: _Header, tap: _Tap | None) -> _Travels:
         scale = image.scale(*_Z)
         metres = header.sensitivity(scale.sensitivity) if scale else None
         if "[ZSensor]" in image.text(_SIGNAL) and metres is not None:
-            return _Travels(header.numbers(image, metres), "height sensor", driven)
+            return _Travels(header.numbers(image, order, metres), "height sensor", driven)
     header.source.require(driven > 0.0, ": neither a height sensor nor the size of the ramp is there")
     way_in = np.linspace(0.0, driven, header.way, endpoint=False)
-    stored = header.stored(np.concatenate((way_in, way_in[::-1])), np.full(header.hold, way_in[-1]))
-    return _Travels(lambda _: stored, "ramp of the piezo, of which the file holds the size,")
+    ramped = np.concatenate((way_in, np.full(header.hold, way_in[-1]), way_in[::-1]))
+    return _Travels(lambda _: ramped, "ramp of the piezo, of which the file holds the size,")
 
 
 def _order(tap: _Tap | None, header: _Header) -> tuple[NDArray[np.intp], NDArray[np.str_]]:
-    """Indices that put the stored points of a curve into order of time, and the segment labels in that order."""
+    """Indices that put the stored points of a curve into order of time, and the segment labels in that order.
+
+    Stored are the approach from its end, the retraction, and the hold.
+    """
     way, hold = header.way, header.hold
     way_in, way_out = np.arange(way)[::-1], np.arange(way, 2 * way)
     if tap is not None:
@@ -328,22 +336,19 @@ def _order(tap: _Tap | None, header: _Header) -> tuple[NDArray[np.intp], NDArray
 
 
 def _time(header: _Header, tap: _Tap | None) -> FloatArray | None:
-    """Time (s), (points,) in the file's order, from ramp speeds and hold time; None where these are not written."""
+    """Time (s) of each point in order, from ramp speeds and hold time; None where these are not written."""
     force, hold = header.force, header.hold
     if tap is not None:
-        return None if tap.time is None else header.stored(tap.time)
-    ramp, forward, back = (
-        header.deflection.scale(*_RAMP),
-        force.number("Forward vel."),
-        force.number("Reverse vel."),
-    )
+        return tap.time
+    ramp = header.deflection.scale(*_RAMP)
+    forward, back = (force.number(f"{way} vel.") for way in ("Forward", "Reverse"))
     held = (force.number("Hold Time") or 0.0) if hold else 0.0
     if ramp is None or not ramp.volts > 0.0 or not forward or not back or (hold and not held):
         return None
     fractions = np.linspace(0.0, 1.0, header.way, endpoint=False)
     there, rest = ramp.volts / abs(forward), abs(held)
-    in_time = np.concatenate((fractions * there, there + rest + fractions * (ramp.volts / abs(back))))
-    return header.stored(in_time, np.linspace(there, there + rest, hold, endpoint=False))
+    held_at = np.linspace(there, there + rest, hold, endpoint=False)
+    return np.concatenate((fractions * there, held_at, there + rest + fractions * (ramp.volts / abs(back))))
 
 
 def _place(header: _Header, number: int) -> dict[str, Any]:
@@ -424,14 +429,16 @@ class _Tap:
 
     @property
     def travel(self) -> FloatArray:
-        """Travel of the drive (m), (points,), in the order of time: amplitude times the cosine about the turn."""
-        phase = 2.0 * np.pi * (np.arange(self.points) - self.turn) / self.points
+        """Travel of the drive (m), (n,): amplitude times the cosine about the turn."""
+        phase = 2.0 * np.pi * (np.arange(len(self.labels)) - self.turn) / self.points
         return np.asarray(self.amplitude * np.cos(phase))
 
     @property
     def time(self) -> FloatArray | None:
-        """Time (s) of each point since the period began, (points,); None where the period is not known."""
-        return None if self.period is None else np.linspace(0.0, self.period, self.points, endpoint=False)
+        """Time (s) of each point since the period began, (n,); None where the period is not known."""
+        if self.period is None:
+            return None
+        return np.linspace(0.0, self.period, self.points, endpoint=False)[: len(self.labels)]
 
     @property
     def labels(self) -> NDArray[np.str_]:
