@@ -410,6 +410,13 @@ def test_asylum_text(kind, put):
         read_all(put(text))
 
 
+@pytest.mark.parametrize("waves", ["WAVES/D", "WAVES/D;Raw;Defl", "WAVES\t", "WAVES ''"])
+def test_igor_text_whose_waves_have_no_names_is_refused_in_words(waves, put):
+    text = f"IGOR\n{waves}\nBEGIN\n" + rows(1e-6 * DEPTH, 1e-9 * FORCE, form="{:.9e}") + "END\n"
+    with pytest.raises(ul.FileFormatError):
+        ul.read(put(text), calibration={"spring_constant": "0.06 N/m"})
+
+
 # --- wide tables, in text and in workbooks
 
 

@@ -228,7 +228,8 @@ def _waves(source: Source, lines: Sequence[str]) -> list[str]:
         f"is an Igor text file with {len(columns)} waves; a curve has 2 or more",
     )
     rows = zip_longest(*(column for _, column in columns), fillvalue="")
-    return [*others, "\t".join(name for name, _ in columns), *("\t".join(row) for row in rows)]
+    table = [*others, "\t".join(name for name, _ in columns), *("\t".join(row) for row in rows)]
+    return list(filter(str.strip, table))  # a wave may lack its name, and its numbers
 
 
 def _left_out(
