@@ -48,8 +48,8 @@ from underlay.errors import (
 from underlay.plugins import READERS, Plugin, plugins
 from underlay.units import parse_quantity, unit_factor
 
-# Rows left out that are named.
-_LISTED = 5
+# Rows left out that are named, and how much of a text tells its format.
+_LISTED, _HEAD = 5, 65_536
 # "Model: Hertz", "SMDuration (s) 0.0", "ErHz= 830.29 kPa": a key ends in a colon, an equals sign or a bracket.
 _KEY_VALUE = re.compile(r"(.+?(?:\)|:|=))\s*(.*)")
 
@@ -113,13 +113,20 @@ def declared(
 ) -> Format:
     """Return the format of this name as ``formats.toml`` describes it: what it takes, and the extra it needs.
 
-    Without `sniff` it is recognised by how its files begin (``begins``).
+    Without `sniff` it is recognised by how its files begin (``begins``), or by texts in their heads (``holds``).
     """
     said = SAID["formats"][name]
     begins = tuple(text.encode("latin-1") for text in said.get("begins", ()))
+
+    def known(source: Source) -> bool:
+        if begins:
+            return source.data.startswith(begins)
+        return all(text in source.head(_HEAD) for text in said["holds"])
+
     takes = {f"takes_{what}": True for what in said.get("takes", ())}
-    known = sniff or (lambda source: source.data.startswith(begins))
-    return Format(name, said["description"], known, read_all, read_one, said.get("extra", ""), **takes)
+    return Format(
+        name, said["description"], sniff or known, read_all, read_one, said.get("extra", ""), **takes
+    )
 
 
 def library(name: str, need: str, otherwise: str = "") -> Any:
@@ -378,6 +385,14 @@ def table_below(lines: Sequence[str], at: int, rows: slice = slice(None), **abou
     return Part(lines[:at], labels, Lines(list(lines[at + 1 :][rows]), "\t"), about=about)
 
 
+def place_of(header: Mapping[str, str], *keys: str) -> dict[str, tuple[float, ...]]:
+    """Return the ``position`` (m) of a test from these entries of a header, in um; {} where one is missing."""
+    places = [header.get(key, "") for key in keys]
+    return (
+        {"position": tuple(1e-6 * as_number(text) for text in places)} if all(map(is_number, places)) else {}
+    )
+
+
 def header_of(lines: Sequence[str]) -> dict[str, str]:
     """Parse header lines such as "Model: Hertz" into keys and values; tabs separate the pairs of a line."""
     header: dict[str, str] = {}
@@ -426,18 +441,18 @@ class TextFormat:
     ----------
     name : str
         Name of the format, as in `Format`, and of its entry in ``formats.toml``.
-    sniff : callable
-        Whether the content of a file is of this format.
     parts : callable
         Finds the tests (`Part`) of a file; raises `FileFormatError` where there is none.
     made : callable
         Of a part and its SI columns: further arguments of `make_curve` (depth, segment, notes, metadata).
+    sniff : callable, optional
+        Whether the content of a file is of this format, where the entry does not tell; see `declared`.
     """
 
     name: str
-    sniff: Callable[[Source], bool]
     parts: Callable[[Source], Iterable[Part]]
     made: Callable[[Part, Columns], Mapping[str, Any]] = lambda _, __: {}
+    sniff: Callable[[Source], bool] | None = None
 
     @property
     def said(self) -> Mapping[str, Any]:

@@ -28,7 +28,7 @@ from underlay._door import parse_json
 from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK, restored
-from underlay.data.readers._format import Options, declared, header_of
+from underlay.data.readers._format import Options, declared, header_of, place_of
 from underlay.data.readers._names import (
     Layout,
     Row,
@@ -40,7 +40,7 @@ from underlay.data.readers._names import (
 )
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import Table, table_curves
-from underlay.data.readers._text import SEGMENT_OF, Lines, as_number, is_number, lines_and_gaps
+from underlay.data.readers._text import SEGMENT_OF, Lines, is_number, lines_and_gaps
 from underlay.errors import UnitError
 from underlay.units import kind_of, parse_quantity
 
@@ -315,10 +315,7 @@ def _known_numbers(comments: Sequence[str]) -> dict[str, Any]:
 
     Also the ``position`` (x, y) (m), as AFM Workshop writes it: ``X, um: 0.5``.
     """
-    known: dict[str, Any] = {}
-    places = [header_of(comments).get(f"{axis}, um", "") for axis in "XY"]
-    if all(map(is_number, places)):
-        known["position"] = tuple(1e-6 * as_number(place) for place in places)
+    known: dict[str, Any] = dict(place_of(header_of(comments), "X, um", "Y, um"))
     for comment in comments:
         key, _, value = comment.partition(":")
         name = key.strip().lower().replace(" ", "_")

@@ -333,7 +333,7 @@ def _is_nanosuite(source: Source) -> bool:
     return _is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample")
 
 
-NANOSUITE = TextFormat("nanosuite", _is_nanosuite, _nanosuite_parts, _made_of_nanosuite).format
+NANOSUITE = TextFormat("nanosuite", _nanosuite_parts, _made_of_nanosuite, _is_nanosuite).format
 
 
 _SPECIMEN = channels_of("testxpert")
@@ -411,4 +411,4 @@ def _made_of_testxpert(part: Part, columns: Columns) -> dict[str, Any]:
     return {"depth": sign * travel, "initial_gap": float(gap[0]), "sign_rules": {"depth": rule, **rules}}
 
 
-TESTXPERT = TextFormat("testxpert", _is_testxpert, _testxpert_parts, _made_of_testxpert).format
+TESTXPERT = TextFormat("testxpert", _testxpert_parts, _made_of_testxpert, _is_testxpert).format
