@@ -250,9 +250,10 @@ def test_a_starter_of_an_unread_table_leads_to_its_modulus(head, columns, told, 
         (b"\x01\xb0\x93\xff" + bytes(range(256)) * 4, "NT-MDT file"),
         (b"\x89HDF\r\n\x1a\n" + bytes(900), "HDF5"),
         (bytes(range(256)) * 9, "It is no text"),
+        (b"Dear diary,\nnothing.\n", "Dear diary,"),
     ],
 )
-def test_a_starter_of_a_file_of_numbers_says_what_it_is(content, told, put, run, tmp_path):
+def test_a_starter_of_a_file_without_a_table_says_what_it_is(content, told, put, run, tmp_path):
     scene = tmp_path / "scene.toml"
     code, _, err = run("formats", put(content, "map.bin"), "--new-scene", scene)
     assert code == 0, err

@@ -190,11 +190,11 @@ class Lever:
         return signal if unit == "N" else signal * self.stiffness
 
 
-def uncalibrated(source: Source) -> InputError:
-    """The error for a file that lacks the spring constant or sensitivity its curve needs; says how to give them."""
+def uncalibrated(source: Source, unit: str = "nm/V") -> InputError:
+    """The error for a file that lacks a spring constant or a sensitivity (in `unit`); says how to give them."""
     return InputError(
         f"{source.name} does not hold its calibration; give calibration = {{ "
-        'spring_constant = "0.04 N/m", sensitivity = "60 nm/V" } with your numbers'
+        f'spring_constant = "0.04 N/m", sensitivity = "60 {unit}" }} with your numbers'
     )
 
 

@@ -25,7 +25,7 @@ from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, declared
 from underlay.data.readers._hdf5 import HDF5_MAGIC, Checked, curve_groups, is_own, open_checked
-from underlay.data.readers._lever import Lever, lever_curve
+from underlay.data.readers._lever import Lever, lever_curve, uncalibrated
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import Lines, lines_of, numbers
 from underlay.data.readers.jpk import read_jpk
@@ -66,13 +66,8 @@ def _kind(source: Source) -> str:
 def _read_all(source: Source, options: Options) -> list[Curve]:
     given, kind = options.calibration, _kind(source)
     source.require(kind, "is none of JPK, NT-MDT, HDF5 or .tab")
-    # A detector gives volts or a current.
-    detector, unit = ("current sensitivity", "nm/nA") if kind == "ntmdt" else ("sensitivity", "nm/V")
-    example = f'calibration = {{ spring_constant = "0.04 N/m", sensitivity = "60 {unit}" }} with your numbers'
-    if unused := set(given) - {"stiffness", detector}:
-        raise InputError(f"{source.name} takes no {unused.pop()}; give {example}")
-    if kind == "ntmdt" and len(given) < 2:
-        raise InputError(f"{source.name} does not hold its calibration; give {example}")
+    if kind == "ntmdt" and given.keys() != {"stiffness", "current sensitivity"}:
+        raise uncalibrated(source, "nm/nA")
     if given and kind in {"tab", "hdf5"}:
         raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
     return _READERS[kind](source, given)
