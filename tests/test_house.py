@@ -228,8 +228,7 @@ DOORS = {
     },  # in memory, or after opened; what is in it
     "data/readers/workbooks": {"openpyxl.load_workbook", "xlrd.open_workbook"},  # bytes in memory
     "data/readers/jpk": {"zipfile.ZipFile"},  # after opened
-    "data/readers/_text": {"np.loadtxt"},  # lines in memory
-    "data/readers/_words": {"read_text"},  # of the package itself
+    "data/readers/_text": {"np.loadtxt", "read_text"},  # lines in memory; a file of the package itself
     "inference/batch/results_table": {"temporary.open", "parquet.ParquetFile"},  # writes; bytes in memory
     "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
     "inference/sampling/chain_file": {"library.File"},  # after require_regular

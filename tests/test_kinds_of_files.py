@@ -6,7 +6,6 @@ import io
 import itertools
 import re
 import sys
-import tomllib
 import warnings
 import zipfile
 
@@ -16,12 +15,7 @@ import pytest
 from scipy.io import savemat
 
 import underlay as ul
-from underlay.cli.new_scene import unread_scene
-from underlay.data.readers import read_all
 from underlay.data.segments import segments_from_motion
-from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.from_files import chosen_part, load_problem
-from underlay.inference.plausibility import size_notes
 
 # A ball on a half-space: travel, contact and force of one way in.
 DEPTH = np.linspace(-1.0, 3.0, 240)
@@ -121,7 +115,7 @@ def stacked():
 @pytest.mark.parametrize("text", stacked().values(), ids=stacked())
 def test_tests_one_below_the_other_are_several(text, put):
     columns = {"depth": "z_tip (um)", "force": "F (nN)"}
-    curves = read_all(put(text), columns=columns)
+    curves = ul.read_all(put(text), columns=columns)
     assert len(curves) == 3
     assert len({len(curve) for curve in curves}) == 1
     assert any("3 tests one below the other" in note for note in curves[0].metadata["notes"])
@@ -146,7 +140,7 @@ def test_segments_and_cycles_of_one_test_are_one(kind, put):
         text = head + "\n".join(
             rows(s, s**1.5, np.arange(80) + 80 * k, separator=",") for k, s in enumerate(steps)
         )
-    assert len(read_all(put(text))) == 1
+    assert len(ul.read_all(put(text))) == 1
 
 
 # --- segments
@@ -260,20 +254,6 @@ def test_a_force_that_rises_while_the_depth_is_held_is_named(rise):
     )
     curve = ul.Curve(1e-6 * depth, 1e-9 * force, 0.05 * np.arange(440))
     assert any("while the depth is held" in reason for reason in ul.check_quality(curve).reasons)
-
-
-@pytest.mark.parametrize(
-    ("factor", "unit", "asked"), [(1e3, "uN", "nN"), (1e-3, "nN", "uN"), (1e6, "mN", "uN")]
-)
-def test_a_unit_off_by_a_thousand_is_asked_about(factor, unit, asked):
-    scene = ul.Scene(ul.Paraboloid(5e-6), ul.Layer(ul.Isotropic(1e3, 0.5)))
-    depth = np.linspace(-1e-6, 2e-6, 200)
-    force = factor * np.asarray(scene.force(np.clip(depth, 0, None)))
-    curve = ul.Curve(depth, force, metadata={"units": {"x": "um", "F": unit}})
-    (note,) = size_notes(scene, curve)
-    assert f"is the force in {asked}" in note
-    assert note.startswith("the modulus is about ")
-    assert size_notes(scene, ul.Curve(depth, force / factor)) == ()
 
 
 def test_no_curve_ends_in_an_error_of_another_kind():
@@ -400,14 +380,21 @@ def test_asylum_text(kind, put):
             + rows(raw, bending, **form)
             + 'END\nX SetScale d,0,0,"m",Raw\n'
         )
-    curves = read_all(put(text), calibration=given)
+    curves = ul.read_all(put(text), calibration=given)
     assert len(curves) == (2 if kind == "several" else 1)
     for curve in curves:
         np.testing.assert_allclose(curve.force, 1e-9 * FORCE, rtol=1e-8, atol=1e-18)
         if kind != "volts":
             np.testing.assert_allclose(curve.depth, 1e-6 * DEPTH, atol=1e-14)
     with pytest.raises(ul.InputError, match="calibration"):
-        read_all(put(text))
+        ul.read_all(put(text))
+
+
+@pytest.mark.parametrize("waves", ["WAVES/D", "WAVES/D;Raw;Defl", "WAVES\t", "WAVES ''"])
+def test_igor_text_whose_waves_have_no_names_is_refused_in_words(waves, put):
+    text = f"IGOR\n{waves}\nBEGIN\n" + rows(1e-6 * DEPTH, 1e-9 * FORCE, form="{:.9e}") + "END\n"
+    with pytest.raises(ul.FileFormatError):
+        ul.read(put(text), calibration={"spring_constant": "0.06 N/m"})
 
 
 # --- wide tables, in text and in workbooks
@@ -425,7 +412,7 @@ def test_the_same_names_side_by_side_are_several_tests(head, separator, put):
     body = rows(*one, separator=separator).split("\n")[:-1]
     short = [*body[:200], *[separator * (len(one) - 1)] * 40]
     text = "\n".join([*lines, *(f"{a}{separator}{separator}{b}" for a, b in zip(body, short, strict=True))])
-    first, second = read_all(put(text))
+    first, second = ul.read_all(put(text))
     is_whole(first)
     is_whole(second, 1e-6 * DEPTH[:200], 1e-9 * FORCE[:200])
 
@@ -455,7 +442,7 @@ def test_anton_paar_tests_side_by_side(kind, put):
     else:
         lines = ["\t".join("" if cell is None else f"{cell:.7g}" for cell in row) + "\t" for row in cells]
         path = put("\t".join(heads) + "\t\r\n" + "\r\n".join(lines), "wide.TXT")
-    one, other = read_all(path)
+    one, other = ul.read_all(path)
     assert [one.metadata["name"], other.metadata["name"]] == list(names)
     assert (len(one), len(other)) == (240, short)
     np.testing.assert_allclose(one.depth, 1e-9 * DEPTH, atol=1e-15)
@@ -498,6 +485,55 @@ def test_units_and_names_as_people_write_them(head, factor, put):
     curve = ul.read(put(head + "\n" + rows(*columns, separator=",")))
     np.testing.assert_allclose(curve.depth, 1e-6 * DEPTH, atol=1.1e-12)
     np.testing.assert_allclose(curve.force, 1e-9 * factor * FORCE, rtol=1e-6, atol=1e-15 * factor)
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("depth (um)|force (nN)|time (s)", "{}|{}|{}"),
+        ("# depth (um) | force (nN) | time (s)", "{} | {} | {}"),
+        ("| depth (um) | force (nN) | time (s) |\n|---|:---:|---|", "| {} | {} | {} |"),
+        ("Tiefe|Kraft|Zeit\num|nN|s", "{}|{}|{}"),
+    ],
+)
+@pytest.mark.parametrize("comma", [False, True])
+def test_bars_between_the_cells(head, row, comma, put):
+    body = "\n".join(
+        row.format(f"{d:.6f}", f"{f:.6f}", f"{t:.6f}") for d, f, t in zip(DEPTH, FORCE, TIME, strict=True)
+    )
+    curve = ul.read(put(f"{head}\n{body.replace('.', ',') if comma else body}\n"))
+    is_whole(curve)
+    np.testing.assert_allclose(curve.time, TIME, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("head", "depth"),
+    [
+        ("d (um),F (nN),other", 0),
+        ("t (s),d (um),force (nN)", 1),
+        ("F (nN),d_um,note", 1),
+        ("d,F\num,nN", 0),
+        ("d (um),h (um),F (nN)", 1),
+        ("d (um),Extension (um),Load (nN)", 1),
+        ("d (um),measuredHeight (um),F (nN)", 1),
+        ("D (um),F (nN)", None),
+        ("d (um),weight of it,other (nN)", None),
+        ("d (V),F (nN)", None),
+        ("d (um),d (um),F (nN)", None),
+    ],
+)
+def test_d_is_a_depth_where_a_force_stands_beside_it_and_no_other_depth(head, depth, put):
+    names = head.split("\n")[0].split(",")
+    is_force = [name.startswith(("F", "Load", "force")) for name in names]
+    columns = [FORCE if one else DEPTH if at == depth else TIME - 6.0 for at, one in enumerate(is_force)]
+    if depth is not None and "Height" in names[depth]:
+        columns[depth] = -DEPTH
+    path = put(head + "\n" + rows(*columns, separator=","))
+    if depth is None:
+        with pytest.raises(ul.InputError, match="column"):
+            ul.read(path)
+    else:
+        is_whole(ul.read(path))
 
 
 @pytest.mark.parametrize("head", ["Height (um)", "Separation (um)", "measuredHeight_um"])
@@ -620,7 +656,7 @@ def test_a_bad_member_never_refuses_the_others(member, put):
             member, b"depth (um),force (nN)\n1,oops\n2,3\n4,5\n" if member == "bad.csv" else b"\0\1\2 hello"
         )
         archive.writestr("run/a.csv", good)
-    (curve,) = read_all(put(content.getvalue(), "all.zip"))
+    (curve,) = ul.read_all(put(content.getvalue(), "all.zip"))
     is_whole(curve)
     assert member in str(curve.metadata["notes"])
 
@@ -636,7 +672,7 @@ def test_a_bad_sheet_never_refuses_the_others(put):
         sheet.append(row)
     content = io.BytesIO()
     book.save(content)
-    (curve,) = read_all(put(content.getvalue(), "book.xlsx"))
+    (curve,) = ul.read_all(put(content.getvalue(), "book.xlsx"))
     is_whole(curve)
 
 
@@ -728,25 +764,6 @@ def test_matlab_of_version_7_3_is_known(put):
 # --- parts of a curve, and manifests
 
 
-@pytest.mark.parametrize(
-    ("choice", "points", "deepest"),
-    [
-        ({"segment": "ramp 2"}, 40, 2.0),
-        ({"segment": "hold 3"}, 40, 3.0),
-        ({"step": 2, "segment": "all"}, 80, 2.0),
-        ({"from_time": 0.0, "to_time": 79.5, "segment": "all"}, 80, 1.0),
-    ],
-)
-def test_a_ramp_or_a_hold_is_chosen_by_its_number_or_its_time(choice, points, deepest):
-    depth = np.concatenate([np.r_[np.linspace(k, k + 1, 40), np.full(40, k + 1.0)] for k in range(4)])
-    curve = ul.Curve(1e-6 * depth, 1e-9 * depth**1.5, np.arange(320.0))
-    part = chosen_part(curve, choice)
-    assert len(part) == pytest.approx(points, abs=3)
-    assert part.depth.max() == pytest.approx(deepest * 1e-6, rel=0.05)
-    with pytest.raises(ul.CurveError, match="has no"):
-        chosen_part(curve, {"segment": "ramp 9"} if "segment" in choice else {"step": 9})
-
-
 @pytest.mark.parametrize("thickness", ["", ', thickness = "40 um"'])
 @pytest.mark.parametrize("steps", [1, 2, 3, 4, 5])
 def test_equilibrium_of_few_steps_is_fitted(steps, thickness, tmp_path, put):
@@ -766,7 +783,7 @@ def test_equilibrium_of_few_steps_is_fitted(steps, thickness, tmp_path, put):
         f"{'substrate.rigid = true' if thickness else ''}\n"
         'fit.layer.E = { min = "1 kPa", max = "10 MPa" }\n[curve]\nsegment = "equilibrium"\n'
     )
-    problem = load_problem(put(text, "steps.csv"), path)
+    problem = ul.load_problem(put(text, "steps.csv"), path)
     assert problem.n_points == steps
     found = ul.fit(problem)
     assert found.values["layer.E"] == pytest.approx(1e5, rel=2e-3)
@@ -780,39 +797,3 @@ def test_one_hold_takes_one_number():
     with pytest.raises(ul.InputError, match="free fewer"):
         ul.Problem(scene, curve.equilibrium(), ["layer.E", "layer.thickness"])
     assert "one hold alone" in str(ul.check_quality(curve.equilibrium(), scene).reasons)
-
-
-@pytest.mark.parametrize(
-    ("above", "names", "thin"),
-    [
-        ([["my samples"]], ["file", "thickness (mm)", "who did it"], 1.5),
-        ([], ["file", "who did it", "thickness (um)"], "1500"),
-        ([["2026"], []], ["curve", "thickness", "who did it"], "1.5 mm"),
-    ],
-)
-def test_a_manifest_may_be_a_workbook_with_any_further_column(above, names, thin, tmp_path):
-    cells = {"who did it": "A"}
-    book = openpyxl.Workbook()
-    for row in (*above, names, ["a.csv", *(cells.get(name, thin) for name in names[1:])]):
-        book.active.append(row)
-    book.save(tmp_path / "m.xlsx")
-    scene = ul.Scene(ul.Paraboloid(5e-4), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
-    (one,) = read_manifest(tmp_path / "m.xlsx", scene).for_curves(["a.csv"])
-    assert one.values["layer.thickness"] == pytest.approx(1.5e-3)
-    assert one.labels["who did it"] == "A"
-
-
-@pytest.mark.parametrize(
-    "content",
-    ["1 2 3\n4 5 6\n7 8 9\n", "depth,force\n1,2\n3,4\n", "Dear diary,\nnothing.\n", b"\0\1\2" * 99],
-)
-def test_a_scene_is_written_for_a_file_that_is_not_read(content, put):
-    file = put(content)
-    with pytest.raises(ul.InputError) as error:
-        ul.read(file)
-    text = unread_scene(file, file.name, str(error.value))
-    found = tomllib.loads(text)
-    assert found["curve"]["file"] == file.name
-    assert found["layer"]["E"].startswith("TODO")  # no word that is left becomes a half-space
-    assert "TODO" in found["layer"]["thickness"]
-    assert (content.split("\n")[0] if isinstance(content, str) else "It is no text") in text

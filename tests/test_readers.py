@@ -609,7 +609,7 @@ def test_jpk_without_a_calibration_asks_for_it(put):
 def test_jpk_circles_and_claims_are_refused_before_they_cost_anything(put):
     with pytest.raises(ul.FileFormatError, match="claims 2000000000 points and 200 bytes are there"):
         ul.read(put(afm_files.jpk(claimed=2_000_000_000)))
-    with pytest.raises(ul.FileFormatError, match="claims '1e9' points"):
+    with pytest.raises(ul.FileFormatError, match=r"the points of segments/0/.*'1e9'"):
         ul.read(put(afm_files.jpk(claimed="1e9")))
     circle = {
         "segments/0/segment-header.properties": (
@@ -692,7 +692,7 @@ def test_ntmdt_takes_a_current_sensitivity(put):
     path = put(files.ntmdt())
     with pytest.raises(ul.InputError, match=r'"60 nm/nA"'):
         ul.read(path)
-    with pytest.raises(ul.InputError, match="takes no sensitivity"):  # per volt would be wrong by 1e9
+    with pytest.raises(ul.InputError, match=r'"60 nm/nA"'):  # per volt would be wrong by 1e9
         ul.read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"})
     curve = ul.read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/nA"})
     assert np.ptp(curve.force) == pytest.approx(1.5 * 60e-9 * 0.04, rel=0.03)  # 1.5 nA of signal

@@ -183,7 +183,7 @@ def test_a_mistake_in_nested_keys_is_named_by_its_whole_path(tmp_path, written, 
         (
             "curve",
             "segment = 'backwards'",
-            r"\[curve\] segment: must be one of 'all', 'loading', .*; got 'backwards'",
+            r"\[curve\] segment: there is no 'backwards'; allowed are 'all', 'loading', .*'ramp 2'",
         ),
         ("curve", "segment = 'hold'", r"\[curve\] segment: a hold cannot be fitted"),
         ("curve", "flip = 'force'", r"\[curve\] flip: must be a list of 'depth', 'force'; got 'force'"),

@@ -460,7 +460,7 @@ ALL = {
     "nanosuite average": nanosuite_average,
     "testxpert": zwick,
     "excel": excel,
-    "afm workshop": workshop,
+    "csv workshop": workshop,
     "afm ntmdt": ntmdt,
     "csv": delimited,
     "csv semicolon": lambda: delimited(";", comma=True, end="\r\n"),

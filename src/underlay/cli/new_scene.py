@@ -93,7 +93,8 @@ def _lines(curve: Curve, name: str) -> Iterator[str]:
 
     known = curve.metadata
     extent = max(float(np.ptp(curve.depth)), np.finfo(float).tiny)
-    length = human_unit(extent, "length")[0]
+    # The largest unit that goes at least once into the depth: `human_unit` takes a tenth of one too.
+    length = human_unit(0.1 * extent, "length")[0]
     pressure = human_unit(float(np.ptp(curve.force)) / extent**2, "pressure")[0]
     yield f"# Starter scene. Replace every {PLACE}; `underlay keys` lists what else may stand here."
     yield from _sample(known, length, pressure)

@@ -373,9 +373,14 @@ def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdraw
     steps = curve.depth[1:] - curve.depth[:-1]
     comes_back = curve.segment is not None and bool((one_of_each(curve.segment) == UNLOADING).all())
     if not (steps if withdrawn else (steps < 0.0) if comes_back else (steps > 0.0)).any():
-        raise CurveError(
-            f"{_named(curve)}: the depth never increases; check which column is the depth, and its sign"
+        held = curve.segment is not None and bool((curve.segment == HOLD).all())
+        why = (
+            "a hold alone does not show how stiff the sample is; take its ramp with it, such as step = 1 with "
+            "segment = 'all' in [curve]"
+            if held
+            else "the depth never increases; check which column is the depth, and its sign"
         )
+        raise CurveError(f"{_named(curve)}: {why}")
     deepest = float(np.abs(curve.depth).max())
     if deepest < SMALLEST_LENGTH:
         raise CurveError(

@@ -44,6 +44,8 @@ _REPEATED, _FEWEST_LEVELS, _WHOLE = 0.25, 8, 0.05
 # of bending to travel below the last is a calibration's own error. By a public curve on mica: 1.4 %, 20 points,
 # 0.95, 1.38.
 _BACK, _UNKNOWN, _FEWEST_RISING, _SHARED, _RIGHT = 0.005, 4.0, 5, 0.7, 1.05
+# No two sensitivities of one lever are as far apart as this, which is less than a step from unit to unit.
+_ANOTHER_UNIT = 30.0
 # Below this share of the peak nothing is seen in double precision curves without noise.
 _RESOLUTION = 1e-9
 
@@ -128,8 +130,9 @@ def foot_of(curve: Curve) -> Foot:
     CurveError
         If the curve cannot be fitted, or its force never rises out of the noise.
     """
-    approach = approach_of(curve)
+    check_fittable(curve)
     _refuse_going_back(curve)
+    approach = approach_of(curve)
     x, force = approach.depth, approach.force
     line, noise, has_baseline = _baseline(x, force)
     noise = max(noise, converter_noise(curve.force))
@@ -269,8 +272,12 @@ def _refuse_going_back(curve: Curve) -> None:
     stiffness = curve.metadata.get("spring_constant") or _shared_stiffness(x, force)
     back = float(x[part][0] - x[-1])
     least = _BACK * float(np.ptp(x)) * (1.0 if stiffness else _UNKNOWN)
-    # A depth with the wrong sign goes back all along.
-    if back <= max(least, 2.0 * SIGNIFICANT * _sample_noise(x)) or x[part][0] - x[0] < back:
+    if back <= max(least, 2.0 * SIGNIFICANT * _sample_noise(x)):
+        return
+    # A depth with the wrong sign goes back all along, and the travel with it.
+    known = stiffness if curve.metadata.get("bending_taken_off") else None
+    goes_in = bool(known) and x[-1] - x[0] + (force[-1] - force[0]) / known > 0.0
+    if x[part][0] - x[0] < back and not goes_in:
         return
     if force[-1] - force[part][0] <= 2.0 * SIGNIFICANT * _sample_noise(force):
         return
@@ -284,10 +291,13 @@ def _refuse_going_back(curve: Curve) -> None:
             return
     more = f", {ratio:.2f} nm per nm of travel" if ratio > 1.0 else ""
     fault = f"too large by {100.0 * (ratio - 1.0):.0f} % at least" if ratio > 1.0 else "too large"
+    cause = f"Its sensitivity (nm/V) looks {fault}: calibrate it again"
+    if ratio > _ANOTHER_UNIT:
+        cause = f"Its spring constant or the unit of the force looks wrong, {ratio:.0f} times: check both"
     raise CurveError(
         f"the depth goes back by {format_quantity(back, 'length')} while the force rises: the lever is said to "
-        f"bend more than it travels{more}, which no sample does. Its sensitivity (nm/V) looks {fault}: calibrate "
-        "it again on a rigid sample, where deflection follows travel one to one"
+        f"bend more than it travels{more}, which no sample does. {cause} on a rigid sample, where deflection "
+        "follows travel one to one"
     )
 
 

@@ -49,6 +49,9 @@ def flipped(curve: Curve, columns: Iterable[str]) -> Curve:
     turned = {name: -getattr(curve, name) for name in columns}
     if not turned:
         return curve
+    if turned.keys() == {"depth"}:
+        # What turns is the travel: the bending of a lever is taken off it either way.
+        turned["depth"] = turned["depth"] - 2.0 * _bending(curve)
     rules: Mapping[str, Any] = curve.metadata.get("sign_rules") or {}
     new_rules = {name: f"turned, as asked; before: {rules.get(name, 'as given')}" for name in turned}
     notes = _without_note(curve.metadata.get("notes") or ())
@@ -96,10 +99,17 @@ def _without_note(notes: Iterable[str]) -> tuple[str, ...]:
     return tuple(note for note in notes if not (note.startswith(_NOTE) and note.endswith(_NOTE_END)))
 
 
+def _bending(curve: Curve) -> FloatArray | float:
+    """Bending of the lever (m), (n,), that was taken off the travel to make the depth; zero where none was."""
+    stiffness = curve.metadata.get("spring_constant") if curve.metadata.get("bending_taken_off") else None
+    return curve.force / stiffness if stiffness else 0.0
+
+
 def _plainly_right(curve: Curve) -> bool:
-    """Whether the reading whose force differs most from the first one has a larger force and a larger depth."""
+    """Whether the reading whose force differs most from the first one has a larger force and a larger travel."""
     farthest = int(np.abs(curve.force - curve.force[0]).argmax())
-    return bool(curve.force[farthest] > curve.force[0] and curve.depth[farthest] > curve.depth[0])
+    travel = curve.depth + _bending(curve)
+    return bool(curve.force[farthest] > curve.force[0] and travel[farthest] > travel[0])
 
 
 def _reversed(curve: Curve) -> tuple[tuple[str, ...], float, FloatArray] | None:
@@ -107,10 +117,11 @@ def _reversed(curve: Curve) -> tuple[tuple[str, ...], float, FloatArray] | None:
 
     None where the signs are right or cannot be told.
     """
-    depth, force = curve.depth, curve.force
+    # A lever that is said to bend too far turns the depth round, and never the travel.
+    depth, force = curve.depth + _bending(curve), curve.force
     if len(curve) < _FEWEST or not (np.isfinite(depth).all() and np.isfinite(force).all()):
         return None
-    way = _first_motion(curve)
+    way = _first_motion(replace(curve, depth=depth))
     if way is None:
         return None
     depth, force = depth[way], force[way]

@@ -91,16 +91,19 @@ def imprint_of(curve: Curve, contact_depth: float = 0.0) -> Imprint:
     depth = way_in.depth - contact_depth
     deepest, largest = float(depth.max()), float(way_in.force.max())
     upper = (depth > _UPPER * deepest) & (way_in.force > 0.0)
-    if not (
-        deepest > 0.0 and largest > 0.0 and np.count_nonzero(upper) >= _FEWEST and np.ptp(depth[upper]) > 0.0
-    ):
+    if not (deepest > 0.0 and largest > 0.0 and np.count_nonzero(upper) >= _FEWEST):
         return nothing
-    exponent, log_scale = np.polyfit(np.log(depth[upper]), np.log(way_in.force[upper]), 1)
-    slope = exponent * np.exp(log_scale) * depth[upper] ** (exponent - 1.0)
+    x, y = np.log(depth[upper]), np.log(way_in.force[upper])
+    about = x - x.mean()
+    spread = float(about @ about)
+    if not spread > 0.0:
+        return nothing
+    exponent = float(about @ y) / spread
+    slope = exponent * np.exp(y.mean() + exponent * about) / depth[upper]
     return Imprint(
         _residual(way_in, _way_out(curve), deepest, largest),
         _stiffening(way_in, upper, slope),
-        float(exponent),
+        exponent,
     )
 
 

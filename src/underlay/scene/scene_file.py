@@ -218,7 +218,7 @@ class SceneFile:
     simulate : SimulatedDepths or None
         Depths of a simulated curve.
     stated : frozenset of str
-        Paths of the instrument's numbers that the file gives; the others have their defaults.
+        Paths of the numbers of instrument and layer that the file gives; the others have their defaults.
     assumed : tuple of str
         Paths of numbers that nobody measured: a usual value stands in their place.
     path : Path
@@ -340,7 +340,9 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         simulate=_simulated_depths(document),
         path=path,
         left_out=left_out,
-        stated=frozenset(f"instrument.{name}" for name in table_of(document, "instrument")),
+        stated=frozenset(
+            f"{section}.{name}" for section in ("instrument", "layer") for name in table_of(document, section)
+        ),
         assumed=_assumed(document.get("assumed", []), scene),
     )
 

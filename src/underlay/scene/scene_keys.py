@@ -132,7 +132,7 @@ class Key:
             return _amount(value, self.takes)
         if self.takes is Mark:
             return str(Mark.parse(value))
-        if self.takes is SEGMENTS:
+        if self.takes == SEGMENTS:
             return _segment(value)
         if isinstance(self.takes, Quantity) or not self._allows(value):
             raise InputError(f"must be {self._asked}; got {value!r:.60}")

@@ -20,7 +20,6 @@ from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
     delimited,
-    exported,
     indenters,
     microscopes,
     nanoscope,
@@ -60,8 +59,8 @@ FORMATS: tuple[Format, ...] = (
     microscopes.PARK,
     microscopes.ASYLUM,
     workbooks.TESTXPERT,
-    exported.JSON_FORMAT,
-    exported.HDF5_FORMAT,
+    recorded.JSON_FORMAT,
+    recorded.HDF5_FORMAT,
     afm.FORMAT,
     recorded.MATLAB_FORMAT,
     recorded.TDMS_FORMAT,
@@ -282,22 +281,18 @@ def recognise(source: Source) -> Format:
             return candidate
     if what := way_out(source):
         raise source.wrong(f"is {what}")
-    wanted = "an export as text with names and units of its columns is"
-    raise source.wrong(f"is in no format that can be read; {wanted}{_broken()}")
-
-
-def _by_name() -> dict[str, Format]:
-    return {known.name: known for known in all_formats()}
-
-
-def _broken() -> str:
-    return faults(plugged_readers(FORMATS))
+    raise source.wrong(
+        "is in no format that can be read; an export as text with names and units of its columns "
+        f"is{faults(plugged_readers(FORMATS))}"
+    )
 
 
 def _format_named(name: str) -> Format:
-    known = _by_name()
+    known = {one.name: one for one in all_formats()}
     if name not in known:
-        raise InputError(f"no format {name!r}; there are {', '.join(known)}{_broken()}")
+        raise InputError(
+            f"no format {name!r}; there are {', '.join(known)}{faults(plugged_readers(FORMATS))}"
+        )
     return known[name]
 
 

@@ -26,8 +26,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
-from underlay.data.readers._text import kind_named, plain, split_label, unit_named
-from underlay.data.readers._words import SAID, listed, words
+from underlay.data.readers._text import SAID, kind_named, listed, plain, split_label, unit_named, words
 from underlay.errors import InputError, UnitError
 from underlay.units import unit_factor
 
@@ -38,12 +37,14 @@ ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
 KNOWN = {role: listed(text) for role, text in SAID["columns"].items()}
 # What stands beside a name and changes nothing of what it means here.
 _FILLERS = words("beside")
+_BESIDE_FORCE = words("depth_beside_force")
 # In brackets behind a name, and no unit.
 _REMARKS = frozenset(("measured", "sensor"))
 _CALLED = re.compile(r"(?:column|col\.?|spalte|#)?\s*#?\s*(\d{1,3})\b[\s,:_/]*(.*)", re.IGNORECASE)
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
 _UNIT = re.compile(r"\s*([^\W\d_]+(?:\^-?\d)?(?:/[^\W\d_]+(?:\^-?\d)?)?)")
 _LATER_UNIT = re.compile(r"\s*[(\[{]([^()\[\]{}]{1,20})[)\]}]")
+_RANK = {"+": 0, "-": 0, "*": 1, "/": 1}
 # A mapping is a line somebody typed; nested calls stay far from Python's limit.
 _LONGEST, _DEEPEST = 400, 20
 
@@ -231,6 +232,10 @@ def _known_columns(labels: tuple[str, ...]) -> Mapping[str, int]:
                     chosen += there if len(there) == 1 and role != "deflection" else []
                 if chosen:
                     found.setdefault(role, chosen[0])
+    if "force" in found and not found.keys() & {"depth", "travel", "height"}:
+        beside = [at for at, label in enumerate(labels) if split_label(label)[0].strip() in _BESIDE_FORCE]
+        if len(beside) == 1 and kinds[beside[0]] in ("length", None):
+            found["depth"] = beside[0]
     return found
 
 
@@ -342,14 +347,12 @@ class _Parser:
             raise self._refused("what stands there")
         return node
 
-    def _sum(self) -> _Node | None:
-        return self._chain("+-", lambda: self._chain("*/", self._factor))
-
-    def _chain(self, signs: str, part: Callable[[], _Node | None]) -> _Node | None:
-        node = part()
-        while node is not None and (sign := self._next()) and sign in signs:
+    def _sum(self, least: int = 0) -> _Node | None:
+        """Read factors that are joined by signs of rank `least` or higher, as far as there are any."""
+        node = self._factor()
+        while node is not None and (sign := self._next()) and _RANK.get(sign, -1) >= least:
             self.at += 1
-            right = part()
+            right = self._sum(_RANK[sign] + 1)
             node = None if right is None else _joined(sign, node, right)
         return node
 
@@ -358,17 +361,15 @@ class _Parser:
         if self.deep > _DEEPEST:
             raise self._refused("so many brackets and signs")
         letter = self._next()
-        node: _Node | None
-        if letter == "-":
+        if letter and letter in "-(":
             self.at += 1
-            inner = self._factor()
-            node = inner and _joined("*", _constant(-1.0, "dimensionless"), inner)
-        elif letter == "(":
-            self.at += 1
-            node = self._sum()
-            if node is not None and self._next() != ")":
-                raise self._refused("a bracket without its end")
-            self.at += 1
+            node = self._factor() if letter == "-" else self._sum()
+            if node is not None and letter == "-":
+                node = _joined("*", _constant(-1.0, "dimensionless"), node)
+            elif node is not None:
+                if self._next() != ")":
+                    raise self._refused("a bracket without its end")
+                self.at += 1
         else:
             node = self._column() or self._number()
         self.deep -= 1

@@ -9,24 +9,49 @@ it.
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import cached_property, partial
+from importlib import import_module
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay._text import one_line
+from underlay._text import names_there, one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._source import Source
-from underlay.data.readers._words import SAID
-from underlay.errors import CurveError, InputError, MissingExtraError, UnderlayError, UnderlayWarning
+from underlay.data.readers._text import (
+    SAID,
+    Lines,
+    as_number,
+    column_factor,
+    is_number,
+    kind_named,
+    listed,
+    numbers,
+    split_label,
+)
+from underlay.errors import (
+    CurveError,
+    FileFormatError,
+    InputError,
+    MissingExtraError,
+    UnderlayError,
+    UnderlayWarning,
+    UnitError,
+    missing_extra,
+)
 from underlay.plugins import READERS, Plugin, plugins
+from underlay.units import parse_quantity, unit_factor
 
-# Rows left out that are named.
-_LISTED = 5
+# Rows left out that are named, and how much of a text tells its format.
+_LISTED, _HEAD = 5, 65_536
+# "Model: Hertz", "SMDuration (s) 0.0", "ErHz= 830.29 kPa": a key ends in a colon, an equals sign or a bracket.
+_KEY_VALUE = re.compile(r"(.+?(?:\)|:|=))\s*(.*)")
 
 
 @dataclass(frozen=True)
@@ -78,6 +103,38 @@ class Format:
     extra: str = ""
     takes_columns: bool = False
     takes_calibration: bool = False
+
+
+def declared(
+    name: str,
+    read_all: Callable[[Source, Options], list[Curve]],
+    sniff: Callable[[Source], bool] | None = None,
+    read_one: Callable[[Source, Options, int], Curve] | None = None,
+) -> Format:
+    """Return the format of this name as ``formats.toml`` describes it: what it takes, and the extra it needs.
+
+    Without `sniff` it is recognised by how its files begin (``begins``), or by texts in their heads (``holds``).
+    """
+    said = SAID["formats"][name]
+    begins = tuple(text.encode("latin-1") for text in said.get("begins", ()))
+
+    def known(source: Source) -> bool:
+        if begins:
+            return source.data.startswith(begins)
+        return all(text in source.head(_HEAD) for text in said["holds"])
+
+    takes = {f"takes_{what}": True for what in said.get("takes", ())}
+    return Format(
+        name, said["description"], sniff or known, read_all, read_one, said.get("extra", ""), **takes
+    )
+
+
+def library(name: str, need: str, otherwise: str = "") -> Any:
+    """Import a library of the extra "afm"; MissingExtraError, which says what `need` it is, if it is not there."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise missing_extra(need, "afm", otherwise) from error
 
 
 def make_curve(
@@ -255,3 +312,214 @@ def way_out(source: Source) -> str:
         if source.data.startswith(known["mark"].encode("latin-1"), known.get("at", 0)):
             return f"{known['what']}, which is not read here: {known['advice']}"
     return ""
+
+
+# --- text formats said as data
+
+#: Columns (n,) in SI by what they are.
+Columns: TypeAlias = Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column that an instrument writes.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of quantity; "" for a number without a unit.
+    names : tuple of str
+        Its names, in small letters, best first; empty where `Part.found` gives its place.
+    needed : bool
+        Whether a curve cannot be made without it.
+    """
+
+    kind: str
+    names: tuple[str, ...] = ()
+    needed: bool = True
+
+
+@dataclass(frozen=True)
+class Part:
+    """One test as it stands in a file: a header, and a table as text.
+
+    Parameters
+    ----------
+    head : sequence of str
+        Lines above the table.
+    labels : sequence of (str, str)
+        Name and unit of each column.
+    rows : sequence of sequences of str
+        The cells.
+    name : str
+        Name of the part in error messages, such as its block or sheet.
+    found : mapping of str to int
+        Index of the column of a role, where the reader knows it and names are not needed.
+    about : mapping
+        Further entries of the curve's metadata.
+    """
+
+    head: Sequence[str]
+    labels: Sequence[tuple[str, str]]
+    rows: Sequence[Sequence[str]]
+    name: str = ""
+    found: Mapping[str, int] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+
+def table_below(lines: Sequence[str], at: int, rows: slice = slice(None), **about: Any) -> Part:
+    """Return the table below a line of names, tabs between cells, with all lines above the names as its head.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The file.
+    at : int
+        Number of the line of names, from 0.
+    rows : slice, optional
+        Which of the lines below it are rows; all by default.
+    **about
+        Further entries of the curve's metadata.
+    """
+    labels = [split_label(label) for label in lines[at].split("\t")]
+    return Part(lines[:at], labels, Lines(list(lines[at + 1 :][rows]), "\t"), about=about)
+
+
+def place_of(header: Mapping[str, str], *keys: str) -> dict[str, tuple[float, ...]]:
+    """Return the ``position`` (m) of a test from these entries of a header, in um; {} where one is missing."""
+    places = [header.get(key, "") for key in keys]
+    return (
+        {"position": tuple(1e-6 * as_number(text) for text in places)} if all(map(is_number, places)) else {}
+    )
+
+
+def header_of(lines: Sequence[str]) -> dict[str, str]:
+    """Parse header lines such as "Model: Hertz" into keys and values; tabs separate the pairs of a line."""
+    header: dict[str, str] = {}
+    for line in lines:
+        cells = [" ".join(cell.split()) for cell in line.strip().split("\t")]
+        if len(cells) == 1:
+            matched = _KEY_VALUE.fullmatch(cells[0])
+            cells = [matched[1], matched[2]] if matched else []
+        elif len(cells) % 2 or cells[0].endswith((":", "=")):  # a number and its unit in cells of their own
+            cells = [cells[0], " ".join(cells[1:]).strip()]
+        for key, value in zip(cells[::2], cells[1::2], strict=False):
+            if key:
+                header.setdefault(key.rstrip(" :="), value)
+    return header
+
+
+def channels_of(name: str) -> dict[str, Channel]:
+    """Return the columns of a format, by role, as ``formats.toml`` lists them under its name."""
+    said = SAID["formats"][name]["columns"]
+    return {role: Channel(kind, listed(names), *needed) for role, (kind, names, *needed) in said.items()}
+
+
+def found_columns(channels: Mapping[str, Channel], labels: Sequence[tuple[str, str]]) -> dict[str, int]:
+    """Find the index of the column of each role by its names; of several, one whose unit is of the right kind."""
+    found = {}
+    for role, channel in channels.items():
+        named = [at for name in channel.names for at, label in enumerate(labels) if label[0].lower() == name]
+        # "Depth (V)" beside "Depth (nm)" is the raw signal.
+        fitting = [at for at in named if kind_named(labels[at][1]) == channel.kind]
+        if named:
+            found[role] = (fitting or named)[0]
+    return found
+
+
+@dataclass(frozen=True)
+class TextFormat:
+    """A text format described by data: its entry in ``formats.toml`` and a few functions, over one table reader.
+
+    The entry holds its ``description``; its ``columns``, of which ``depth``, ``force`` and ``time`` become those of
+    the curve and others serve `made`; its ``signs``, the rule of sign of each in words; ``known`` entries of the
+    header, by key: the name in the curve's metadata, the kind of quantity, and the unit if the value has none;
+    whether a ``comma`` is the decimal sign, found from the first rows if missing; and the ``extra`` it needs, as
+    in `Format`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the format, as in `Format`, and of its entry in ``formats.toml``.
+    parts : callable
+        Finds the tests (`Part`) of a file; raises `FileFormatError` where there is none.
+    made : callable
+        Of a part and its SI columns: further arguments of `make_curve` (depth, segment, notes, metadata).
+    sniff : callable, optional
+        Whether the content of a file is of this format, where the entry does not tell; see `declared`.
+    """
+
+    name: str
+    parts: Callable[[Source], Iterable[Part]]
+    made: Callable[[Part, Columns], Mapping[str, Any]] = lambda _, __: {}
+    sniff: Callable[[Source], bool] | None = None
+
+    @property
+    def said(self) -> Mapping[str, Any]:
+        """The entry of this format in ``formats.toml``."""
+        return SAID["formats"][self.name]  # type: ignore[no-any-return]
+
+    @cached_property
+    def columns(self) -> Mapping[str, Channel]:
+        """The columns that the instrument writes, by role (``depth``, ``force``, ...)."""
+        return channels_of(self.name)
+
+    @property
+    def format(self) -> Format:
+        """The `Format` by which `read` recognises and reads such files."""
+        return declared(self.name, self._read_all, self.sniff)
+
+    def _read_all(self, source: Source, options: Options) -> list[Curve]:
+        del options
+        parts = [(part.name, partial(self._curves, source, part)) for part in self.parts(source)]
+        if all(name.startswith("sheet") for name, _ in parts):
+            return read_parts(parts)
+        return [curve for _, read in parts for curve in read()]
+
+    def _curves(self, source: Source, part: Part) -> list[Curve]:
+        where = f"{source.name}, {part.name}" if part.name else source.name
+        found = {**found_columns(self.columns, part.labels), **part.found}
+        for role, channel in self.columns.items():
+            if role not in found and channel.needed:
+                there = names_there(name for name, _ in part.labels)
+                raise FileFormatError(f"{where} has no column {channel.names[0]!r}; it has {there}")
+        columns = self.read(where, part, found)
+        header = header_of(part.head)
+        own = {role: columns.get(role) for role in ("depth", "force", "time")}
+        made: dict[str, Any] = {
+            **({"header": header} if part.head else {}),
+            "units": {part.labels[at][0]: part.labels[at][1] for at in found.values()},
+            "sign_rules": dict(self.said.get("signs", {})),
+            **self._known(header),
+            **own,
+            **part.about,
+            **self.made(part, columns),
+        }
+        main = (made.pop(role, None) for role in (*own, "segment"))
+        return [make_curve(source, *main, **made)]
+
+    def read(self, where: str, part: Part, found: Mapping[str, int]) -> dict[str, FloatArray]:
+        """Read the columns of a part, (n,) in SI, by role; `found`: their indices, `where`: its name in errors."""
+        if not len(part.rows):
+            raise FileFormatError(f"{where} has no rows of numbers")
+        table = numbers(part.rows, list(found.values()), where, comma=self.said.get("comma"))
+        columns = {}
+        for j, (role, at) in enumerate(found.items()):
+            channel, (label, unit) = self.columns[role], part.labels[at]
+            factor = column_factor(unit, channel.kind, label, where) if channel.kind else 1.0
+            columns[role] = table[:, j] * factor
+        return columns
+
+    def _known(self, header: Mapping[str, str]) -> dict[str, float]:
+        """Numbers of the header (SI) that a fit uses, by their name in the metadata; missing ones are left out."""
+        known = {}
+        for key, (name, kind, unit) in self.said.get("known", {}).items():
+            value = header.get(key, "")
+            if unit and is_number(value):
+                known[name] = as_number(value) * unit_factor(unit, kind)
+            elif not unit:
+                try:
+                    known[name] = parse_quantity(value, kind)
+                except UnitError:  # written without a unit in some versions: then it is not used
+                    continue
+        return known

@@ -26,8 +26,9 @@ import numpy as np
 
 from underlay._door import opened
 from underlay.data.export import HDF5_MARK
+from underlay.data.readers._format import library
 from underlay.data.readers._source import MAX_BYTES, Source, curve_name
-from underlay.errors import FileFormatError, UnderlayError, missing_extra
+from underlay.errors import FileFormatError, UnderlayError
 
 #: First bytes of an HDF5 file.
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -208,10 +209,7 @@ def open_checked(source: Source) -> Iterator[Checked]:
     FileFormatError
         If the file is damaged, or something in it is refused by `Checked`.
     """
-    try:
-        h5py: Any = import_module("h5py")
-    except ImportError as error:
-        raise missing_extra("reading HDF5 needs h5py", "afm") from error
+    h5py = library("h5py", "reading HDF5 needs h5py")
     kept = source.kept if isinstance(source, GroupSource) else None
     try:
         with _content(h5py, source, kept) as file:

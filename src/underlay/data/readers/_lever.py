@@ -33,6 +33,11 @@ _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
 _PER_CENT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*%\s*")
 # A piezo without closed loop is off by a few per cent, and 1.35 and 1.21 times were seen in files.
 _CLOSE = 0.1
+#: What is said of a depth of which no bending could be taken off.
+STILL_BENT = (
+    'depth still holds the bending of the cantilever: give calibration = { spring_constant = "0.04 N/m" } with '
+    "your number, or set the instrument's compliance to its inverse"
+)
 #: Kinds of quantity of a calibration, and what they are called in the metadata of a curve.
 _NAMES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 
@@ -185,11 +190,11 @@ class Lever:
         return signal if unit == "N" else signal * self.stiffness
 
 
-def uncalibrated(source: Source) -> InputError:
-    """The error for a file that lacks the spring constant or sensitivity its curve needs; says how to give them."""
+def uncalibrated(source: Source, unit: str = "nm/V") -> InputError:
+    """The error for a file that lacks a spring constant or a sensitivity (in `unit`); says how to give them."""
     return InputError(
         f"{source.name} does not hold its calibration; give calibration = {{ "
-        'spring_constant = "0.04 N/m", sensitivity = "60 nm/V" } with your numbers'
+        f'spring_constant = "0.04 N/m", sensitivity = "60 {unit}" }} with your numbers'
     )
 
 
@@ -197,12 +202,13 @@ def lever_curve(
     source: Source,
     travel: FloatArray,
     force: FloatArray,
-    lever: Lever,
+    lever: Lever | None,
     *,
     channel: str,
     time: FloatArray | None = None,
     segment: NDArray[np.str_] | None = None,
     number: int = 1,
+    header: Mapping[str, str] | None = None,
     **metadata: Any,
 ) -> Curve:
     """Make a curve of the travel of an AFM's scanner and the force on its cantilever.
@@ -213,14 +219,17 @@ def lever_curve(
         Travel of the scanner, growing towards the sample (m); its zero is arbitrary.
     force : ndarray (n,)
         Force on the lever, positive in compression (N).
-    lever : Lever
-        Its spring constant takes the bending off: depth = travel - force / spring constant.
+    lever : Lever or None
+        Its spring constant takes the bending off: depth = travel - force / spring constant. None, where it is not
+        known, leaves it in, with a note.
     channel : str
         Name of the signal that the travel was read from, for the note on signs in the metadata.
     time, segment : ndarray (n,), optional
         Time (s) and segment labels.
     number : int
         Number of the curve in its file, from 1.
+    header : mapping, optional
+        Entries of the file's header, kept as one line of at most 200 characters each; empty ones are dropped.
     **metadata
         Further entries of the curve's metadata.
 
@@ -229,27 +238,27 @@ def lever_curve(
     CurveError
         If no point is left.
     """
+    entries = {name: one_line(text)[:200] for name, text in (header or {}).items() if text}
     rules = {
-        "depth": f"{channel} - force / spring constant",
+        "depth": f"{channel} - force / spring constant" if lever else channel,
         "force": "positive in compression: volts * sensitivity * spring constant",
         **metadata.pop("sign_rules", {}),
     }
+    about: dict[str, Any] = {"name": curve_name(source.path, number), **(lever.about if lever else {})}
+    if lever is None:
+        about["notes"] = (STILL_BENT,)
     return make_curve(
         source,
-        travel - force / lever.stiffness,
+        travel - force / lever.stiffness if lever else travel,
         force,
         time,
         segment,
         units={"depth": "m", "force": "N", "time": "s"},
         sign_rules=rules,
-        bending_taken_off=True,
-        **{"name": curve_name(source.path, number), **lever.about, **metadata},
+        bending_taken_off=lever is not None,
+        header=entries,
+        **{**about, **metadata},
     )
-
-
-def header_entries(entries: Mapping[str, str]) -> dict[str, str]:
-    """Shorten header entries to one line of at most 200 characters each; empty ones are dropped."""
-    return {name: one_line(text)[:200] for name, text in entries.items() if text}
 
 
 def sensor_note(sensor: FloatArray, driven: float) -> tuple[str, ...]:

@@ -16,8 +16,16 @@ from typing import NamedTuple, TypeAlias
 from underlay._text import names_there
 from underlay.data.readers._columns import find_columns, parse_column
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import is_number, is_unit, kind_named, plain, split_label, without_brackets
-from underlay.data.readers._words import words
+from underlay.data.readers._text import (
+    SEGMENT_OF,
+    is_number,
+    is_unit,
+    kind_named,
+    plain,
+    split_label,
+    without_brackets,
+    words,
+)
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.units import unit_factor
 
@@ -38,6 +46,9 @@ _SENSITIVITY = re.compile(
     r"(?:defl\w*\.?\s?sens\w*|invols|sensitivity)[^\d\n]{0,12}([\d.]+(?:e[+-]?\d+)?)\s*([num]m/V|m/V)",
     re.IGNORECASE,
 )
+# AFM Workshop: nN/nm is N/m, mV/nm an inverse sensitivity; a 1 is written where nothing was calibrated.
+_WORKSHOP = re.compile(r"(Force Constant, nN/nm|Light Lever Gain, mV/nm):\s*([\d.]+)\s*")
+_UNSET = (0.0, 1.0)
 # "Column 1: time (s)", one a line; "1: time 2: depth", "[1] time [2] depth".
 _ONE_A_LINE = re.compile(
     r"\W*(?:column|col\.?|spalte|colonne|columna)?\s*#?(\d{1,3})\s*[\]:.)=]\s*(\D.*)", re.IGNORECASE
@@ -61,11 +72,6 @@ _COMPLETE = [{"Fn", "Pd"}] + [
 _WAVES_ALONE = frozenset({"Raw", "Defl", "DeflV", "DeflVolts", "ZSnsr", "LVDT"})
 _WAVE_NAMES = {"DeflV": "Defl", "DeflVolts": "Defl"}
 _WAVE_UNITS = {"DeflV": "V", "DeflVolts": "V", "Force": "N"}
-# Approach and way back side by side: a word of each, beside the name of the channel.
-_DIRECTIONS = {
-    **dict.fromkeys(("ex", "extend", "approach", "trace", "ext"), LOADING),
-    **dict.fromkeys(("rt", "retract", "withdraw", "retrace", "ret"), UNLOADING),
-}
 
 
 def side_by_side(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, list[int], list[str]]]:
@@ -114,9 +120,9 @@ def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]
     for index, label in enumerate(labels):
         joint = "_" if "_" in label else " "
         words = label.strip().split("_" if joint == "_" else None)
-        directions = [word for word in words if word.lower() in _DIRECTIONS]
+        directions = [word for word in words if SEGMENT_OF.get(word.lower()) in found]
         if len(directions) == 1:
-            indices, names = found[_DIRECTIONS[directions[0].lower()]]
+            indices, names = found[SEGMENT_OF[directions[0].lower()]]
             indices.append(index)
             names.append(joint.join(word for word in words if word != directions[0]))
     there, back = found[LOADING][1], found[UNLOADING][1]
@@ -317,7 +323,7 @@ def _commented_names(text: str, layout: Layout, split: Callable[[str, str], list
         text = _COUNT.sub(" ", text)
     label, colon, rest = text.partition(":")
     texts = [rest, text] if colon and len(label.split()) <= 2 else [text]
-    splits = [split(one.strip(), each) for one in texts for each in ("", "\t", ";", ",", " ")]
+    splits = [split(one.strip(), each) for one in texts for each in ("", "\t", ";", "|", ",", " ")]
     for one in texts:
         try:
             splits += [shlex.split(one), one.split(), with_units(one)]
@@ -361,6 +367,10 @@ def stated_lever(lines: Sequence[str]) -> dict[str, float]:
             if stated and is_number(stated[1]) and float(stated[1]) > 0.0:
                 unit = 1.0 if kind == "stiffness" else unit_factor(stated[2], kind)
                 found.setdefault(kind, float(stated[1]) * unit)
+        stated = _WORKSHOP.fullmatch(line)
+        if stated and is_number(stated[2]) and (value := float(stated[2])) not in _UNSET:
+            gain = stated[1].startswith("Light")
+            found["sensitivity" if gain else "stiffness"] = 1e-6 / value if gain else value
     return found
 
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray, median
 from underlay._text import names_there
 from underlay.data.readers._source import Source
-from underlay.data.readers._text import bare_cell, is_number, kind_named, split_label
-from underlay.data.readers._words import words
+from underlay.data.readers._text import bare_cell, is_number, kind_named, split_label, words
 
 _STATISTICS, _OF_A_TEST, _NUMBERED = words("statistics"), words("of_a_test"), words("numbered")
 _NAMED = words("named")

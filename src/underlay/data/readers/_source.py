@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import zipfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from underlay._door import FileKind, PathLike, printable, read_bytes, read_member, unpacked
 from underlay._door import open_zip as bounded_zip
 from underlay._text import names_there
 from underlay.errors import FileFormatError
 
+_Value = TypeVar("_Value")
 _MB = 1_000_000
 #: Largest file, and largest total of what an archive holds, in bytes.
 MAX_BYTES = 256 * _MB
@@ -20,6 +26,9 @@ MAX_BYTES = 256 * _MB
 MAX_TEXT_BYTES = 64 * _MB
 #: What the door is told of a file of curves.
 CURVES = FileKind("a file of curves", MAX_BYTES, "export it again, or split it into one file per test")
+# More points or bytes than a number of so many digits says are in no file.
+_DIGITS = 12
+_MOST = 10**_DIGITS
 # Of a text in UTF-8, and how much of it all formats but those with long headers look at.
 _MARK, _FIRST = b"\xef\xbb\xbf", 65_536
 # Of a text in UTF-16, and how many of its letters tell one that lacks it.
@@ -75,6 +84,35 @@ class Source:
         """
         if not condition:
             raise self.wrong(message)
+
+    def given(self, value: _Value | None, message: str) -> _Value:
+        """Return a value that the file must have; FileFormatError with `message` where it is None."""
+        if value is None:
+            raise self.wrong(message)
+        return value
+
+    def count(self, text: str, what: str, most: int = _MOST) -> int:
+        """Return the whole number of a header entry, at most `most`; FileFormatError, which names `what`, else."""
+        sound = text.isdecimal() and len(text) <= _DIGITS and int(text) <= most
+        self.require(sound, f": no whole number for {what}, or one above {most}; it says {text!r:.40}")
+        return int(text)
+
+    def number(self, text: str, what: str) -> float:
+        """Return the finite number of a header entry; FileFormatError, which names `what`, else."""
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        self.require(math.isfinite(value), f": no number for {what}; it says {text!r:.40}")
+        return value
+
+    def array(self, kind: np.dtype[Any], count: int, at: int, what: str) -> NDArray[Any]:
+        """Return `count` numbers from byte `at` on; FileFormatError, naming `what`, where the file ends before."""
+        size = count * kind.itemsize
+        sound = 0 <= at <= len(self.data) - size
+        claim = f"{what} claims {size} bytes from byte {at} on, and the file has {len(self.data)}"
+        self.require(sound, f"is cut short: {claim}")
+        return np.frombuffer(self.data, kind, count, at)
 
     @property
     def is_zip(self) -> bool:

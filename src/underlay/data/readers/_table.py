@@ -31,7 +31,7 @@ from underlay.data.readers._columns import (
     unread,
 )
 from underlay.data.readers._format import Options, make_curve
-from underlay.data.readers._lever import Lever
+from underlay.data.readers._lever import STILL_BENT, Lever
 from underlay.data.readers._names import side_by_side, sides_of
 from underlay.data.readers._not_readings import (
     beginnings,
@@ -42,6 +42,7 @@ from underlay.data.readers._not_readings import (
 )
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import (
+    SAID,
     bare_cell,
     column_factor,
     is_number,
@@ -50,8 +51,8 @@ from underlay.data.readers._text import (
     split_label,
     unit_named,
     without_brackets,
+    words,
 )
-from underlay.data.readers._words import words
 from underlay.data.segments import HOLD, LOADING, UNLOADING, against_motion
 from underlay.data.signs import reversed_columns, sign_note
 from underlay.errors import FileFormatError, InputError
@@ -63,14 +64,6 @@ _PLAIN_HUNDREDS = re.compile(r"[+-]?[1-9]\d\d")
 _THREE_DIGITS, _ROUNDING = 100.0, 1e-6
 # Names from which a lever's bending is still to be taken off.
 _SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - words("of_a_stage")
-_MARKS = {
-    "end of loading": HOLD,
-    "end of hold": UNLOADING,
-    "unload": UNLOADING,
-    "hold": HOLD,
-    "load": LOADING,
-    "approach": LOADING,
-}
 
 
 @dataclass(frozen=True)
@@ -155,7 +148,9 @@ def _curves(
     """
     read = [_Reader(source, table, options) for table in parts.values()]
     first, times = read[0], [one.time for one in read if one.time is not None]
-    depth, force = (np.concatenate([getattr(one, name) for one in read]) for name in ("depth", "force"))
+    depth, force, bending = (
+        np.concatenate([getattr(one, name) for one in read]) for name in ("depth", "force", "bending")
+    )
     time = np.concatenate(times) if len(times) == len(read) else None
     labels: NDArray[np.str_] | None
     if len(parts) > 1:
@@ -177,18 +172,25 @@ def _curves(
             about["name"] = f"{metadata.get('name') or source.path.stem}, test {number}"
         clock = None if time is None else time[here]
         segment = None if labels is None else labels[here]
-        curve = make_curve(source, depth[here], force[here], clock, segment, **about)
+        beside = {"bending": bending[here]} if first.free else {}
+        curve = make_curve(source, depth[here], force[here], clock, segment, columns=beside, **about)
         curves.append(_with_signs(curve, free=first.free))
     return curves
 
 
 def _with_signs(curve: Curve, *, free: bool) -> Curve:
-    """Add a note if depth or force looks reversed; if `free`, a depth of either direction is turned instead."""
-    notes = curve.metadata["notes"]
-    if free and reversed_columns(curve) == ("depth",):
+    """Add a note if depth or force looks reversed; if `free`, a travel of either direction is turned instead.
+
+    The column ``bending`` (m), if there is one, was taken off the travel; it is dropped.
+    """
+    notes, bending = curve.metadata["notes"], curve.columns.get("bending", 0.0)
+    curve = replace(curve, columns={})
+    travel = replace(curve, depth=curve.depth + bending).with_metadata(bending_taken_off=False)
+    if free and reversed_columns(travel) == ("depth",):
         rules = {**curve.metadata["sign_rules"], "depth": "turned: the first motion goes into the sample"}
         note = "the depth is turned: its column may grow either way, and the first motion of a test goes in"
-        return replace(curve, depth=-curve.depth).with_metadata(sign_rules=rules, notes=(*notes, note))
+        turned = replace(curve, depth=-curve.depth - 2.0 * bending)
+        return turned.with_metadata(sign_rules=rules, notes=(*notes, note))
     doubt = sign_note(curve)
     return curve.with_metadata(notes=(*notes, *doubt)) if doubt else curve
 
@@ -196,7 +198,8 @@ def _with_signs(curve: Curve, *, free: bool) -> Curve:
 class _Reader:
     """Depth, force and time (SI) of one table, with their units, rules of sign and notes.
 
-    `free`: the depth is a travel whose direction is not known. `known`: the calibration used, for the metadata.
+    `free`: the depth is a travel whose direction is not known, less the `bending` (m) of a lever. `known`: the
+    calibration used, for the metadata.
     """
 
     def __init__(self, source: Source, table: Table, options: Options) -> None:
@@ -223,7 +226,9 @@ class _Reader:
         self._read_columns(wanted)
         self.depth, self.force = (self._value(role, wanted[role]) for role in ("depth", "force"))
         self.time = self._clock(self._value("time", wanted["time"])) if "time" in wanted else None
+        self.bending = np.zeros(len(self.depth))
         self._take_off_bending()
+        self.depth = self.depth - self.bending
         self.notes += unread(self.labels, self.found, self.mapping)
 
     def _read_columns(self, wanted: dict[str, Asked]) -> None:
@@ -398,6 +403,9 @@ class _Reader:
         return time
 
     def _lever(self) -> Lever:
+        signals = [label for label in self.labels if name_of(label) in KNOWN["deflection"]]
+        if "sensitivity" in self.options.calibration and not signals:
+            raise InputError(f"{self.source.name} holds forces, not volts; a sensitivity cannot be given")
         lever = Lever.of(self.source, self.table.stated, self.options.calibration)
         self.known |= {**lever.about, "bending_taken_off": True}
         return lever
@@ -434,20 +442,17 @@ class _Reader:
             name = self.labels[deflection]
             if deflection not in self.columns:
                 self.columns[deflection] = self._numbers([deflection])[:, 0]
-            self.depth = self.depth - self.columns[deflection] * unit_factor(unit, "length")
+            self.bending = self.columns[deflection] * unit_factor(unit, "length")
             self.signs["depth"] += f" - {name!r}"
             self.units[name] = unit
             if self.table.stated.get("stiffness"):
                 self._lever()
             self.known["bending_taken_off"] = True
         elif self.options.calibration or self.table.stated:
-            self.depth = self.depth - self.force / self._lever().stiffness
+            self.bending = self.force / self._lever().stiffness
             self.signs["depth"] += " - force / spring constant"
         else:
-            self.notes.append(
-                f"the depth is read from {label!r:.80} and still holds the bending of the lever: give "
-                'calibration = { spring_constant = "0.04 N/m" } with your number, or a compliance in [instrument]'
-            )
+            self.notes.append(STILL_BENT)
 
 
 def _indices(wanted: Mapping[str, Asked]) -> list[int]:
@@ -560,7 +565,7 @@ def marked(markers: Sequence[str], motion: NDArray[np.str_] | None = None) -> ND
     for row, marker in enumerate(markers):
         text = marker.strip().lower()
         if text and text != "end":
-            found = next((label for word, label in _MARKS.items() if word in text), "")
+            found = next((label for word, label in SAID["marks"].items() if word in text), "")
             if not found and motion is None:
                 return None
             # What is no mark of a segment, as the first reading of a drift, ends one.

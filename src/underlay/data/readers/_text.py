@@ -5,19 +5,38 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._door import parse_toml
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source
-from underlay.data.readers._words import SAID, listed
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import kind_of, unit_factor
 
+#: The document: ``columns``, ``words``, ``units`` and ``formats``.
+SAID: Mapping[str, Any] = parse_toml(files(__package__).joinpath("formats.toml").read_text(encoding="utf-8"))
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """Split a text at commas into its entries, blanks tidied; () of an empty text."""
+    return tuple(" ".join(name.split()) for name in text.split(",") if name.strip())
+
+
+def words(name: str) -> frozenset[str]:
+    """Return the set of words that ``formats.toml`` holds under this name in its section ``words``."""
+    return frozenset(listed(SAID["words"][name]))
+
+
+#: Label of a segment (loading, hold, unloading) by the word that an instrument has for it.
+SEGMENT_OF: Mapping[str, str] = {
+    word: label for label, text in SAID["segments"].items() for word in listed(text)
+}
 #: Instruments write the largest double, or averages of it, for "no value".
 SENTINEL = 1e300
 
@@ -191,6 +210,13 @@ def unit_named(text: str) -> str:
     return word if word in _PLAIN_UNITS else _WORD_UNITS.get(word.rstrip(".").casefold(), word)
 
 
+def si_factor(unit: str, *kinds: str) -> float | None:
+    """Return the SI value of a unit, a tilde in it read as micro; None unless it is of one of these kinds."""
+    symbol = unit_named(unit.replace("~", "u"))
+    kind = kind_named(symbol)
+    return _factor(symbol, kind) if kind in kinds else None
+
+
 def bare_cell(cell: str) -> str:
     """A cell without blanks and quotes around it."""
     return cell.strip().strip('"')
@@ -263,6 +289,15 @@ def column_factor(unit: str, kind: str, column: str, where: str) -> float:
         return _factor(unit, kind)
     except UnitError as error:
         raise UnitError(f"{where}, column {column!r:.80}: {error}") from error
+
+
+def finite(text: str) -> float | None:
+    """Return the finite number that a text is; None of any other text."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def is_number(cell: str) -> bool:

@@ -1,13 +1,12 @@
-"""Atomic force microscopes: JPK, NT-MDT and AFM Workshop text, and HDF5 and tables (.tab) of afmformats.
+"""Atomic force microscopes: JPK, NT-MDT text, and HDF5 and tables (.tab) of afmformats.
 
 The content is recognised, not the extension. All give the height of the scanner, falling towards the sample, and
 the force. The tip is at height + force / spring constant, so depth = -(height + force / spring constant); its zero
 is arbitrary and contact is found later. A file without a spring constant gives depth = -height, which still holds
 the bending of the cantilever: a note says so.
 
-Why not through afmformats (0.18): it opens a path of its own, takes metadata as they are, and drops the calibration
-that a file of AFM Workshop states where another is given. The numbers are its to the last bit
-(`tests/test_real_files.py`).
+Why not through afmformats (0.18): it opens a path of its own and takes metadata as they are. The numbers are its to
+the last bit (`tests/test_real_files.py`).
 """
 
 from __future__ import annotations
@@ -24,13 +23,12 @@ from underlay._arrays import FloatArray
 from underlay._door import parse_json
 from underlay._text import names_there
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options, make_curve
+from underlay.data.readers._format import Options, declared
 from underlay.data.readers._hdf5 import HDF5_MAGIC, Checked, curve_groups, is_own, open_checked
-from underlay.data.readers._lever import Lever
-from underlay.data.readers._source import Source, curve_name
-from underlay.data.readers._text import Lines, is_number, lines_of, numbers
+from underlay.data.readers._lever import Lever, lever_curve, uncalibrated
+from underlay.data.readers._source import Source
+from underlay.data.readers._text import Lines, lines_of, numbers
 from underlay.data.readers.jpk import read_jpk
-from underlay.data.readers.text_format import header_of
 from underlay.data.segments import HOLD, label_pieces, segments_from_motion
 from underlay.errors import InputError
 
@@ -46,8 +44,6 @@ _OLD_SEGMENTS = {"False": "0", "True": "1"}
 # Numbers that other parts rely on, and what those that stand in a curve's metadata are called there.
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
 _NUMBERS = (*_KNOWN, "position x", "position y")
-# AFM Workshop's names; a 1 is written where nothing was calibrated. nN/nm is N/m, mV/nm an inverse sensitivity.
-_STIFFNESS, _GAIN, _UNSET = "Force Constant, nN/nm", "Light Lever Gain, mV/nm", 1.0
 # NT-MDT: no header, three columns with decimal commas: height (nm), detector (nA) on the way in and on the way out.
 _NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
 # A segment that travels less than this share of the whole rests: creep under a held force is a few per cent.
@@ -63,22 +59,15 @@ def _kind(source: Source) -> str:
     head = source.head(2000)
     if _TAB_MARK in head:
         return "tab"
-    if head.startswith("Force-Distance Curve") and ("File Format" in head or "Software Version" in head):
-        return "workshop"
     lines = [line for line in head.split("\n") if line][:4]
     return "ntmdt" if len(lines) == 4 and all(map(_NTMDT_ROW.fullmatch, lines[:3])) else ""
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:
     given, kind = options.calibration, _kind(source)
-    source.require(kind, "is none of JPK, NT-MDT, AFM Workshop, HDF5 or .tab")
-    # A detector gives volts or a current.
-    detector, unit = ("current sensitivity", "nm/nA") if kind == "ntmdt" else ("sensitivity", "nm/V")
-    example = f'calibration = {{ spring_constant = "0.04 N/m", sensitivity = "60 {unit}" }} with your numbers'
-    if kind != "workshop" and (unused := set(given) - {"stiffness", detector}):
-        raise InputError(f"{source.name} takes no {unused.pop()}; give {example}")
-    if kind == "ntmdt" and len(given) < 2:
-        raise InputError(f"{source.name} does not hold its calibration; give {example}")
+    source.require(kind, "is none of JPK, NT-MDT, HDF5 or .tab")
+    if kind == "ntmdt" and given.keys() != {"stiffness", "current sensitivity"}:
+        raise uncalibrated(source, "nm/nA")
     if given and kind in {"tab", "hdf5"}:
         raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
     return _READERS[kind](source, given)
@@ -113,43 +102,6 @@ def _tab(source: Source, _: Mapping[str, float]) -> list[Curve]:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _workshop(source: Source, given: Mapping[str, float]) -> list[Curve]:
-    """Read an AFM Workshop text file: a header, a row of names, approach and retraction side by side; one curve."""
-    lines = lines_of(source)
-    at = next((at for at, line in enumerate(lines) if line.startswith(("Extend ", "Retract "))), len(lines))
-    head = header_of(lines[:at])
-    names = lines[at].strip().split(",") if at < len(lines) else []
-    volts = any("T-B(V)" in name for name in names)
-    if "sensitivity" in given and not volts:
-        raise InputError(f"{source.name} holds forces, not volts; a sensitivity cannot be given")
-    texts = (head.get(key, "") for key in (_STIFFNESS, _GAIN))
-    stiffness, gain = (float(text) if is_number(text) else _UNSET for text in texts)
-    stated = {
-        "stiffness": None if stiffness == _UNSET else stiffness,
-        "sensitivity": None if gain in {0.0, _UNSET} else 1e-6 / gain,
-    }
-    lever = Lever.of(source, stated, given) if volts or stated["stiffness"] or "stiffness" in given else None
-    table = numbers(Lines(lines[at + 1 :], ","), range(len(names)), source.name, comma=False)
-    columns = dict(zip(names, table.T, strict=True))
-    signal = "T-B(V)" if volts else "Force(nN)"
-    wanted = [f"{way} {channel}" for channel in ("Z-Sense(nm)", signal) for way in ("Extend", "Retract")]
-    missing = [name for name in wanted if name not in columns]
-    source.require(not missing, f"has no column {''.join(missing[:1])!r}; it has {names_there(names)}")
-    z_in, z_out, signal_in, signal_out = (columns[name] for name in wanted)
-    read = np.concatenate((signal_in, signal_out))
-    data = {
-        _HEIGHTS[0]: -1e-9 * np.concatenate((z_in, z_out)),
-        "force": lever.force(source, read) if volts and lever is not None else read * 1e-9,
-        "segment": np.repeat((0.0, 1.0), len(z_in)),
-    }
-    about: dict[str, Any] = {} if lever is None else dict(lever.about)
-    places = [head.get(f"{axis}, um", "") for axis in "XY"]
-    if all(map(is_number, places)):
-        about["position"] = tuple(1e-6 * float(place) for place in places)
-    found = {} if lever is None else {"spring constant": lever.stiffness}
-    return [_curve(source, 1, data, found, header=head, **about)]
 
 
 def _ntmdt(source: Source, given: Mapping[str, float]) -> list[Curve]:
@@ -209,7 +161,6 @@ def _require_afmformats(source: Source, file: Checked, group: Any) -> None:
 
 _READERS: Mapping[str, Callable[[Source, Mapping[str, float]], list[Curve]]] = {
     "jpk": read_jpk,
-    "workshop": _workshop,
     "ntmdt": _ntmdt,
     "tab": _tab,
     "hdf5": _hdf5,
@@ -226,31 +177,30 @@ def _curve(
     channel = next((name for name in _HEIGHTS if name in data), _HEIGHTS[-1])
     height, force = (np.array(data[name], dtype=np.float64) for name in (channel, "force"))
     time = np.array(data["time"], dtype=np.float64) if "time" in data else None
-    stiffness = found.get("spring constant")
-    depth, rule, notes = -height, f"minus {channel}", list[str]()
-    if stiffness:
-        depth, rule = -(height + force / stiffness), f"minus ({channel} + force / spring constant)"
-    else:
-        notes.append(
-            'depth still holds the bending of the cantilever: give calibration = { spring_constant = "0.04 N/m" } '
-            "with your number, or set the instrument's compliance to its inverse"
-        )
     if "position x" in found and "position y" in found:
         known["position"] = (float(found["position x"]), float(found["position y"]))
-    about = {
-        "name": curve_name(source.path, number),
-        "header": {key: str(found[key]) for key in found if key not in {"path", "z range"}},
-        "units": {"height": "m", "force": "N", "time": "s"},
-        "sign_rules": {
-            "depth": rule,
-            "force": "positive in compression",
-            "segment": "from the file's segments where it has several, else from the motion of the height",
-        },
-        "notes": notes,
-        "bending_taken_off": bool(stiffness),
-        **{name: found[key] for key, name in _KNOWN.items() if key in found},
+    about = {name: found[key] for key, name in _KNOWN.items() if key in found}
+    stiffness = found.get("spring constant")
+    rules = {
+        "force": "positive in compression",
+        "segment": "from the file's segments where it has several, else from the motion of the height",
     }
-    return make_curve(source, depth, force, time, _segments(data, height, time), **{**about, **known})
+    return lever_curve(
+        source,
+        -height,
+        force,
+        Lever(stiffness) if stiffness else None,
+        channel=f"minus {channel}",
+        time=time,
+        segment=_segments(data, height, time),
+        number=number,
+        sign_rules=rules,
+        **{
+            "header": {key: str(found[key]) for key in found if key not in {"path", "z range"}},
+            **about,
+            **known,
+        },
+    )
 
 
 def _segments(data: Mapping[str, FloatArray], height: FloatArray, time: FloatArray | None) -> Any:
@@ -267,11 +217,4 @@ def _segments(data: Mapping[str, FloatArray], height: FloatArray, time: FloatArr
     return label_pieces(-height, starts, {int(first): HOLD for first in resting})
 
 
-FORMAT = Format(
-    name="afm",
-    description="AFM files: JPK, NT-MDT and AFM Workshop text, HDF5 and .tab of afmformats",
-    sniff=lambda source: bool(_kind(source)),
-    read_all=_read_all,
-    extra="afm",
-    takes_calibration=True,
-)
+FORMAT = declared("afm", _read_all, lambda source: bool(_kind(source)))

@@ -1,7 +1,7 @@
 """Plain CSV and TSV tables: a row of names with units, then numbers.
 
 Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``, ``load_N``), in a row below the names,
-in a comment, or in the column mapping. Separators are tab, semicolon, comma or blanks; a decimal comma is
+in a comment, or in the column mapping. Separators are tab, semicolon, bar, comma or blanks; a decimal comma is
 understood where the separator is not a comma, or the cells stand in quotes.
 
 What stands above the first long run of rows of numbers (results, settings) is passed over. Lines that start with
@@ -28,7 +28,7 @@ from underlay._door import parse_json
 from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK, restored
-from underlay.data.readers._format import Format, Options
+from underlay.data.readers._format import Options, declared, header_of, place_of
 from underlay.data.readers._names import (
     Layout,
     Row,
@@ -40,8 +40,7 @@ from underlay.data.readers._names import (
 )
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import Table, table_curves
-from underlay.data.readers._text import Lines, is_number, lines_and_gaps
-from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.data.readers._text import SEGMENT_OF, Lines, is_number, lines_and_gaps
 from underlay.errors import UnitError
 from underlay.units import kind_of, parse_quantity
 
@@ -63,28 +62,21 @@ _READINGS = {
     for separator, between, number in (
         ("\t", "[ ]*\t[ ]*", _DECIMAL),
         (";", r"[ \t]*;[ \t]*", _DECIMAL),
+        ("|", r"[ \t]*\|[ \t]*", _DECIMAL),
         (",", r"[ \t]*,[ \t]*", _DECIMAL.replace(",", "")),
         (" ", r"[ \t]+", _DECIMAL),
     )
 }
 _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 _LISTED = 3
-# "segment: extend", as JPK's text export says it above each.
-_SEGMENTS = {
-    "extend": LOADING,
-    "approach": LOADING,
-    "pause": HOLD,
-    "retract": UNLOADING,
-    "withdraw": UNLOADING,
-}
 
 
 def _separator(line: str) -> str:
-    """Separator (tab, semicolon, comma or blank) of a line with two numbers or more; '' for any other line."""
+    """Separator (a key of `_READINGS`) of the cells of a line with two numbers or more; '' for any other line."""
     if _DIGIT.search(line) is None or line.lstrip().startswith(_COMMENT):
         return ""
     some = ""
-    for separator in ("\t", ";", ",", " "):
+    for separator in _READINGS:
         if separator in line or separator == " ":
             cells = _split(line, separator)
             count = sum(map(is_number, cells))
@@ -236,7 +228,8 @@ def _waves(source: Source, lines: Sequence[str]) -> list[str]:
         f"is an Igor text file with {len(columns)} waves; a curve has 2 or more",
     )
     rows = zip_longest(*(column for _, column in columns), fillvalue="")
-    return [*others, "\t".join(name for name, _ in columns), *("\t".join(row) for row in rows)]
+    table = [*others, "\t".join(name for name, _ in columns), *("\t".join(row) for row in rows)]
+    return list(filter(str.strip, table))  # a wave may lack its name, and its numbers
 
 
 def _left_out(
@@ -285,8 +278,8 @@ def _said_above(
     starts, before = {0}, ""
     for at, line in commented.items():
         label, word = (text.strip() for text in _bare(line).partition(":")[::2])
-        if label.lower() == "segment" and word.lower() in _SEGMENTS:
-            segments.append((row_of(at), _SEGMENTS[word.lower()]))
+        if label.lower() == "segment" and word.lower() in SEGMENT_OF:
+            segments.append((row_of(at), SEGMENT_OF[word.lower()]))
         elif label.lower() == "index" and word != before:
             starts.add(row_of(at))
             before = word
@@ -317,9 +310,12 @@ def _require_names(source: Source, names: Sequence[str], rows: Sequence[Sequence
         )
 
 
-def _known_numbers(comments: Sequence[str]) -> dict[str, float]:
-    """Read the numbers of `COMMENTED_NUMBERS` (SI) from comments such as ``indenter radius: 27.5 um``."""
-    known = {}
+def _known_numbers(comments: Sequence[str]) -> dict[str, Any]:
+    """Read the numbers of `COMMENTED_NUMBERS` (SI) from comments such as ``indenter radius: 27.5 um``.
+
+    Also the ``position`` (x, y) (m), as AFM Workshop writes it: ``X, um: 0.5``.
+    """
+    known: dict[str, Any] = dict(place_of(header_of(comments), "X, um", "Y, um"))
     for comment in comments:
         key, _, value = comment.partition(":")
         name = key.strip().lower().replace(" ", "_")
@@ -342,11 +338,4 @@ def _stored(comments: Sequence[str]) -> Any:
     return None
 
 
-FORMAT = Format(
-    name="csv",
-    description="plain CSV or TSV with names and units in the header",
-    sniff=lambda source: any(map(_separator, source.head(65_536).split("\n"))),
-    read_all=_read_all,
-    takes_columns=True,
-    takes_calibration=True,
-)
+FORMAT = declared("csv", _read_all, lambda source: any(map(_separator, source.head(65_536).split("\n"))))

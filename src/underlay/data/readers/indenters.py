@@ -22,9 +22,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
+from underlay.data.readers._format import Columns, Part, TextFormat, header_of, place_of, table_below
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import as_number, is_number, lines_of, split_label
-from underlay.data.readers.text_format import Columns, Part, TextFormat, header_of, table_below
 from underlay.data.segments import (
     HOLD,
     LOADING,
@@ -47,11 +47,6 @@ _CLOSURE = 1e-3
 _CUT_SHARE = 0.05
 
 
-def _is_optics11(source: Source) -> bool:
-    head = source.head()
-    return "Cantilever (nm)" in head and "Piezo (nm)" in head and "\tLoad (" in head
-
-
 def _optics11_parts(source: Source) -> Iterator[Part]:
     lines, needed = lines_of(source), {"time", "load", "cantilever", "piezo"}
     for at, line in enumerate(lines):
@@ -70,10 +65,7 @@ def _made_of_optics11(part: Part, columns: Columns) -> dict[str, Any]:
     """
     piezo, cantilever, header = columns["piezo"], columns["cantilever"], header_of(part.head)
     depth = piezo - cantilever
-    made: dict[str, Any] = {}
-    places = [header.get(f"{axis}-position (um)", "") for axis in "XYZ"]
-    if all(map(is_number, places)):
-        made["position"] = tuple(as_number(place) * 1e-6 for place in places)
+    made: dict[str, Any] = dict(place_of(header, *(f"{axis}-position (um)" for axis in "XYZ")))
     indentation = columns.get("indentation", np.zeros(0))
     cut, pressed = indentation == 0.0, indentation > 0.0
     # Some versions write Piezo - Cantilever as it is; a zero in it is then a chance.
@@ -98,7 +90,7 @@ def _closure(load: FloatArray, cantilever: FloatArray, stiffness: str) -> list[s
     return [f"load differs from stiffness times deflection by up to {gap:.3g} N: check the file's units"]
 
 
-OPTICS11 = TextFormat("optics11", _is_optics11, _optics11_parts, _made_of_optics11).format
+OPTICS11 = TextFormat("optics11", _optics11_parts, _made_of_optics11).format
 
 
 # --- Anton Paar Bioindenter (UNHT Bio)
@@ -112,11 +104,6 @@ _FIT_RANGE = re.compile(r"\s*Load Fit \[\s*(\d+(?:\.\d+)?)\s*%\s*[,;]\s*(\d+(?:\
 _PROFILE = re.compile(r"\s*\+?\s*user defined profile", re.IGNORECASE)
 # The number of the pause in the automatic protocol "+ Advanced": load, pause, unload, retract.
 _PAUSE_OF_ADVANCED = 2
-
-
-def _is_bioindenter(source: Source) -> bool:
-    head = source.head(65_536)
-    return _MEASURED in head and "SegmentID" in head and "\tFn (" in head
 
 
 def _bioindenter_parts(source: Source) -> Iterator[Part]:
@@ -149,7 +136,7 @@ def _made_of_bioindenter(part: Part, columns: Columns) -> dict[str, Any]:
     return {**made, "segment": segment}
 
 
-BIOINDENTER = TextFormat("bioindenter", _is_bioindenter, _bioindenter_parts, _made_of_bioindenter).format
+BIOINDENTER = TextFormat("bioindenter", _bioindenter_parts, _made_of_bioindenter).format
 
 
 # --- Hysitron TriboScan: .hld, and the text export of load-controlled tests
@@ -206,7 +193,7 @@ def _made_of_hysitron(part: Part, columns: Columns) -> dict[str, Any]:
     return {"segment": kinds[np.minimum(np.searchsorted(ends, time, side="left"), count - 1)]}
 
 
-HYSITRON = TextFormat("hysitron", _is_hysitron, _hysitron_parts, _made_of_hysitron).format
+HYSITRON = TextFormat("hysitron", _hysitron_parts, _made_of_hysitron, sniff=_is_hysitron).format
 
 
 # --- Fischer (Picodentor, HM2000): blocks of one application; the units stand nowhere and are fixed
@@ -245,7 +232,7 @@ def _fischer_parts(source: Source) -> Iterator[Part]:
         yield Part(head, labels, rows, f"block {block}, value {value}", about=about)
 
 
-FISCHER = TextFormat("fischer", _is_fischer, _fischer_parts).format
+FISCHER = TextFormat("fischer", _fischer_parts, sniff=_is_fischer).format
 
 
 # --- Biomomentum Mach-1
@@ -396,9 +383,5 @@ def _search_result(where: str, search: _Block | None) -> dict[str, Any]:
     return known
 
 
-def _is_mach1(source: Source) -> bool:
-    return source.head(200).lstrip().startswith("<Mach-1 File>")
-
-
-_MACH1 = TextFormat("mach1", _is_mach1, _mach1_parts, _made_of_mach1)
+_MACH1 = TextFormat("mach1", _mach1_parts, _made_of_mach1)
 MACH1 = _MACH1.format

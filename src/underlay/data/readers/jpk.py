@@ -40,7 +40,7 @@ from underlay._door import opened, read_member
 from underlay.data.curve import Curve
 from underlay.data.readers._lever import Lever, lever_curve, uncalibrated
 from underlay.data.readers._source import MAX_BYTES, Source, curve_name, open_zip
-from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.data.readers._text import SEGMENT_OF
 from underlay.errors import FileFormatError
 
 __all__ = ["JpkMapCurve", "curves_of_jpk_map", "read_jpk"]
@@ -60,14 +60,11 @@ _INTEGERS = {
     "unsignedinteger": ">u4",
 }
 _FLOATS = "float-data"
-_STYLES = {"extend": LOADING, "pause": HOLD, "modulation": HOLD, "retract": UNLOADING}
 # Where a segment says what it is, in files of different ages.
 _STYLE_KEYS = [f"force-segment-header.{at}style" for at in ("settings.segment-settings.", "settings.", "")]
 # From the base of the deflection to the force: what each step is multiplied by, and what a caller may give.
 _STEPS = {"distance": "sensitivity", "force": "stiffness"}
 _CONVERSIONS = "channel.{}.conversion-set.conversion"
-# More points than a number of so many digits says are in no file.
-_DIGITS = 12
 # What is worth showing of the general header, by the end of its key.
 _ABOUT = {"instrument": ".description.instrument", "software version": ".description.source-software"}
 
@@ -138,14 +135,14 @@ class _Segment:
 
     def number(self, key: str) -> float:
         """The finite number that the header holds for `key`; FileFormatError without one."""
-        return _number(self.source, self.header, key)
+        return self.source.number(self.header.get(key, ""), f"{key!r:.120}")
 
     @property
     def label(self) -> str:
         """Label of the segment (loading, hold or unloading) by the style that its header states."""
         style = next((self.header[key] for key in _STYLE_KEYS if key in self.header), "")
-        self.source.require(style in _STYLES, f", {self.place}: unknown kind of segment {style!r:.40}")
-        return _STYLES[style]
+        self.source.require(style in SEGMENT_OF, f", {self.place}: unknown kind of segment {style!r:.40}")
+        return SEGMENT_OF[style]
 
     @property
     def calibration(self) -> dict[str, float]:
@@ -195,9 +192,7 @@ class _Segment:
         known = is_float or kind in _INTEGERS
         source.require(known, f", {self.place}: unknown encoding {kind!r:.40} of {channel}")
         claim = header.get("force-segment-header.num-points", "0")
-        sound = claim.isdecimal() and len(claim) <= _DIGITS
-        source.require(sound, f", {self.place}: claims {claim!r:.40} points in a segment")
-        declared = int(claim)
+        declared = source.count(claim, f"the points of {self.place}")
         # Floats are single unless there are twice as many bytes.
         dtype = np.dtype((">f8" if len(content) == 8 * declared else ">f4") if is_float else _INTEGERS[kind])
         source.require(
@@ -210,15 +205,6 @@ class _Segment:
             return values.astype(np.float64)
         multiplier = self.number(f"{prefix}.scaling.multiplier")
         return values * multiplier + self.number(f"{prefix}.scaling.offset")
-
-
-def _number(source: Source, header: Mapping[str, str], key: str) -> float:
-    try:
-        value = float(header[key])
-    except (KeyError, ValueError) as error:
-        raise source.wrong(f": no number for {key!r:.120}") from error
-    source.require(np.isfinite(value), f": {value} for {key!r:.120}")
-    return value
 
 
 def read_jpk(source: Source, calibration: Mapping[str, float]) -> list[Curve]:
@@ -275,7 +261,9 @@ def _curve(
         number=number,
         header={name: general[key] for name, end in _ABOUT.items() for key in general if key.endswith(end)},
         sign_rules={"segment": "from the header of each segment"},
-        position=tuple(_number(source, general, key) for key in keys) if len(keys) == 2 else (),
+        position=tuple(source.number(general[key], f"{key!r:.120}") for key in keys)
+        if len(keys) == 2
+        else (),
     )
 
 

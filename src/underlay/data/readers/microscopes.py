@@ -36,7 +36,6 @@ import re
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -46,21 +45,13 @@ from underlay._arrays import FloatArray
 from underlay._door import understood
 from underlay._text import names_there
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options
-from underlay.data.readers._lever import Lever, header_entries, lever_curve, sensor_note
+from underlay.data.readers._format import Options, declared, library
+from underlay.data.readers._lever import Lever, lever_curve, sensor_note
 from underlay.data.readers._source import CURVES, MAX_BYTES, Source
+from underlay.data.readers._text import finite, si_factor
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
-from underlay.errors import missing_extra
 
 __all__ = ["ASYLUM", "NANOSURF", "PARK"]
-
-
-def _finite(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
 
 
 # --- Asylum
@@ -101,11 +92,11 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
     channels = [next((name for name in known if name in columns), "") for known in (_IBW_HEIGHTS, _IBW_DEFL)]
     source.require(all(channels), f"has no height or no deflection; it has {names_there(names)}")
     travel, bending = (columns[name] for name in channels)
-    stated = {"stiffness": _finite(note.get(_SPRING, "")), "sensitivity": _finite(note.get("InvOLS", ""))}
+    stated = {"stiffness": finite(note.get(_SPRING, "")), "sensitivity": finite(note.get("InvOLS", ""))}
     lever = Lever.of(source, stated, options.calibration)
     time = step * np.arange(len(bending), dtype=np.float64) if step > 0.0 else None
     known = np.isfinite(travel) & np.isfinite(bending)
-    trigger = _finite(note.get("TriggerPoint", "")) if note.get("TriggerChannel") == "Force" else None
+    trigger = finite(note.get("TriggerPoint", "")) if note.get("TriggerChannel") == "Force" else None
     more: dict[str, Any] = {"setpoint": trigger} if trigger else {}
     curve = lever_curve(
         source,
@@ -115,7 +106,7 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
         channel=channels[0],
         time=time,
         segment=segments_from_motion(travel, time) if known.all() else None,
-        header=header_entries({name: note.get(key, "") for name, key in _IBW_ABOUT.items()}),
+        header={name: note.get(key, "") for name, key in _IBW_ABOUT.items()},
         sign_rules={"segment": "from the motion of the height"},
         **more,
     )
@@ -124,10 +115,7 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
 
 def _wave(source: Source) -> tuple[FloatArray, list[str], dict[str, str], float]:
     """Read an Igor wave: numbers (rows, columns), column names, its note, and seconds between rows (0: unknown)."""
-    try:
-        binarywave = import_module("igor2.binarywave")
-    except ImportError as error:
-        raise missing_extra("reading Asylum .ibw files needs igor2", "afm") from error
+    binarywave = library("igor2.binarywave", "reading Asylum .ibw files needs igor2")
     wave = binarywave.load(io.BytesIO(source.data))["wave"]
     values = np.asarray(wave["wData"], dtype=np.float64)
     # The first label of a dimension is that of the dimension itself.
@@ -143,14 +131,7 @@ def _wave(source: Source) -> tuple[FloatArray, list[str], dict[str, str], float]
     return values, names, note, step if math.isfinite(step) else 0.0
 
 
-ASYLUM = Format(
-    name="asylum",
-    description="Asylum Research force curves (Igor binary waves, .ibw)",
-    sniff=lambda source: source.data[:2] in _ORDERS and _NOTE in source.data,
-    read_all=_read_asylum,
-    extra="afm",
-    takes_calibration=True,
-)
+ASYLUM = declared("asylum", _read_asylum, lambda source: source.data[:2] in _ORDERS and _NOTE in source.data)
 
 
 # --- Nanosurf
@@ -158,7 +139,6 @@ ASYLUM = Format(
 
 # "D[2.72436]*[N/m]"
 _PROPERTY = re.compile(r"\w\[([^\]]*)\]\*\[([^\]]*)\]")
-_COUNT = re.compile(r"\d{1,9}")
 _END = b"#!"
 _INTEGERS: Mapping[str, np.dtype[Any]] = {"16": np.dtype("<i2"), "32": np.dtype("<i4")}
 _DEFLECTION = "Deflection"
@@ -196,18 +176,13 @@ class _Nid:
 
     def count(self, section: str, key: str, most: int = MAX_BYTES) -> int:
         """A whole number of the header, at most `most`; FileFormatError where it is missing or larger."""
-        text = self[section].get(key, "")
-        self.source.require(
-            _COUNT.fullmatch(text) and int(text) <= most,
-            f": no number up to {most} for {key!r} in [{section!s:.60}]; it says {text!r:.40}",
-        )
-        return int(text)
+        return self.source.count(self[section].get(key, ""), f"{key!r} in [{section!s:.60}]", most)
 
     def number(self, section: str, key: str) -> float | None:
         """A finite number of the header, written plainly or as ``D[2.7]*[N/m]``; None where there is none."""
         text = self[section].get(key, "")
         found = _PROPERTY.fullmatch(text)
-        return _finite(found[1] if found else text)
+        return finite(found[1] if found else text)
 
     def groups(self) -> dict[str, list[_Channel]]:
         """Channels of the groups that make a force curve (forward, pause, backward), by the name of the group."""
@@ -222,16 +197,10 @@ class _Nid:
                 points, lines = self.count(section, "Points"), self.count(section, "Lines", _MOST_LINES)
                 bits = self[section].get("SaveBits", "")
                 source.require(bits in _INTEGERS, f": [{section!s:.60}] holds no numbers of 16 or 32 bits")
-                size = points * lines * _INTEGERS[bits].itemsize
-                source.require(
-                    start + size <= len(source.data),
-                    f"is cut short: [{section!s:.60}] claims {size} bytes from byte {start} on, and the file has "
-                    f"{len(source.data)}",
-                )
+                raw = source.array(_INTEGERS[bits], points * lines, start, f"[{section!s:.60}]")
                 if name in wanted:
-                    raw = np.frombuffer(source.data, _INTEGERS[bits], points * lines, start)
                     groups.setdefault(name, []).append(_Channel.of(self, section, raw.reshape(lines, points)))
-                start += size
+                start += raw.nbytes
         return groups
 
     def lever(self, options: Options) -> Lever:
@@ -242,11 +211,8 @@ class _Nid:
             # "5,TipSignalDC,Deflection,m,7.30723e-07,0"
             cells = entry.split(",")
             if len(cells) == 6 and cells[1].startswith("TipSignalDC") and cells[2] == _DEFLECTION:
-                try:
-                    scales.setdefault(cells[3], float(cells[4]))
-                except ValueError:
-                    continue
-        if "m" in scales and scales.get("V"):
+                scales.setdefault(cells[3], finite(cells[4]) or 0.0)
+        if scales.get("m") and scales.get("V"):
             stated["sensitivity"] = scales["m"] / scales["V"]
         return Lever.of(self.source, stated, options.calibration)
 
@@ -268,10 +234,10 @@ class _Channel:
     def of(cls, nid: _Nid, section: str, raw: NDArray[Any]) -> _Channel:
         """Make a channel from its integers (lines, points), scaled to the range that its header section states."""
         entries, bits = nid[section], 8 * raw.dtype.itemsize
-        low, extent = (_finite(entries.get(key, "")) for key in ("Dim2Min", "Dim2Range"))
-        if low is None or extent is None:
-            key = "Dim2Min" if low is None else "Dim2Range"
-            raise nid.source.wrong(f": {entries.get(key, '')!r:.40} for {key!r} in [{section!s:.60}]")
+        low, extent = (
+            nid.source.number(entries.get(key, ""), f"{key!r} in [{section!s:.60}]")
+            for key in ("Dim2Min", "Dim2Range")
+        )
         keys = [f"LineDim{line}Points" for line in range(len(raw))]
         points = tuple(nid.count(section, key) if key in entries else raw.shape[1] for key in keys)
         values = low + (raw + 2.0 ** (bits - 1)) * (extent / 2.0**bits)
@@ -287,33 +253,26 @@ class _Channel:
 def _read_nanosurf(source: Source, options: Options) -> list[Curve]:
     nid = _Nid(source)
     groups = nid.groups()
-    deflections = {
-        name: next((channel for channel in channels if channel.name == _DEFLECTION), None)
-        for name, channels in groups.items()
-    }
-    forward = deflections.get(_GROUPS[0][0])
-    if forward is None:
-        raise source.wrong(
-            "is a Nanosurf file without a force curve ('Spec forward' of the deflection); images and spectra are "
-            "not read"
-        )
+    forward = source.given(
+        _deflection(groups, _GROUPS[0][0]),
+        "is a Nanosurf file without a force curve ('Spec forward' of the deflection); images and spectra are "
+        "not read",
+    )
     lever = nid.lever(options)
     numbers = [number for number, points in enumerate(forward.points) if points]
-    return [_nid_curve(nid, groups, deflections, lever, number) for number in numbers]
+    return [_nid_curve(nid, groups, lever, number) for number in numbers]
 
 
-def _nid_curve(
-    nid: _Nid,
-    groups: Mapping[str, list[_Channel]],
-    deflections: Mapping[str, _Channel | None],
-    lever: Lever,
-    number: int,
-) -> Curve:
+def _deflection(groups: Mapping[str, list[_Channel]], group: str) -> _Channel | None:
+    return next((channel for channel in groups.get(group, ()) if channel.name == _DEFLECTION), None)
+
+
+def _nid_curve(nid: _Nid, groups: Mapping[str, list[_Channel]], lever: Lever, number: int) -> Curve:
     source = nid.source
     travels, forces, times, labels = [], [], [], list[str]()
     began, timed = 0.0, True
     for group, label, backwards, setting in _GROUPS:
-        deflection = deflections.get(group)
+        deflection = _deflection(groups, group)
         if deflection is None or number >= len(deflection.points):
             continue
         unit, values = deflection.unit, deflection.line(number, backwards=backwards)
@@ -344,7 +303,7 @@ def _nid_curve(
         time=np.concatenate(times) if timed else None,
         segment=np.array(labels, dtype="<U9"),
         number=number + 1,
-        header=header_entries({name: nid["DataSet-Info"].get(key, "") for name, key in _NID_ABOUT.items()}),
+        header={name: nid["DataSet-Info"].get(key, "") for name, key in _NID_ABOUT.items()},
         notes=sensor_note(travels[0], driven),
         sign_rules={
             "segment": "forward, pause and backward of the modulation; backward is stored along its axis"
@@ -359,13 +318,7 @@ def _axis(source: Source, channels: list[_Channel]) -> _Channel:
     return next((channel for channel in lengths if "sensor" in channel.name.lower()), lengths[0])
 
 
-NANOSURF = Format(
-    name="nanosurf",
-    description="Nanosurf force curves and maps (.nid)",
-    sniff=lambda source: source.data.startswith(b"[DataSet]"),
-    read_all=_read_nanosurf,
-    takes_calibration=True,
-)
+NANOSURF = declared("nanosurf", _read_nanosurf)
 
 
 # --- Park
@@ -376,13 +329,12 @@ _MAGIC = b"\x00\xc5\x04\x00\x01\x00\x00\x00\x01\x13\x03\x0e"
 # Tags: header of the spectroscopy, its values, program, date; and bytes of one item of a type.
 _SPECTRA, _VALUES, _SOFTWARE, _DATE = 50438, 50439, 305, 306
 _ITEM = {1: 1, 2: 1, 3: 2, 4: 4, 7: 1}
-_MOST_TAGS = 1000
+_BYTE, _MOST_TAGS = np.dtype("u1"), 1000
 # In the header of the spectroscopy: eight channels of 96 bytes, then numbers, then three floats a point.
 _CHANNELS, _CHANNEL = 8, struct.Struct("<64s16sdii")
 _COUNTS_AT, _CALIBRATION_AT, _TYPE_AT, _PLACES_AT, _PLACE = 768, 976, 1108, 1208, 12
 _NUMBERS: Mapping[int, np.dtype[Any]] = {0: np.dtype("<i2"), 1: np.dtype("<i4"), 2: np.dtype("<f4")}
-_UNITS = {"um": 1e-6, "µm": 1e-6, "nm": 1e-9, "N": 1.0, "uN": 1e-6, "nN": 1e-9, "pN": 1e-12, "V": 1.0, "mV": 1e-3,
-          "sec": 1.0, "s": 1.0, "msec": 1e-3, "usec": 1e-6}  # fmt: skip
+_KINDS = ("length", "force", "voltage", "time")
 _VOLTS, _FORCE, _TIME = "Vertical (A-B)", "Force", "Time Stamp"
 # The sensor first: the scan is what the scanner was told. One that moves less than this share of it is dead.
 _PARK_HEIGHTS, _DEAD = ("Z Detector", "Z Scan"), 0.5
@@ -420,9 +372,7 @@ def _tags(source: Source) -> dict[int, bytes]:
                 continue
             size = items * _ITEM.get(kind, 0)
             place = at + 8 if size <= 4 else place
-            claim = f"tag {tag} claims {size} bytes from byte {place} on, and the file has {len(data)}"
-            source.require(place + size <= len(data), f"is cut short: {claim}")
-            found[tag] = data[place : place + size]
+            found[tag] = source.array(_BYTE, size, place, f"tag {tag}").tobytes()
     except struct.error as error:
         raise source.wrong("is cut short within its directory") from error
     return found
@@ -462,8 +412,9 @@ def _spectra(
         name, unit = (
             text.decode("utf-16-le", errors="replace").split("\0")[0].strip() for text in (name, unit)
         )
-        if unit in _UNITS and np.isfinite(gain):
-            channels[name] = raw[:, number, :] * (gain * _UNITS[unit])
+        factor = si_factor(unit, *_KINDS)
+        if factor and np.isfinite(gain):
+            channels[name] = raw[:, number, :] * (gain * factor)
     at = np.frombuffer(header, "<f4", 3 * curves, _PLACES_AT).reshape(curves, 3)
     stiffness, volts_per_micrometre = struct.unpack_from("<2d", header, _CALIBRATION_AT)
     sensitivity = 1e-6 / volts_per_micrometre if volts_per_micrometre else 0.0
@@ -499,7 +450,7 @@ def _park_curve(
         time=channels[_TIME][recorded] if _TIME in channels else None,
         segment=labels[recorded],
         number=number,
-        header=header_entries(about),
+        header=about,
         sign_rules={"segment": "first half in, second half back"},
         notes=notes,
         position=place,
@@ -528,8 +479,7 @@ def _park_force(
     if volts is not None and (given or force is None):
         return lever.force(source, volts), ()
     source.require(not given, "holds forces and no volts; no calibration can be given")
-    if force is None:
-        raise source.wrong("holds no volts to calibrate anew")
+    force = source.given(force, "holds no volts to calibrate anew")
     if volts is None or lever.sensitivity is None or not np.ptp(volts) > 0.0:
         return force, ()
     ratio = float(np.ptp(force) / (np.ptp(volts) * lever.sensitivity * lever.stiffness))
@@ -543,10 +493,6 @@ def _park_force(
     return force, (note,)
 
 
-PARK = Format(
-    name="park",
-    description="Park Systems force-distance curves (.tiff)",
-    sniff=lambda source: source.data.startswith(b"II*\0") and _MAGIC in source.data[:4096],
-    read_all=_read_park,
-    takes_calibration=True,
+PARK = declared(
+    "park", _read_park, lambda source: source.data[:4] == b"II*\0" and _MAGIC in source.data[:4096]
 )

@@ -34,9 +34,10 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options
-from underlay.data.readers._lever import Lever, header_entries, lever_curve, sensor_note
+from underlay.data.readers._format import Options, declared
+from underlay.data.readers._lever import Lever, lever_curve, sensor_note
 from underlay.data.readers._source import Source
+from underlay.data.readers._text import si_factor
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import InputError
 
@@ -44,15 +45,13 @@ __all__ = ["FORMAT"]
 
 _END = b"\\*File list end"
 # Headers of 35 to 80 kB were seen; a map of 128 by 128 with room: 20,000 curves of 256 points are 400 MB as curves.
-_LONGEST_HEADER, _LONGEST_COUNT, _MOST_CURVES = 1_000_000, 12, 20_000
+_LONGEST_HEADER, _MOST_CURVES = 1_000_000, 20_000
 _WIDE_SINCE = 0x09200000
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 # "V [Sens. DeflSens] (0.0003750000 V/LSB) 2.500000 V", "V 21.90000 nm/V"
 _SCALE = re.compile(rf"V\s+(?:\[([^\]]*)\]\s*)?\(\s*({_NUMBER})\s*([^/\s]*)/LSB\)\s*({_NUMBER})?")
 _SENSITIVITY = re.compile(rf"V\s+({_NUMBER})\s*(?:([^/\s]+)/V)?")
 _PLAIN = re.compile(rf"({_NUMBER})\s*(\S*)")
-_METRES = {"m": 1.0, "um": 1e-6, "~m": 1e-6, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}
-_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "~V": 1e-6}
 _Z = ("@4:Z scale", "@4:Z Scale")
 _TRIGGER = ("@4:Trig threshold Deflection", "@4:Trig Threshold Deflection")
 _RAMP = ("@4:Ramp size", "@4:Ramp Size")
@@ -97,14 +96,15 @@ class _Section(dict[str, str]):
     def length(self, name: str) -> float:
         """A length (m) of the header; zero where the entry is missing."""
         value, found = self.number(name), _PLAIN.match(self.text(name))
-        return 0.0 if value is None or found is None else value * _METRES.get(found[2], 1e-9)
+        return 0.0 if value is None or found is None else value * (si_factor(found[2], "length") or 1e-9)
 
     def scale(self, *names: str) -> _Scale | None:
         """The first of these entries as a scaled quantity in volts; None where it is not of that form."""
         found = _SCALE.match(self.text(*names))
-        if found is None or found[3] not in _VOLTS:
+        factor = si_factor(found[3], "voltage") if found else None
+        if found is None or factor is None:
             return None
-        per_number, value = (float(text) * _VOLTS[found[3]] for text in (found[2], found[4] or "nan"))
+        per_number, value = (float(text) * factor for text in (found[2], found[4] or "nan"))
         sound = math.isfinite(per_number) and not math.isinf(value)
         return _Scale(per_number, value, found[1] or "") if sound else None
 
@@ -134,13 +134,11 @@ class _Header:
         self.file, self.force, self.scan = map(
             self.section, ("Force file list", "Ciao force list", "Ciao scan list")
         )
-        deflection = next((image for image in self.images if "[Deflection" in image.text(_SIGNAL)), None)
-        if deflection is None:
-            raise source.wrong(
-                "is a NanoScope file without a force curve of the deflection: an image, or another signal; save "
-                "the force curves themselves"
-            )
-        self.deflection = deflection
+        self.deflection = source.given(
+            next((image for image in self.images if "[Deflection" in image.text(_SIGNAL)), None),
+            "is a NanoScope file without a force curve of the deflection: an image, or another signal; save the "
+            "force curves themselves",
+        )
         self._lay_out()
 
     def section(self, title: str) -> _Section:
@@ -152,16 +150,13 @@ class _Header:
         for section in self.sections:
             if found := _SENSITIVITY.match(section.text(f"@{name}")):
                 # Where no unit was written in a file that was seen, the number was of nanometres.
-                metres = float(found[1]) * _METRES.get(found[2] or "nm", math.nan)
+                metres = float(found[1]) * (si_factor(found[2] or "nm", "length") or math.nan)
                 return metres if math.isfinite(metres) else None
         return None
 
     def count(self, section: _Section, name: str) -> int:
         """A whole number of a section; FileFormatError where it is missing."""
-        text = section.text(name)
-        sound = text.isdecimal() and len(text) <= _LONGEST_COUNT
-        self.source.require(sound, f": no number for {name!r}; it says {text!r:.40}")
-        return int(text)
+        return self.source.count(section.text(name), repr(name))
 
     def _lay_out(self) -> None:
         source, kind, image = self.source, self.file.text("Start context"), self.deflection
@@ -193,28 +188,18 @@ class _Header:
             f"is damaged: {length} bytes of deflection are no whole number of curves of {self.points} points"
         )
 
-    def stored(self, in_time: FloatArray, held: FloatArray | None = None) -> FloatArray:
-        """Reorder values in order of time into that of the file: approach reversed, retraction, then `held`."""
-        parts = (in_time[: self.way][::-1], in_time[self.way :], *(() if held is None else (held,)))
-        return np.concatenate(parts)
+    def numbers(
+        self, image: _Section, order: NDArray[np.intp], per_volt: float = 1.0
+    ) -> Callable[[int], FloatArray]:
+        """Return a function that gives the values (n,) of a channel for a curve by its index, from 0.
 
-    def numbers(self, image: _Section, per_volt: float = 1.0) -> Callable[[int], FloatArray]:
-        """Return a function that gives the values (points,) of a channel for a curve by its index, from 0.
-
-        Values are in the file's order, volts times `per_volt`; NaN where no reading was recorded.
+        Values are volts times `per_volt`, put into `order`; NaN where no reading was recorded.
         """
         source, width, start = self.source, self.width, self.count(image, "Data offset")
-        length = self.curves * self.points * width
-        content = source.data[start : start + length]
-        source.require(
-            len(content) == length,
-            f"is cut short: a channel claims {length} bytes from byte {start} on, and the file has "
-            f"{len(source.data)}",
-        )
-        signal, scale = image.text(_SIGNAL), image.scale(*_Z)
-        if scale is None:
-            raise source.wrong(f": no scale in volts for {signal!r:.60}")
-        raw = np.frombuffer(content, _NUMBERS[width]).reshape(self.curves, self.points)
+        signal = image.text(_SIGNAL)
+        scale = source.given(image.scale(*_Z), f": no scale in volts for {signal!r:.60}")
+        raw = source.array(_NUMBERS[width], self.curves * self.points, start, "a channel")
+        raw = raw.reshape(self.curves, self.points)
         stated = 8 * min(4 if image.number("Bytes/pixel") == 4 else 2, width)
         # A scale of 16 bits beside "Bytes/pixel: 4" was not seen, but then no signal is as wide as that makes it.
         whole = scale.per_number * 2.0 ** (32 if image.number("Bytes/pixel") == 4 else 16)
@@ -231,7 +216,12 @@ class _Header:
             f"for {bits} bits, up to {2 ** (bits - 1)}: read so, they would be {reached * scale.per_number:.3g} V, "
             f"a power of two too large; {_NEXT}",
         )
-        return lambda number: np.where(np.isin(raw[number], marks), np.nan, raw[number] * per_number)
+
+        def values(number: int) -> FloatArray:
+            stored = raw[number][order]
+            return np.where(np.isin(stored, marks), np.nan, stored * per_number)
+
+        return values
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:
@@ -267,26 +257,30 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
         "sensitivity": header.sensitivity(scale.sensitivity) if scale and scale.sensitivity else None,
     }
     lever = Lever.of(source, stated, options.calibration)
-    volts, travels, time = header.numbers(header.deflection), _travel(header, tap), _time(header, tap)
     order, labels = _order(tap, header)
+    volts, travels, time = (
+        header.numbers(header.deflection, order),
+        _travel(header, tap, order),
+        _time(header, tap),
+    )
     about = _about(header, lever)
 
     def curve(number: int) -> Curve | None:
-        deflection = volts(number)[order]
+        deflection = volts(number)
         if tap is None:
             _check_trigger(header, deflection[: header.way])
         force = lever.force(source, deflection)
         recorded = np.isfinite(force)
         if not recorded.any():
             return None
-        which, travel = order[recorded], travels.of(number)
+        travel = travels.of(number)
         return lever_curve(
             source,
-            travel[which],
+            travel[recorded],
             force[recorded],
             lever,
             channel=travels.channel,
-            time=None if time is None else time[which],
+            time=None if time is None else time[recorded],
             segment=labels[recorded],
             number=number + 1,
             notes=(*_notes(recorded, tap), *sensor_note(travel[: header.way], travels.ramp)),
@@ -301,8 +295,8 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
 class _Travels(NamedTuple):
     """Travel of the scanner towards the sample.
 
-    `of` gives it (m), (points,) in the file's order, for a curve by its index; `channel` names its origin; `ramp`
-    is the size of the driven ramp (m), zero if unknown.
+    `of` gives it (m), in the order of time, for a curve by its index; `channel` names its origin; `ramp` is the
+    size of the driven ramp (m), zero if unknown.
     """
 
     of: Callable[[int], FloatArray]
@@ -310,10 +304,9 @@ class _Travels(NamedTuple):
     ramp: float = 0.0
 
 
-def _travel(header: _Header, tap: _Tap | None) -> _Travels:
+def _travel(header: _Header, tap: _Tap | None, order: NDArray[np.intp]) -> _Travels:
     if tap is not None:
-        tapped = header.stored(tap.travel)
-        return _Travels(lambda _: tapped, "sine of the drive, of which the file holds size and turn,")
+        return _Travels(lambda _: tap.travel, "sine of the drive, of which the file holds size and turn,")
     ramp = header.deflection.scale(*_RAMP)
     piezo = header.sensitivity(ramp.sensitivity) if ramp else None
     driven = ramp.volts * piezo if ramp and piezo and ramp.volts > 0.0 else 0.0
@@ -321,15 +314,18 @@ def _travel(header: _Header, tap: _Tap | None) -> _Travels:
         scale = image.scale(*_Z)
         metres = header.sensitivity(scale.sensitivity) if scale else None
         if "[ZSensor]" in image.text(_SIGNAL) and metres is not None:
-            return _Travels(header.numbers(image, metres), "height sensor", driven)
+            return _Travels(header.numbers(image, order, metres), "height sensor", driven)
     header.source.require(driven > 0.0, ": neither a height sensor nor the size of the ramp is there")
     way_in = np.linspace(0.0, driven, header.way, endpoint=False)
-    stored = header.stored(np.concatenate((way_in, way_in[::-1])), np.full(header.hold, way_in[-1]))
-    return _Travels(lambda _: stored, "ramp of the piezo, of which the file holds the size,")
+    ramped = np.concatenate((way_in, np.full(header.hold, way_in[-1]), way_in[::-1]))
+    return _Travels(lambda _: ramped, "ramp of the piezo, of which the file holds the size,")
 
 
 def _order(tap: _Tap | None, header: _Header) -> tuple[NDArray[np.intp], NDArray[np.str_]]:
-    """Indices that put the stored points of a curve into order of time, and the segment labels in that order."""
+    """Indices that put the stored points of a curve into order of time, and the segment labels in that order.
+
+    Stored are the approach from its end, the retraction, and the hold.
+    """
     way, hold = header.way, header.hold
     way_in, way_out = np.arange(way)[::-1], np.arange(way, 2 * way)
     if tap is not None:
@@ -340,25 +336,22 @@ def _order(tap: _Tap | None, header: _Header) -> tuple[NDArray[np.intp], NDArray
 
 
 def _time(header: _Header, tap: _Tap | None) -> FloatArray | None:
-    """Time (s), (points,) in the file's order, from ramp speeds and hold time; None where these are not written."""
+    """Time (s) of each point in order, from ramp speeds and hold time; None where these are not written."""
     force, hold = header.force, header.hold
     if tap is not None:
-        return None if tap.time is None else header.stored(tap.time)
-    ramp, forward, back = (
-        header.deflection.scale(*_RAMP),
-        force.number("Forward vel."),
-        force.number("Reverse vel."),
-    )
+        return tap.time
+    ramp = header.deflection.scale(*_RAMP)
+    forward, back = (force.number(f"{way} vel.") for way in ("Forward", "Reverse"))
     held = (force.number("Hold Time") or 0.0) if hold else 0.0
     if ramp is None or not ramp.volts > 0.0 or not forward or not back or (hold and not held):
         return None
     fractions = np.linspace(0.0, 1.0, header.way, endpoint=False)
     there, rest = ramp.volts / abs(forward), abs(held)
-    in_time = np.concatenate((fractions * there, there + rest + fractions * (ramp.volts / abs(back))))
-    return header.stored(in_time, np.linspace(there, there + rest, hold, endpoint=False))
+    held_at = np.linspace(there, there + rest, hold, endpoint=False)
+    return np.concatenate((fractions * there, held_at, there + rest + fractions * (ramp.volts / abs(back))))
 
 
-def _place(header: _Header, number: int) -> dict[str, tuple[float, float]]:
+def _place(header: _Header, number: int) -> dict[str, Any]:
     """Entry ``position`` (x, y) (m) of a curve, in a force volume the middle of its pixel; {} where not known."""
     scan, curves = header.scan, header.curves
     across = int(header.force.number("force/line") or 0) if curves > 1 else 1
@@ -375,16 +368,14 @@ def _place(header: _Header, number: int) -> dict[str, tuple[float, float]]:
 def _about(header: _Header, lever: Lever) -> dict[str, Any]:
     """Entries of a curve's metadata from the header: instrument, date, trigger, rules of sign, setpoint (N)."""
     about: dict[str, Any] = {
-        "header": header_entries(
-            {
-                "instrument": header.section("Equipment list").text("Microscope", "Description"),
-                "software version": header.file.text("Version"),
-                "date": header.file.text("Date"),
-                "trigger": header.force.text("Trigger mode"),
-                # Typed in, and often the program's preset: never taken for the tip's own.
-                "tip radius (nm), as typed in": header.scan.text("Tip Radius"),
-            }
-        ),
+        "header": {
+            "instrument": header.section("Equipment list").text("Microscope", "Description"),
+            "software version": header.file.text("Version"),
+            "date": header.file.text("Date"),
+            "trigger": header.force.text("Trigger mode"),
+            # Typed in, and often the program's preset: never taken for the tip's own.
+            "tip radius (nm), as typed in": header.scan.text("Tip Radius"),
+        },
         "sign_rules": {"segment": "from the order of the ramp: way in, hold, way out"},
     }
     trigger = header.force.scale(*_TRIGGER)
@@ -438,14 +429,16 @@ class _Tap:
 
     @property
     def travel(self) -> FloatArray:
-        """Travel of the drive (m), (points,), in the order of time: amplitude times the cosine about the turn."""
-        phase = 2.0 * np.pi * (np.arange(self.points) - self.turn) / self.points
+        """Travel of the drive (m), (n,): amplitude times the cosine about the turn."""
+        phase = 2.0 * np.pi * (np.arange(len(self.labels)) - self.turn) / self.points
         return np.asarray(self.amplitude * np.cos(phase))
 
     @property
     def time(self) -> FloatArray | None:
-        """Time (s) of each point since the period began, (points,); None where the period is not known."""
-        return None if self.period is None else np.linspace(0.0, self.period, self.points, endpoint=False)
+        """Time (s) of each point since the period began, (n,); None where the period is not known."""
+        if self.period is None:
+            return None
+        return np.linspace(0.0, self.period, self.points, endpoint=False)[: len(self.labels)]
 
     @property
     def labels(self) -> NDArray[np.str_]:
@@ -471,11 +464,4 @@ def _tap_of(header: _Header) -> _Tap | None:
     return _Tap(points, turn, amplitude, 1e-3 / abs(kilohertz) if kilohertz else None)
 
 
-FORMAT = Format(
-    name="nanoscope",
-    description="Bruker NanoScope force curves, volumes and PeakForce captures (.spm, .000, .pfc)",
-    sniff=lambda source: source.data.startswith((b"\\*Force file list", b"\\*File list")),
-    read_all=_read_all,
-    read_one=_read_one,
-    takes_calibration=True,
-)
+FORMAT = declared("nanoscope", _read_all, read_one=_read_one)

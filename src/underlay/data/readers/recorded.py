@@ -1,4 +1,7 @@
-"""Numbers that other programs keep in binary files: MATLAB's .mat and National Instruments' .tdms (Optics11).
+"""Numbers that programs keep: underlay's own JSON and HDF5, MATLAB's .mat, National Instruments' .tdms (Optics11).
+
+A file that says underlay wrote it may have been changed: of what it says about its curve, only what is of the right
+kind is taken (`underlay.data.export.restored`).
 
 Their columns have names, and those of .tdms units; what lacks a unit gets it from a column mapping. No part of a
 file may claim more numbers than it has bytes. MAT-files are read here: of a small one with single bytes turned,
@@ -18,24 +21,97 @@ from typing import Any
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay._door import understood
+from underlay._door import parse_json, understood
 from underlay._text import one_line
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options
+from underlay.data.export import HDF5_MARK, restored
+from underlay.data.readers._format import Options, declared, library, make_curve
+from underlay.data.readers._hdf5 import curve_groups, is_own, open_checked
 from underlay.data.readers._source import CURVES, MAX_BYTES, Source
 from underlay.data.readers._table import Table, table_curves
-from underlay.data.readers._text import Arrays
-from underlay.errors import FileFormatError, missing_extra
+from underlay.data.readers._text import Arrays, decode
+from underlay.errors import FileFormatError
 
-__all__ = ["MATLAB_FORMAT", "TDMS_FORMAT"]
+__all__ = ["HDF5_FORMAT", "JSON_FORMAT", "MATLAB_FORMAT", "TDMS_FORMAT"]
 
-_MATLAB, _TDMS = b"MATLAB 5.0 MAT-file", b"TDSm"
 # MAT-file format (MathWorks, "MAT-File Format", level 5): types of elements, and classes of arrays.
 _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _FIRST_NUMBER, _LAST_NUMBER = 2, 6, 15
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _HEADER, _TAG, _COMPLEX, _DEEPEST = 128, 8, 0x800, 4
 _FEWEST, _MOST_COLUMNS, _LONGEST = 3, 256, 1000
+
+
+# --- what underlay wrote
+
+
+_SIGNS = {"depth": "as exported", "force": "as exported"}
+
+
+def _is_json(head: str) -> bool:
+    return head.startswith("{") and f'"{HDF5_MARK}"' in head
+
+
+def _read_json(source: Source, options: Options) -> list[Curve]:
+    del options
+    with understood(source.name, CURVES):
+        content = parse_json(decode(source))
+    entries = content.get("curves") if isinstance(content, dict) else None
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise source.wrong("holds no list of curves")
+    return [_exported(source, entry, entry) for entry in entries]
+
+
+def _read_hdf5(source: Source, options: Options) -> list[Curve]:
+    del options
+    curves = []
+    with open_checked(source) as file:
+        for name in sorted(curve_groups(source, file), key=int):
+            group = file[name]
+            columns: dict[str, Any] = {key: group[key] for key in group}
+            about = columns.pop("about", b"{}")
+            segment = columns.get("segment")
+            if segment is not None:
+                columns["segment"] = np.char.decode(np.asarray(segment, dtype=np.bytes_), "ascii").tolist()
+            curves.append(_exported(source, columns, parse_json(bytes(about).decode("utf-8"))))
+    return curves
+
+
+def _exported(source: Source, columns: Mapping[str, Any], about: Any) -> Curve:
+    depth = _numbers(source, columns, "depth")
+    count, labels = len(depth), columns.get("segment")
+    if labels is not None and (
+        not isinstance(labels, list) or len(labels) != count or not all(isinstance(v, str) for v in labels)
+    ):
+        raise source.wrong(": segment is not a list of names as long as the depth")
+    curve = make_curve(
+        source,
+        depth,
+        _numbers(source, columns, "force", count),
+        None if columns.get("time") is None else _numbers(source, columns, "time", count),
+        None if labels is None else np.array(labels, dtype=np.str_),
+        units={"depth": "m", "force": "N", "time": "s"},
+        sign_rules=_SIGNS,
+    )
+    return restored(curve, about)
+
+
+def _numbers(source: Source, columns: Mapping[str, Any], name: str, length: int | None = None) -> FloatArray:
+    try:
+        array = np.array(columns.get(name), dtype=np.float64)  # null becomes NaN
+    except (TypeError, ValueError, OverflowError) as error:
+        raise source.wrong(f": {name} does not hold numbers") from error
+    whole = array.ndim == 1 and length in (None, len(array))
+    source.require(whole, f": {name} is not one column as long as the depth")
+    return array
+
+
+JSON_FORMAT = declared("json", _read_json, lambda source: _is_json(source.head(400).lstrip()))
+
+HDF5_FORMAT = declared("hdf5", _read_hdf5, is_own)
+
+
+# --- MATLAB and TDMS
 
 
 def _read_matlab(source: Source, options: Options) -> list[Curve]:
@@ -110,24 +186,21 @@ def _columns(matrix: bytes, order: str, above: str, deep: int) -> dict[str, Floa
 
 
 def _read_tdms(source: Source, options: Options) -> list[Curve]:
-    try:
-        library = import_module("nptdms")
-    except ImportError as error:
-        raise missing_extra(
-            f"{source.name} is a TDMS file, as Optics11 writes; reading it needs npTDMS",
-            "afm",
-            "export the curve as text from the instrument's program",
-        ) from error
+    nptdms = library(
+        "nptdms",
+        f"{source.name} is a TDMS file, as Optics11 writes; reading it needs npTDMS",
+        "export the curve as text from the instrument's program",
+    )
     # It prints parts of a damaged file; what is wrong with one is said here.
     import_module("nptdms.log").log_manager.set_level(logging.CRITICAL + 1)
     with understood(source.name, CURVES):
-        file = library.TdmsFile.read_metadata(io.BytesIO(source.data))
+        file = nptdms.TdmsFile.read_metadata(io.BytesIO(source.data))
         declared = sum(len(channel) for group in file.groups() for channel in group.channels())
         if declared > len(source.data):
             raise FileFormatError(f"it claims {declared} numbers and holds {len(source.data)} bytes")
         groups = [
             (str(group.name), dict(map(_tdms_column, group.channels())))
-            for group in library.TdmsFile.read(io.BytesIO(source.data)).groups()
+            for group in nptdms.TdmsFile.read(io.BytesIO(source.data)).groups()
         ]
     return _curves(source, options, dict(groups))
 
@@ -157,21 +230,6 @@ def _curves(source: Source, options: Options, groups: Mapping[str, dict[str, Flo
     return curves
 
 
-MATLAB_FORMAT = Format(
-    name="matlab",
-    description="columns of numbers in MATLAB files (.mat, up to version 7)",
-    sniff=lambda source: source.data.startswith(_MATLAB),
-    read_all=_read_matlab,
-    takes_columns=True,
-    takes_calibration=True,
-)
+MATLAB_FORMAT = declared("matlab", _read_matlab)
 
-TDMS_FORMAT = Format(
-    name="tdms",
-    description="National Instruments TDMS files, as newer Optics11 instruments write (.tdms)",
-    sniff=lambda source: source.data.startswith(_TDMS),
-    read_all=_read_tdms,
-    extra="afm",
-    takes_columns=True,
-    takes_calibration=True,
-)
+TDMS_FORMAT = declared("tdms", _read_tdms)

@@ -24,7 +24,6 @@ import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from itertools import zip_longest
 from typing import Any
 
@@ -33,13 +32,22 @@ import numpy as np
 from underlay._door import read_member
 from underlay._text import names_there, one_line
 from underlay.data.curve import Curve
-from underlay.data.readers._format import Format, Options, read_parts
+from underlay.data.readers._format import (
+    Columns,
+    Options,
+    Part,
+    TextFormat,
+    channels_of,
+    declared,
+    found_columns,
+    library,
+    read_parts,
+)
 from underlay.data.readers._names import Row, find_names, is_unit_row, layout_of, serves
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip
 from underlay.data.readers._table import Table, is_marker, marked, table_curves
 from underlay.data.readers._text import is_number
-from underlay.data.readers.text_format import Columns, Part, TextFormat, channels_of, found_columns
-from underlay.errors import FileFormatError, MissingExtraError, missing_extra
+from underlay.errors import FileFormatError, MissingExtraError
 from underlay.units import format_quantity, kind_of
 
 __all__ = ["EXCEL", "NANOSUITE", "OLE_MAGIC", "TESTXPERT", "Sheet", "sheets_of"]
@@ -90,12 +98,9 @@ def sheets_of(source: Source) -> list[Sheet]:
     most = f"{MAX_TEXT_BYTES // 1_000_000} MB"
     source.require(len(source.data) <= MAX_TEXT_BYTES, f": more than {most} of spreadsheet")
     name = "openpyxl" if source.is_zip else "xlrd"
+    package = library(name, f"reading a spreadsheet needs {name}")
     try:
-        library = import_module(name)
-    except ImportError as error:
-        raise missing_extra(f"reading a spreadsheet needs {name}", "afm") from error
-    try:
-        return _read_xlsx(source, library, most) if source.is_zip else _read_xls(source, library)
+        return _read_xlsx(source, package, most) if source.is_zip else _read_xls(source, package)
     except (FileFormatError, MissingExtraError):
         raise
     except Exception as error:  # both packages raise whatever a damaged file makes of them
@@ -234,15 +239,7 @@ def _table(source: Source, sheet: Sheet, options: Options) -> Table | None:
     return Table(names, rows, breaks, units=units)
 
 
-EXCEL = Format(
-    name="excel",
-    description="tables in .xlsx and .xls workbooks, names and units in the first rows",
-    sniff=lambda source: _is_xlsx(source) or _is_xls(source),
-    read_all=_read_all,
-    extra="afm",
-    takes_columns=True,
-    takes_calibration=True,
-)
+EXCEL = declared("excel", _read_all, lambda source: _is_xlsx(source) or _is_xls(source))
 
 
 # --- workbooks of instruments
@@ -336,7 +333,7 @@ def _is_nanosuite(source: Source) -> bool:
     return _is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample")
 
 
-NANOSUITE = TextFormat("nanosuite", _is_nanosuite, _nanosuite_parts, _made_of_nanosuite).format
+NANOSUITE = TextFormat("nanosuite", _nanosuite_parts, _made_of_nanosuite, _is_nanosuite).format
 
 
 _SPECIMEN = channels_of("testxpert")
@@ -414,4 +411,4 @@ def _made_of_testxpert(part: Part, columns: Columns) -> dict[str, Any]:
     return {"depth": sign * travel, "initial_gap": float(gap[0]), "sign_rules": {"depth": rule, **rules}}
 
 
-TESTXPERT = TextFormat("testxpert", _is_testxpert, _testxpert_parts, _made_of_testxpert).format
+TESTXPERT = TextFormat("testxpert", _testxpert_parts, _made_of_testxpert, _is_testxpert).format
