@@ -36,7 +36,7 @@ HOMES = {
     "emcee": ("inference/sampling/run", "inference/sampling/diagnostics"),
     "dask": ("inference/batch/dask",),
     "distributed": ("inference/batch/dask",),
-    "matplotlib": ("report/plots", "report/kernel"),
+    "matplotlib": ("report/plots", "report/notebook"),
     "pint": ("units",),
     "threadpoolctl": ("_threads",),
     "tomlkit": ("scene/scene_writer",),

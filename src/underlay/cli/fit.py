@@ -26,8 +26,7 @@ from underlay.cli.options import (
     wanted_solver,
 )
 from underlay.data.samples import sample as sample_file
-from underlay.errors import InputError, installing
-from underlay.report.notices import gathered_warnings
+from underlay.errors import InputError, gathered_warnings, installing
 
 if TYPE_CHECKING:
     import pandas as pd

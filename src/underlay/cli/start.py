@@ -77,7 +77,7 @@ def formats(
     Example: `underlay formats curve.csv --new-scene new_scene.toml`
     """
     from underlay.data.signs import flipped
-    from underlay.report.reading import format_name, reading_table
+    from underlay.report.tables import format_name, reading_table
     from underlay.scene.scene_file import PLACE, read_scene_file
 
     if file is None:

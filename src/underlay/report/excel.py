@@ -49,9 +49,8 @@ __all__ = [
 
 #: Rows of a sheet under its header, as the format allows; and letters of a cell.
 MOST_ROWS, _LONGEST = 1_048_575, 32_767
-_WIDEST, _MARGIN = 60, 2
-# Rows of which the widths of columns are taken.
-_LOOKED_AT = 200
+# Pixels of the widest column.
+_WIDEST = 425
 _OPTIONS = {
     "in_memory": True,
     "strings_to_formulas": False,
@@ -95,46 +94,28 @@ def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
     InputError
         If a table has more rows than a sheet can hold.
     """
+    excel_library()
+    for name, table in sheets.items():
+        if len(table) > MOST_ROWS:
+            raise InputError(
+                f"a sheet of Excel holds {MOST_ROWS} rows; {name!r} has {len(table)}: write CSV instead"
+            )
     stream = io.BytesIO()
-    with excel_library().Workbook(stream, _OPTIONS) as book:
-        head = book.add_format({"bold": True, "text_wrap": True, "valign": "top", "bottom": 1})
+    with pd.ExcelWriter(stream, engine="xlsxwriter", engine_kwargs={"options": _OPTIONS}) as book:
         for name, table in sheets.items():
-            if len(table) > MOST_ROWS:
-                raise InputError(
-                    f"a sheet of Excel holds {MOST_ROWS} rows; {name!r} has {len(table)}: write CSV instead"
-                )
-            _fill(book.add_worksheet(name), table, head)
+            cells = table.rename(columns=_cell).astype(object).map(_cell)
+            cells.to_excel(book, sheet_name=name, index=False, freeze_panes=(1, 0))
+            book.sheets[name].autofit(_WIDEST)
     return stream.getvalue()
 
 
-def _fill(sheet: Any, table: pd.DataFrame, head: Any) -> None:
-    sheet.freeze_panes(1, 0)
-    for column, name in enumerate(table.columns):
-        values = table.iloc[:, column].tolist()
-        sheet.write_string(0, column, one_line(name, _LONGEST), head)
-        sheet.set_column(column, column, _width(str(name), values[:_LOOKED_AT]))
-        for row, value in enumerate(values, start=1):
-            _write(sheet, row, column, value)
-
-
-def _write(sheet: Any, row: int, column: int, value: Any) -> None:
-    """Write one cell by the type of its value: text is never interpreted as a number, formula or link."""
-    if isinstance(value, bool):
-        sheet.write_boolean(row, column, value)
-    elif isinstance(value, Real):
-        if math.isfinite(value):
-            sheet.write_number(row, column, float(value))
-        elif math.isinf(value):
-            sheet.write_string(row, column, "open")
-    elif value is not None and value is not pd.NA:
-        sheet.write_string(row, column, one_line(value, _LONGEST))
-
-
-def _width(name: str, values: list[Any]) -> float:
-    words = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
-    # A long name is wrapped, a long text runs on.
-    longest = max([*(len(word) for word in words), min(len(name), _WIDEST // 4)], default=0)
-    return float(min(_WIDEST, longest + _MARGIN))
+def _cell(value: Any) -> Any:
+    """Return a value as its cell: a number, a text of one line, ``open`` for infinity, None for what is missing."""
+    if isinstance(value, float) and math.isinf(value):
+        return "open"
+    if isinstance(value, Real) or pd.isna(value):
+        return value
+    return one_line(value, _LONGEST)
 
 
 def result_rows(result: Fit) -> pd.DataFrame:
@@ -150,12 +131,11 @@ def result_rows(result: Fit) -> pd.DataFrame:
         parameter that several curves share, a column is empty where the curves differ.
     """
     table = fit_table(result)
-    told = [_about(result, number) for number in range(len(result.curves))]
-    rows = []
-    for name in table["parameter"]:
-        curve = curve_of(name)
-        rows.append(told[curve] if curve is not None else _common(told))
-    about = pd.DataFrame(rows, index=table.index)
+    told = pd.DataFrame([_about(result, number) for number in range(len(result.curves))], dtype=object)
+    common = told.iloc[0].where(told.eq(told.iloc[0]).all() | told.isna().all(), None)
+    curves = map(curve_of, table["parameter"])
+    about = pd.DataFrame([common if curve is None else told.loc[curve] for curve in curves])
+    about = about.set_axis(table.index).infer_objects()
     about.insert(0, "verdict", result.verdict.word)
     about.insert(1, "reasons", one_line("; ".join(result.verdict.reasons)))
     about.insert(2, "cause", one_line(result.verdict.cause))
@@ -194,22 +174,6 @@ def _about(result: Fit, number: int) -> dict[str, Any]:
         "SHA-256": record["file_sha256"] or record["data_sha256"],
         "underlay": result.provenance["versions"]["underlay"],
     }
-
-
-def _common(told: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return per column the value that all curves share, and None where they differ.
-
-    `told` holds one mapping of column name to value for each curve.
-    """
-    return {
-        key: value if all(_same(value, other[key]) for other in told) else None
-        for key, value in told[0].items()
-    }
-
-
-def _same(first: Any, second: Any) -> bool:
-    both_none = isinstance(first, float) and isinstance(second, float) and math.isnan(first + second)
-    return bool(first == second) or both_none
 
 
 def _setting_rows(result: Fit) -> pd.DataFrame:

@@ -15,9 +15,8 @@ from underlay.inference.pointwise.modulus import modulus_by_depth
 from underlay.inference.pointwise.result import ModulusCurve, PointwiseModulus
 from underlay.report import plots
 from underlay.report.adhesion_tables import adhesion_frame
-from underlay.report.reading import beyond_loading
 from underlay.report.screen import interval_text
-from underlay.report.tables import labelled_table
+from underlay.report.tables import beyond_loading, labelled_table
 from underlay.units import format_quantity, human_unit, printed, printed_unit
 
 if TYPE_CHECKING:

@@ -6,6 +6,8 @@ cell; the text between two of them becomes a Markdown cell.
 A placeholder such as ``${title}`` stands for data. The template is split into cells before placeholders are filled,
 so that no data can begin or end a cell. In code a placeholder becomes the Python literal of its value, in Markdown
 one line of text without markup.
+
+The notebook runs in a process of its own: ``python -m underlay.report.notebook FOLDER -f CONNECTION``.
 """
 
 from __future__ import annotations
@@ -25,11 +27,15 @@ from typing import Any, NamedTuple
 from underlay._files import write_atomic
 from underlay._text import one_line
 from underlay.errors import FitError, missing_extra
-from underlay.report.notices import markdown_text
 
-__all__ = ["Cell", "execute", "filled", "import_path", "make_notebook", "write_notebook"]
+__all__ = ["Cell", "execute", "filled", "import_path", "make_notebook", "markdown_text", "write_notebook"]
 
 _FENCE = re.compile(r"^```python\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
+# Marks of Markdown, of HTML and of addresses that become links by themselves. One underscore between letters,
+# as file names have it, marks nothing. A dollar or a backslash would still begin mathematics in a notebook
+# if it were written as an entity: only code is left alone there.
+_MARKS = re.compile(r"[`*\[\]<>&~!|#@]|(?<![^\W_])_|_(?![^\W_])|(?<=:)/|(?<=www)\.", re.IGNORECASE)
+_MATHEMATICS = re.compile(r"[$\\]+")
 # Letters: the longest file name has 255.
 _LONGEST = 300
 # A cell that takes longer than this hangs; the slowest cell of a template takes seconds.
@@ -202,7 +208,7 @@ def _kernel_manager(own: str, folder: Path) -> Any:
     """
     manager = report_library("jupyter_client.manager")
     spec = report_library("jupyter_client.kernelspec")
-    command = [sys.executable, "-m", "underlay.report.kernel", os.fspath(folder), "-f", "{connection_file}"]
+    command = [sys.executable, "-m", "underlay.report.notebook", os.fspath(folder), "-f", "{connection_file}"]
     # All that the two say to each other stays in a folder of their own.
     kernel = manager.AsyncKernelManager(connection_file=os.path.join(own, "kernel.json"))  # noqa: PTH118  a name
     if os.name == "posix":
@@ -210,3 +216,37 @@ def _kernel_manager(own: str, folder: Path) -> Any:
         kernel.transport, kernel.ip = "ipc", os.path.join(own, "kernel")  # noqa: PTH118  a prefix, not a file
     kernel._kernel_spec = spec.KernelSpec(argv=command, display_name="underlay", language="python")  # noqa: SLF001  no public way to name a command
     return kernel
+
+
+def markdown_text(text: object, longest: int | None = None) -> str:
+    """Return `text` as one line of Markdown that shows it literally: no markup, no link, no formula.
+
+    Parameters
+    ----------
+    text : object
+        Text from a file, or a name.
+    longest : int, optional
+        Number of characters to which it is cut; as in `one_line`.
+    """
+    plain = _MARKS.sub(lambda mark: f"&#{ord(mark[0])};", one_line(text, longest))
+    return _MATHEMATICS.sub(lambda mark: f"`{mark[0]}`", plain)
+
+
+def _run_kernel(folder: str, *told: str) -> None:
+    """Run the Jupyter kernel of one notebook in `folder`, until it is ended; `told` are the kernel's arguments.
+
+    The process was started in an empty folder: no module in `folder` is imported, no file there read as a setting.
+    """
+    # matplotlib takes its settings from the folder in which it is first imported: here the empty one.
+    import matplotlib as mpl  # noqa: F401, PLC0415  its settings
+    from ipykernel.kernelapp import IPKernelApp  # noqa: PLC0415  this process alone
+
+    os.chdir(folder)
+    # The folder is not put on the path, nor is what a user's own sessions remember.
+    IPKernelApp.launch_instance(
+        [*told, "--InteractiveShellApp.ignore_cwd=True", "--HistoryManager.enabled=False"]
+    )
+
+
+if __name__ == "__main__":
+    _run_kernel(*sys.argv[1:])

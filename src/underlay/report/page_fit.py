@@ -36,7 +36,6 @@ from underlay.report.page import (
 )
 from underlay.report.plots.scene import material_words
 from underlay.report.plots.style import Axes, axes, in_words, style
-from underlay.report.reading import beyond_loading
 from underlay.report.scene_tables import effects_table, scene_table
 from underlay.report.screen import (
     assumed_inputs,
@@ -434,7 +433,7 @@ class FitPage:
     def _segments(self) -> Iterator[Detail]:
         blocks = []
         for number, curve in enumerate(self.fit.curves):
-            whole = beyond_loading(curve)
+            whole = tables.beyond_loading(curve)
             if whole is not None:
                 ax = sized(_WIDE, lambda panel, c=whole: plots.segments(c, ax=panel))  # type: ignore[misc]
                 alt = "Depth and force against time, loading, hold and unloading apart."

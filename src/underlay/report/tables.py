@@ -1,8 +1,9 @@
 """Tables of a result for people: every number in a unit that suits its size.
 
 Numbers side by side share units where that helps to compare them: zero takes the unit of the largest number beside
-it (`amounts`). `accuracy_summary` and `answer_summary` are tables of the accuracy and cost of solution methods, one
-row per method, with times relative to that of a simple known one.
+it (`amounts`). `reading_table` says how a file was read, and `beyond_loading` finds the whole measurement, of which
+often the loading alone is fitted. `accuracy_summary` and `answer_summary` are tables of the accuracy and cost of
+solution methods, one row per method, with times relative to that of a simple known one.
 """
 
 from __future__ import annotations
@@ -18,6 +19,9 @@ import pandas as pd
 
 from underlay._door import sha256_of
 from underlay._text import one_line
+from underlay.data.readers import all_formats
+from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.inference.from_files import whole_curve
 from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.recipe import Step
 from underlay.inference.sampling.derived import DERIVED
@@ -30,6 +34,8 @@ from underlay.scene.parameters import declared, kind_of
 from underlay.units import format_quantity, human_unit, printed
 
 if TYPE_CHECKING:
+    from underlay._arrays import FloatArray
+    from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.sampling.posterior import Posterior
 
@@ -37,14 +43,17 @@ __all__ = [
     "accuracy_summary",
     "amounts",
     "answer_summary",
+    "beyond_loading",
     "correlated_pairs",
     "diagnostics_table",
     "facts_table",
     "fit_table",
+    "format_name",
     "interval_table",
     "known_together",
     "labelled_table",
     "provenance_table",
+    "reading_table",
     "reservations_table",
     "source_rows",
     "span",
@@ -380,6 +389,53 @@ def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
 def facts_table(rows: Mapping[str, str]) -> pd.DataFrame:
     """Make a table with one row per name and a single column ``value``."""
     return labelled_table([{"": name, "value": text} for name, text in rows.items()])
+
+
+def beyond_loading(part: Curve) -> Curve | None:
+    """Return the whole curve that `part` was cut from, if it has points beyond loading; otherwise None.
+
+    It is read again from the curve's file: also None where the file is no longer there.
+    """
+    whole = whole_curve(part)
+    return whole if whole is not None and (whole.segments() != LOADING).any() else None
+
+
+def format_name(curve: Curve) -> str:
+    """Return the name and description of the file format a curve was read in: ``"mach1 (Biomomentum ...)"``."""
+    name = str(curve.metadata["format"])
+    described = next((entry.description for entry in all_formats() if entry.name == name), "")
+    return name + (f" ({described})" if described else "")
+
+
+def reading_table(tests: Sequence[tuple[int, Curve]]) -> pd.DataFrame:
+    """Return one row per test, as text: number, name, points, spans of depth and force, points of each segment.
+
+    Parameters
+    ----------
+    tests : sequence of (int, Curve)
+        The number of each test in its file, from 1, and its curve as it was read.
+    """
+    return pd.DataFrame([_test_row(number, curve) for number, curve in tests])
+
+
+def _test_row(number: int, curve: Curve) -> dict[str, object]:
+    labels = curve.segments()
+    counts = {label: int((labels == label).sum()) for label in (LOADING, HOLD, UNLOADING)}
+    return {
+        "test": number,
+        "name": str(curve.metadata.get("name", "")),
+        "points": len(curve),
+        "depth": _span(curve.depth, "length"),
+        "force": _span(curve.force, "force"),
+        "segments": ", ".join(f"{label} {count}" for label, count in counts.items() if count),
+    }
+
+
+def _span(values: FloatArray, kind: str) -> str:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return "no finite number"
+    return span(float(finite.min()), float(finite.max()), kind)
 
 
 def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
