@@ -24,8 +24,8 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.sampling.run import sample
 from underlay.inference.uncertainty.answer import Answer
 from underlay.report import plots
+from underlay.report.details import write_fit
 from underlay.report.film_tables import film_notes, film_table, write_film
-from underlay.report.fit_files import write_fit
 from underlay.report.labels import label
 from underlay.report.page import today
 from underlay.report.page_fit import FitPage

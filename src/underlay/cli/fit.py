@@ -72,12 +72,12 @@ def fit(
     else:
         say_warnings([str(note) for one in result.curves for note in one.metadata.get("notes", ())])
     if output is not None:
-        from underlay.report.fit_files import write_fit
+        from underlay.report.details import write_fit
         from underlay.report.screen import written_line
 
         say(written_line(write_fit(result, output, curve.stem), output, curve.stem))
     if excel is not None:
-        from underlay.report.fit_files import pointwise_of
+        from underlay.report.details import pointwise_of
 
         by_depth = [found for found in pointwise_of(result) if not isinstance(found, str)]
         say(f"wrote {ul.write_excel(excel, result, *by_depth)}")
@@ -152,7 +152,7 @@ def demo(
 
     Example: `underlay demo --output underlay-demo`
     """
-    from underlay.report.fit_files import write_fit
+    from underlay.report.details import write_fit
     from underlay.report.limits import reservations
 
     folder, written = require_writable_folder(output), list[Path]()

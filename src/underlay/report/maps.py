@@ -22,10 +22,11 @@ from underlay.inference.batch.decisions import (
     without_refused,
 )
 from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
+from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.uncertainty.answer import NORMAL_95, Advice
 from underlay.report.labels import label
 from underlay.report.screen import interval_text, line, name_of, verdict_lines
-from underlay.report.tables import facts_table, labelled_table, source_rows
+from underlay.report.tables import labelled_table, provenance_table
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
@@ -199,10 +200,11 @@ def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: 
     FileAccessError
         If one of the files cannot be read.
     """
-    rows = source_rows(files) | {"curves": str(len(table))}
+    versions = version_record(("underlay", "numpy", "scipy", "pandas"))
+    rows = {"curves": str(len(table))}
     if "seconds" in table.columns:
         rows["time of all fits"] = f"{float(table['seconds'].sum()):.3g} s"
-    return facts_table({**rows, **facts})
+    return provenance_table({"curves": [], "versions": versions}, {**rows, **facts}, *files)
 
 
 def of_map(table: pd.DataFrame) -> Population | str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,6 @@ from underlay._text import one_line
 from underlay.data.readers import all_formats
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.inference.from_files import whole_curve
-from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.recipe import Step
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import numbers_of, path_of
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     from underlay._arrays import FloatArray
     from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
     "accuracy_summary",
@@ -55,7 +53,6 @@ __all__ = [
     "provenance_table",
     "reading_table",
     "reservations_table",
-    "source_rows",
     "span",
     "steps_table",
     "with_units",
@@ -182,7 +179,7 @@ def fit_table(result: Fit) -> pd.DataFrame:
 def correlated_pairs(result: Fit) -> pd.DataFrame:
     """Return a row per pair of parameters whose correlation exceeds 0.9 in absolute value, strongest first."""
     rows = [
-        {"parameters": f"{first} and {second}", "correlation": value}
+        {"parameters": f"{first} and {second}", "correlation": f"{value:+.3f}"}
         for first, second, value in _strong_pairs(result)
     ]
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
@@ -339,13 +336,13 @@ def reservations_table(result: Fit) -> pd.DataFrame:
     return labelled_table(rows or [{"from": "the fit", "reservation": "none"}])
 
 
-def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: str) -> pd.DataFrame:
+def provenance_table(record: Mapping[str, Any], facts: Mapping[str, str], *files: str) -> pd.DataFrame:
     """Return where a result came from, as text: hashes of files and points, versions, and the given facts.
 
     Parameters
     ----------
-    result : Fit or Posterior
-        Its own record is part of the table.
+    record : mapping
+        The ``provenance`` of a fit or posterior: its ``curves`` and ``versions``.
     facts : mapping of str to str
         What the caller knows, e.g. the command that repeats it.
     *files : path
@@ -357,7 +354,6 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
         If one of the files cannot be read.
     """
     rows = {f"file {name}": f"SHA-256 {sha256_of(name)}" for name in files}
-    record = result.provenance
     for number, curve in enumerate(record["curves"]):
         which = f" {number + 1}" if len(record["curves"]) > 1 else ""
         if curve.get("recorded"):
@@ -369,14 +365,6 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
     }
     rows["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
     return facts_table({**rows, **facts})
-
-
-def source_rows(files: Iterable[str]) -> dict[str, str]:
-    """Return rows for `facts_table`: the SHA-256 of each file, and the versions of packages and system."""
-    rows = {f"file {name}": f"SHA-256 {sha256_of(name)}" for name in files}
-    own = {"python": platform.python_version(), "system": platform.platform(terse=True)}
-    versions = version_record(("underlay", "numpy", "scipy", "pandas")) | own
-    return rows | {"versions": ", ".join(f"{name} {version}" for name, version in versions.items())}
 
 
 def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:

@@ -1,0 +1,321 @@
+"""What stands behind the numbers of a fit: parts for a page and a terminal, and the files that are written.
+
+A part is data (`Part`): sentences, tables and pictures under a title. A page folds it below its sheet, and
+``--details`` prints it. `pictures_of` names the pictures that a scene's effects call for; `write_fit` writes them
+beside the tables and the full result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from underlay._csv import csv_text
+from underlay._files import write_atomic
+from underlay.data.segments import LOADING
+from underlay.errors import UnderlayError
+from underlay.inference.pointwise.result import ModulusCurve, PointwiseModulus
+from underlay.inference.recipe import steps_to_ours
+from underlay.report import adhesion_tables, plots, tables
+from underlay.report.labels import label, labelled, start
+from underlay.report.limits import advice, distinct_scenes, rivals
+from underlay.report.scene_tables import effects_table, scene_table
+from underlay.report.screen import budget_table, interval_text, told_names
+from underlay.units import format_quantity, human_unit, printed, printed_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from underlay.inference.least_squares.fit_result import Fit
+
+__all__ = [
+    "Content",
+    "Heading",
+    "Part",
+    "Picture",
+    "fit_parts",
+    "pictures_of",
+    "pointwise_of",
+    "pointwise_sentence",
+    "pointwise_table",
+    "write_fit",
+]
+
+# Rows of a table that is read and not plotted.
+_ROWS = 10
+
+
+class Heading(str):
+    """A heading over the content that follows it."""
+
+    __slots__ = ()
+
+
+class Picture(NamedTuple):
+    """A picture that is drawn when it is wanted.
+
+    Parameters
+    ----------
+    name : str
+        Its name among the pictures of a page, and in the names of files.
+    draw : callable
+        Draws into the axes ``ax`` and returns them.
+    alt : str
+        Text for screen readers.
+    title, caption : str
+        What stands below it.
+    """
+
+    name: str
+    draw: Callable[..., Axes]
+    alt: str
+    title: str = ""
+    caption: str = ""
+
+
+Content: TypeAlias = str | pd.DataFrame | Picture
+
+
+class Part(NamedTuple):
+    """One part of what stands behind a result: its title, what it holds in a few words, and its content."""
+
+    title: str
+    note: str
+    content: Sequence[Content]
+
+
+def fit_parts(fit: Fit, by_depth: Sequence[PointwiseModulus | str], command: str = "") -> Iterator[Part]:
+    """Yield the parts that stand behind the numbers of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        The result.
+    by_depth : sequence of PointwiseModulus or str
+        What `pointwise_of` returns for it.
+    command : str
+        Command line that repeats the fit; empty where there is none.
+    """
+    yield _parameters(fit)
+    yield Part("Uncertainty budgets", "every source, its size and its origin", [*_budgets(fit)])
+    yield Part("E by depth as a table", "from the force and from its slope", [*_depths(by_depth)])
+    yield Part("Effects that were considered", "what leaving each one out would change", [*_effects(fit)])
+    doubts = tables.reservations_table(fit)
+    number = int((doubts["reservation"] != "none").sum())
+    yield Part(
+        "Quality of the fit",
+        f"{number or 'no'} reservation{'' if number == 1 else 's'}",
+        [
+            *(f"Also {labelled(str(other))}." for other in fit.verdict.others),
+            tables.diagnostics_table(fit),
+            doubts,
+        ],
+    )
+    yield Part("The test in numbers", "", [scene_table(*fit.scenes)])
+    drawn = [pictures_of(fit, curve) for curve in range(len(fit.curves))]
+    yield Part("Adhesion", "pull-off, jumps, and the half-space's formula", [*_adhesion(fit, drawn)])
+    yield Part(
+        "Relaxation",
+        "modulus, or what is left of the force, against time",
+        [found[name] for found in drawn for name in ("relaxation", "drainage") if name in found],
+    )
+    yield Part(
+        "The whole measurement",
+        f"the fit uses a part of it ({LOADING} by default)",
+        [found["segments"] for found in drawn if "segments" in found],
+    )
+    files = {"to repeat": command} if command else {}
+    origin = tables.provenance_table(fit.provenance, files)
+    yield Part("Where this comes from", "files, hashes, versions", [origin])
+
+
+def _parameters(fit: Fit) -> Part:
+    """Return the parameters, what they leave undetermined, and the steps from the instrument's modulus."""
+    content: list[Content] = [tables.interval_table(fit)] if fit.verdict != "reject" else []
+    content += [*rivals(fit), *advice(fit)]
+    content += [
+        f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f})."
+        for first, second, value in tables.known_together(fit)
+    ]
+    pairs = tables.correlated_pairs(fit)
+    content += [pairs] if len(pairs) else []
+    if steps := steps_to_ours(fit):
+        content += [
+            Heading("From the instrument's number to the value of this fit"),
+            tables.steps_table(steps),
+        ]
+    note = f"{len(fit.names)} fitted{f', {len(pairs)} strongly correlated pairs' if len(pairs) else ''}"
+    return Part("Parameters and correlations", note, content)
+
+
+def _budgets(fit: Fit) -> Iterator[Content]:
+    for name in told_names(fit) if fit.verdict != "reject" else ():
+        frame = budget_table(fit.answer(name))
+        if len(frame):
+            yield Heading(start(label(name)))
+            yield frame
+
+
+def _depths(by_depth: Sequence[PointwiseModulus | str]) -> Iterator[Content]:
+    for number, found in enumerate(by_depth, start=1):
+        if len(by_depth) > 1:
+            yield Heading(f"Curve {number}")
+        yield pointwise_sentence(found)
+        if not isinstance(found, str):
+            yield pointwise_table(found)
+
+
+def _effects(fit: Fit) -> Iterator[Content]:
+    """Yield the effects at the deepest point of each scene, without their times, which differ from run to run."""
+    for test in distinct_scenes(fit.scenes, fit.curves):
+        if test.label:
+            yield Heading(start(test.label))
+        yield effects_table(test.scene, test.deepest, fit.solver).drop(columns="adds to the time")
+
+
+def _adhesion(fit: Fit, drawn: Sequence[dict[str, Picture]]) -> Iterator[Content]:
+    for curve, pictures in enumerate(drawn):
+        if "adhesion" in pictures:
+            yield pictures["adhesion"]
+            yield adhesion_tables.adhesion_table(fit, curve)
+            if sentence := adhesion_tables.halfspace_of(fit, curve):
+                yield sentence
+
+
+def pictures_of(fit: Fit, curve: int = 0) -> dict[str, Picture]:
+    """Return the pictures that the effects of one curve's scene call for, by their names.
+
+    They are ``time``, ``drainage``, ``relaxation`` and ``adhesion``; ``segments`` of a curve that was measured
+    beyond what is fitted.
+    """
+    scene, whole = fit.scenes[curve], tables.beyond_loading(fit.curves[curve])
+    wanted: dict[str, tuple[bool, Callable[..., Axes], str, tuple[str, ...]]] = {
+        "time": (
+            scene.memory is not None,
+            plots.fit_in_time,
+            "Force against time with the fit, and the residuals below.",
+            ("In time.", "Loading, hold and unloading are fitted together."),
+        ),
+        "drainage": (
+            scene.layer.material.drains,
+            plots.drainage,
+            "Force that is left to fall in the hold against the root of time, measured and fitted.",
+            ("Drainage.",),
+        ),
+        "relaxation": (
+            scene.layer.relaxation is not None,
+            plots.relaxation,
+            "Modulus of the layer against time after a sudden strain.",
+            ("Relaxation.",),
+        ),
+        "adhesion": (
+            scene.adhesion is not None,
+            plots.adhesion,
+            "States of a contact that adheres, jumps into contact and off, and the measured points.",
+            ("Adhesion.", "Every contact that balances, and where the tip jumps."),
+        ),
+    }
+    found = {
+        name: Picture(f"{name} {curve}", partial(draw, fit, curve=curve), alt, *words)
+        for name, (there, draw, alt, words) in wanted.items()
+        if there
+    }
+    if whole is not None:
+        alt = "Depth and force against time, loading, hold and unloading apart."
+        draw = partial(plots.segments, whole)
+        found["segments"] = Picture(f"segments {curve}", draw, alt, "The whole measurement.")
+    return found
+
+
+def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:
+    """Return for every curve of a fit the modulus at each depth or, as text, the reason why there is none."""
+    found: list[PointwiseModulus | str] = []
+    for curve in range(len(result.curves)):
+        try:
+            found.append(result.modulus_by_depth(curve))
+        except UnderlayError as error:
+            found.append(str(error))
+    return found
+
+
+def pointwise_sentence(found: PointwiseModulus | str) -> str:
+    """Say at how many depths the modulus read there agrees with the fit's, and what a half-space would give.
+
+    `found` is the modulus at each depth, or the reason why there is none.
+    """
+    if isinstance(found, str):
+        return f"Not read depth by depth: {found}."
+    layer, bare = found.apparent, found.apparent_halfspace
+    held = int(np.count_nonzero((layer.low <= layer.expected) & (layer.expected <= layer.high)))
+    whose = "what the fit's modulus has relaxed to by then" if found.relaxing else "the fit's modulus"
+    text = (
+        f"Read from the force at each depth, the {100.0 * found.level:.0f} % interval holds {whose}, "
+        f"{format_quantity(float(layer.expected[-1]), 'pressure')}, at {held} of {len(found.depth)} depths."
+    )
+    if not found.layered:
+        return text
+    first, last = (
+        f"{format_quantity(float(bare.modulus[end]), 'pressure')} at "
+        f"{format_quantity(float(found.depth[end]), 'length')}"
+        for end in (0, -1)
+    )
+    return printed(f"{text} The formula of a half-space reads {first} and {last}.")
+
+
+def pointwise_table(found: PointwiseModulus) -> pd.DataFrame:
+    """Return the modulus at ten of the depths, as text with intervals: from the force and from the slope.
+
+    Where the scene has a layer, columns with the modulus by the half-space formula are added.
+    """
+    unit, metre = human_unit(float(found.depth[-1]), "length")
+    length = printed_unit(unit)
+    name, pascal = human_unit(float(found.apparent.expected[-1]), "pressure")
+    what = ", layer in the model" if found.layered else ""
+    rows = []
+    for n in np.unique(np.linspace(0, len(found.depth) - 1, _ROWS).round().astype(int)):
+        row = {
+            f"depth ({length})": f"{found.depth[n] / metre:.3g}",
+            "points": f"{found.points[n]:.0f}",
+            f"from the force{what} ({name})": _cell(found.apparent, n, pascal),
+            f"from the slope{what} ({name})": _cell(found.incremental, n, pascal),
+        }
+        if found.layered:
+            bare = found.apparent_halfspace
+            row[f"from the force, half-space ({name})"] = _cell(bare, n, pascal)
+            row["half-space, were the model right"] = f"{bare.expected[n] / pascal:.4g}"
+        rows.append(row)
+    return tables.labelled_table(rows)
+
+
+def _cell(curve: ModulusCurve, n: int, pascal: float) -> str:
+    value, low, high = (float(column[n]) / pascal for column in (curve.modulus, curve.low, curve.high))
+    return "none" if np.isnan(value) else interval_text(value, low, high, "dimensionless")
+
+
+def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
+    """Write the table (CSV), the full result (JSON) and the pictures of a fit; return the paths of the files.
+
+    They begin with `stem`. What is written depends on the scene: see `pictures_of`; the modulus by depth and the
+    numbers of an adhesive contact are tables (CSV) of their own.
+    """
+    # Not loaded by a page, which needs the words and tables of this module alone.
+    from underlay.report.excel import result_rows  # noqa: PLC0415  see above
+
+    rows = {"fit": result_rows(result)}
+    by_depth = pointwise_of(result)[0]
+    if isinstance(by_depth, PointwiseModulus):
+        rows["depth"] = by_depth.table
+    if result.scenes[0].adhesion is not None:
+        rows["adhesion"] = adhesion_tables.adhesion_frame(result)
+    drawn: dict[str, Callable[..., Axes]] = {"fit": partial(plots.fit, result)}
+    drawn |= {name: picture.draw for name, picture in pictures_of(result).items()}
+    return [
+        *(write_atomic(folder / f"{stem}.{name}.csv", csv_text(table)) for name, table in rows.items()),
+        result.to_json(folder / f"{stem}.fit.json"),
+        *(plots.save(draw(), folder / f"{stem}.{name}.png") for name, draw in drawn.items()),
+    ]
