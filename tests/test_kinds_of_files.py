@@ -16,7 +16,7 @@ import pytest
 from scipy.io import savemat
 
 import underlay as ul
-from underlay.cli.new_scene import unread_scene
+from underlay.cli.start import unread_scene
 from underlay.data.readers import read_all
 from underlay.data.segments import segments_from_motion
 from underlay.inference.batch.manifest import read_manifest

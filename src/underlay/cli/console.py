@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-__all__ = ["noted", "say", "say_error", "say_table", "say_warnings", "write_all", "write_out"]
+    from underlay.report.details import Part
+
+__all__ = ["noted", "say", "say_error", "say_parts", "say_table", "say_warnings", "write_all", "write_out"]
 
 _FILE_WIDTH = 160
 # Letters of a cell from which on a column of words is broken into lines, as the last one is.
@@ -48,9 +50,10 @@ def say_table(frame: pd.DataFrame, title: str) -> None:
     import pandas as pd
 
     if not pd.api.types.is_integer_dtype(frame.index):
-        frame = frame.rename_axis("" if frame.index.name is None else str(frame.index.name)).reset_index()
+        named = [str(name) for name in (frame.index.name, frame.columns.name) if name is not None]
+        frame = frame.rename_axis("".join(named[:1])).reset_index()
     table = Table(
-        title=escape(one_line(title)), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold"
+        title=escape(one_line(title)) or None, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold"
     )
     for name, column in frame.items():
         numeric = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
@@ -66,6 +69,27 @@ def say_table(frame: pd.DataFrame, title: str) -> None:
         endless = console.options.update(width=sys.maxsize)
         console.width = max(_FILE_WIDTH, Measurement.get(console, endless, table).minimum)
     console.print(table)
+
+
+def say_parts(parts: Iterable[Part]) -> None:
+    """Print what stands behind a result: sentences, and tables under their headings; pictures are left out."""
+    import pandas as pd
+
+    from underlay.report.details import Heading
+
+    for title, note, content in parts:
+        told = [one for one in content if isinstance(one, str | pd.DataFrame)]
+        if told:
+            say(f"{title}{f' ({note})' if note else ''}")
+        heading = ""
+        for one in told:
+            if isinstance(one, Heading):
+                heading = one
+            elif isinstance(one, str):
+                say(one)
+            else:
+                say_table(one, heading)
+                heading = ""
 
 
 def _cell(value: object) -> str:

@@ -12,7 +12,7 @@ import typer
 
 import underlay as ul
 from underlay._files import require_writable_folder
-from underlay.cli.console import say, say_table, say_warnings, write_out
+from underlay.cli.console import say, say_parts, say_table, say_warnings, write_out
 from underlay.cli.options import (
     CurveFile,
     Details,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from underlay.inference.compare import Comparison
 
-__all__ = ["compare", "demo", "film", "fit", "sample", "show_fit"]
+__all__ = ["compare", "demo", "film", "fit", "sample"]
 
 # Difference of AIC up to which a model is not clearly worse than another (Burnham and Anderson 2002, section 2.6).
 _AS_GOOD = 10.0
@@ -56,21 +56,18 @@ def fit(
 
     Example: `underlay fit curve.csv --scene scene.toml --output results`
     """
-    from underlay.report.limits import quality_doubts, reservations
+    from underlay.report.limits import quality_doubts
 
     scene = scene_for(scene, curve, "fit")
     with gathered_warnings() as notes:
         problem = ul.load_problem(curve, scene)
         problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
-        doubts = quality_doubts(problem)
+        quality_doubts(problem)
         with _at_work() if any(one.drainage for one in problem.base_scenes) else nullcontext():
             result = ul.fit(problem)
             result.answers  # noqa: B018  they take longest, and are kept
-    show_fit(result, curve.name, details=details)
-    if details:
-        say_warnings([*doubts, *reservations(result, notes)])
-    else:
-        say_warnings([str(note) for one in result.curves for note in one.metadata.get("notes", ())])
+    _show(result, details=details)
+    say_warnings(notes if details else [])
     if output is not None:
         from underlay.report.details import write_fit
         from underlay.report.screen import written_line
@@ -90,57 +87,19 @@ def _at_work() -> AbstractContextManager[object]:
     return Console(stderr=True).status("fitting; a layer that drains may take a minute")
 
 
-def show_fit(result: ul.Fit, name: str, *, details: bool = False) -> None:
-    """Print the result of a fit: numbers, verdict, next step; with `details` all further tables.
-
-    `name` is that of the curve, for the titles.
-    """
+def _show(result: ul.Fit, *, details: bool = False) -> None:
+    """Print the result of a fit: numbers, verdict, next step, notes; with `details` all that stands behind them."""
     from underlay.report.screen import fit_lines
 
     say("")
     for text in fit_lines(result):
         say(text)
     if details:
-        _show_details(result, name)
+        from underlay.report.details import fit_parts, pointwise_of
 
-
-def _show_details(result: ul.Fit, name: str) -> None:
-    """Print budget, parameters, correlations, comparison with the instrument's modulus, and the contact model."""
-    from underlay.report.adhesion_tables import adhesion_frame, halfspace_of
-    from underlay.report.labels import is_of_the_sample, label
-    from underlay.report.limits import advice, rivals
-    from underlay.report.screen import budget_table
-    from underlay.report.tables import correlated_pairs, fit_table, steps_table
-    from underlay.units import format_quantity
-
-    for parameter in filter(is_of_the_sample, result.names):
-        say_table(
-            budget_table(result.answer(parameter)), f"Uncertainty budget of the {label(parameter)}, 95 %"
-        )
-    for other in result.verdict.others:
-        say(f"also {other}")
-    for sentence in (*rivals(result), *advice(result)):
-        say(sentence)
-    table = fit_table(result).drop(columns=["instrument's own", "differs (%)"], errors="ignore")
-    say_table(table if any(table["at bound"]) else table.drop(columns="at bound"), f"Fit of {name}")
-    sticking = adhesion_frame(result)
-    if len(sticking):
-        say_table(sticking, "Adhesion")
-        if sentence := halfspace_of(result):
-            say(sentence)
-    for path, told in result.instrument_moduli.items():
-        say(
-            f"{path}: the instrument's own reduced modulus {format_quantity(told.reduced, 'pressure')} is "
-            f"{format_quantity(told.youngs, 'pressure')} at nu = {told.nu:g}; ours differs by "
-            f"{100.0 * told.difference:+.3g} %"
-        )
-    if steps := ul.steps_to_ours(result):
-        table = steps_table(steps).reset_index(names="step")
-        say_table(table, "From the instrument's number to the value of this fit")
-    pairs = correlated_pairs(result)
-    if len(pairs):
-        say_table(pairs, "Correlations above 0.9")
-    say(f"contact model: {result.law_reason}")
+        say_parts(fit_parts(result, pointwise_of(result)))
+    else:
+        say_warnings([str(note) for one in result.curves for note in one.metadata.get("notes", ())])
 
 
 def demo(
@@ -153,15 +112,13 @@ def demo(
     Example: `underlay demo --output underlay-demo`
     """
     from underlay.report.details import write_fit
-    from underlay.report.limits import reservations
 
     folder, written = require_writable_folder(output), list[Path]()
     for curve, scene, title in _SAMPLES:
-        with gathered_warnings() as notes:
+        with gathered_warnings():
             result = ul.fit(ul.load_problem(sample_file(curve), sample_file(scene)))
         say(f"\n{title}")
-        show_fit(result, curve)
-        say_warnings(reservations(result, notes))
+        _show(result)
         written += write_fit(result, folder, Path(curve).stem)
     say("\nThe results are in:")
     for path in written:

@@ -2,14 +2,14 @@
 
 Undetermined are: which of several optima holds (`rivals`), parameters that only a second test would fix (`advice`),
 and whether a face is bonded or free to slip (`bonds_sentences`). Against a result speak doubts about its curve
-(`quality_doubts`) and warnings of the file reader, the fit and the contact laws (`reservations`). `distinct_scenes`
+(`quality_doubts`). `distinct_scenes`
 groups the curves of a joint fit, so that a report draws and lists each scene once.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -35,7 +35,6 @@ __all__ = [
     "bonds_sentences",
     "distinct_scenes",
     "quality_doubts",
-    "reservations",
     "rival_name",
     "rivals",
 ]
@@ -219,14 +218,3 @@ def quality_doubts(problem: Problem, *, require: bool = True) -> list[str]:
             quality.require()
         doubts += quality.reasons
     return list(dict.fromkeys(doubts))
-
-
-def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
-    """Return the notes of the file reader, then the warnings of the fit, then `notes`.
-
-    The warning of a second optimum is left out: reports state it beside the headline.
-    """
-    reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
-
-    fitted = [str(warning) for warning in result.warnings if warning.code != "second-optimum"]
-    return [*reader, *fitted, *notes]

@@ -25,7 +25,7 @@ from underlay.inference.from_files import whole_curve
 from underlay.inference.recipe import Step
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import numbers_of, path_of
-from underlay.report.labels import label
+from underlay.report.labels import label, labelled
 from underlay.report.limits import quality_doubts, rival_name
 from underlay.report.screen import answer_text
 from underlay.scene.noise import NoiseModel
@@ -50,6 +50,7 @@ __all__ = [
     "interval_table",
     "known_together",
     "labelled_table",
+    "method_label",
     "provenance_table",
     "reading_table",
     "reservations_table",
@@ -286,7 +287,7 @@ def diagnostics_table(result: Fit) -> pd.DataFrame:
     s = result.statistics
     which_law = "contact law" if len(result.curves) == 1 else "contact law, of the curve where it errs most"
     rows = {
-        "verdict": str(result.verdict),
+        "verdict": labelled(str(result.verdict)),
         "points, parameters": f"{s.points}, {s.parameters}",
         "noise": "; ".join(_noise_text(noise) for noise in result.noises)
         + (" (estimated from the scatter)" if s.noise_estimated else " (given or fitted)"),
@@ -439,7 +440,7 @@ def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
     answered = table[table["error"].notna()]
     return pd.DataFrame(
         {
-            "law": [_method_label(row) for _, row in answered.iterrows()],
+            "law": [_with_nodes(row) for _, row in answered.iterrows()],
             "error": answered["error"].to_numpy(),
             "cold (us)": 1e6 * answered["cold_seconds"].to_numpy(),
             "cold (x)": answered["cold_ratio"].to_numpy(),
@@ -462,7 +463,7 @@ def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
     ordered = table.sort_values("E_error", key=abs, ignore_index=True)
     return pd.DataFrame(
         {
-            "law": [_method_label(row) for _, row in ordered.iterrows()],
+            "law": [_with_nodes(row) for _, row in ordered.iterrows()],
             "E (%)": 100.0 * ordered["E_error"],
             "fit (x)": ordered["ratio"],
             "E, free h (%)": 100.0 * ordered["E_error_joint"],
@@ -472,11 +473,13 @@ def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _method_label(row: pd.Series[Any]) -> str:
-    """Name a method with its settings: ``"explicit 4"`` (form, order), ``"exact 1e-06 (4 nodes)"`` (tolerance)."""
-    method, form, order, rtol, nodes = (row[key] for key in ("method", "form", "order", "rtol", "nodes"))
-    if form:
-        return f"{form} {order:.0f}"
-    if pd.isna(rtol):
-        return str(method)
-    return f"{method} {rtol:.0e}" + (f" ({nodes:.0f} nodes)" if pd.notna(nodes) else "")
+def _with_nodes(row: pd.Series[Any]) -> str:
+    nodes = "" if pd.isna(row["nodes"]) else f" ({row['nodes']:.0f} nodes)"
+    return f"{method_label(row)}{nodes}"
+
+
+def method_label(row: pd.Series[Any]) -> str:
+    """Name a method with its settings: ``"explicit 4"`` (form, order), ``"exact 1e-06"`` (tolerance)."""
+    if row["form"]:
+        return f"{row['form']} {row['order']:.0f}"
+    return row["method"] if pd.isna(row["rtol"]) else f"{row['method']} {row['rtol']:.0e}"

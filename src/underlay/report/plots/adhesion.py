@@ -82,8 +82,7 @@ def adhesion(
         stable = np.linspace(law.pull_off_depth, law.max_depth, _POINTS)[1:]
         panel.plot(stable / metre, law.force(stable) / newton, color=FIT, label="stable, depth given")
         _jumps(panel, law, scene.instrument.compliance, metre, newton)
-        panel.set_xlabel(f"depth of the tip ({length})")
-        panel.set_ylabel(f"force ({load})")
+        panel.set(xlabel=f"depth of the tip ({length})", ylabel=f"force ({load})")
         panel.legend(loc="best")
     return panel
 

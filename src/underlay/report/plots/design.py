@@ -194,8 +194,7 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
             norm=norm,
             shading="nearest",
         )
-        ax.set_xscale("log")
-        ax.set_yscale("log")
+        ax.set(xscale="log", yscale="log")
         for axis in (ax.xaxis, ax.yaxis):
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -217,6 +216,5 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
         if figure is not None:
             bar = figure.colorbar(mesh, ax=ax)
             bar.set_label(f"relative error of the {label(tests.parameter)}")
-        ax.set_xlabel(f"tip radius ({radius_unit})")
-        ax.set_ylabel(f"depth ({depth_unit})")
+        ax.set(xlabel=f"tip radius ({radius_unit})", ylabel=f"depth ({depth_unit})")
     return ax

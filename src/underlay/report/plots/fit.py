@@ -282,8 +282,7 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         low, high = float(fitted[seen].min()) / newton, float(force.max()) / newton
         _slopes(panel, float(travel.max()) / metre, high)
         panel.set_ylim(0.5 * low, 2.0 * high)
-        panel.set_xlabel(f"depth since contact ({length})")
-        panel.set_ylabel(f"force ({load})")
+        panel.set(xlabel=f"depth since contact ({length})", ylabel=f"force ({load})")
         panel.legend(loc="upper left")
     return panel
 
@@ -485,8 +484,7 @@ def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
             panel.fill_between(time, low / pascal, high / pascal, color=FIT, alpha=0.25, lw=0.0, label="95 %")
         panel.plot(time, middle / pascal, color=FIT, label="fit")
         panel.set_xscale("log")
-        panel.set_xlabel("time after a sudden strain (s)")
-        panel.set_ylabel(f"layer modulus ({name})")
+        panel.set(xlabel="time after a sudden strain (s)", ylabel=f"layer modulus ({name})")
         panel.legend(loc="best")
     return panel
 
@@ -529,8 +527,7 @@ def drainage(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
             left = (force[held] - fitted[-1]) / (fitted[peak] - fitted[-1])
             label, colour = ("fit", FIT) if how == "-" else ("measured", DATA)
             panel.plot(root[::step], left[::step], how, ms=2.5, color=colour, label=label)
-        panel.set_xlabel("root of the time since the peak (s$^{1/2}$)")
-        panel.set_ylabel("force left to fall, g")
+        panel.set(xlabel="root of the time since the peak (s$^{1/2}$)", ylabel="force left to fall, g")
         panel.legend(loc="best")
     return panel
 

@@ -100,8 +100,7 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
         middle = float(np.median(known))
         ax.axvline(middle / factor, color=INK, lw=1.0, ls="--")
         ax.set_title(f"{known.size} curves, median {in_words(middle, kind)}")
-        ax.set_xlabel(f"{label(column)} ({unit})" if unit else label(column))
-        ax.set_ylabel("curves")
+        ax.set(xlabel=f"{label(column)} ({unit})" if unit else label(column), ylabel="curves")
         ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     return ax
 
@@ -145,8 +144,7 @@ def map(  # noqa: A001  the public name; the builtin is not used here
         ax.set_aspect("equal")
         _draw(ax, squares, placed[column].to_numpy(dtype=float), column)
         ax.autoscale_view()
-        ax.set_xlabel(f"x ({length})")
-        ax.set_ylabel(f"y ({length})")
+        ax.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
     return ax
 
 
@@ -312,8 +310,7 @@ def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None
             words = f"{name} ({np.count_nonzero(these)})"
             handles.append(Line2D([], [], marker=marker, color=colour, ls="none", ms=4.0, label=words))
         ax.set_aspect("equal")
-        ax.set_xlabel(f"x ({length})")
-        ax.set_ylabel(f"y ({length})")
+        ax.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
         ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return ax
 

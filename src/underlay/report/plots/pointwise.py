@@ -148,7 +148,6 @@ def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
             )
             panel.axhline(found.values["layer.E"] / pascal, ls="--", lw=1.0, color=FIT, label="fit")
         panel.set_ylim(0.0)
-        panel.set_xlabel(f"depth ({length})")
-        panel.set_ylabel(f"modulus ({name})")
+        panel.set(xlabel=f"depth ({length})", ylabel=f"modulus ({name})")
         panel.legend(loc="best")
     return panel

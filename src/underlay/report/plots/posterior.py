@@ -229,8 +229,7 @@ def predictive(posterior: Posterior, *, curve: int = 0, ax: Axes | None = None) 
         upper.legend(loc="upper left")
         if len(posterior.predictive) > 1:
             upper.set_title(f"curve {curve + 1}")
-        lower.set_xlabel(f"depth ({length})")
-        lower.set_ylabel(f"less the median ({small})")
+        lower.set(xlabel=f"depth ({length})", ylabel=f"less the median ({small})")
     return upper
 
 
@@ -272,8 +271,10 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
         _shade(ax, walk, factor)
         for level, line in _LEVELS:
             _draw_threshold(ax, walk, level, line, factor)
-        ax.set_xlabel(f"{label(walk.name)} ({unit})" if unit else label(walk.name))
-        ax.set_ylabel("(deviate of the level)²" if walk.averaged else "rise of chi-square")
+        ax.set(
+            xlabel=f"{label(walk.name)} ({unit})" if unit else label(walk.name),
+            ylabel="(deviate of the level)²" if walk.averaged else "rise of chi-square",
+        )
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
     return ax
 

@@ -19,6 +19,7 @@ from underlay.report.plots.style import (
     LAYER,
     METAL,
     SUBSTRATE,
+    apart,
     axes,
     in_words,
     style,
@@ -99,8 +100,7 @@ def scene(
         else:
             _write(ax, test, (half, shown, bottom, top), factor)
         _mark_contact(ax, test, tip, radius, factor)
-        ax.set_xlabel(f"distance from the axis ({unit})")
-        ax.set_ylabel(f"height ({unit})")
+        ax.set(xlabel=f"distance from the axis ({unit})", ylabel=f"height ({unit})")
         if title:
             ax.set_title(title)
     return ax
@@ -164,25 +164,13 @@ def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], fact
     names.append(material_words(test.base))
     lines = np.array([1.0 + name.count("\n") for name in names])
     inch = max(2.0 * half / _PICTURE[0], (top - bottom) / _PICTURE[1])
-    places = _spread(np.array(middles), lines * _LINE * inch, bottom)
+    places = apart(np.array(middles), lines * _LINE * inch, bottom)
     along = ax.get_yaxis_transform()
     for name, middle, place in zip(names, middles, places.tolist(), strict=True):
         ax.plot(
             [1.0, 1.04], [middle / factor, place / factor], transform=along, color=INK, lw=0.6, clip_on=False
         )
         ax.text(1.05, place / factor, name, transform=along, va="center", ha="left")
-
-
-def _spread(wanted: FloatArray, heights: FloatArray, bottom: float) -> FloatArray:
-    """Return heights (n,) for labels near those wanted, from the top down, so that labels do not overlap.
-
-    `heights` are the labels' own heights (n,); the last stays above `bottom`.
-    """
-    places = wanted.copy()
-    places[-1] = max(places[-1], bottom + 0.5 * heights[-1])
-    for n in range(len(places) - 2, -1, -1):
-        places[n] = max(places[n], places[n + 1] + 0.5 * (heights[n] + heights[n + 1]))
-    return places
 
 
 def _draw_indenter(ax: Axes, test: Scene, tip: float, half: float, top: float, factor: float) -> None:
@@ -294,8 +282,7 @@ def effects(
                 va="bottom",
                 fontsize=7.0,
             )
-        drawn.set_xlabel(f"depth since contact ({length})")
-        drawn.set_ylabel("change of the force (%)")
+        drawn.set(xlabel=f"depth since contact ({length})", ylabel="change of the force (%)")
         if len(sizes.columns):
             drawn.legend(
                 loc="lower left",

@@ -42,6 +42,7 @@ __all__ = [
     "SYSTEMATIC",
     "YELLOW",
     "Axes",
+    "apart",
     "axes",
     "drawn",
     "in_words",
@@ -158,6 +159,21 @@ def with_strip(ax: Axes, share: float = 0.3) -> tuple[Axes, Axes]:
     box = ax.get_position()
     ax.set_position((box.x0, box.y0 + share * box.height, box.width, (0.95 - share) * box.height))
     return ax, figure.add_axes((box.x0, box.y0, box.width, (share - 0.05) * box.height), sharex=ax)
+
+
+def apart(wanted: FloatArray, heights: FloatArray, low: float, high: float = np.inf) -> FloatArray:
+    """Return places (n,) for labels near those wanted, from the top down, so that no two overlap.
+
+    `heights` are the labels' own heights (n,); they stay between `low` and `high` as far as there is room.
+    """
+    places, room = wanted.copy(), 0.5 * heights
+    places[-1] = max(places[-1], low + room[-1])
+    for n in range(len(places) - 2, -1, -1):
+        places[n] = max(places[n], places[n + 1] + room[n] + room[n + 1])
+    places[0] = min(places[0], high - room[0])
+    for n in range(1, len(places)):
+        places[n] = min(places[n], places[n - 1] - room[n] - room[n - 1])
+    return places
 
 
 def unit_for(values: FloatArray, kind: str) -> tuple[str, float]:
