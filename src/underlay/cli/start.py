@@ -1,7 +1,7 @@
 """Commands to begin with: `app`, `formats` and `keys`.
 
-`formats` also writes a starter scene file: values that a curve's file states are filled in; all others are marked as
-to be given.
+`formats` also writes a starter scene file: values that a curve's file states are filled in; all others are
+marked as to be given.
 """
 
 from __future__ import annotations
