@@ -37,6 +37,7 @@ from underlay.report.plots.style import (
     style,
     unit_for,
     unit_of,
+    with_unit,
 )
 from underlay.scene.parameters import kind_of
 
@@ -88,19 +89,17 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
     known = values[np.isfinite(values)]
     if not known.size:
         raise InputError(f"no curve of the map has a value of {column!r}")
-    kind = kind_of(column.removesuffix(".stderr"))
-    unit, factor = unit_of(float(np.median(np.abs(known))), kind)
+    words, factor = _axis(column, known)
     with style():
         ax = axes(ax, height=2.3)
         # A handful of wild values must not squeeze the others into one bar; they are counted at the ends.
         ends = np.quantile(known, _SHOWN)
-        inside = np.minimum(np.maximum(known, ends[0]), ends[1])
         bins = max(8, min(60, int(np.sqrt(known.size))))
-        ax.hist(inside / factor, bins=bins, color=FIT, alpha=0.85)
+        ax.hist(np.clip(known, *ends) / factor, bins=bins, color=FIT, alpha=0.85)
         middle = float(np.median(known))
         ax.axvline(middle / factor, color=INK, lw=1.0, ls="--")
-        ax.set_title(f"{known.size} curves, median {in_words(middle, kind)}")
-        ax.set(xlabel=f"{label(column)} ({unit})" if unit else label(column), ylabel="curves")
+        ax.set_title(f"{known.size} curves, median {in_words(middle, _kind(column))}")
+        ax.set(xlabel=words, ylabel="curves")
         ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     return ax
 
@@ -182,19 +181,12 @@ def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | N
     known = table[table[by].notna() & np.isfinite(table[column].to_numpy(dtype=float))]
     if known.empty:
         raise InputError(f"no curve of the map has both a {by} and a value of {column!r}")
-    unit, factor = unit_of(float(known[column].abs().median()), kind_of(column))
+    words, factor = _axis(column, known[column].to_numpy(dtype=float))
     parts = {str(name): part[column].to_numpy(dtype=float) / factor for name, part in known.groupby(by)}
     with style():
         ax = axes(ax, width=0.75 * PAGE, height=2.8)
-        ink = {"color": FIT}
-        ax.boxplot(
-            list(parts.values()),
-            showfliers=False,
-            boxprops=ink,
-            whiskerprops=ink,
-            capprops=ink,
-            medianprops=ink,
-        )
+        ink: Any = {f"{part}props": {"color": FIT} for part in ("box", "whisker", "cap", "median")}
+        ax.boxplot(list(parts.values()), showfliers=False, **ink)
         for place, values in enumerate(parts.values(), start=1):
             # Side by side over a third of the distance of two boxes.
             across = place + np.linspace(-0.15, 0.15, len(values))
@@ -203,7 +195,7 @@ def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | N
             range(1, len(parts) + 1), [f"{one_line(name, 24)} ({len(parts[name])})" for name in parts]
         )
         ax.set_ylim(bottom=0.0)
-        ax.set_ylabel(f"{label(column)} ({unit})" if unit else label(column))
+        ax.set_ylabel(words)
     return ax
 
 
@@ -215,17 +207,26 @@ def _require(table: pd.DataFrame, *columns: str) -> None:
             raise InputError(f"the table has no column {name!r}; it has {there}")
 
 
+def _kind(column: str) -> str:
+    return kind_of(column.removesuffix(".stderr"))
+
+
+def _axis(column: str, values: FloatArray) -> tuple[str, float]:
+    """Return the words of an axis for a column's finite values (SI), and the SI value of its unit."""
+    unit, factor = unit_of(float(np.median(np.abs(values))), _kind(column))
+    return with_unit(label(column), unit), factor
+
+
 def _draw(ax: Axes, squares: FloatArray, values: FloatArray, column: str) -> None:
     known = np.isfinite(values)
-    unit, factor = unit_of(float(np.median(np.abs(values[known]))), kind_of(column.removesuffix(".stderr")))
+    words, factor = _axis(column, values[known])
     ax.add_collection(PolyCollection(list(squares[~known]), facecolors=GREY, **_NO_GAPS))
     drawn = PolyCollection(list(squares[known]), array=values[known] / factor, cmap=SEQUENTIAL, **_NO_GAPS)
     ax.add_collection(drawn)
     figure = ax.get_figure(root=False)
     if figure is not None:
         bar = figure.colorbar(drawn, cax=ax.inset_axes((1.04, 0.0, 0.05, 1.0)))
-        words = label(column).replace(" of the ", "\nof the ")
-        bar.set_label(f"{words} ({unit})" if unit else words)
+        bar.set_label(words.replace(" of the ", "\nof the "))
 
 
 def _squares(across: FloatArray, up: FloatArray) -> FloatArray:
@@ -263,21 +264,21 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
         if not placed.any():
             return histogram(table, column)
         here = table[placed]
-        maps = [name for name in (column, "layer.thickness") if _has_values(here, name)]
-        maps = list(dict.fromkeys(maps))
+        known = here.columns[here.notna().any()]
+        maps = [name for name in dict.fromkeys((column, "layer.thickness")) if name in known]
         panels = len(maps) + 2
         rows = -(-panels // 2)
         # The maps' colour bars stand outside their axes.
         layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08)
         figure, grid = plt.subplots(rows, 2, figsize=(PAGE, 2.7 * rows), layout=layout)
-        axes = list(grid.ravel())
-        for name, ax in zip(maps, axes, strict=False):
+        cells = list(grid.ravel())
+        for name, ax in zip(maps, cells, strict=False):
             map(here, name, ax=ax)
-        verdicts(here, ax=axes[len(maps)])
-        histogram(table, column, ax=axes[len(maps) + 1])
-        for ax in axes[panels:]:
+        verdicts(here, ax=cells[len(maps)])
+        histogram(table, column, ax=cells[len(maps) + 1])
+        for ax in cells[panels:]:
             figure.delaxes(ax)
-    first: Axes = axes[0]
+    first: Axes = cells[0]
     return first
 
 
@@ -298,10 +299,9 @@ def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None
     matplotlib Axes
     """
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
-    length, scale = unit_of(float(max(np.ptp(across), np.ptp(up))), "length")
+    length, scale = map_unit(table, x, y)
     with style():
-        if ax is None:
-            ax = plt.subplots(figsize=(0.5 * PAGE, 2.7), layout="constrained")[1]
+        ax = axes(ax, width=0.5 * PAGE, height=2.7)
         size = max(0.5, min(6.0, 110.0 / np.sqrt(len(table))))
         handles = []
         for name, colour, marker in _VERDICTS:
@@ -313,10 +313,6 @@ def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None
         ax.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
         ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return ax
-
-
-def _has_values(table: pd.DataFrame, name: str) -> bool:
-    return name in table.columns and bool(np.isfinite(table[name].to_numpy(dtype=float)).any())
 
 
 def population(result: Population, *, ax: Axes | None = None) -> Axes:
@@ -336,12 +332,11 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
         of a unit alone; the band is the interval of the mean.
     """
     groups = list(result.groups.values())
-    unit, factor = unit_of(groups[0].mean, kind_of(result.parameter))
+    words, factor = _axis(result.parameter, np.array([groups[0].mean]))
     rows = sum(_shown(group) + 2 for group in groups)
     with style():
-        if ax is None:
-            ax = plt.subplots(figsize=(0.75 * PAGE, _HEAD + _ROW * rows), layout="constrained")[1]
-        place, ticks, names = 0, [], []
+        ax = axes(ax, width=0.75 * PAGE, height=_HEAD + _ROW * rows)
+        place, names = 0, dict[int, str]()
         for group in groups:
             low, high = (np.clip(end / factor, 1e-300, 1e300) for end in (group.low, group.high))
             below = place + _shown(group) + 1
@@ -351,24 +346,21 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
                 ax.plot(ends, [place, place], color=DATA, lw=1.0)
                 ax.plot(row["own"] / factor, place, "o", ms=4.0, mfc="white", mec=GREY)
                 ax.plot(row["mean"] / factor, place, "o", ms=4.0, color=DATA)
-                ticks.append(place)
-                names.append(f"{one_line(name, 24)}  ({row['curves']:.0f})")
+                names[place] = f"{one_line(name, 24)}  ({row['curves']:.0f})"
                 place += 1
             if len(group.unit_values) > _MOST_UNITS:
-                ticks.append(place)
-                names.append(f"and {len(group.unit_values) - _MOST_UNITS} more")
+                names[place] = f"and {len(group.unit_values) - _MOST_UNITS} more"
                 place += 1
             ax.plot([low, high], [place, place], color=FIT, lw=2.4)
             ax.plot(group.mean / factor, place, "D", ms=5.0, color=FIT)
-            ticks.append(place)
-            names.append(f"{one_line(group.name, 24) or 'all'}: mean")
+            names[place] = f"{one_line(group.name, 24) or 'all'}: mean"
             place = below + 1
         ax.set_xscale("log")
-        ax.set_yticks(ticks, names)
-        for text, name in zip(ax.get_yticklabels(), names, strict=True):
-            text.set_color(FIT if name.endswith(": mean") else INK)
+        ax.set_yticks(list(names), list(names.values()))
+        for text in ax.get_yticklabels():
+            text.set_color(FIT if text.get_text().endswith(": mean") else INK)
         ax.invert_yaxis()
-        ax.set_xlabel(f"{label(result.parameter)} ({unit})" if unit else label(result.parameter))
+        ax.set_xlabel(words)
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         narrow = np.divide(*ax.get_xlim()[::-1]) < _NARROW
         ax.xaxis.set_minor_formatter(FuncFormatter(_every if narrow else _some))

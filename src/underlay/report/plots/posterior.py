@@ -33,6 +33,7 @@ from underlay.report.plots.style import (
     unit_for,
     unit_of,
     with_strip,
+    with_unit,
 )
 from underlay.scene.parameters import kind_of
 
@@ -272,7 +273,7 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
         for level, line in _LEVELS:
             _draw_threshold(ax, walk, level, line, factor)
         ax.set(
-            xlabel=f"{label(walk.name)} ({unit})" if unit else label(walk.name),
+            xlabel=with_unit(label(walk.name), unit),
             ylabel="(deviate of the level)²" if walk.averaged else "rise of chi-square",
         )
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)

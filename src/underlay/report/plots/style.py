@@ -52,6 +52,7 @@ __all__ = [
     "unit_for",
     "unit_of",
     "with_strip",
+    "with_unit",
 ]
 
 #: Width of one journal column, and of the full page (inches).
@@ -185,6 +186,11 @@ def unit_of(value: float, kind: str) -> tuple[str, float]:
     """Return the unit that suits `value` (SI): printed name and SI value."""
     unit, factor = human_unit(value, kind)
     return printed_unit(unit), factor
+
+
+def with_unit(words: str, unit: str) -> str:
+    """Return the words of an axis with its unit in brackets, where it has one."""
+    return f"{words} ({unit})" if unit else words
 
 
 def in_words(value: float, kind: str, uncertainty: float | None = None, *, digits: int = 4) -> str:
