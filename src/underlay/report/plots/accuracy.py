@@ -15,20 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from underlay.errors import InputError
-from underlay.report.plots.style import (
-    ACCENT,
-    COLUMN,
-    DATA,
-    FIT,
-    GREY,
-    PAGE,
-    PURPLE,
-    REFERENCE,
-    YELLOW,
-    apart,
-    axes,
-    style,
-)
+from underlay.report.plots import style
 from underlay.report.tables import method_label
 
 __all__ = ["accuracy_cost", "answer_cost", "posterior_cost", "what_accuracy_costs"]
@@ -39,12 +26,12 @@ _MARGIN = 0.06
 # Errors below these are those of the reference, and those that no measurement tells.
 _FLOOR, _FLOOR_OF_ANSWERS = 1e-12, 1e-6
 _COLOURS = {
-    "explicit": REFERENCE,
-    "parametric": PURPLE,
-    "compliance": YELLOW,
-    "exact": FIT,
+    "explicit": style.REFERENCE,
+    "parametric": style.PURPLE,
+    "compliance": style.YELLOW,
+    "exact": style.FIT,
     "auto": "black",
-    "halfspace": ACCENT,
+    "halfspace": style.ACCENT,
 }
 _HEIGHT = 3.8
 # Of the exact law's tolerances: the others lie between.
@@ -64,9 +51,18 @@ def _label_points(
     heights = (np.log(y) - bottom) / (top - bottom)
     order = np.argsort(-heights, kind="stable")
     room = np.full(len(order), min(_APART, 0.96 / max(len(order) - 1, 1)))
-    line = {"arrowstyle": "-", "color": GREY, "lw": 0.4, "shrinkA": 1.0, "shrinkB": 2.0, "relpos": (0.0, 0.5)}
+    line = {
+        "arrowstyle": "-",
+        "color": style.GREY,
+        "lw": 0.4,
+        "shrinkA": 1.0,
+        "shrinkB": 2.0,
+        "relpos": (0.0, 0.5),
+    }
     how: dict[str, Any] = {"textcoords": "axes fraction", "va": "center", "fontsize": 5.5, "arrowprops": line}
-    for index, height in zip(order.tolist(), apart(heights[order], room, 0.0, 1.0).tolist(), strict=True):
+    for index, height in zip(
+        order.tolist(), style.apart(heights[order], room, 0.0, 1.0).tolist(), strict=True
+    ):
         place, at = (_COLUMN, height), (x[index], y[index])
         drawn.annotate(names[index], at, xytext=place, color=colours[index], **how)
 
@@ -93,10 +89,10 @@ def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None =
     known = table[table["error"].notna()].copy()
     known["x"], known["y"] = known[f"{times}_ratio"], known["error"].clip(lower=_FLOOR)
     front = known[known["pareto" if times == "cold" else "pareto_held"]].sort_values("x")
-    with style():
-        drawn = axes(ax, width=COLUMN, height=_HEIGHT)
+    with style.style():
+        drawn = style.axes(ax, width=style.COLUMN, height=_HEIGHT)
         drawn.set(xscale="log", yscale="log", ylabel="largest relative error of the force")
-        drawn.step(front["x"], front["y"], where="post", color=GREY, lw=3.0, alpha=0.5)
+        drawn.step(front["x"], front["y"], where="post", color=style.GREY, lw=3.0, alpha=0.5)
         _draw(drawn, known)
         drawn.set_xlabel(f"time, {times} (formula = 1)")
     return drawn
@@ -120,8 +116,8 @@ def answer_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
     known = table.copy()
     known["x"], known["y"] = known["ratio"], known["E_error"].abs().clip(lower=_FLOOR_OF_ANSWERS)
     joint = known[known["thickness_error"].notna()]
-    with style():
-        drawn = axes(ax, width=COLUMN, height=_HEIGHT)
+    with style.style():
+        drawn = style.axes(ax, width=style.COLUMN, height=_HEIGHT)
         drawn.set(xscale="log", yscale="log", ylabel="relative error of E (full) and h (open)")
         thickness = joint["thickness_error"].abs().clip(lower=_FLOOR_OF_ANSWERS)
         for colour, x, y in zip(_colours(joint), joint["joint_ratio"], thickness, strict=True):
@@ -150,11 +146,11 @@ def posterior_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
     ended = by_steps["error"].duplicated(keep=False)
     walkers = by_steps.assign(ended=ended).drop_duplicates("error")
     others = table[table["way"] != "emcee"]
-    with style():
-        drawn = axes(ax, width=COLUMN, height=_HEIGHT)
+    with style.style():
+        drawn = style.axes(ax, width=style.COLUMN, height=_HEIGHT)
         drawn.set(xscale="log", yscale="log", ylabel="error of the 5, 50, 95 % quantiles (sd)")
-        drawn.plot(walkers["ratio"], walkers["error"], "o-", ms=3.5, lw=0.8, color=FIT)
-        drawn.plot(others["ratio"], others["error"], "s", ms=3.5, color=REFERENCE)
+        drawn.plot(walkers["ratio"], walkers["error"], "o-", ms=3.5, lw=0.8, color=style.FIT)
+        drawn.plot(others["ratio"], others["error"], "s", ms=3.5, color=style.REFERENCE)
         floor = table.attrs.get("reference_error", 0.0)
         shown = pd.concat([walkers, others])
         # At least from the reference's own error to one standard deviation: what is less apart is no difference.
@@ -165,9 +161,11 @@ def posterior_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
             "emcee, ended by itself" if ends else f"emcee, {count:.0f} steps"
             for count, ends in zip(walkers["steps"], walkers["ended"], strict=True)
         ] + [{"fit": "fit, as a normal"}.get(way, way) for way in others["way"]]
-        colours = [FIT] * len(walkers) + [REFERENCE] * len(others)
+        colours = [style.FIT] * len(walkers) + [style.REFERENCE] * len(others)
         _label_points(drawn, shown["ratio"].tolist(), shown["error"].tolist(), names, colours)
-        drawn.axhspan(drawn.get_ylim()[0], max(floor, drawn.get_ylim()[0]), color=GREY, alpha=0.25, lw=0.0)
+        drawn.axhspan(
+            drawn.get_ylim()[0], max(floor, drawn.get_ylim()[0]), color=style.GREY, alpha=0.25, lw=0.0
+        )
         drawn.set_xlabel("time (Hertz fit = 1)")
     return drawn
 
@@ -194,9 +192,9 @@ def what_accuracy_costs(
     """
     panels = [(accuracy_cost, force), (answer_cost, answers), (posterior_cost, posterior)]
     given = [(draw, table) for draw, table in panels if table is not None]
-    with style():
+    with style.style():
         figure, places = plt.subplots(
-            1, len(given), figsize=(PAGE, _HEIGHT), layout="constrained", squeeze=False
+            1, len(given), figsize=(style.PAGE, _HEIGHT), layout="constrained", squeeze=False
         )
         for place, (draw, table) in zip(places[0], given, strict=True):
             draw(table, ax=place)
@@ -220,7 +218,7 @@ def _draw(drawn: Axes, known: pd.DataFrame) -> None:
 
 def _colours(known: pd.DataFrame) -> list[str]:
     return [
-        _COLOURS.get(form or method, DATA)
+        _COLOURS.get(form or method, style.DATA)
         for form, method in zip(known["form"], known["method"], strict=True)
     ]
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from underlay.errors import InputError
-from underlay.report.plots.style import COLUMN, FIT, INK, SOFT, SYSTEMATIC, axes, style, unit_of
+from underlay.report.plots import style
 from underlay.report.screen import name_of, source_words
 from underlay.scene.parameters import kind_of
 
@@ -24,9 +24,9 @@ _MOST, _SMALL = 7, 1e-3
 # Letters of a source in a line beside its bar.
 _LETTERS = 27
 _MARKS: dict[str, dict[str, Any]] = {
-    "seen": {"color": FIT},
-    "given": {"color": SYSTEMATIC},
-    "assumed": {"facecolor": "white", "edgecolor": SYSTEMATIC, "hatch": "/////", "lw": 0.8},
+    "seen": {"color": style.FIT},
+    "given": {"color": style.SYSTEMATIC},
+    "assumed": {"facecolor": "white", "edgecolor": style.SYSTEMATIC, "hatch": "/////", "lw": 0.8},
     "model": {"color": "#7d5700"},
 }
 _WORDS = {
@@ -68,13 +68,13 @@ def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
     whole = max(answer.high - answer.value, answer.value - answer.low)
     rows = [row for row in answer.contributions if row.share >= _SMALL and math.isfinite(row.half_width)]
     rows = sorted(rows, key=lambda row: -row.half_width)[:_MOST]
-    name, factor = unit_of(0.1 * whole, kind_of(answer.name))
-    with style():
-        panel = axes(ax, width=COLUMN, height=2.3)
+    name, factor = style.unit_of(0.1 * whole, kind_of(answer.name))
+    with style.style():
+        panel = style.axes(ax, width=style.COLUMN, height=2.3)
         for place, row in enumerate(rows):
             panel.barh(-place, row.half_width / factor, height=0.62, **_MARKS[row.origin])
             panel.annotate(_short(row.half_width / factor), (row.half_width / factor, -place), **_BESIDE)
-        panel.barh(-len(rows), whole / factor, height=0.62, color=INK)
+        panel.barh(-len(rows), whole / factor, height=0.62, color=style.INK)
         total = f"{_short(whole / factor)} {name}".rstrip()
         panel.annotate(total, (whole / factor, -len(rows)), fontweight="bold", **_BESIDE)
         panel.set_yticks([-place for place in range(len(rows) + 1)], [*map(_named, rows), "combined"])
@@ -93,7 +93,7 @@ def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
             # Above the sum: there bars are shortest.
             loc="lower right",
             bbox_to_anchor=(1.0, 1.15 / (len(rows) + 1.0)),
-            labelcolor=SOFT,
+            labelcolor=style.SOFT,
             handlelength=1.2,
             handleheight=0.8,
             borderaxespad=0.0,

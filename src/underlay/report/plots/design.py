@@ -17,18 +17,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from underlay.report.labels import label, symbol
-from underlay.report.plots.style import (
-    ACCENT,
-    DIVERGING,
-    GREY,
-    INK,
-    REFERENCE,
-    SEQUENTIAL,
-    YELLOW,
-    axes,
-    style,
-    unit_for,
-)
+from underlay.report.plots import style
 
 if TYPE_CHECKING:
     from underlay.inference.design.identifiability import Identifiability
@@ -43,7 +32,7 @@ _DARK = 0.6
 _MOST_WORDS = 3
 # Letters on a line of a name beside its row.
 _WIDE = 30
-_COLOURS = {"fixed": ACCENT, "weakly fixed": YELLOW, "not fixed": REFERENCE}
+_COLOURS = {"fixed": style.ACCENT, "weakly fixed": style.YELLOW, "not fixed": style.REFERENCE}
 # The axis of the bars: from a hundredth of a per cent to a factor of e, where nothing is fixed any more.
 _LEAST, _MOST = 1e-4, 1.0
 _SMALL_POWER = 0.05
@@ -56,13 +45,13 @@ def draw_matrix(ax: Axes, frame: pd.DataFrame) -> None:
     matrix, names = frame.to_numpy(dtype=float), [label(str(name)) for name in frame.columns]
     count = len(names)
     shown = np.where(np.tri(count, dtype=bool), matrix, np.nan)
-    ax.imshow(shown, cmap=DIVERGING, vmin=-1.0, vmax=1.0)
+    ax.imshow(shown, cmap=style.DIVERGING, vmin=-1.0, vmax=1.0)
     for i in range(count):
         for j in range(i + 1):
             if np.isnan(matrix[i, j]):
-                ax.text(j, i, "?", ha="center", va="center", color=GREY)
+                ax.text(j, i, "?", ha="center", va="center", color=style.GREY)
                 continue
-            colour = "white" if abs(matrix[i, j]) > _DARK else INK
+            colour = "white" if abs(matrix[i, j]) > _DARK else style.INK
             ax.text(j, i, f"{matrix[i, j]:.2f}", ha="center", va="center", color=colour)
     columns = [name.replace(" ", "\n") for name in names]
     for at, name in enumerate(names):
@@ -90,8 +79,8 @@ def correlations(result: Fit, *, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     frame = result.correlations
-    with style():
-        ax = axes(ax, height=0.9 + 0.42 * max(len(frame), 2))
+    with style.style():
+        ax = style.axes(ax, height=0.9 + 0.42 * max(len(frame), 2))
         if len(frame):
             draw_matrix(ax, frame)
         else:
@@ -117,8 +106,8 @@ def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
     """
     combinations = told.combinations
     rows = max(len(told.names), 2)
-    with style():
-        ax = axes(ax, height=1.5 + 0.42 * rows + 0.36 * len(combinations))
+    with style.style():
+        ax = style.axes(ax, height=1.5 + 0.42 * rows + 0.36 * len(combinations))
         figure, spec = ax.get_figure(root=False), ax.get_subplotspec()
         draw_matrix(ax, told.correlations)
         ax.set_title("correlation of the errors")
@@ -142,7 +131,7 @@ def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
                 words,
                 va="center",
                 ha="right" if inside else "left",
-                color=INK,
+                color=style.INK,
             )
         bars.set_xscale("log")
         bars.set_xlim(_LEAST, _MOST)
@@ -178,19 +167,19 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
     matplotlib Axes
         Tests that cannot be done are left grey; the star is the recommended one.
     """
-    radius_unit, radius = unit_for(tests.radii, "length")
-    depth_unit, depth = unit_for(tests.depths, "length")
+    radius_unit, radius = style.unit_for(tests.radii, "length")
+    depth_unit, depth = style.unit_for(tests.depths, "length")
     relative = np.where(np.isinf(tests.stderr), _WORST, tests.stderr / abs(tests.value)).T
-    with style():
-        ax = axes(ax, height=2.8)
-        ax.set_facecolor(GREY)
+    with style.style():
+        ax = style.axes(ax, height=2.8)
+        ax.set_facecolor(style.GREY)
         ends = (np.nanmin(relative), np.nanmax(relative))
         norm = LogNorm(max(ends[0], _BEST), min(max(ends[1], 2.0 * max(ends[0], _BEST)), _WORST))
         mesh = ax.pcolormesh(
             tests.radii / radius,
             tests.depths / depth,
             relative,
-            cmap=SEQUENTIAL,
+            cmap=style.SEQUENTIAL,
             norm=norm,
             shading="nearest",
         )
@@ -207,7 +196,7 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
                 "*",
                 ms=12,
                 mfc="white",
-                mec=INK,
+                mec=style.INK,
                 mew=0.8,
                 label="recommended",
             )

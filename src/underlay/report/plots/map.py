@@ -22,23 +22,7 @@ from underlay._arrays import FloatArray
 from underlay._text import one_line
 from underlay.errors import InputError
 from underlay.report.labels import label
-from underlay.report.plots.style import (
-    ACCENT,
-    DATA,
-    FIT,
-    GREY,
-    INK,
-    PAGE,
-    REFERENCE,
-    SEQUENTIAL,
-    YELLOW,
-    axes,
-    in_words,
-    style,
-    unit_for,
-    unit_of,
-    with_unit,
-)
+from underlay.report.plots import style
 from underlay.scene.parameters import kind_of
 
 if TYPE_CHECKING:
@@ -51,10 +35,10 @@ _SHOWN = (0.005, 0.995)
 _NO_GAPS: Any = {"edgecolors": "face", "lw": 0.2}
 _ALONE = 1e-6  # m; a single site has no neighbour to measure its square by
 _VERDICTS = (
-    ("good", ACCENT, "o"),
-    ("check", YELLOW, "^"),
-    ("reject", REFERENCE, "x"),
-    ("refused", REFERENCE, "x"),
+    ("good", style.ACCENT, "o"),
+    ("check", style.YELLOW, "^"),
+    ("reject", style.REFERENCE, "x"),
+    ("refused", style.REFERENCE, "x"),
 )
 # Inches of a row of a population, and of what is above the rows.
 _ROW, _HEAD = 0.19, 0.9
@@ -90,15 +74,15 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
     if not known.size:
         raise InputError(f"no curve of the map has a value of {column!r}")
     words, factor = _axis(column, known)
-    with style():
-        ax = axes(ax, height=2.3)
+    with style.style():
+        ax = style.axes(ax, height=2.3)
         # A handful of wild values must not squeeze the others into one bar; they are counted at the ends.
         ends = np.quantile(known, _SHOWN)
         bins = max(8, min(60, int(np.sqrt(known.size))))
-        ax.hist(np.clip(known, *ends) / factor, bins=bins, color=FIT, alpha=0.85)
+        ax.hist(np.clip(known, *ends) / factor, bins=bins, color=style.FIT, alpha=0.85)
         middle = float(np.median(known))
-        ax.axvline(middle / factor, color=INK, lw=1.0, ls="--")
-        ax.set_title(f"{known.size} curves, median {in_words(middle, _kind(column))}")
+        ax.axvline(middle / factor, color=style.INK, lw=1.0, ls="--")
+        ax.set_title(f"{known.size} curves, median {style.in_words(middle, _kind(column))}")
         ax.set(xlabel=words, ylabel="curves")
         ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     return ax
@@ -138,8 +122,8 @@ def map(  # noqa: A001  the public name; the builtin is not used here
     across, up = placed[x].to_numpy(dtype=float), placed[y].to_numpy(dtype=float)
     length, scale = map_unit(placed, x, y)
     squares = _squares(across, up) / scale
-    with style():
-        ax = axes(ax, height=3.0)
+    with style.style():
+        ax = style.axes(ax, height=3.0)
         ax.set_aspect("equal")
         _draw(ax, squares, placed[column].to_numpy(dtype=float), column)
         ax.autoscale_view()
@@ -150,7 +134,7 @@ def map(  # noqa: A001  the public name; the builtin is not used here
 def map_unit(table: pd.DataFrame, x: str = "x", y: str = "y") -> tuple[str, float]:
     """Return the unit of a map's axes for sites with these positions (m): printed name and SI value."""
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
-    return unit_for(np.concatenate([across - across.min(), up - up.min()]), "length")
+    return style.unit_for(np.concatenate([across - across.min(), up - up.min()]), "length")
 
 
 def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | None = None) -> Axes:
@@ -183,14 +167,14 @@ def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | N
         raise InputError(f"no curve of the map has both a {by} and a value of {column!r}")
     words, factor = _axis(column, known[column].to_numpy(dtype=float))
     parts = {str(name): part[column].to_numpy(dtype=float) / factor for name, part in known.groupby(by)}
-    with style():
-        ax = axes(ax, width=0.75 * PAGE, height=2.8)
-        ink: Any = {f"{part}props": {"color": FIT} for part in ("box", "whisker", "cap", "median")}
+    with style.style():
+        ax = style.axes(ax, width=0.75 * style.PAGE, height=2.8)
+        ink: Any = {f"{part}props": {"color": style.FIT} for part in ("box", "whisker", "cap", "median")}
         ax.boxplot(list(parts.values()), showfliers=False, **ink)
         for place, values in enumerate(parts.values(), start=1):
             # Side by side over a third of the distance of two boxes.
             across = place + np.linspace(-0.15, 0.15, len(values))
-            ax.plot(across, values, "o", ms=3.0, mec="none", color=DATA)
+            ax.plot(across, values, "o", ms=3.0, mec="none", color=style.DATA)
         ax.set_xticks(
             range(1, len(parts) + 1), [f"{one_line(name, 24)} ({len(parts[name])})" for name in parts]
         )
@@ -213,15 +197,17 @@ def _kind(column: str) -> str:
 
 def _axis(column: str, values: FloatArray) -> tuple[str, float]:
     """Return the words of an axis for a column's finite values (SI), and the SI value of its unit."""
-    unit, factor = unit_of(float(np.median(np.abs(values))), _kind(column))
-    return with_unit(label(column), unit), factor
+    unit, factor = style.unit_of(float(np.median(np.abs(values))), _kind(column))
+    return style.with_unit(label(column), unit), factor
 
 
 def _draw(ax: Axes, squares: FloatArray, values: FloatArray, column: str) -> None:
     known = np.isfinite(values)
     words, factor = _axis(column, values[known])
-    ax.add_collection(PolyCollection(list(squares[~known]), facecolors=GREY, **_NO_GAPS))
-    drawn = PolyCollection(list(squares[known]), array=values[known] / factor, cmap=SEQUENTIAL, **_NO_GAPS)
+    ax.add_collection(PolyCollection(list(squares[~known]), facecolors=style.GREY, **_NO_GAPS))
+    drawn = PolyCollection(
+        list(squares[known]), array=values[known] / factor, cmap=style.SEQUENTIAL, **_NO_GAPS
+    )
     ax.add_collection(drawn)
     figure = ax.get_figure(root=False)
     if figure is not None:
@@ -260,7 +246,7 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
         If no curve has a value.
     """
     placed = np.isfinite(table[["x", "y"]].to_numpy(dtype=float)).all(axis=1)
-    with style():
+    with style.style():
         if not placed.any():
             return histogram(table, column)
         here = table[placed]
@@ -270,7 +256,7 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
         rows = -(-panels // 2)
         # The maps' colour bars stand outside their axes.
         layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08)
-        figure, grid = plt.subplots(rows, 2, figsize=(PAGE, 2.7 * rows), layout=layout)
+        figure, grid = plt.subplots(rows, 2, figsize=(style.PAGE, 2.7 * rows), layout=layout)
         cells = list(grid.ravel())
         for name, ax in zip(maps, cells, strict=False):
             map(here, name, ax=ax)
@@ -300,8 +286,8 @@ def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None
     """
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
     length, scale = map_unit(table, x, y)
-    with style():
-        ax = axes(ax, width=0.5 * PAGE, height=2.7)
+    with style.style():
+        ax = style.axes(ax, width=0.5 * style.PAGE, height=2.7)
         size = max(0.5, min(6.0, 110.0 / np.sqrt(len(table))))
         handles = []
         for name, colour, marker in _VERDICTS:
@@ -334,31 +320,31 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
     groups = list(result.groups.values())
     words, factor = _axis(result.parameter, np.array([groups[0].mean]))
     rows = sum(_shown(group) + 2 for group in groups)
-    with style():
-        ax = axes(ax, width=0.75 * PAGE, height=_HEAD + _ROW * rows)
+    with style.style():
+        ax = style.axes(ax, width=0.75 * style.PAGE, height=_HEAD + _ROW * rows)
         place, names = 0, dict[int, str]()
         for group in groups:
             low, high = (np.clip(end / factor, 1e-300, 1e300) for end in (group.low, group.high))
             below = place + _shown(group) + 1
-            ax.fill_betweenx([place - 0.5, below - 0.6], low, high, color=FIT, alpha=0.13, lw=0.0)
+            ax.fill_betweenx([place - 0.5, below - 0.6], low, high, color=style.FIT, alpha=0.13, lw=0.0)
             for name, row in list(group.unit_values.iterrows())[:_MOST_UNITS]:
                 ends = [row["low"] / factor, row["high"] / factor]
-                ax.plot(ends, [place, place], color=DATA, lw=1.0)
-                ax.plot(row["own"] / factor, place, "o", ms=4.0, mfc="white", mec=GREY)
-                ax.plot(row["mean"] / factor, place, "o", ms=4.0, color=DATA)
+                ax.plot(ends, [place, place], color=style.DATA, lw=1.0)
+                ax.plot(row["own"] / factor, place, "o", ms=4.0, mfc="white", mec=style.GREY)
+                ax.plot(row["mean"] / factor, place, "o", ms=4.0, color=style.DATA)
                 names[place] = f"{one_line(name, 24)}  ({row['curves']:.0f})"
                 place += 1
             if len(group.unit_values) > _MOST_UNITS:
                 names[place] = f"and {len(group.unit_values) - _MOST_UNITS} more"
                 place += 1
-            ax.plot([low, high], [place, place], color=FIT, lw=2.4)
-            ax.plot(group.mean / factor, place, "D", ms=5.0, color=FIT)
+            ax.plot([low, high], [place, place], color=style.FIT, lw=2.4)
+            ax.plot(group.mean / factor, place, "D", ms=5.0, color=style.FIT)
             names[place] = f"{one_line(group.name, 24) or 'all'}: mean"
             place = below + 1
         ax.set_xscale("log")
         ax.set_yticks(list(names), list(names.values()))
         for text in ax.get_yticklabels():
-            text.set_color(FIT if text.get_text().endswith(": mean") else INK)
+            text.set_color(style.FIT if text.get_text().endswith(": mean") else style.INK)
         ax.invert_yaxis()
         ax.set_xlabel(words)
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -367,11 +353,18 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
         if result.by:
             what = result.by[0]
             handles = [
-                Line2D([], [], marker="o", color=DATA, lw=1.0, ms=4.0, label=f"{what}, 95 %"),
+                Line2D([], [], marker="o", color=style.DATA, lw=1.0, ms=4.0, label=f"{what}, 95 %"),
                 Line2D(
-                    [], [], marker="o", mfc="white", mec=GREY, ls="none", ms=4.0, label="its curves alone"
+                    [],
+                    [],
+                    marker="o",
+                    mfc="white",
+                    mec=style.GREY,
+                    ls="none",
+                    ms=4.0,
+                    label="its curves alone",
                 ),
-                Line2D([], [], marker="D", color=FIT, lw=2.4, ms=5.0, label="mean of the group, 95 %"),
+                Line2D([], [], marker="D", color=style.FIT, lw=2.4, ms=5.0, label="mean of the group, 95 %"),
             ]
             ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     return ax
