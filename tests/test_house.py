@@ -238,7 +238,7 @@ DOORS = {
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
     "mechanics/biphasic/punch_table": {"np.load"},  # of the package itself
     "mechanics/biphasic/tip_table": {"np.load"},  # of the package itself
-    "report/review": {"read_text"},  # of the package itself
+    "cli/start": {"read_text"},  # of the package itself
     "report/page": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
 }

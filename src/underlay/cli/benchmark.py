@@ -8,8 +8,8 @@ import typer
 from rich.console import Console
 
 import underlay as ul
+from underlay.cli import options
 from underlay.cli.console import say, say_table, write_out
-from underlay.cli.options import OutputFolder
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def benchmark(
         list[str] | None,
         typer.Option("--kind", help="Kind of sample, e.g. elastic; repeat it for more; all by default."),
     ] = None,
-    output: OutputFolder = None,
+    output: options.OutputFolder = None,
 ) -> None:
     """Score the accuracy of a fit, a contact model or another program on the open benchmark.
 

@@ -12,19 +12,8 @@ import typer
 
 import underlay as ul
 from underlay._files import require_writable_folder
+from underlay.cli import options
 from underlay.cli.console import say, say_parts, say_table, say_warnings, write_out
-from underlay.cli.options import (
-    CurveFile,
-    Details,
-    ExcelFile,
-    OutputFolder,
-    Rtol,
-    SceneOption,
-    Seed,
-    SolverName,
-    scene_for,
-    wanted_solver,
-)
 from underlay.data.samples import sample as sample_file
 from underlay.errors import InputError, gathered_warnings, installing
 
@@ -44,13 +33,13 @@ _SAMPLES = (
 
 
 def fit(
-    curve: CurveFile,
-    scene: SceneOption = None,
-    solver: SolverName = None,
-    rtol: Rtol = None,
-    output: OutputFolder = None,
-    excel: ExcelFile = None,
-    details: Details = False,
+    curve: options.CurveFile,
+    scene: options.SceneOption = None,
+    solver: options.SolverName = None,
+    rtol: options.Rtol = None,
+    output: options.OutputFolder = None,
+    excel: options.ExcelFile = None,
+    details: options.Details = False,
 ) -> None:
     """Fit a curve with the substrate in the model.
 
@@ -58,10 +47,10 @@ def fit(
     """
     from underlay.report.limits import quality_doubts
 
-    scene = scene_for(scene, curve, "fit")
+    scene = options.scene_for(scene, curve, "fit")
     with gathered_warnings() as notes:
         problem = ul.load_problem(curve, scene)
-        problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
+        problem = problem.revised(solver=options.wanted_solver(problem.solver, solver, rtol))
         quality_doubts(problem)
         with _at_work() if any(one.drainage for one in problem.base_scenes) else nullcontext():
             result = ul.fit(problem)
@@ -126,7 +115,9 @@ def demo(
     say(f"\nNext: underlay fit CURVE --scene SCENE.toml (start from {sample_file(_SAMPLES[1][1])})")
 
 
-def compare(curve: CurveFile, scene: SceneOption = None, output: OutputFolder = None) -> None:
+def compare(
+    curve: options.CurveFile, scene: options.SceneOption = None, output: options.OutputFolder = None
+) -> None:
     """Fit one curve with every contact model, and with the layer bonded or free to slip on its substrate.
 
     Example: `underlay compare curve.csv --scene scene.toml --output results`
@@ -134,7 +125,7 @@ def compare(curve: CurveFile, scene: SceneOption = None, output: OutputFolder = 
     from underlay.report.limits import bonds_sentences
     from underlay.scene.scene import has_face
 
-    scene = scene_for(scene, curve, "compare")
+    scene = options.scene_for(scene, curve, "compare")
     with gathered_warnings() as notes:
         problem = ul.load_problem(curve, scene)
         laws = ul.compare(problem)
@@ -176,8 +167,8 @@ def _on_the_best(laws: Comparison) -> Iterator[str]:
 
 
 def film(
-    curve: CurveFile,
-    scene: SceneOption = None,
+    curve: options.CurveFile,
+    scene: options.SceneOption = None,
     calibration: Annotated[
         Path | None,
         typer.Option(help="Test with the same tip on a sample of known modulus, for its area."),
@@ -188,7 +179,7 @@ def film(
     ] = None,
     depth_from: Annotated[str, typer.Option("--from", help="Smallest indentation that is fitted.")] = "0 nm",
     depth_to: Annotated[str, typer.Option("--to", help="Largest indentation that is fitted.")] = "1 m",
-    output: OutputFolder = None,
+    output: options.OutputFolder = None,
 ) -> None:
     """Fit the contact stiffness S(h) of a film that was indented plastically; the scene's indenter is a cone.
 
@@ -201,7 +192,7 @@ def film(
     from underlay.report.film_tables import film_notes, film_table
     from underlay.scene.scene_file import read_scene_file
 
-    scene = scene_for(scene, curve, "film")
+    scene = options.scene_for(scene, curve, "film")
     found = fit_film(read_scene_file(scene), curve, calibration, known_modulus, (depth_from, depth_to))
     say_table(film_table(found), "Film")
     for note in film_notes(found, perfect=calibration is None):
@@ -214,9 +205,9 @@ def film(
 
 
 def sample(
-    curve: CurveFile,
-    scene: SceneOption = None,
-    output: OutputFolder = None,
+    curve: options.CurveFile,
+    scene: options.SceneOption = None,
+    output: options.OutputFolder = None,
     walkers: Annotated[int, typer.Option(help="Walkers of the ensemble.")] = 64,
     max_steps: Annotated[
         int | None,
@@ -224,9 +215,9 @@ def sample(
             help="Most steps; it stops once converged. By default 20,000, or 5 min of processor time."
         ),
     ] = None,
-    seed: Seed = 0,
-    solver: SolverName = None,
-    rtol: Rtol = None,
+    seed: options.Seed = 0,
+    solver: options.SolverName = None,
+    rtol: options.Rtol = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the chain in the output folder where it stopped.")
     ] = False,
@@ -241,7 +232,7 @@ def sample(
         bool,
         typer.Option("--model-error", help="Sample the sizes of friction and finite strain too."),
     ] = False,
-    details: Details = False,
+    details: options.Details = False,
 ) -> None:
     """Sample the posterior of the free parameters; each needs a prior or bounds in the scene file.
 
@@ -257,7 +248,7 @@ def sample(
     from underlay.report.screen import posterior_lines
     from underlay.scene.scene_file import read_scene_file
 
-    file = read_scene_file(scene_for(scene, curve, "sample"))
+    file = read_scene_file(options.scene_for(scene, curve, "sample"))
     part = read_for(file, curve).with_metadata(scene_path=str(file.path))
     weak = weak_bounds(file, part)
     problem = problem_from(file, part, weak)
@@ -265,7 +256,7 @@ def sample(
         raise InputError("--resume continues a chain, and weighted draws are none: leave --method out")
     chain = None if method == "importance" else _chain_file(output, curve.stem, resume=resume)
     with gathered_warnings() as notes:
-        problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
+        problem = problem.revised(solver=options.wanted_solver(problem.solver, solver, rtol))
         if model_error:
             problem = ul.free_model_error(problem)
         if problem.noise_is_open:

@@ -12,8 +12,8 @@ import typer
 import underlay as ul
 from underlay._door import FileKind, parse_json, read_text, understood
 from underlay._files import require_writable_folder, write_atomic
+from underlay.cli import options
 from underlay.cli.console import say, say_table
-from underlay.cli.options import OutputFolder
 from underlay.errors import InputError
 
 __all__ = ["cite", "report"]
@@ -193,7 +193,7 @@ def cite(
     result: Annotated[
         Path, typer.Argument(help="A .fit.json, a .posterior.npz or the table of a map.", metavar="RESULT")
     ],
-    output: OutputFolder = None,
+    output: options.OutputFolder = None,
 ) -> None:
     """List what to cite of an analysis: the paper, the contact model, the sampler, programs that read files.
 

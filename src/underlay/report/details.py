@@ -21,11 +21,10 @@ from underlay.data.segments import LOADING
 from underlay.errors import UnderlayError
 from underlay.inference.pointwise.result import ModulusCurve, PointwiseModulus
 from underlay.inference.recipe import steps_to_ours
-from underlay.report import adhesion_tables, plots, tables
+from underlay.report import adhesion_tables, plots, screen, tables
 from underlay.report.labels import label, labelled, start
 from underlay.report.limits import advice, distinct_scenes, rivals
 from underlay.report.scene_tables import effects_table, scene_table
-from underlay.report.screen import budget_table, interval_text, told_names
 from underlay.units import format_quantity, human_unit, printed, printed_unit
 
 if TYPE_CHECKING:
@@ -154,8 +153,8 @@ def _parameters(fit: Fit) -> Part:
 
 
 def _budgets(fit: Fit) -> Iterator[Content]:
-    for name in told_names(fit) if fit.verdict != "reject" else ():
-        frame = budget_table(fit.answer(name))
+    for name in screen.told_names(fit) if fit.verdict != "reject" else ():
+        frame = screen.budget_table(fit.answer(name))
         if len(frame):
             yield Heading(start(label(name)))
             yield frame
@@ -294,7 +293,7 @@ def pointwise_table(found: PointwiseModulus) -> pd.DataFrame:
 
 def _cell(curve: ModulusCurve, n: int, pascal: float) -> str:
     value, low, high = (float(column[n]) / pascal for column in (curve.modulus, curve.low, curve.high))
-    return "none" if np.isnan(value) else interval_text(value, low, high, "dimensionless")
+    return "none" if np.isnan(value) else screen.interval_text(value, low, high, "dimensionless")
 
 
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:

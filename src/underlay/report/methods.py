@@ -9,16 +9,9 @@ from underlay._version import VERSION
 from underlay.inference.citation import Work, work
 from underlay.mechanics.body import RIGID
 from underlay.quantities import numbers_of
+from underlay.report import screen
 from underlay.report.labels import label, labelled, start
 from underlay.report.scene_tables import number_rows
-from underlay.report.screen import (
-    assumed_inputs,
-    by_depth_words,
-    name_of,
-    source_words,
-    told_names,
-    written,
-)
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -96,7 +89,7 @@ def methods_paragraph(
     `by_depth` (modulus at each depth) and `half_space` (the fit without the substrate) add a sentence each.
     """
     sentences = [_model(fit), _parameters(fit), *_numbers(fit)]
-    if by_depth is not None and (trend := by_depth_words(by_depth)):
+    if by_depth is not None and (trend := screen.by_depth_words(by_depth)):
         sentences.append(f"Read from the force at each depth the modulus was {trend}.")
     if half_space is not None:
         value = format_quantity(half_space.values["layer.E"], "pressure")
@@ -130,7 +123,7 @@ def _parameters(fit: Fit) -> str:
     if fit.scene.substrate is not None and "layer.thickness" not in fit.names:
         thick = format_quantity(fit.scene.layer.thickness, "length")
         fixed["layer.thickness"] = f"layer thickness ({thick})"
-    assumed = assumed_inputs(fit.curves)
+    assumed = screen.assumed_inputs(fit.curves)
     given = [words for path, words in fixed.items() if path not in assumed]
     guessed = [fixed.get(path, label(path)) for path in assumed]
     told = [(free, len(fit.names), "fitted")]
@@ -142,15 +135,15 @@ def _parameters(fit: Fit) -> str:
 
 def _numbers(fit: Fit) -> list[str]:
     """Return one sentence per number of the sample; the first one also states the sources of its uncertainty."""
-    found = [fit.answer(name) for name in told_names(fit)]
+    found = [fit.answer(name) for name in screen.told_names(fit)]
     return [_number(known, whole=place == 0) for place, known in enumerate(found)]
 
 
 def _number(known: Answer, *, whole: bool) -> str:
-    name, letter = label(known.name), name_of(known.name)[1]
+    name, letter = label(known.name), screen.name_of(known.name)[1]
     if known.is_open:
         return f"The {name} was not determined."
-    one = written(known)
+    one = screen.written(known)
     kind = "expanded uncertainty, k = 2, about 95 %" if "±" in one.number else f"{one.level} interval"
     text = f"The {name} was {letter} = {one.number} {one.unit}".rstrip()
     if not whole:
@@ -165,6 +158,6 @@ def _sources(known: Answer) -> str:
     rows = [row for row in known.contributions if row.share >= _SMALL and row.origin != "seen"][:_NAMED]
     if not rows:
         return ""
-    assumed = [source_words(row.source) for row in rows if row.origin == "assumed"]
+    assumed = [screen.source_words(row.source) for row in rows if row.origin == "assumed"]
     note = f"; the uncertainty of {listed(assumed)} was assumed" if assumed else ""
-    return f" ({listed([source_words(row.source) for row in rows])}{note})"
+    return f" ({listed([screen.source_words(row.source) for row in rows])}{note})"

@@ -11,30 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.report import plots
-from underlay.report.details import (
-    Content,
-    Part,
-    Picture,
-    fit_parts,
-    pictures_of,
-    pointwise_of,
-    pointwise_sentence,
-)
+from underlay.report import details, page, plots, screen
 from underlay.report.labels import labelled, start
 from underlay.report.limits import DistinctScene, distinct_scenes
 from underlay.report.methods import listed, methods_paragraph, references, sample_words, tip_words
-from underlay.report.page import Page, drawing, figure, headline, methods_block, name_of_curves, tag, words
 from underlay.report.plots.style import in_words
-from underlay.report.screen import (
-    assumed_inputs,
-    by_depth_words,
-    half_space_fit,
-    half_space_words,
-    name_of,
-    source_words,
-    told_names,
-)
 
 if TYPE_CHECKING:
     from underlay.inference.pointwise.result import PointwiseModulus
@@ -49,23 +30,23 @@ _WORTH = 0.02
 
 
 @dataclass
-class FitPage(Page[Fit]):
+class FitPage(page.Page[Fit]):
     """The report page of a fit; parameters as `Page`."""
 
     @cached_property
     def answers(self) -> list[Answer]:
         """Parameters of the sample, each with value, interval and uncertainty budget."""
-        return [self.result.answer(name) for name in told_names(self.result)]
+        return [self.result.answer(name) for name in screen.told_names(self.result)]
 
     @cached_property
     def by_depth(self) -> list[PointwiseModulus | str]:
         """Modulus at each depth of every curve, or the reason why there is none."""
-        return pointwise_of(self.result)
+        return details.pointwise_of(self.result)
 
     @cached_property
     def half_space(self) -> Fit | None:
         """Best fit of the same curve by the half-space formula; None where it does not apply."""
-        return half_space_fit(self.result)
+        return screen.half_space_fit(self.result)
 
     @cached_property
     def tests(self) -> tuple[DistinctScene, ...]:
@@ -75,7 +56,7 @@ class FitPage(Page[Fit]):
     @property
     def title(self) -> str:
         """Name of the first curve, and the number of further ones."""
-        return name_of_curves(self.result.curves)
+        return page.name_of_curves(self.result.curves)
 
     @property
     def about(self) -> str:
@@ -90,24 +71,24 @@ class FitPage(Page[Fit]):
 
     def head(self) -> str:
         """Return numbers and verdict as HTML, which can be shown before the pictures are drawn."""
-        return headline(self.answers, self.result.verdict, self.result.curves, self._narrower())
+        return page.headline(self.answers, self.result.verdict, self.result.curves, self._narrower())
 
     def sheet(self, *, opened: bool = False) -> str:
         """Return all of the fit's page below its title as HTML; `opened` shows the folded parts."""
         return self.with_foot(
             self.head(),
-            tag("section", self._curve(0), self._drawing(self.tests[0]), kind="figs"),
-            tag("section", self._depths(), self._budget(), kind="pair"),
+            page.tag("section", self._curve(0), self._drawing(self.tests[0]), kind="figs"),
+            page.tag("section", self._depths(), self._budget(), kind="pair"),
             self._methods(),
             opened=opened,
         )
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self) -> Iterator[details.Part]:
         """Yield the further curves and scenes, then what stands behind the numbers."""
-        others: list[Content] = [self._curve(number) for number in range(1, len(self.result.curves))]
+        others: list[details.Content] = [self._curve(number) for number in range(1, len(self.result.curves))]
         others += map(self._drawing, self.tests[1:])
-        yield Part("The other curves", f"{len(self.result.curves) - 1} more", others)
-        yield from fit_parts(self.result, self.by_depth, self.command)
+        yield details.Part("The other curves", f"{len(self.result.curves) - 1} more", others)
+        yield from details.fit_parts(self.result, self.by_depth, self.command)
 
     def _narrower(self) -> str:
         """Say which assumed input, if stated, would narrow the first number; empty unless the verdict is good."""
@@ -118,59 +99,62 @@ class FitPage(Page[Fit]):
         ]
         if not rows:
             return ""
-        known = listed([source_words(row.source) for row in rows[:2]])
-        return (
-            f"To narrow {name_of(self.answers[0].name)[1]}: state the uncertainty of {known} (assumed here)."
-        )
+        known = listed([screen.source_words(row.source) for row in rows[:2]])
+        letter = screen.name_of(self.answers[0].name)[1]
+        return f"To narrow {letter}: state the uncertainty of {known} (assumed here)."
 
     def _drawing(self, test: DistinctScene) -> str:
-        return drawing(test, self.result.solver, "at the deepest point", assumed_inputs(self.result.curves))
+        return page.drawing(
+            test, self.result.solver, "at the deepest point", screen.assumed_inputs(self.result.curves)
+        )
 
     def _curve(self, number: int) -> str:
         fit = self.result
         draw = partial(plots.fit, fit, curve=number, half_space=self.half_space)
         caption = "Indentation is counted from the fitted contact point. Below: residuals."
         if self.half_space is not None:
-            caption = f"{caption} {half_space_words(fit, self.half_space)}."
+            caption = f"{caption} {screen.half_space_words(fit, self.half_space)}."
         alt = "Force against indentation with the fit, and the residuals below."
-        return figure(Picture(f"fit {number}", draw, alt, "Curve and fit.", caption), _CURVE)
+        return page.figure(details.Picture(f"fit {number}", draw, alt, "Curve and fit.", caption), _CURVE)
 
     def _depths(self) -> str:
-        pictures, found = pictures_of(self.result), self.by_depth[0]
+        pictures, found = details.pictures_of(self.result), self.by_depth[0]
         for name in ("time", "adhesion"):
             if name in pictures:
-                return figure(pictures[name]._replace(name=name), _HALF)
+                return page.figure(pictures[name]._replace(name=name), _HALF)
         if isinstance(found, str):
-            return tag("p", words(pointwise_sentence(found)), kind="none")
+            return page.tag("p", page.words(details.pointwise_sentence(found)), kind="none")
         known = self.result.answer("layer.E") if "layer.E" in self.result.names else None
         shown = None if self.result.verdict == "reject" else known
         # Intervals of a rejected model are no judge of whether it is constant.
-        trend = "" if shown is None else by_depth_words(found)
+        trend = "" if shown is None else screen.by_depth_words(found)
         caption = f"Modulus read from the force at each depth{': ' if trend else ''}{trend}."
         alt = "Modulus against depth, and the half-space's."
         draw = partial(plots.pointwise_modulus, found, answer=shown)
-        return figure(Picture("depth", draw, alt, "E by depth.", caption), _HALF)
+        return page.figure(details.Picture("depth", draw, alt, "E by depth.", caption), _HALF)
 
     def _budget(self) -> str:
         if self.result.verdict == "reject":
-            return tag("p", "No uncertainty budget: the model is rejected.", kind="none")
+            return page.tag("p", "No uncertainty budget: the model is rejected.", kind="none")
         known = next((known for known in self.answers if not known.is_open), None)
         if known is None:
-            return tag("p", "No uncertainty budget: no number is determined.", kind="none")
-        name, letter = name_of(known.name)
+            return page.tag("p", "No uncertainty budget: no number is determined.", kind="none")
+        name, letter = screen.name_of(known.name)
         caption = (
             "What each source alone does, at 95 %, the larger side. Hatched: usual sizes; enter your own."
         )
         alt, title = f"Bars: what each source does to the {name.lower()}.", f"Uncertainty budget of {letter}."
-        return figure(Picture("budget", partial(plots.budget, known), alt, title, caption), _HALF)
+        return page.figure(
+            details.Picture("budget", partial(plots.budget, known), alt, title, caption), _HALF
+        )
 
     def _methods(self) -> str:
         if self.result.verdict == "reject":
             reason = f"No modulus is reported, because {labelled(self.result.verdict.reason)}."
-            return "<h2>Methods paragraph</h2>" + tag("p", words(reason), kind="none")
+            return "<h2>Methods paragraph</h2>" + page.tag("p", page.words(reason), kind="none")
         found = self.by_depth[0]
         text = methods_paragraph(self.result, None if isinstance(found, str) else found, self.half_space)
-        return methods_block(text, references(self.result))
+        return page.methods_block(text, references(self.result))
 
     def origin(self) -> Iterator[str]:
         """Yield the file of each curve, or else its points, with their hashes, and the scene file."""

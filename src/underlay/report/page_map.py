@@ -13,20 +13,10 @@ import pandas as pd
 from underlay._version import VERSION
 from underlay.inference.batch.results_table import FITTED
 from underlay.inference.citation import used_by
-from underlay.report import maps, plots
+from underlay.report import maps, page, plots
 from underlay.report.details import Part, Picture
 from underlay.report.labels import label, start
 from underlay.report.methods import cited_works
-from underlay.report.page import (
-    Page,
-    figure,
-    methods_block,
-    number_block,
-    table,
-    tag,
-    verdict_block,
-    words,
-)
 from underlay.report.plots.style import in_words
 from underlay.report.screen import name_of, quartiles
 from underlay.scene.parameters import kind_of
@@ -44,7 +34,7 @@ _GREY = "Sites without a fit are grey."
 
 
 @dataclass
-class MapPage(Page[pd.DataFrame]):
+class MapPage(page.Page[pd.DataFrame]):
     """The report page of a map, of what `fit_many` returned; parameters as `Page`."""
 
     @cached_property
@@ -84,8 +74,8 @@ class MapPage(Page[pd.DataFrame]):
             together = together_block(maps.of_map(self.sites), self.sites, by)
         numbers = [self._number(name, place) for place, name in enumerate(self.parameters[:_NUMBERS])]
         return self.with_foot(
-            tag("section", *numbers, self._verdict(), kind="head"),
-            tag("section", *self._pictures(drawn=drawn), kind="figs"),
+            page.tag("section", *numbers, self._verdict(), kind="head"),
+            page.tag("section", *self._pictures(drawn=drawn), kind="figs"),
             together,
             self._methods(),
             opened=opened,
@@ -100,7 +90,7 @@ class MapPage(Page[pd.DataFrame]):
             ends = self.sites[[f"{name}.low", f"{name}.high"]].to_numpy(dtype=float)
             width = float(np.nanmedian(0.5 * (ends[:, 1] - ends[:, 0])))
             under = f"{under}; one curve ± {in_words(width, kind_of(name), digits=2)} (95 %)"
-        return number_block(f"{title} {letter}, median", number, unit, under, "second" if place else "")
+        return page.number_block(f"{title} {letter}, median", number, unit, under, "second" if place else "")
 
     def _verdict(self) -> str:
         counts = self.sites["verdict"].value_counts()
@@ -110,7 +100,7 @@ class MapPage(Page[pd.DataFrame]):
         good = int(counts.get("good", 0)) == len(self.sites)
         sentences = (maps.errors_in_words(self.sites), maps.decision_words(self.result))
         more = " ".join(filter(None, sentences))
-        return verdict_block(
+        return page.verdict_block(
             "good" if good else "check", f"verdicts of the curves: {', '.join(told)}", more=more
         )
 
@@ -119,11 +109,11 @@ class MapPage(Page[pd.DataFrame]):
         if columns and drawn:
             alt, title = f"Map of the {label(columns[0])} by position.", "By position."
             shown = Picture("map", partial(plots.map, self.sites, columns[0]), alt, title, _GREY)
-            yield figure(shown, _MAP, as_pixels=len(self.sites) > _MANY)
+            yield page.figure(shown, _MAP, as_pixels=len(self.sites) > _MANY)
         if self.parameters:
             draw = partial(plots.histogram, self.sites, self.parameters[0])
             alt = f"Histogram of the {label(self.parameters[0])}."
-            yield figure(Picture("histogram", draw, alt, "All sites."), _SMALL, "side")
+            yield page.figure(Picture("histogram", draw, alt, "All sites."), _SMALL, "side")
 
     def _methods(self) -> str:
         laws = [str(law) for law in self.sites.get("law", []) if isinstance(law, str)]
@@ -132,7 +122,7 @@ class MapPage(Page[pd.DataFrame]):
         for name in self.parameters:
             middle, half, _, _ = quartiles(self.sites, name)
             sentences.append(f"{start(label(name))}: median {middle}, middle half of the sites {half}.")
-        return methods_block(" ".join(sentences), cited_works(used_by(laws)))
+        return page.methods_block(" ".join(sentences), cited_works(used_by(laws)))
 
     def parts(self) -> Iterator[Part]:
         """Yield the numbers, further maps, decisions by hand, failures and provenance."""
@@ -148,10 +138,10 @@ class MapPage(Page[pd.DataFrame]):
         for name in maps.columns_to_draw(self.sites)[1:]:
             draw = partial(plots.map, self.sites, name)
             shown = Picture(name, draw, f"Map of the {label(name)}.", start(label(name)))
-            yield figure(shown, as_pixels=True)
+            yield page.figure(shown, as_pixels=True)
         if maps.has_positions(self.sites):
             draw = partial(plots.verdicts, self.sites)
-            yield figure(Picture("verdicts", draw, "Map of the verdicts.", "Verdicts"), as_pixels=True)
+            yield page.figure(Picture("verdicts", draw, "Map of the verdicts.", "Verdicts"), as_pixels=True)
 
 
 def together_block(found: Population | str, curves: pd.DataFrame, label: str) -> str:
@@ -167,26 +157,31 @@ def together_block(found: Population | str, curves: pd.DataFrame, label: str) ->
         Column by which the curves are grouped.
     """
     if isinstance(found, str):
-        return f"<h2>All sites together</h2>{tag('p', words(found))}"
+        return f"<h2>All sites together</h2>{page.tag('p', page.words(found))}"
     title, letter = name_of(found.parameter)
     numbers = []
     for called, mean, of in maps.means_in_words(found):
         number, _, unit = mean.rpartition(" ")
         title_of = f"{title} {letter}, {called or 'mean'}"
-        numbers.append(number_block(title_of, number, unit, f"geometric mean of {of}; 95 %", "second"))
+        numbers.append(page.number_block(title_of, number, unit, f"geometric mean of {of}; 95 %", "second"))
     verdict = maps.population_verdict(found)
     more = f"{maps.shared_error_words(found)}." if found.shared_error else ""
-    told = verdict_block(verdict.word, verdict.reason, verdict.cause, verdict.next, more)
+    told = page.verdict_block(verdict.word, verdict.reason, verdict.cause, verdict.next, more)
     drawn = []
     if found.by:
         alt = "Curves, animals and the population with its interval, group by group."
-        drawn.append(figure(Picture("population", partial(plots.population, found), alt, "Population.")))
+        drawn.append(page.figure(Picture("population", partial(plots.population, found), alt, "Population.")))
     if label in curves.columns:
         draw = partial(plots.boxes, curves, label, found.parameter)
         alt = f"Box plot of every {label}, with its curves."
-        drawn.append(figure(Picture("boxes", draw, alt, f"Curves by {label}.")))
-    frames = [table(frame) for frame in maps.population_tables(found)]
-    said = [tag("p", words(text)) for text in found.sentences()]
+        drawn.append(page.figure(Picture("boxes", draw, alt, f"Curves by {label}.")))
+    frames = [page.table(frame) for frame in maps.population_tables(found)]
+    said = [page.tag("p", page.words(text)) for text in found.sentences()]
     return "".join(
-        (tag("section", *numbers, told, kind="head"), tag("section", *drawn, kind="pair"), *frames, *said)
+        (
+            page.tag("section", *numbers, told, kind="head"),
+            page.tag("section", *drawn, kind="pair"),
+            *frames,
+            *said,
+        )
     )

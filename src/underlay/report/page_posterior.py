@@ -8,12 +8,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from underlay.inference.sampling.posterior import Posterior
-from underlay.report import plots, posterior_tables, tables
+from underlay.report import page, plots, posterior_tables, tables
 from underlay.report.details import Part, Picture
 from underlay.report.labels import is_of_the_sample, label
 from underlay.report.limits import distinct_scenes
 from underlay.report.methods import listed, sample_words, tip_words
-from underlay.report.page import Page, drawing, figure, headline, name_of_curves, tag, words
 from underlay.report.scene_tables import scene_table
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ _MISSING = (
 
 
 @dataclass
-class PosteriorPage(Page[Posterior]):
+class PosteriorPage(page.Page[Posterior]):
     """The report page of a posterior; parameters as `Page`."""
 
     @property
@@ -39,7 +38,7 @@ class PosteriorPage(Page[Posterior]):
         """Name of the first curve, or of the file of the posterior, and the number of further curves."""
         problem = self.result.problem
         if problem is not None:
-            return f"{name_of_curves(problem.curves)}: posterior"
+            return f"{page.name_of_curves(problem.curves)}: posterior"
         return f"{self.files[0].name if self.files else 'one curve'}: posterior"
 
     @property
@@ -56,13 +55,13 @@ class PosteriorPage(Page[Posterior]):
         post = self.result
         answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
         curves = () if post.problem is None else post.problem.curves
-        first = figure(self._predicted(0), _CURVE) if post.predictive else ""
+        first = page.figure(self._predicted(0), _CURVE) if post.predictive else ""
         alt = "Corner plot: the distribution of every parameter and of every pair."
         # Thousands of draws: as pixels.
         return self.with_foot(
-            headline(answers, post.verdict, curves),
-            tag("section", first, self._drawing(), kind="figs"),
-            figure(
+            page.headline(answers, post.verdict, curves),
+            page.tag("section", first, self._drawing(), kind="figs"),
+            page.figure(
                 Picture(
                     "corner", partial(plots.corner, post), alt, "Parameter by parameter, pair by pair.", _BLUE
                 ),
@@ -86,9 +85,9 @@ class PosteriorPage(Page[Posterior]):
     def _drawing(self) -> str:
         problem = self.result.problem
         if problem is None:
-            return tag("p", words(_MISSING.format(missing=self.result.missing)), kind="none")
+            return page.tag("p", page.words(_MISSING.format(missing=self.result.missing)), kind="none")
         tests = distinct_scenes(self._scenes(), problem.curves)
-        return tag("div", *(drawing(test, problem.solver, "at the median") for test in tests))
+        return page.tag("div", *(page.drawing(test, problem.solver, "at the median") for test in tests))
 
     def origin(self) -> Iterator[str]:
         """Yield the files with their hashes, and each curve with that of its points."""
