@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from underlay.report.details import Part
 
-__all__ = ["noted", "say", "say_error", "say_parts", "say_table", "say_warnings", "write_all", "write_out"]
+__all__ = ["noted", "say", "say_error", "say_parts", "say_table", "say_warnings", "write_out"]
 
 _FILE_WIDTH = 160
 # Letters of a cell from which on a column of words is broken into lines, as the last one is.
@@ -102,20 +102,10 @@ def _cell(value: object) -> str:
 
 def write_out(folder: Path | None, files: Mapping[str, pd.DataFrame | Callable[[], Axes]]) -> None:
     """Write tables and pictures into a folder by `write_all`, and print their paths; nothing without a folder."""
+    from underlay.report.details import write_all
+
     for written in [] if folder is None else write_all(folder, files):
         say(f"wrote {written}")
-
-
-def write_all(folder: Path, files: Mapping[str, pd.DataFrame | Callable[[], Axes]]) -> list[Path]:
-    """Write files into a folder by name: tables as CSV, functions as the pictures they draw; return the paths."""
-    from underlay._csv import csv_text
-    from underlay._files import write_atomic
-    from underlay.report.plots import save
-
-    return [
-        save(what(), folder / name) if callable(what) else write_atomic(folder / name, csv_text(what))
-        for name, what in files.items()
-    ]
 
 
 @contextmanager

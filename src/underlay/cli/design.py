@@ -172,14 +172,17 @@ def plan(
         free[parameter] = None
         say_warnings([f"{parameter} is planned as unknown too: [fit] does not free it"])
     radius = test.scene.parameters.get("indenter.radius")
-    if radii is None and radius is None:
+    if radii is not None:
+        tips = _grid(radii)
+    elif radius is not None:
+        tips = np.geomspace(radius / _TIP_FACTOR, radius * _TIP_FACTOR, _COUNT)
+    else:
         raise InputError(f"{scene.name}: the grid varies indenter.radius, which this indenter lacks")
-    around = np.geomspace(1.0 / _TIP_FACTOR, _TIP_FACTOR, _COUNT)
     planned = ul.plan(
         test.scene,
         free=free,
         noise=test.noise,
-        radii=around * (radius or 0.0) if radii is None else _grid(radii),
+        radii=tips,
         depths=np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest if depths is None else _grid(depths),
         parameter=parameter,
         solver=test.solver,

@@ -1,4 +1,4 @@
-"""Commands on one curve: `fit`, `demo`, `compare`, `film`, `sample`."""
+"""Commands on one curve: `fit`, `demo`, `compare`, `film`, `sample`; and `benchmark`, on curves of known truth."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 
 import underlay as ul
 from underlay._files import require_writable_folder
@@ -20,9 +21,10 @@ from underlay.errors import InputError, gathered_warnings, installing
 if TYPE_CHECKING:
     import pandas as pd
 
+    from underlay.inference.benchmark import Scores
     from underlay.inference.compare import Comparison
 
-__all__ = ["compare", "demo", "film", "fit", "sample"]
+__all__ = ["benchmark", "compare", "demo", "film", "fit", "sample"]
 
 # Difference of AIC up to which a model is not clearly worse than another (Burnham and Anderson 2002, section 2.6).
 _AS_GOOD = 10.0
@@ -71,8 +73,6 @@ def fit(
 
 def _at_work() -> AbstractContextManager[object]:
     """Show on a terminal that a fit goes on: of a draining layer under a sphere it may take a minute."""
-    from rich.console import Console
-
     return Console(stderr=True).status("fitting; a layer that drains may take a minute")
 
 
@@ -244,7 +244,6 @@ def sample(
     """
     from underlay.inference.from_files import problem_from, read_for, weak_bounds
     from underlay.report.labels import label
-    from underlay.report.posterior_tables import posterior_table, prior_table
     from underlay.report.screen import posterior_lines
     from underlay.scene.scene_file import read_scene_file
 
@@ -269,9 +268,9 @@ def sample(
     for text in posterior_lines(posterior):
         say(text)
     if details:
-        say(f"sampling: {posterior.diagnostics.reason}")
-        say_table(posterior_table(posterior), f"Posterior of {curve.name}")
-        say_table(prior_table(posterior), "Prior and posterior")
+        from underlay.report.details import posterior_parts
+
+        say_parts(posterior_parts(posterior, {}))
     if weak:
         named = ", ".join(map(label, weak))
         notes.append(f"{named}: no bounds in [fit], so within ten times the range of the curve")
@@ -299,3 +298,66 @@ def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
         say(f"note: h5py is not installed, so this run cannot be resumed ({installing('uq')})")
         return None
     return output / f"{stem}.chain.h5"
+
+
+def benchmark(
+    solver: Annotated[
+        str | None,
+        typer.Option("--solver", help="Score one elastic contact model: exact, halfspace, garcia2018, ..."),
+    ] = None,
+    program: Annotated[
+        str | None,
+        typer.Option(
+            "--program",
+            help="Score another program: its command line, with {curve} for the CSV (SI), {scene} for the scene "
+            "file, {answer} for the file that takes the modulus in Pa (else its last printed word), and numbers of "
+            "the scene such as {indenter.radius} and {layer.nu}.",
+        ),
+    ] = None,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option("--kind", help="Kind of sample, e.g. elastic; repeat it for more; all by default."),
+    ] = None,
+    output: options.OutputFolder = None,
+) -> None:
+    """Score the accuracy of a fit, a contact model or another program on the open benchmark.
+
+    Thirty synthetic curves with known truth: six kinds of sample, each with five kinds of noise. Without --solver
+    and --program the whole model of each scene is fitted. A contact model is also compared with the exact contact
+    problem and with finite elements.
+
+    Example: `underlay benchmark --kind elastic`
+
+    Example: `underlay benchmark --solver garcia2018 --kind elastic --output results`
+    """
+    from underlay.inference.benchmark import Program, against_finite_elements, against_references
+
+    if solver is not None and program is not None:
+        raise InputError("--solver and --program do not go together: score one after the other")
+    other = None if program is None else Program(program)
+    with Console(stderr=True).status("") as line:  # seen on a terminal only
+        scores = ul.benchmark(
+            solver,
+            estimate=other,
+            kinds=kind or (),
+            progress=lambda case: line.update(f"{case.kind}, {case.noise} noise"),
+        )
+    say_table(
+        scores.summary(), f"{scores.label if program is None else program}: error of the layer's modulus"
+    )
+    _say_reasons(scores)
+    tables = {"benchmark.csv": scores.to_frame()}
+    if program is None:
+        law = solver or "auto"
+        tables["benchmark.references.csv"] = against_references(law)
+        tables["benchmark.finite_elements.csv"] = against_finite_elements(law)
+        say_table(tables["benchmark.references.csv"], f"{law}: force against the exact contact problem")
+        say_table(tables["benchmark.finite_elements.csv"], f"{law}: force against finite elements")
+    write_out(output, tables)
+
+
+def _say_reasons(scores: Scores) -> None:
+    """Print each reason why a curve has no estimate, once."""
+    reasons = [f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason]
+    for reason in dict.fromkeys(reasons):
+        say(reason)

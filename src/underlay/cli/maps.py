@@ -11,7 +11,7 @@ import typer
 import underlay as ul
 from underlay._files import require_writable_folder
 from underlay.cli import options
-from underlay.cli.console import say, say_error, say_table, write_all
+from underlay.cli.console import say, say_error, say_table
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
@@ -210,6 +210,7 @@ def population(
 
     Example: `underlay population map.csv --by animal --group treatment`
     """
+    from underlay.report.details import write_all
     from underlay.report.maps import population_lines, population_tables
     from underlay.report.screen import written_line
 

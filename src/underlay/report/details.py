@@ -1,4 +1,4 @@
-"""What stands behind the numbers of a fit: parts for a page and a terminal, and the files that are written.
+"""What stands behind the numbers of a fit or a posterior: parts for pages and terminals, and the files of a fit.
 
 A part is data (`Part`): sentences, tables and pictures under a title. A page folds it below its sheet, and
 ``--details`` prints it. `pictures_of` names the pictures that a scene's effects call for; `write_fit` writes them
@@ -7,7 +7,7 @@ beside the tables and the full result.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -21,16 +21,22 @@ from underlay.data.segments import LOADING
 from underlay.errors import UnderlayError
 from underlay.inference.pointwise.result import ModulusCurve, PointwiseModulus
 from underlay.inference.recipe import steps_to_ours
+from underlay.inference.sampling.derived import kind_of_quantity
+from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.report import adhesion_tables, plots, screen, tables
 from underlay.report.labels import label, labelled, start
 from underlay.report.limits import advice, distinct_scenes, rivals
+from underlay.report.methods import listed
 from underlay.report.scene_tables import effects_table, scene_table
-from underlay.units import format_quantity, human_unit, printed, printed_unit
+from underlay.scene.parameters import kind_of
+from underlay.units import format_ends, format_quantity, human_unit, interval_digits, printed, printed_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.sampling.posterior import Posterior
+    from underlay.scene.scene import Scene
 
 __all__ = [
     "Content",
@@ -38,15 +44,21 @@ __all__ = [
     "Part",
     "Picture",
     "fit_parts",
+    "median_scenes",
     "pictures_of",
     "pointwise_of",
     "pointwise_sentence",
     "pointwise_table",
+    "posterior_parts",
+    "predicted",
+    "write_all",
     "write_fit",
 ]
 
 # Rows of a table that is read and not plotted.
 _ROWS = 10
+# Ends farther apart than this have each a unit of its own.
+_ONE_UNIT = 1e-3
 
 
 class Heading(str):
@@ -296,6 +308,168 @@ def _cell(curve: ModulusCurve, n: int, pascal: float) -> str:
     return "none" if np.isnan(value) else screen.interval_text(value, low, high, "dimensionless")
 
 
+def posterior_parts(posterior: Posterior, facts: Mapping[str, str], *files: str) -> Iterator[Part]:
+    """Yield the parts that stand behind the numbers of a posterior.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        The result.
+    facts : mapping of str to str
+        What the provenance says besides its own record, e.g. the command that repeats it.
+    *files : path
+        Files whose SHA-256 the provenance lists.
+    """
+    names = listed([label(name) for name in posterior.names])
+    yield Part("Parameters", names, [posterior_table(posterior)])
+    yield Part("The other curves", "", [predicted(posterior, n) for n in range(1, len(posterior.predictive))])
+    yield Part("What the data add", "each parameter before and after the test", [prior_table(posterior)])
+    yield Part("Diagnostics of the sampling", "", [posterior_diagnostics_table(posterior)])
+    scenes = median_scenes(posterior)
+    yield Part("The test in numbers", "", [scene_table(*scenes)] if scenes else [])
+    yield Part("Where this comes from", "", [tables.provenance_table(posterior.provenance, facts, *files)])
+
+
+def predicted(posterior: Posterior, curve: int) -> Picture:
+    """Return the picture of one curve with the bands of the model and of new readings."""
+    caption = "Where the model and a new reading lie with 95 % probability. Below: less the median."
+    alt = "Measured force against depth with bands of the model and of new readings."
+    draw = partial(plots.predictive, posterior, curve=curve)
+    return Picture(f"predicted {curve}", draw, alt, "Data and prediction.", caption)
+
+
+def median_scenes(posterior: Posterior) -> tuple[Scene, ...]:
+    """Return the scene of each curve at the median of the draws; none of a posterior stored without its problem."""
+    problem = posterior.problem
+    return () if problem is None else problem.scenes(problem.vector(dict(posterior.samples.median())))
+
+
+def posterior_table(posterior: Posterior) -> pd.DataFrame:
+    """Return one row per parameter and derived quantity as text: value, intervals of the draws, convergence.
+
+    The column ``data`` says how much the data narrowed the prior. The value and its interval are those that `fit`
+    prints, with the draws' statistical part; of a posterior that was stored without its problem they are median and
+    95 % interval of the draws.
+    """
+    rows = []
+    for name, row in posterior.summary(derived=True).iterrows():
+        kind = kind_of_quantity(str(name))
+        rows.append(
+            {
+                "parameter": label(str(name)),
+                "value (95 % interval)": screen.interval_text(*_stated(posterior, str(name), row), kind),
+                "median of the samples (95 %)": screen.interval_text(
+                    row["median"], row["hdi95_low"], row["hdi95_high"], kind
+                ),
+                "68 % interval": _span(row["hdi68_low"], row["hdi68_high"], kind),
+                "effective samples": f"{row['ess']:.0f}",
+                "R-hat": "" if np.isnan(row["rhat"]) else f"{row['rhat']:.4f}",
+                "data": row["informed"],
+            }
+        )
+    return tables.labelled_table(rows)
+
+
+def _stated(posterior: Posterior, name: str, row: pd.Series) -> tuple[float, float, float]:
+    """Return value, low and high end (SI) of `Posterior.answer`; without a problem, those of the draws."""
+    if posterior.problem is None:
+        return float(row["median"]), float(row["hdi95_low"]), float(row["hdi95_high"])
+    known = posterior.answer(name)
+    return known.value, known.low, known.high
+
+
+def _span(low: float, high: float, kind: str) -> str:
+    unit, factor = human_unit(min(low, high, key=abs), kind)
+    if not abs(low) > _ONE_UNIT * abs(high):
+        return " to ".join(format_ends(low, high, kind))
+    digits = interval_digits(low, high)
+    return f"{low / factor:.{digits}g} to {high / factor:.{digits}g} {unit}".strip()
+
+
+def prior_table(posterior: Posterior) -> pd.DataFrame:
+    """Return 95 % intervals of each parameter before and after the data, and by how much they narrowed (text)."""
+    rows = []
+    for name, row in posterior.prior_comparison().iterrows():
+        kind = kind_of(str(name))
+        spans = {
+            when: _span(row[f"{key}_low"], row[f"{key}_high"], kind)
+            for when, key in (("prior (95 %)", "prior"), ("posterior (95 %)", "posterior"))
+        }
+        narrowed = f"{100.0 * row['narrowing']:.0f} %"
+        rows.append(
+            {"parameter": label(str(name)), **spans, "narrowed by": narrowed, "data": row["informed"]}
+        )
+    return tables.labelled_table(rows)
+
+
+def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
+    """Return the diagnostics of the sampling, a row each, as text: convergence, effective draws, errors."""
+    d = posterior.diagnostics
+    judged = {"draws": "weighted, then resampled; a chain begun from them agrees"} if d.weighted else {}
+    kept = "of the chain that judges" if d.weighted else f"{d.burn_in} dropped, {_every(d.thin)} kept"
+    chain = {
+        **judged,
+        "steps, walkers": f"{d.steps}, {d.walkers} ({kept})",
+        "autocorrelation time": ", ".join(f"{t:.0f}" for t in d.autocorrelation_time) + " steps",
+        "R-hat": ", ".join(f"{r:.4f}" for r in d.rhat) or "not asked for",
+        "acceptance": f"{100.0 * d.acceptance:.0f} %",
+    }
+    rows = {
+        "converged": "yes" if d.converged else "NO",
+        "why it stopped": d.reason,
+        **(chain if d.method == "emcee" else {"draws": "weighted, then resampled: no chain"}),
+        "effective samples": ", ".join(f"{size:.0f}" for size in d.effective) or "not kept",
+        "errors of the 2.5, 50, 97.5 % quantiles": _errors(posterior),
+        **_weighted(posterior),
+        "evaluations": f"{d.evaluations}, of which {d.failures} failed",
+        "model error": f"{d.model_error:.1e} of the force",
+        "data in the 95 % band": ", ".join(
+            f"{100.0 * band.coverage():.1f} %" for band in posterior.predictive
+        ),
+        "seed": "not given" if d.seed is None else str(d.seed),
+        "time": f"{d.seconds:.1f} s",
+    }
+    return tables.facts_table(rows)
+
+
+def _every(thin: int) -> str:
+    return "all others" if thin == 1 else f"one in {thin}"
+
+
+def _errors(posterior: Posterior) -> str:
+    """Write the Monte Carlo errors of each parameter's quantiles (2.5, 50, 97.5 %).
+
+    They are in units of its posterior standard deviation.
+    """
+    told = "; ".join(
+        f"{label(name)} {', '.join(f'{error:.2f}' for error in errors)}"
+        for name, errors in posterior.diagnostics.quantile_errors.items()
+    )
+    return f"{told} standard deviations" if told else "not kept"
+
+
+def _weighted(posterior: Posterior) -> dict[str, str]:
+    """Return rows on the importance-sampling check of the posterior, and on the log evidence it gives."""
+    found, evidence = posterior.diagnostics.importance, posterior.log_evidence
+    if found is None:
+        return {"weighted samples": "none"}
+    verdict = (
+        f"not used: {found.refused}"
+        if found.refused
+        else f"they disagree: {found.disagreement}"
+        if found.disagreement
+        else "used"
+    )
+    return {
+        "weighted samples": (
+            f"{found.effective:.0f} effective of {found.draws}, Pareto k {found.k_hat:.2f}; {verdict}"
+        ),
+        "ln(evidence), 95 %": (
+            "not known" if evidence is None else f"{evidence.value:.2f} ± {NORMAL_95 * evidence.error:.2f}"
+        ),
+    }
+
+
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
     """Write the table (CSV), the full result (JSON) and the pictures of a fit; return the paths of the files.
 
@@ -305,16 +479,25 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
     # Not loaded by a page, which needs the words and tables of this module alone.
     from underlay.report.excel import result_rows  # noqa: PLC0415  see above
 
-    rows = {"fit": result_rows(result)}
+    files: dict[str, pd.DataFrame | Callable[..., Axes]] = {
+        "fit.csv": result_rows(result),
+        "fit.png": partial(plots.fit, result),
+    }
     by_depth = pointwise_of(result)[0]
     if isinstance(by_depth, PointwiseModulus):
-        rows["depth"] = by_depth.table
+        files["depth.csv"] = by_depth.table
     if result.scenes[0].adhesion is not None:
-        rows["adhesion"] = adhesion_tables.adhesion_frame(result)
-    drawn: dict[str, Callable[..., Axes]] = {"fit": partial(plots.fit, result)}
-    drawn |= {name: picture.draw for name, picture in pictures_of(result).items()}
+        files["adhesion.csv"] = adhesion_tables.adhesion_frame(result)
+    files |= {f"{name}.png": picture.draw for name, picture in pictures_of(result).items()}
     return [
-        *(write_atomic(folder / f"{stem}.{name}.csv", csv_text(table)) for name, table in rows.items()),
+        *write_all(folder, {f"{stem}.{name}": what for name, what in files.items()}),
         result.to_json(folder / f"{stem}.fit.json"),
-        *(plots.save(draw(), folder / f"{stem}.{name}.png") for name, draw in drawn.items()),
+    ]
+
+
+def write_all(folder: Path, files: Mapping[str, pd.DataFrame | Callable[..., Axes]]) -> list[Path]:
+    """Write files into a folder by name: tables as CSV, functions as the pictures they draw; return the paths."""
+    return [
+        plots.save(what(), folder / name) if callable(what) else write_atomic(folder / name, csv_text(what))
+        for name, what in files.items()
     ]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -43,6 +43,7 @@ __all__ = [
     "group_table",
     "has_positions",
     "is_map",
+    "known_parameters",
     "map_provenance_table",
     "means_in_words",
     "of_map",
@@ -82,10 +83,12 @@ def has_positions(table: pd.DataFrame) -> bool:
 
 def columns_to_draw(table: pd.DataFrame) -> list[str]:
     """Return the parameter columns of the sample to draw as maps by position; empty without positions."""
-    if not has_positions(table):
-        return []
-    columns = [name for name in sample_parameters(table) if name in table.columns]
-    return [name for name in columns if np.isfinite(table[name].to_numpy(dtype=float)).any()]
+    return known_parameters(table) if has_positions(table) else []
+
+
+def known_parameters(table: pd.DataFrame) -> list[str]:
+    """Return the columns of `sample_parameters` with a finite value at one site or more."""
+    return [name for name in sample_parameters(table) if np.isfinite(table[name].to_numpy(float)).any()]
 
 
 def errors_in_words(table: pd.DataFrame) -> str:
@@ -104,11 +107,9 @@ def errors_in_words(table: pd.DataFrame) -> str:
 def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
     """Return a row per parameter of the sample, as text: median and spread of the sites, median standard error."""
     rows = []
-    for name in sample_parameters(table):
+    for name in known_parameters(table):
         values = table[name].to_numpy(dtype=float)
         known = values[np.isfinite(values)]
-        if not known.size:
-            continue
         middle, low, high = (float(value) for value in np.quantile(known, _MIDDLE))
         share = (
             np.nanmedian(standard_errors(table, name) / np.abs(values))
@@ -161,13 +162,8 @@ def decision_table(table: pd.DataFrame) -> pd.DataFrame:
     More than 50 are counted in a last row.
     """
     decided = _decisions(table)
-    rows = [
-        {"curve": str(row["name"]), "decision": str(row["decision"]), "why": _words(row["decision_reason"])}
-        for row in decided[:_LISTED].to_dict("records")
-    ]
-    if len(decided) > _LISTED:
-        rows.append({"curve": f"and {len(decided) - _LISTED} more", "decision": "", "why": "see the table"})
-    return labelled_table(rows or [{"curve": "none", "decision": "", "why": ""}])
+    columns = {"curve": decided["name"], "decision": decided["decision"], "why": decided["decision_reason"]}
+    return _first_of(columns, "")
 
 
 def _decisions(table: pd.DataFrame) -> pd.DataFrame:
@@ -176,20 +172,22 @@ def _decisions(table: pd.DataFrame) -> pd.DataFrame:
     return table[table["decision"].isin([ACCEPT, REFUSE])]
 
 
-def _words(cell: object) -> str:
-    return cell if isinstance(cell, str) else ""
+def _first_of(columns: Mapping[str, pd.Series[Any]], otherwise: str) -> pd.DataFrame:
+    """Return the first 50 rows of columns as text, the others counted; `otherwise` stands where there are none."""
+    whole = pd.DataFrame(dict(columns)).fillna("").astype(str)
+    first, *_, last = columns
+    rows = [dict(zip(columns, row, strict=True)) for row in whole[:_LISTED].itertuples(index=False)]
+    if len(whole) > _LISTED:
+        rows.append(
+            dict.fromkeys(columns, "") | {first: f"and {len(whole) - _LISTED} more", last: "see the table"}
+        )
+    return labelled_table(rows or [dict.fromkeys(columns, "") | {first: "none", last: otherwise}])
 
 
 def failure_table(table: pd.DataFrame) -> pd.DataFrame:
     """Return the curves without a fit, each with the reason, as text; more than 50 are counted in a last row."""
     failed = table[table["status"] != FITTED]
-    rows = [
-        {"curve": str(name), "reason": str(reason)}
-        for name, reason in zip(failed["name"][:_LISTED], failed["reason"][:_LISTED], strict=True)
-    ]
-    if len(failed) > _LISTED:
-        rows.append({"curve": f"and {len(failed) - _LISTED} more", "reason": "see the table"})
-    return labelled_table(rows or [{"curve": "none", "reason": "every curve was fitted"}])
+    return _first_of({"curve": failed["name"], "reason": failed["reason"]}, "every curve was fitted")
 
 
 def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: str) -> pd.DataFrame:

@@ -45,8 +45,7 @@ class MapPage(page.Page[pd.DataFrame]):
     @cached_property
     def parameters(self) -> list[str]:
         """Parameters of the sample with a finite value at one site or more."""
-        names = maps.sample_parameters(self.sites)
-        return [name for name in names if np.isfinite(self.sites[name].to_numpy(dtype=float)).any()]
+        return maps.known_parameters(self.sites)
 
     @property
     def fitted(self) -> int:

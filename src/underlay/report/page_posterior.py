@@ -8,15 +8,14 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from underlay.inference.sampling.posterior import Posterior
-from underlay.report import page, plots, posterior_tables, tables
-from underlay.report.details import Part, Picture
-from underlay.report.labels import is_of_the_sample, label
+from underlay.report import page, plots
+from underlay.report.details import Part, Picture, median_scenes, posterior_parts, predicted
+from underlay.report.labels import is_of_the_sample
 from underlay.report.limits import distinct_scenes
-from underlay.report.methods import listed, sample_words, tip_words
-from underlay.report.scene_tables import scene_table
+from underlay.report.methods import sample_words, tip_words
 
 if TYPE_CHECKING:
-    from underlay.scene.scene import Scene
+    pass
 
 __all__ = ["PosteriorPage"]
 
@@ -55,7 +54,7 @@ class PosteriorPage(page.Page[Posterior]):
         post = self.result
         answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
         curves = () if post.problem is None else post.problem.curves
-        first = page.figure(self._predicted(0), _CURVE) if post.predictive else ""
+        first = page.figure(predicted(post, 0), _CURVE) if post.predictive else ""
         alt = "Corner plot: the distribution of every parameter and of every pair."
         # Thousands of draws: as pixels.
         return self.with_foot(
@@ -70,23 +69,11 @@ class PosteriorPage(page.Page[Posterior]):
             opened=opened,
         )
 
-    def _predicted(self, number: int) -> Picture:
-        caption = "Where the model and a new reading lie with 95 % probability. Below: less the median."
-        alt = "Measured force against depth with bands of the model and of new readings."
-        draw = partial(plots.predictive, self.result, curve=number)
-        return Picture(f"predicted {number}", draw, alt, "Data and prediction.", caption)
-
-    def _scenes(self) -> tuple[Scene, ...]:
-        problem = self.result.problem
-        if problem is None:
-            return ()
-        return problem.scenes(problem.vector(dict(self.result.samples.median())))
-
     def _drawing(self) -> str:
         problem = self.result.problem
         if problem is None:
             return page.tag("p", page.words(_MISSING.format(missing=self.result.missing)), kind="none")
-        tests = distinct_scenes(self._scenes(), problem.curves)
+        tests = distinct_scenes(median_scenes(self.result), problem.curves)
         return page.tag("div", *(page.drawing(test, problem.solver, "at the median") for test in tests))
 
     def origin(self) -> Iterator[str]:
@@ -96,16 +83,5 @@ class PosteriorPage(page.Page[Posterior]):
             yield f"{entry.get('name') or 'curve'} · points' SHA-256 {entry['data_sha256']}"
 
     def parts(self) -> Iterator[Part]:
-        """Yield parameters, further curves, priors, diagnostics, scenes and provenance."""
-        post, scenes = self.result, self._scenes()
-        names = listed([label(name) for name in post.names])
-        yield Part("Parameters", names, [posterior_tables.posterior_table(post)])
-        more = [self._predicted(number) for number in range(1, len(post.predictive))]
-        yield Part("The other curves", "", more)
-        before = "each parameter before and after the test"
-        yield Part("What the data add", before, [posterior_tables.prior_table(post)])
-        diagnostics = posterior_tables.posterior_diagnostics_table(post)
-        yield Part("Diagnostics of the sampling", "", [diagnostics])
-        yield Part("The test in numbers", "", [scene_table(*scenes)] if scenes else [])
-        origin = tables.provenance_table(post.provenance, self.facts, *map(str, self.files))
-        yield Part("Where this comes from", "", [origin])
+        """Return what stands behind the numbers, as `posterior_parts`."""
+        return posterior_parts(self.result, self.facts, *map(str, self.files))

@@ -7,7 +7,7 @@ from .accuracy import (
 )
 from .adhesion import adhesion as adhesion
 from .map import boxes as boxes
-from .budget import budget as budget
+from .design import budget as budget
 from .posterior import corner as corner
 from .design import correlations as correlations
 from .scene import effects as effects
