@@ -30,7 +30,7 @@ from underlay.report.details import Content, Heading, Part, Picture
 from underlay.report.labels import label, labelled, start
 from underlay.report.plots.scene import material_words
 from underlay.report.plots.style import axes, drawn, in_words, inline_svg, style
-from underlay.report.screen import assumed_inputs, assumed_words, name_of, written
+from underlay.report.screen import assumed_inputs, assumed_words, name_of, one_end, written
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, printed
 
@@ -73,6 +73,7 @@ _INCH = 25.4
 _DRAWING, _WIDE = (54.0, 58.0), (150.0, 75.0)
 # Numbers in the headline, and letters above which the first is set smaller.
 _NUMBERS, _LONG = 3, 15
+_NEITHER = "by this curve, neither from below nor from above"
 # Numbers in the words of a drawing, and lines above the last.
 _SHORT = re.compile(r"^.*\n|, (E = |rigid).*$", re.DOTALL)
 
@@ -234,7 +235,9 @@ def _number(known: Answer, place: int, verdict: str) -> str:
         number, _, unit = format_quantity(known.value, kind_of(path_of(known.name))).partition(" ")
         under, kind = "no uncertainty: the model is rejected", f"grey{second}"
     elif known.is_open:
-        number, unit, under, kind = "not determined", "", _one_end(known, letter), f"grey long{second}"
+        end = one_end(known.low, known.high, kind_of(path_of(known.name)))
+        under = f"{letter} {end} ({100.0 * known.level:.3g} %)" if end else _NEITHER
+        number, unit, kind = "not determined", "", f"grey long{second}"
     else:
         one = written(known)
         number, unit, kind = one.number, one.unit, f"{'long' if len(one.number) > _LONG else ''}{second}"
@@ -242,15 +245,6 @@ def _number(known: Answer, place: int, verdict: str) -> str:
             f"{one.level}: statistical {one.reach}{one.statistical}, systematic {one.reach}{one.systematic}"
         )
     return number_block(f"{title} {letter}", number, unit, under, kind)
-
-
-def _one_end(known: Answer, letter: str) -> str:
-    """Write the finite end of a half-open interval: ``"h > 1.1 mm (95 %)"``; a phrase where both ends are open."""
-    for sign, end in ((">", known.low), ("<", known.high)):
-        if math.isfinite(end):
-            limit = format_quantity(end, kind_of(path_of(known.name)))
-            return f"{letter} {sign} {limit} ({100.0 * known.level:.3g} %)"
-    return "by this curve, neither from below nor from above"
 
 
 def methods_block(text: str, works: Iterable[Work]) -> Html:

@@ -17,9 +17,7 @@ from underlay.report import maps, page, plots
 from underlay.report.details import Part, Picture
 from underlay.report.labels import label, start
 from underlay.report.methods import cited_works
-from underlay.report.plots.style import in_words
-from underlay.report.screen import name_of, quartiles
-from underlay.scene.parameters import kind_of
+from underlay.report.screen import name_of, site_numbers, verdict_counts
 
 if TYPE_CHECKING:
     from underlay.inference.population.result import Population
@@ -81,26 +79,20 @@ class MapPage(page.Page[pd.DataFrame]):
         )
 
     def _number(self, name: str, place: int) -> str:
-        middle, half, _, _ = quartiles(self.sites, name)
-        number, _, unit = middle.partition(" ")
+        sites = site_numbers(self.sites, name)
+        number, _, unit = sites.median.partition(" ")
         title, letter = name_of(name)
-        under = f"middle half of the sites: {half}"
-        if {f"{name}.low", f"{name}.high"} <= set(self.sites.columns):
-            ends = self.sites[[f"{name}.low", f"{name}.high"]].to_numpy(dtype=float)
-            width = float(np.nanmedian(0.5 * (ends[:, 1] - ends[:, 0])))
-            under = f"{under}; one curve ± {in_words(width, kind_of(name), digits=2)} (95 %)"
+        each = f"; one curve {sites.each}" if sites.each else ""
+        under = f"middle half of the sites: {sites.half}{each}"
         return page.number_block(f"{title} {letter}, median", number, unit, under, "second" if place else "")
 
     def _verdict(self) -> str:
-        counts = self.sites["verdict"].value_counts()
-        told = [f"{counts.get(word, 0)} {word}" for word in ("good", "check", "reject")]
-        failed = len(self.sites) - self.fitted
-        told += [f"{failed} without a fit"] if failed else []
-        good = int(counts.get("good", 0)) == len(self.sites)
+        good = bool((self.sites["verdict"] == "good").all())
         sentences = (maps.errors_in_words(self.sites), maps.decision_words(self.result))
-        more = " ".join(filter(None, sentences))
         return page.verdict_block(
-            "good" if good else "check", f"verdicts of the curves: {', '.join(told)}", more=more
+            "good" if good else "check",
+            f"verdicts of the curves: {verdict_counts(self.sites)}",
+            more=" ".join(filter(None, sentences)),
         )
 
     def _pictures(self, *, drawn: bool) -> Iterator[str]:
@@ -119,8 +111,10 @@ class MapPage(page.Page[pd.DataFrame]):
         first = f"{len(self.sites)} force-indentation curves were fitted one by one (underlay {VERSION} [1])"
         sentences = [f"{first}; {self.fitted} gave a number."]
         for name in self.parameters:
-            middle, half, _, _ = quartiles(self.sites, name)
-            sentences.append(f"{start(label(name))}: median {middle}, middle half of the sites {half}.")
+            sites = site_numbers(self.sites, name)
+            sentences.append(
+                f"{start(label(name))}: median {sites.median}, middle half of the sites {sites.half}."
+            )
         return page.methods_block(" ".join(sentences), cited_works(used_by(laws)))
 
     def parts(self) -> Iterator[Part]:

@@ -46,10 +46,12 @@ __all__ = [
     "line",
     "map_lines",
     "name_of",
+    "one_end",
     "posterior_lines",
-    "quartiles",
+    "site_numbers",
     "source_words",
     "told_names",
+    "verdict_counts",
     "verdict_lines",
     "written",
     "written_line",
@@ -151,7 +153,8 @@ def interval_text(value: float, low: float, high: float, kind: str) -> str:
     if math.isfinite(low) and math.isfinite(high):
         unit, factor = human_unit(value, kind)
         return f"{_with_ends(value / factor, low / factor, high / factor)} {unit}".rstrip()
-    return f"{format_quantity(value, kind)}{_one_end(low, high, kind)}"
+    end = one_end(low, high, kind)
+    return f"{format_quantity(value, kind)}{f' ({end})' if end else ''}"
 
 
 def answer_text(known: Answer, *, parts: bool = True) -> str:
@@ -162,7 +165,8 @@ def answer_text(known: Answer, *, parts: bool = True) -> str:
     `parts` the brackets with level and parts are left out.
     """
     if known.is_open:
-        return f"not determined by this curve{_one_end(known.low, known.high, kind_of(path_of(known.name)))}"
+        end = one_end(known.low, known.high, kind_of(path_of(known.name)))
+        return f"not determined by this curve{f' ({end})' if end else ''}"
     one = written(known)
     text = f"{one.number} {one.unit}".rstrip()
     sign = "<" if one.reach else ""
@@ -171,11 +175,11 @@ def answer_text(known: Answer, *, parts: bool = True) -> str:
     )
 
 
-def _one_end(low: float, high: float, kind: str) -> str:
-    """Write the one finite end (SI) of an interval in brackets, ``" (> 1.1 mm)"``; empty where there is none."""
+def one_end(low: float, high: float, kind: str) -> str:
+    """Write the one finite end (SI) of an interval: ``"> 1.1 mm"``; empty where there is none."""
     if math.isfinite(low):
-        return f" (> {format_quantity(low, kind)})"
-    return f" (< {format_quantity(high, kind)})" if math.isfinite(high) else ""
+        return f"> {format_quantity(low, kind)}"
+    return f"< {format_quantity(high, kind)}" if math.isfinite(high) else ""
 
 
 def _decimals(width: float) -> int:
@@ -253,8 +257,8 @@ def source_words(source: str) -> str:
     return _SOURCES.get(source) or (label(source) if "." in source else source)
 
 
-def _budget_words(known: Answer) -> tuple[str, str]:
-    """Return the largest sources of a number's uncertainty, and a note on those assumed; either may be empty."""
+def _budget_lines(known: Answer) -> Iterator[str]:
+    """Yield the largest sources of a number's uncertainty, and a note on those assumed; either may be missing."""
     rows = [row for row in known.contributions if row.share >= _SMALL][:_NAMED]
     told = [
         f"{100.0 * row.share:.0f} % {source_words(row.source)}{'*' if row.origin == 'assumed' else ''}"
@@ -263,14 +267,10 @@ def _budget_words(known: Answer) -> tuple[str, str]:
     assumed = [
         f"{source_words(row.source)} {row.size}" for row in rows if row.origin == "assumed" and row.size
     ]
-    return "; ".join(told), f"* assumed ({', '.join(assumed)}): state yours" if assumed else ""
-
-
-def _budget_lines(known: Answer) -> Iterator[str]:
-    shares = f"Variance of {name_of(known.name)[1]}"
-    for name, words in zip((shares, ""), _budget_words(known), strict=True):
-        if words:
-            yield line(name, words)
+    if told:
+        yield line(f"Variance of {name_of(known.name)[1]}", "; ".join(told))
+    if assumed:
+        yield line("", f"* assumed ({', '.join(assumed)}): state yours")
 
 
 def budget_table(known: Answer) -> pd.DataFrame:
@@ -479,13 +479,18 @@ def map_lines(table: pd.DataFrame) -> list[str]:
     fitted = table[table["status"] == "fitted"]
     lines: list[str] = []
     for name in (name for name in fitted_names(table.columns) if is_of_the_sample(name)):
-        lines += _of_map(fitted, name)
-    counts = table["verdict"].value_counts()
-    words = [f"{counts.get(word, 0)} {word}" for word in ("good", "check", "reject")]
-    failed = int((table["status"] != "fitted").sum())
-    lines.append(
-        line("Curves", f"{len(table)}: {', '.join(words)}{f', {failed} without a fit' if failed else ''}")
-    )
+        if not np.isfinite(fitted[name].to_numpy(dtype=float)).any():
+            continue
+        (own, letter), sites = name_of(name), site_numbers(fitted, name)
+        if sites.is_open == len(fitted):
+            lines.append(line(own, "not determined by any curve"))
+            continue
+        lines.append(line(own, f"median {letter} = {sites.median}, middle half {sites.half}"))
+        lines += [line("One curve", sites.each)] if sites.each else []
+        lines += (
+            [line("", f"not determined by {sites.is_open} of {len(fitted)} curves")] if sites.is_open else []
+        )
+    lines.append(line("Curves", f"{len(table)}: {verdict_counts(table)}"))
     if "layer.E.syst.low" in table.columns:
         lines.append(
             line("Shared by all", "errors of inputs and model shift all curves alike: no mean reduces them")
@@ -493,11 +498,35 @@ def map_lines(table: pd.DataFrame) -> list[str]:
     return "\n".join(lines).splitlines()
 
 
-def quartiles(curves: pd.DataFrame, name: str) -> tuple[str, str, str, float]:
-    """Return median and interquartile range over the curves of a column as text, their unit, and its value in SI.
+def verdict_counts(table: pd.DataFrame) -> str:
+    """Count the verdicts of a map: ``"4 good, 1 check, 0 reject, 1 without a fit"``."""
+    counts, failed = table["verdict"].value_counts(), int((table["status"] != "fitted").sum())
+    told = [f"{counts.get(word, 0)} {word}" for word in ("good", "check", "reject")]
+    return ", ".join([*told, *([f"{failed} without a fit"] if failed else [])])
 
-    For example ``("0.99 MPa", "0.91 to 1.11 MPa", "MPa", 1e6)``.
+
+class SiteNumbers(NamedTuple):
+    """One column of a map over its sites, as text.
+
+    Parameters
+    ----------
+    median, half : str
+        ``"0.99 MPa"`` and the interquartile range, ``"0.91 to 1.11 MPa"``.
+    each : str
+        Median uncertainty of one curve, ``"± 0.079 MPa (95 %; stat 0.005, syst 0.079)"``; empty where the table has
+        none.
+    is_open : int
+        How many curves do not determine the number.
     """
+
+    median: str
+    half: str
+    each: str
+    is_open: int
+
+
+def site_numbers(curves: pd.DataFrame, name: str) -> SiteNumbers:
+    """Return median, interquartile range and uncertainty of one curve for a column of a map with finite values."""
     values = curves[name].to_numpy(dtype=float)
     low, middle, high = (
         float(value) for value in np.quantile(values[np.isfinite(values)], [0.25, 0.5, 0.75])
@@ -505,25 +534,16 @@ def quartiles(curves: pd.DataFrame, name: str) -> tuple[str, str, str, float]:
     unit, factor = human_unit(middle, kind_of(name))
     decimals = _decimals(max((high - low) / factor, 0.1 * abs(middle / factor)))
     first, *ends = (f"{value / factor:.{decimals}f}" for value in (middle, low, high))
-    return f"{first} {unit}".rstrip(), f"{' to '.join(ends)} {unit}".rstrip(), unit, factor
-
-
-def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
-    if not np.isfinite(fitted[name].to_numpy(dtype=float)).any():
-        return
-    (own, letter), told = name_of(name), f"{name}.low" in fitted.columns
-    widths = [_half_widths(fitted, f"{name}{part}") for part in ("", ".stat", ".syst")] if told else []
-    is_open = np.isinf(widths[0]) if told else np.zeros(len(fitted), dtype=bool)
-    if is_open.all():
-        yield line(own, "not determined by any curve")
-        return
-    middle, ends, unit, factor = quartiles(fitted, name)
-    yield line(own, f"median {letter} = {middle}, middle half {ends}")
-    if told:
-        each, stat, syst = (_two_digits(float(np.median(width[~is_open])) / factor) for width in widths)
-        yield line("One curve", f"{f'± {each} {unit}'.rstrip()} (95 %; stat {stat}, syst {syst})")
-    if is_open.any():
-        yield line("", f"not determined by {int(is_open.sum())} of {len(fitted)} curves")
+    each, is_open = "", np.zeros(len(curves), dtype=bool)
+    if f"{name}.low" in curves.columns:
+        widths = [_half_widths(curves, f"{name}{part}") for part in ("", ".stat", ".syst")]
+        is_open = np.isinf(widths[0])
+        if not is_open.all():
+            own, stat, syst = (_two_digits(float(np.median(width[~is_open])) / factor) for width in widths)
+            each = f"{f'± {own} {unit}'.rstrip()} (95 %; stat {stat}, syst {syst})"
+    return SiteNumbers(
+        f"{first} {unit}".rstrip(), f"{' to '.join(ends)} {unit}".rstrip(), each, int(is_open.sum())
+    )
 
 
 def _half_widths(fitted: pd.DataFrame, name: str) -> FloatArray:
