@@ -13,7 +13,8 @@ from support.inverse import ambiguous
 from support.real_data import real_file
 from support.reports import SAMPLES, joint_fit, page_text
 from underlay.data.curve import recorded
-from underlay.report import labels, maps, screen, tables
+from underlay.inference.batch.decisions import is_map, read_map
+from underlay.report import labels, screen, tables
 from underlay.report import limits as open_ends
 from underlay.report.limits import distinct_scenes
 
@@ -243,19 +244,19 @@ def test_page_of_a_map_says_what_was_found_and_what_was_not(map_page):
 
 
 def test_a_curve_is_no_map(tmp_path):
-    assert not maps.is_map(SAMPLES / "cartilage_on_bone.csv")
+    assert not is_map(SAMPLES / "cartilage_on_bone.csv")
     wrong = tmp_path / "x.csv"
     wrong.write_text("name,path,x,y,status,verdict\n")
-    assert not maps.is_map(wrong)
+    assert not is_map(wrong)
     with pytest.raises(ul.FileFormatError, match="no column 'reason'"):
-        maps.read_map(wrong)
+        read_map(wrong)
     wrong.write_text(
         "name,path,status,verdict,reason,cause,layer.E,layer.E.stat.low\na,b,fitted,good,,,1.0,0.9\n"
     )
     with pytest.raises(ul.FileFormatError, match=r"no column 'layer\.E\.stat\.high'"):
-        maps.read_map(wrong)
+        read_map(wrong)
     with pytest.raises(ul.FileAccessError):
-        maps.is_map(tmp_path / "none.csv")
+        is_map(tmp_path / "none.csv")
 
 
 # --- where it comes from ---------------------------------------------------------------------------------

@@ -18,8 +18,6 @@ from underlay.cli.report import cite, report
 from underlay.cli.start import browser_page, formats, keys
 from underlay.errors import UnderlayError
 
-__all__ = ["app", "main"]
-
 #: Exit codes: 0 done, 2 bad input (one clear line), 130 interrupted.
 _BAD_INPUT, _INTERRUPTED = 2, 130
 

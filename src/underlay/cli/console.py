@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from underlay.report.details import Part
 
-__all__ = ["noted", "say", "say_error", "say_parts", "say_table", "say_warnings", "write_out"]
-
 _FILE_WIDTH = 160
 # Letters of a cell from which on a column of words is broken into lines, as the last one is.
 _LONG = 40

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from underlay.scene.noise import NoiseModel
     from underlay.scene.scene_file import SimulatedDepths
 
-__all__ = ["accuracy", "effects", "identify", "plan", "simulate"]
-
 # A grid without being asked: a factor of five around the tip at hand, a tenth of the depth up to all of it.
 _TIP_FACTOR, _SHALLOWEST, _COUNT = 5.0, 0.1, 8
 _MOST = 60

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from underlay.inference.benchmark import Scores
     from underlay.inference.compare import Comparison
 
-__all__ = ["benchmark", "compare", "demo", "film", "fit", "sample"]
-
 # Difference of AIC up to which a model is not clearly worse than another (Burnham and Anderson 2002, section 2.6).
 _AS_GOOD = 10.0
 _SAMPLES = (

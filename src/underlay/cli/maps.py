@@ -17,8 +17,6 @@ from underlay.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["map_curves", "population"]
-
 _LISTED = 10
 _INTERRUPTED = 130  # what shells give a command that Ctrl-C ended
 

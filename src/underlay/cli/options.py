@@ -24,24 +24,6 @@ from underlay.errors import FileAccessError, InputError, UnitError
 if TYPE_CHECKING:
     from underlay.mechanics.solver import Solver
 
-__all__ = [
-    "CurveFile",
-    "CurveOption",
-    "Details",
-    "ExcelFile",
-    "MaxDepth",
-    "OutputFolder",
-    "Rtol",
-    "SceneOption",
-    "ScenePath",
-    "Seed",
-    "SolverName",
-    "named_quantities",
-    "scene_for",
-    "wanted_solver",
-    "without_empty_folders",
-]
-
 CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
 CurveOption = Annotated[
     Path | None,

@@ -16,8 +16,6 @@ from underlay.cli import options
 from underlay.cli.console import say, say_table
 from underlay.errors import InputError
 
-__all__ = ["cite", "report"]
-
 _RECORD = FileKind("a result of underlay fit", 64_000_000, "fit the curve again")
 # Two fits of the same points agree to the minimiser's tolerance, with room for another machine's rounding.
 _SAME = 1e-6

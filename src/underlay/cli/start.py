@@ -25,8 +25,6 @@ from underlay.cli.console import say, say_table, say_warnings, write_out
 from underlay.errors import FileAccessError, InputError, UnderlayError, missing_extra
 from underlay.units import format_quantity, human_unit
 
-__all__ = ["browser_page", "formats", "keys", "starter_scene", "unread_scene"]
-
 # What a scene file may say of how a file is read; which test of it is one more.
 _READING = ("format", "columns", "calibration")
 _SHAPES = {

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.scene.scene import Scene
 
-__all__ = ["adhesion_frame", "adhesion_table", "halfspace_of", "halfspace_sentence"]
-
 # Over pi R w, on a half-space.
 _HALF_SPACE = 1.5
 _HELD = {

@@ -38,23 +38,6 @@ if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior
     from underlay.scene.scene import Scene
 
-__all__ = [
-    "Content",
-    "Heading",
-    "Part",
-    "Picture",
-    "fit_parts",
-    "median_scenes",
-    "pictures_of",
-    "pointwise_of",
-    "pointwise_sentence",
-    "pointwise_table",
-    "posterior_parts",
-    "predicted",
-    "write_all",
-    "write_fit",
-]
-
 # Rows of a table that is read and not plotted.
 _ROWS = 10
 # Ends farther apart than this have each a unit of its own.

@@ -37,16 +37,6 @@ if TYPE_CHECKING:
 
     from underlay.data.curve import Curve
 
-__all__ = [
-    "MOST_ROWS",
-    "excel_bytes",
-    "excel_library",
-    "excel_sheets",
-    "result_rows",
-    "workbook",
-    "write_excel",
-]
-
 #: Rows of a sheet under its header, as the format allows; and letters of a cell.
 MOST_ROWS, _LONGEST = 1_048_575, 32_767
 # Pixels of the widest column.

@@ -21,8 +21,6 @@ from underlay.units import format_ends, format_quantity, human_unit
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
 
-__all__ = ["film_moduli", "film_notes", "film_table", "write_film"]
-
 _UNITS = {
     "depth": "m",
     "contact radius": "m",

@@ -8,8 +8,6 @@ from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import curve_of, path_of
 from underlay.scene.parameters import declared
 
-__all__ = ["is_of_the_sample", "label", "labelled", "start", "symbol"]
-
 # Parameters are paths: words, dots, and numbers in brackets. What else a file may hold in place of one could mean
 # something to Markdown, or to the formulas of a picture.
 _FOREIGN = re.compile(r"[^\w.\[\]]", re.ASCII)

@@ -29,16 +29,6 @@ if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Alternative, Fit
     from underlay.inference.problem import Problem
 
-__all__ = [
-    "DistinctScene",
-    "advice",
-    "bonds_sentences",
-    "distinct_scenes",
-    "quality_doubts",
-    "rival_name",
-    "rivals",
-]
-
 _LEVEL = 0.95
 _ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
 # Differences of AIC that count for little, and for much (Burnham and Anderson 2002).

@@ -17,9 +17,6 @@ from underlay.errors import InputError
 from underlay.inference.batch.decisions import (
     ACCEPT,
     REFUSE,
-    is_map,
-    read_map,
-    without_refused,
 )
 from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
 from underlay.inference.least_squares.provenance import version_record
@@ -32,30 +29,6 @@ from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.population.result import Comparison, Group, Population, Spread, Triple
-
-__all__ = [
-    "columns_to_draw",
-    "comparison_table",
-    "decision_table",
-    "decision_words",
-    "errors_in_words",
-    "failure_table",
-    "group_table",
-    "has_positions",
-    "is_map",
-    "known_parameters",
-    "map_provenance_table",
-    "means_in_words",
-    "of_map",
-    "parameter_table",
-    "population_lines",
-    "population_tables",
-    "population_verdict",
-    "read_map",
-    "sample_parameters",
-    "shared_error_words",
-    "without_refused",
-]
 
 # More rows than this are looked up in the table itself.
 _LISTED = 50

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.answer import Answer
     from underlay.scene.scene import Scene
 
-__all__ = ["cited_works", "listed", "methods_paragraph", "references", "sample_words", "tip_words"]
-
 _LAWS = {
     "exact": "the exact solution of the contact problem",
     "asymptotic": "the asymptotic solution of the contact problem",

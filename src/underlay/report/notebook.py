@@ -28,8 +28,6 @@ from underlay._files import write_atomic
 from underlay._text import one_line
 from underlay.errors import FitError, missing_extra
 
-__all__ = ["Cell", "execute", "filled", "import_path", "make_notebook", "markdown_text", "write_notebook"]
-
 _FENCE = re.compile(r"^```python\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
 # Marks of Markdown, of HTML and of addresses that become links by themselves. One underscore between letters,
 # as file names have it, marks nothing. A dollar or a backslash would still begin mathematics in a notebook

@@ -42,25 +42,6 @@ if TYPE_CHECKING:
     from underlay.mechanics.solver import Solver
     from underlay.report.limits import DistinctScene
 
-__all__ = [
-    "Html",
-    "Page",
-    "details",
-    "document",
-    "drawing",
-    "figure",
-    "headline",
-    "methods_block",
-    "name_of_curves",
-    "number_block",
-    "style_of",
-    "table",
-    "tag",
-    "today",
-    "verdict_block",
-    "words",
-]
-
 # Nothing runs and nothing is fetched, whatever a name or a file holds.
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 _SHAPES = {

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.uncertainty.answer import Answer
 
-__all__ = ["FitPage"]
-
 # Millimetres: the curve, and the two pictures side by side, as on a sheet of A4.
 _CURVE, _HALF = (126.0, 86.0), (90.0, 68.0)
 # Share of the variance below which an assumption is no advice.

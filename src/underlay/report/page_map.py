@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._version import VERSION
+from underlay.inference.batch.decisions import without_refused
 from underlay.inference.batch.results_table import FITTED
 from underlay.inference.citation import used_by
 from underlay.report import maps, page, plots
@@ -21,8 +22,6 @@ from underlay.report.screen import name_of, site_numbers, verdict_counts
 
 if TYPE_CHECKING:
     from underlay.inference.population.result import Population
-
-__all__ = ["MapPage", "together_block"]
 
 # Millimetres: the map, and what stands beside it and below it.
 _MAP, _SMALL = (112.0, 78.0), (70.0, 60.0)
@@ -38,7 +37,7 @@ class MapPage(page.Page[pd.DataFrame]):
     @cached_property
     def sites(self) -> pd.DataFrame:
         """The map's table, a row per curve, without the curves that a person refused by hand."""
-        return maps.without_refused(self.result)
+        return without_refused(self.result)
 
     @cached_property
     def parameters(self) -> list[str]:

@@ -17,8 +17,6 @@ from underlay.report.methods import sample_words, tip_words
 if TYPE_CHECKING:
     pass
 
-__all__ = ["PosteriorPage"]
-
 # Millimetres: the curve with its bands.
 _CURVE = (126.0, 86.0)
 _BLUE = "Blue: the draws, with the regions that hold 68 and 95 %. Orange: what was known before the test."

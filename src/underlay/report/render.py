@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from underlay.inference.problem import Problem
     from underlay.inference.sampling.posterior import Posterior
 
-__all__ = ["page_path", "report"]
-
 _PDF = ".pdf"
 _PRINTED = FileKind("a PDF", 200_000_000, "print the HTML page to a file")
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")

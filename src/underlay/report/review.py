@@ -39,8 +39,6 @@ from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
 from underlay.units import format_quantity
 
-__all__ = ["Card", "Small", "review_cards", "small_picture", "write_review"]
-
 # Pixels: width, height of the curve, gap, height of the residuals; margins for the words.
 _WIDTH, _CURVE, _GAP, _STRIP = 250, 120, 30, 34
 _LEFT, _TOP, _BOTTOM = 8, 14, 16

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene
 
-__all__ = ["effects_table", "ledger_in_words", "number_rows", "scene_table"]
-
 # Numbers of a list that a table shows; more are counted.
 _LISTED = 6
 

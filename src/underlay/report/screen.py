@@ -33,30 +33,6 @@ if TYPE_CHECKING:
     from underlay.inference.sampling.diagnostics import SamplingDiagnostics
     from underlay.inference.sampling.posterior import Posterior
 
-__all__ = [
-    "answer_text",
-    "assumed_inputs",
-    "assumed_words",
-    "budget_table",
-    "by_depth_words",
-    "fit_lines",
-    "half_space_fit",
-    "half_space_words",
-    "interval_text",
-    "line",
-    "map_lines",
-    "name_of",
-    "one_end",
-    "posterior_lines",
-    "site_numbers",
-    "source_words",
-    "told_names",
-    "verdict_counts",
-    "verdict_lines",
-    "written",
-    "written_line",
-]
-
 #: Width of the column of names.
 _LEFT = 16
 _WIDTH = 80

@@ -37,28 +37,6 @@ if TYPE_CHECKING:
     from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
 
-__all__ = [
-    "accuracy_summary",
-    "amounts",
-    "answer_summary",
-    "beyond_loading",
-    "correlated_pairs",
-    "diagnostics_table",
-    "facts_table",
-    "fit_table",
-    "format_name",
-    "interval_table",
-    "known_together",
-    "labelled_table",
-    "method_label",
-    "provenance_table",
-    "reading_table",
-    "reservations_table",
-    "span",
-    "steps_table",
-    "with_units",
-]
-
 # Below this share of the largest it is what rounding leaves of zero.
 _NOTHING = 1e-9
 # Columns of tables of parameters that hold no value of the parameter.

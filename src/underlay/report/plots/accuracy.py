@@ -18,8 +18,6 @@ from underlay.errors import InputError
 from underlay.report.plots import style
 from underlay.report.tables import method_label
 
-__all__ = ["accuracy_cost", "answer_cost", "posterior_cost", "what_accuracy_costs"]
-
 # Of the axes' height: the least distance of two names. Of its width: where the column begins.
 _APART, _COLUMN = 0.045, 0.56
 _MARGIN = 0.06

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene
 
-__all__ = ["adhesion"]
-
 _MOST_POINTS = 2000
 _POINTS = 400
 # Of the pull-off force: how far the picture reaches.

@@ -1,8 +1,8 @@
 """Pictures of what a test determines, what makes it unsure, and which test would determine more.
 
-The uncertainty budget of a number (`budget`); correlations of the fitted parameters (`correlations`); correlations of
-the expected errors of a planned test and how well it determines products of parameters (`identifiability`); and the
-expected error over tip radius and depth (`plan`).
+The uncertainty budget of a number (`budget`); correlations of the fitted parameters (`correlations`); correlations
+of the expected errors of a planned test and how well it determines products of parameters (`identifiability`); and
+the expected error over tip radius and depth (`plan`).
 """
 
 from __future__ import annotations
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from underlay.inference.design.planning import Plan
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.uncertainty.answer import Answer, Contribution
-
-__all__ = ["budget", "correlations", "identifiability", "plan"]
 
 # Above this the colour is dark and the number on it white.
 _DARK = 0.6

@@ -26,20 +26,6 @@ if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.mechanics.body import Layer
 
-__all__ = [
-    "LAW_STROKES",
-    "Canvas",
-    "canvas",
-    "drainage",
-    "fit",
-    "fit_in_time",
-    "fit_log",
-    "force_ends",
-    "laws",
-    "relaxation",
-    "segments",
-]
-
 # More points than the picture has pixels only make the file heavy.
 _MOST_POINTS = 1500
 # Share of the contact that is shown of the flat part before it; share of the depth from which logarithms are drawn.

@@ -28,8 +28,6 @@ from underlay.scene.parameters import kind_of
 if TYPE_CHECKING:
     from underlay.inference.population.result import Group, Population
 
-__all__ = ["boxes", "histogram", "map", "map_unit", "population", "survey", "verdicts"]
-
 _SHOWN = (0.005, 0.995)
 # Drawn over their own edges, neighbours leave no white lines between them.
 _NO_GAPS: Any = {"edgecolors": "face", "lw": 0.2}

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.uncertainty.answer import Answer
 
-__all__ = ["film", "pointwise_modulus"]
-
 # Over the largest modulus; what noise throws further out is cut off.
 _HEADROOM, _USUAL = 1.15, 0.95
 

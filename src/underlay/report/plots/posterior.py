@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from underlay.inference.profiles import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
 
-__all__ = ["corner", "predictive", "profile"]
-
 _BINS = 32
 # A cell is as wide as so many letters; a longer label would run into its neighbour.
 _LETTERS = 15

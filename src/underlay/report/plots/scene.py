@@ -16,8 +16,6 @@ from underlay.report.plots import style
 from underlay.scene.effects import effect_sizes
 from underlay.scene.scene import Scene
 
-__all__ = ["effects", "material_words", "scene"]
-
 # The picture is at least this many contact radii wide on either side, and a thickness deeper than so many
 # contact radii is cut off at the bottom, and said so.
 _WIDTH, _DEEPEST = 2.6, 5.0

@@ -22,39 +22,6 @@ from underlay._files import write_atomic
 from underlay.errors import InputError
 from underlay.units import format_quantity, human_unit, printed, printed_unit
 
-__all__ = [
-    "ACCENT",
-    "COLUMN",
-    "DATA",
-    "DIVERGING",
-    "FIT",
-    "GREY",
-    "INK",
-    "LAYER",
-    "METAL",
-    "PAGE",
-    "PURPLE",
-    "REFERENCE",
-    "SEQUENTIAL",
-    "SKY",
-    "SOFT",
-    "SUBSTRATE",
-    "SYSTEMATIC",
-    "YELLOW",
-    "Axes",
-    "apart",
-    "axes",
-    "drawn",
-    "in_words",
-    "inline_svg",
-    "save",
-    "style",
-    "unit_for",
-    "unit_of",
-    "with_strip",
-    "with_unit",
-]
-
 #: Width of one journal column, and of the full page (inches).
 COLUMN, PAGE = 3.5, 7.2
 #: By role: data, model, comparison, contact. Hues of Okabe and Ito, dark enough for words (4.5:1 on white) but
