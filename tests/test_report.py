@@ -14,9 +14,7 @@ from support.real_data import real_file
 from support.reports import SAMPLES, joint_fit, page_text
 from underlay.data.curve import recorded
 from underlay.inference.batch.decisions import is_map, read_map
-from underlay.report import labels, screen, tables
-from underlay.report import limits as open_ends
-from underlay.report.limits import distinct_scenes
+from underlay.report import labels, limits, screen, tables
 
 # --- words -----------------------------------------------------------------------------------------------
 
@@ -64,7 +62,7 @@ def rejected():
 def test_a_second_optimum_is_said_and_stands_in_the_table():
     fit = ul.fit(ambiguous())
     (other,) = fit.alternatives
-    (sentence,) = open_ends.rivals(fit)
+    (sentence,) = limits.rivals(fit)
     assert sentence.startswith("A second optimum explains these data as well: layer modulus")
     table = tables.interval_table(fit)
     number = table.loc["layer modulus", "second optimum"].removesuffix(" MPa")
@@ -73,12 +71,12 @@ def test_a_second_optimum_is_said_and_stands_in_the_table():
 
 def test_curves_of_one_scene_are_shown_once_at_the_deepest():
     fit = joint_fit()
-    first, second = distinct_scenes(fit.scenes, fit.curves)
+    first, second = limits.distinct_scenes(fit.scenes, fit.curves)
     assert (first.label, second.label) == ("curves 1 and 3", "curve 2")
     assert first.scene == fit.scenes[2]
     assert first.reading == fit.curves[2].depth.max()
     assert first.deepest == pytest.approx(1.2e-4 - fit.values["instrument.contact_depth[2]"])
-    (alone,) = distinct_scenes(fit.scenes[::2], fit.curves[::2])
+    (alone,) = limits.distinct_scenes(fit.scenes[::2], fit.curves[::2])
     assert alone.label == ""
     assert alone.curves == (1, 2)
 

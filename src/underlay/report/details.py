@@ -40,6 +40,28 @@ if TYPE_CHECKING:
 
 # Rows of a table that is read and not plotted.
 _ROWS = 10
+# Of each picture: text for screen readers, title and caption.
+_WORDS = {
+    "time": (
+        "Force against time with the fit, and the residuals below.",
+        "In time.",
+        "Loading, hold and unloading are fitted together.",
+    ),
+    "drainage": (
+        "Force that is left to fall in the hold against the root of time, measured and fitted.",
+        "Drainage.",
+    ),
+    "relaxation": ("Modulus of the layer against time after a sudden strain.", "Relaxation."),
+    "adhesion": (
+        "States of a contact that adheres, jumps into contact and off, and the measured points.",
+        "Adhesion.",
+        "Every contact that balances, and where the tip jumps.",
+    ),
+    "segments": (
+        "Depth and force against time, loading, hold and unloading apart.",
+        "The whole measurement.",
+    ),
+}
 # Ends farther apart than this have each a unit of its own.
 _ONE_UNIT = 1e-3
 
@@ -188,42 +210,18 @@ def pictures_of(fit: Fit, curve: int = 0) -> dict[str, Picture]:
     beyond what is fitted.
     """
     scene, whole = fit.scenes[curve], tables.beyond_loading(fit.curves[curve])
-    wanted: dict[str, tuple[bool, Callable[..., Axes], str, tuple[str, ...]]] = {
-        "time": (
-            scene.memory is not None,
-            plots.fit_in_time,
-            "Force against time with the fit, and the residuals below.",
-            ("In time.", "Loading, hold and unloading are fitted together."),
-        ),
-        "drainage": (
-            scene.layer.material.drains,
-            plots.drainage,
-            "Force that is left to fall in the hold against the root of time, measured and fitted.",
-            ("Drainage.",),
-        ),
-        "relaxation": (
-            scene.layer.relaxation is not None,
-            plots.relaxation,
-            "Modulus of the layer against time after a sudden strain.",
-            ("Relaxation.",),
-        ),
-        "adhesion": (
-            scene.adhesion is not None,
-            plots.adhesion,
-            "States of a contact that adheres, jumps into contact and off, and the measured points.",
-            ("Adhesion.", "Every contact that balances, and where the tip jumps."),
-        ),
+    draws = {
+        "time": partial(plots.fit_in_time, fit, curve=curve) if scene.memory is not None else None,
+        "drainage": partial(plots.drainage, fit, curve=curve) if scene.layer.material.drains else None,
+        "relaxation": partial(plots.relaxation, fit, curve=curve) if scene.layer.relaxation else None,
+        "adhesion": partial(plots.adhesion, fit, curve=curve) if scene.adhesion is not None else None,
+        "segments": None if whole is None else partial(plots.segments, whole),
     }
-    found = {
-        name: Picture(f"{name} {curve}", partial(draw, fit, curve=curve), alt, *words)
-        for name, (there, draw, alt, words) in wanted.items()
-        if there
+    return {
+        name: Picture(f"{name} {curve}", draw, *_WORDS[name])
+        for name, draw in draws.items()
+        if draw is not None
     }
-    if whole is not None:
-        alt = "Depth and force against time, loading, hold and unloading apart."
-        draw = partial(plots.segments, whole)
-        found["segments"] = Picture(f"segments {curve}", draw, alt, "The whole measurement.")
-    return found
 
 
 def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:

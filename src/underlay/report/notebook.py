@@ -17,7 +17,7 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -28,7 +28,7 @@ from underlay._files import write_atomic
 from underlay._text import one_line
 from underlay.errors import FitError, missing_extra
 
-_FENCE = re.compile(r"^```python\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
+_FENCE = re.compile(r"^```python\n(.*?)^```\s*$", re.DOTALL | re.MULTILINE)
 # Marks of Markdown, of HTML and of addresses that become links by themselves. One underscore between letters,
 # as file names have it, marks nothing. A dollar or a backslash would still begin mathematics in a notebook
 # if it were written as an entity: only code is left alone there.
@@ -104,9 +104,11 @@ def filled(template: str, values: Mapping[str, str]) -> tuple[Cell, ...]:
     text = (resources.files("underlay.report") / "templates" / f"{template}.md").read_text(encoding="utf-8")
     in_code = {name: repr(value) for name, value in values.items()}
     in_words = {name: markdown_text(value, _LONGEST) for name, value in values.items()}
+    # What the pattern captures, the code, stands at the odd places.
+    cells = [Cell(part.strip(), code=bool(place % 2)) for place, part in enumerate(_FENCE.split(text))]
     return tuple(
         Cell(Template(cell.source).substitute(in_code if cell.code else in_words), cell.code)
-        for cell in _cells(text)
+        for cell in cells
         if cell.source
     )
 
@@ -128,16 +130,6 @@ def make_notebook(cells: tuple[Cell, ...], title: str) -> Any:
         entry["id"] = f"cell-{number}"
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     return v4.new_notebook(cells=made, metadata={**kernel, "title": one_line(title, _LONGEST)})
-
-
-def _cells(text: str) -> Iterator[Cell]:
-    """Split the text of a template into Markdown and code cells, in turn; a Markdown cell may be empty."""
-    end = 0
-    for fence in _FENCE.finditer(text):
-        yield Cell(text[end : fence.start()].strip())
-        yield Cell(fence["code"].strip("\n"), code=True)
-        end = fence.end()
-    yield Cell(text[end:].strip())
 
 
 def execute(notebook: Any, folder: Path) -> Any:

@@ -286,24 +286,45 @@ def assumed_words(paths: Iterable[str]) -> str:
     return f"{named}: usual values, not measured; enter yours" if named else ""
 
 
-def _assumed_lines(fit: Fit) -> Iterator[str]:
-    if words := assumed_words(assumed_inputs(fit.curves)):
-        yield line("Assumed", words)
-
-
 # --- a fit --------------------------------------------------------------------------------------------------
 def fit_lines(fit: Fit) -> list[str]:
     """Return the short text of a fit, by lines: numbers, verdict, next step, modulus by depth, uncertainty."""
-    answers = [fit.answer(name) for name in told_names(fit)]
-    verdict = fit.verdict
-    lines = [*_answer_lines(answers, verdict), *_relaxation(fit), *_adhesion(fit), *verdict_lines(verdict)]
-    lines += _by_depth(fit)
-    if answers and verdict != "reject":
-        lines += _budget_lines(answers[0])
-    lines += _assumed_lines(fit)
+    return "\n".join(_fit_lines(fit)).splitlines()
+
+
+def _fit_lines(fit: Fit) -> Iterator[str]:
+    answers, verdict = [fit.answer(name) for name in told_names(fit)], fit.verdict
+    yield from _answer_lines(answers, verdict)
+    relaxation, lowest = fit.scene.layer.relaxation, float(fit.curves[0].force.min())
+    if isinstance(relaxation, Prony):
+        shares = ", ".join(f"{100.0 * share:.0f} %" for share in relaxation.fractions)
+        times = ", ".join(format_quantity(time, "time") for time in relaxation.times)
+        yield line("Relaxation", f"{shares} with time constants {times}")
+    pull = fit.scenes[0].instrument.baseline - lowest
+    if fit.scenes[0].adhesion is not None and pull > 0.0:
+        yield line("Pull-off", f"{format_quantity(pull, 'force')}: the lowest force against the baseline")
+    yield from verdict_lines(verdict)
+    try:
+        words = by_depth_words(fit.modulus_by_depth())
+    except UnderlayError:
+        words = ""
+    if words:
+        relaxes = any(path_of(name) == "layer.instantaneous_modulus" for name in fit.derived)
+        # Intervals of a rejected model are no judge of whether it is constant.
+        shown = words.partition(",")[0] if verdict == "reject" else words
+        yield line(f"{'E0' if relaxes else 'E'} by depth", shown)
+    yield from _behind(answers, fit)
     # Where a next step is printed, that goes before a comparison.
-    lines += _half_space(fit) if verdict == "good" else ()
-    return "\n".join(lines).splitlines()
+    if verdict == "good" and (own := half_space_fit(fit)) is not None:
+        yield line("Half-space", half_space_words(fit, own))
+
+
+def _behind(answers: list[Answer], fit: Fit) -> Iterator[str]:
+    """Yield what makes the first number unsure, unless the model is rejected, and which inputs are assumed."""
+    if answers and fit.verdict != "reject":
+        yield from _budget_lines(answers[0])
+    if words := assumed_words(assumed_inputs(fit.curves)):
+        yield line("Assumed", words)
 
 
 def told_names(fit: Fit) -> list[str]:
@@ -316,39 +337,6 @@ def told_names(fit: Fit) -> list[str]:
     if "instantaneous_modulus" in derived:
         names = [name for name in names if path_of(name) != "layer.E" and ".relaxation." not in name]
     return sorted(names, key=lambda name: name not in fit.derived)
-
-
-def _relaxation(fit: Fit) -> Iterator[str]:
-    """Yield one line with fractions and relaxation times of a Prony series; nothing for other models."""
-    relaxation = fit.scene.layer.relaxation
-    if isinstance(relaxation, Prony):
-        shares = ", ".join(f"{100.0 * share:.0f} %" for share in relaxation.fractions)
-        times = ", ".join(format_quantity(time, "time") for time in relaxation.times)
-        yield line("Relaxation", f"{shares} with time constants {times}")
-
-
-def _adhesion(fit: Fit) -> Iterator[str]:
-    if fit.scenes[0].adhesion is None:
-        return
-    curve = fit.curves[0]
-    baseline = fit.scenes[0].instrument.baseline
-    lowest = float(curve.force.min()) - baseline
-    if lowest < 0.0:
-        yield line("Pull-off", f"{format_quantity(-lowest, 'force')}: the lowest force against the baseline")
-
-
-def _by_depth(fit: Fit) -> Iterator[str]:
-    try:
-        words = by_depth_words(fit.modulus_by_depth())
-    except UnderlayError:
-        return
-    if words:
-        # Intervals of a rejected model are no judge of whether it is constant.
-        relaxes = any(path_of(name) == "layer.instantaneous_modulus" for name in fit.derived)
-        yield line(
-            f"{'E0' if relaxes else 'E'} by depth",
-            words.partition(",")[0] if fit.verdict == "reject" else words,
-        )
 
 
 def by_depth_words(found: PointwiseModulus) -> str:
@@ -409,12 +397,6 @@ def half_space_words(fit: Fit, own: Fit) -> str:
     return f"Hertz would give {format_quantity(value, 'pressure')} ({change:+.0f} %): {felt} by the substrate"
 
 
-def _half_space(fit: Fit) -> Iterator[str]:
-    own = half_space_fit(fit)
-    if own is not None:
-        yield line("Half-space", half_space_words(fit, own))
-
-
 def written_line(paths: Sequence[object], folder: object, stem: str) -> str:
     """Return one line on where the written files are: folder, common stem of their names, and their endings."""
     endings = " ".join(sorted({str(path).rpartition(stem)[2] for path in paths}))
@@ -427,12 +409,10 @@ def posterior_lines(posterior: Posterior) -> list[str]:
 
     It must hold the fit it was sampled from (`posterior.statement`).
     """
-    verdict = posterior.verdict
-    answers = [posterior.answer(name) for name in told_names(posterior.statement.fit)]
+    verdict, fit = posterior.verdict, posterior.statement.fit
+    answers = [posterior.answer(name) for name in told_names(fit)]
     lines = [*_answer_lines(answers, verdict), *verdict_lines(verdict)]
-    if answers and verdict != "reject":
-        lines += _budget_lines(answers[0])
-    lines += _assumed_lines(posterior.statement.fit)
+    lines += _behind(answers if verdict != "reject" else [], fit)
     told = posterior.summary()["informed"]
     silent = [start(label(str(name))) for name in told.index[told == "not informed by these data"]]
     if silent:

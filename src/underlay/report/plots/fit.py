@@ -232,9 +232,7 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     measured, scene = result.curves[curve], result.scenes[curve]
     if scene.adhesion is not None:
         raise InputError("a tip that sticks pulls: its forces have no logarithm")
-    chain = scene.instrument.chain
-    offset = chain.reading(np.zeros(len(measured)), measured.depth)
-    travel, force = chain.travel(measured.depth), measured.force - offset
+    travel, force = _indentation(result, curve)[0], measured.force - _offset(result, curve)
     fitted = force - result.residuals[curve]
     seen = (travel > 0.0) & (fitted > 0.0)
     if not seen.any():
@@ -254,7 +252,7 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         low, high = float(fitted[seen].min()) / newton, float(force.max()) / newton
         _slopes(panel, float(travel.max()) / metre, high)
         panel.set_ylim(0.5 * low, 2.0 * high)
-        panel.set(xlabel=f"depth since contact ({length})", ylabel=f"force ({load})")
+        panel.set(xlabel=f"indentation ({length})", ylabel=f"force ({load})")
         panel.legend(loc="upper left")
     return panel
 
