@@ -29,12 +29,14 @@ from underlay.report import plots
 from underlay.report.details import Content, Heading, Part, Picture
 from underlay.report.labels import label, labelled, start
 from underlay.report.plots.scene import material_words
-from underlay.report.plots.style import axes, drawn, in_words, inline_svg, style
+from underlay.report.plots.style import drawn, in_words, inline_svg, panel
 from underlay.report.screen import assumed_inputs, assumed_words, name_of, one_end, written
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, printed
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from underlay.data.curve import Curve
     from underlay.inference.citation import Work
     from underlay.inference.uncertainty.answer import Advice, Answer
@@ -103,17 +105,19 @@ def figure(
     as_pixels : bool, default False
         Embed a PNG in place of inline SVG: smaller for thousands of marks.
     """
-    panel = None
-    if size is not None:
-        with style():
-            panel = axes(None, width=size[0] / _INCH, height=size[1] / _INCH)
-    ax = picture.draw(ax=panel)
+    ax = picture.draw(ax=None if size is None else _axes(size))
     if as_pixels:
         data = base64.b64encode(drawn(ax)).decode("ascii")
         image = f'<img src="data:image/png;base64,{data}" alt="{html.escape(picture.alt)}">'
     else:
         image = inline_svg(ax, picture.name, picture.alt)
     return _figure(image, picture.title, picture.caption, kind)
+
+
+def _axes(millimetres: tuple[float, float]) -> Axes:
+    """Return axes of the given width and height (mm)."""
+    with panel(None, width=millimetres[0] / _INCH, height=millimetres[1] / _INCH) as ax:
+        return ax
 
 
 def _figure(image: str, title: str, caption: str, kind: str) -> Html:
@@ -127,9 +131,7 @@ def drawing(test: DistinctScene, solver: Solver, where: str, assumed: Iterable[s
     `where` says in the caption at which state the test is drawn, e.g. "at the deepest point"; `assumed` holds
     parameter paths that no one measured.
     """
-    with style():
-        ax = axes(None, width=_DRAWING[0] / _INCH, height=_DRAWING[1] / _INCH)
-    plots.scene(test.scene, depth=test.reading, solver=solver, ax=ax)
+    ax = plots.scene(test.scene, depth=test.reading, solver=solver, ax=_axes(_DRAWING))
     size = ax.get_title()
     ax.set_title("")
     ax.set_axis_off()

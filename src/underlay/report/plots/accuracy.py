@@ -87,8 +87,7 @@ def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None =
     known = table[table["error"].notna()].copy()
     known["x"], known["y"] = known[f"{times}_ratio"], known["error"].clip(lower=_FLOOR)
     front = known[known["pareto" if times == "cold" else "pareto_held"]].sort_values("x")
-    with style.style():
-        drawn = style.axes(ax, width=style.COLUMN, height=_HEIGHT)
+    with style.panel(ax, width=style.COLUMN, height=_HEIGHT) as drawn:
         drawn.set(xscale="log", yscale="log", ylabel="largest relative error of the force")
         drawn.step(front["x"], front["y"], where="post", color=style.GREY, lw=3.0, alpha=0.5)
         _draw(drawn, known)
@@ -114,8 +113,7 @@ def answer_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
     known = table.copy()
     known["x"], known["y"] = known["ratio"], known["E_error"].abs().clip(lower=_FLOOR_OF_ANSWERS)
     joint = known[known["thickness_error"].notna()]
-    with style.style():
-        drawn = style.axes(ax, width=style.COLUMN, height=_HEIGHT)
+    with style.panel(ax, width=style.COLUMN, height=_HEIGHT) as drawn:
         drawn.set(xscale="log", yscale="log", ylabel="relative error of E (full) and h (open)")
         thickness = joint["thickness_error"].abs().clip(lower=_FLOOR_OF_ANSWERS)
         for colour, x, y in zip(_colours(joint), joint["joint_ratio"], thickness, strict=True):
@@ -144,8 +142,7 @@ def posterior_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
     ended = by_steps["error"].duplicated(keep=False)
     walkers = by_steps.assign(ended=ended).drop_duplicates("error")
     others = table[table["way"] != "emcee"]
-    with style.style():
-        drawn = style.axes(ax, width=style.COLUMN, height=_HEIGHT)
+    with style.panel(ax, width=style.COLUMN, height=_HEIGHT) as drawn:
         drawn.set(xscale="log", yscale="log", ylabel="error of the 5, 50, 95 % quantiles (sd)")
         drawn.plot(walkers["ratio"], walkers["error"], "o-", ms=3.5, lw=0.8, color=style.FIT)
         drawn.plot(others["ratio"], others["error"], "s", ms=3.5, color=style.REFERENCE)

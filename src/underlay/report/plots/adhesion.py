@@ -71,8 +71,7 @@ def adhesion(
     depth, force = law.equilibria(law.max_depth)
     length, metre = style.unit_for(depth, "length")
     load, newton = style.unit_for(force, "force")
-    with style.style():
-        panel = style.axes(ax, height=3.0)
+    with style.panel(ax, height=3.0) as panel:
         panel.axhline(0.0, color=style.GREY, lw=0.6)
         panel.plot(depth / metre, force / newton, ":", color=style.DATA, lw=1.0, label="unstable")
         if measured is not None:

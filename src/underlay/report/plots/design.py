@@ -105,14 +105,13 @@ def correlations(result: Fit, *, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     frame = result.correlations
-    with style.style():
-        ax = style.axes(ax, height=0.9 + 0.42 * max(len(frame), 2))
+    with style.panel(ax, height=0.9 + 0.42 * max(len(frame), 2)) as drawn:
         if len(frame):
-            _draw_matrix(ax, frame)
+            _draw_matrix(drawn, frame)
         else:
-            ax.text(0.5, 0.5, "no parameter has an error bar", ha="center", va="center")
-            ax.set_axis_off()
-    return ax
+            drawn.text(0.5, 0.5, "no parameter has an error bar", ha="center", va="center")
+            drawn.set_axis_off()
+    return drawn
 
 
 def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
@@ -132,15 +131,14 @@ def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
     """
     combinations = told.combinations
     rows = max(len(told.names), 2)
-    with style.style():
-        ax = style.axes(ax, height=1.5 + 0.42 * rows + 0.36 * len(combinations))
-        figure, spec = ax.get_figure(root=False), ax.get_subplotspec()
-        _draw_matrix(ax, told.correlations)
-        ax.set_title("correlation of the errors")
+    with style.panel(ax, height=1.5 + 0.42 * rows + 0.36 * len(combinations)) as drawn:
+        figure, spec = drawn.get_figure(root=False), drawn.get_subplotspec()
+        _draw_matrix(drawn, told.correlations)
+        drawn.set_title("correlation of the errors")
         if not combinations or figure is None or spec is None:
-            return ax
+            return drawn
         parts = spec.subgridspec(2, 1, height_ratios=(0.42 * rows + 0.6, 0.36 * len(combinations) + 0.3))
-        ax.set_subplotspec(parts[0])
+        drawn.set_subplotspec(parts[0])
         bars = figure.add_subplot(parts[1])
         for place, combination in enumerate(combinations):
             size = min(max(combination.relative_sd, 1.3 * _LEAST), _MOST)
@@ -164,7 +162,7 @@ def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
         bars.set_yticks(range(len(combinations)), [_formula(entry.powers) for entry in combinations])
         bars.invert_yaxis()
         bars.set_xlabel("relative error of the product")
-    return ax
+    return drawn
 
 
 def _formula(powers: object) -> str:
@@ -196,12 +194,11 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
     radius_unit, radius = style.unit_for(tests.radii, "length")
     depth_unit, depth = style.unit_for(tests.depths, "length")
     relative = np.where(np.isinf(tests.stderr), _WORST, tests.stderr / abs(tests.value)).T
-    with style.style():
-        ax = style.axes(ax, height=2.8)
-        ax.set_facecolor(style.GREY)
+    with style.panel(ax, height=2.8) as drawn:
+        drawn.set_facecolor(style.GREY)
         ends = (np.nanmin(relative), np.nanmax(relative))
         norm = LogNorm(max(ends[0], _BEST), min(max(ends[1], 2.0 * max(ends[0], _BEST)), _WORST))
-        mesh = ax.pcolormesh(
+        mesh = drawn.pcolormesh(
             tests.radii / radius,
             tests.depths / depth,
             relative,
@@ -209,14 +206,14 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
             norm=norm,
             shading="nearest",
         )
-        ax.set(xscale="log", yscale="log")
-        for axis in (ax.xaxis, ax.yaxis):
+        drawn.set(xscale="log", yscale="log")
+        for axis in (drawn.xaxis, drawn.yaxis):
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             axis.set_minor_locator(NullLocator())
         if np.isfinite(tests.stderr).any():
             best = tests.best
-            ax.plot(
+            drawn.plot(
                 best[0] / radius,
                 best[1] / depth,
                 "*",
@@ -226,13 +223,13 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
                 mew=0.8,
                 label="recommended",
             )
-            ax.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
-        figure = ax.get_figure(root=False)
+            drawn.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
+        figure = drawn.get_figure(root=False)
         if figure is not None:
-            bar = figure.colorbar(mesh, ax=ax)
+            bar = figure.colorbar(mesh, ax=drawn)
             bar.set_label(f"relative error of the {label(tests.parameter)}")
-        ax.set(xlabel=f"tip radius ({radius_unit})", ylabel=f"depth ({depth_unit})")
-    return ax
+        drawn.set(xlabel=f"tip radius ({radius_unit})", ylabel=f"depth ({depth_unit})")
+    return drawn
 
 
 def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
@@ -261,8 +258,7 @@ def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
     rows = [row for row in answer.contributions if row.share >= _SMALL and math.isfinite(row.half_width)]
     rows = sorted(rows, key=lambda row: -row.half_width)[:_BARS]
     name, factor = style.unit_of(0.1 * whole, kind_of(answer.name))
-    with style.style():
-        panel = style.axes(ax, width=style.COLUMN, height=2.3)
+    with style.panel(ax, width=style.COLUMN, height=2.3) as panel:
         for place, row in enumerate(rows):
             panel.barh(-place, row.half_width / factor, height=0.62, **_MARKS[row.origin])
             panel.annotate(_short(row.half_width / factor), (row.half_width / factor, -place), **_BESIDE)

@@ -241,8 +241,7 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     seen &= travel > _SHALLOWEST * travel.max()
     length, metre = style.unit_for(travel[seen], "length")
     load, newton = style.unit_for(force[seen], "force")
-    with style.style():
-        panel = style.axes(ax, height=3.2)
+    with style.panel(ax, height=3.2) as panel:
         shown = seen & (force > 0.0)
         step = max(1, np.count_nonzero(shown) // _MOST_POINTS)
         x, y = travel[shown][::step] / metre, force[shown][::step] / newton
@@ -451,8 +450,7 @@ def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
 
     low, middle, high = result.band(moduli)
     name, pascal = style.unit_for(middle, "pressure")
-    with style.style():
-        panel = style.axes(ax)
+    with style.panel(ax) as panel:
         if np.isfinite(low).all():
             panel.fill_between(
                 time, low / pascal, high / pascal, color=style.FIT, alpha=0.25, lw=0.0, label="95 %"
@@ -496,8 +494,7 @@ def drainage(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     held = slice(peak, None)
     root = np.sqrt(measured.time[held] - measured.time[peak])
     step = -(-len(root) // _MOST_POINTS)
-    with style.style():
-        panel = style.axes(ax)
+    with style.panel(ax) as panel:
         for force, how in ((measured.force, "o"), (fitted, "-")):
             left = (force[held] - fitted[-1]) / (fitted[peak] - fitted[-1])
             label, colour = ("fit", style.FIT) if how == "-" else ("measured", style.DATA)

@@ -72,18 +72,17 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
     if not known.size:
         raise InputError(f"no curve of the map has a value of {column!r}")
     words, factor = _axis(column, known)
-    with style.style():
-        ax = style.axes(ax, height=2.3)
+    with style.panel(ax, height=2.3) as drawn:
         # A handful of wild values must not squeeze the others into one bar; they are counted at the ends.
         ends = np.quantile(known, _SHOWN)
         bins = max(8, min(60, int(np.sqrt(known.size))))
-        ax.hist(np.clip(known, *ends) / factor, bins=bins, color=style.FIT, alpha=0.85)
+        drawn.hist(np.clip(known, *ends) / factor, bins=bins, color=style.FIT, alpha=0.85)
         middle = float(np.median(known))
-        ax.axvline(middle / factor, color=style.INK, lw=1.0, ls="--")
-        ax.set_title(f"{known.size} curves, median {style.in_words(middle, _kind(column))}")
-        ax.set(xlabel=words, ylabel="curves")
-        ax.yaxis.set_major_locator(MaxNLocator(integer=True))
-    return ax
+        drawn.axvline(middle / factor, color=style.INK, lw=1.0, ls="--")
+        drawn.set_title(f"{known.size} curves, median {style.in_words(middle, _kind(column))}")
+        drawn.set(xlabel=words, ylabel="curves")
+        drawn.yaxis.set_major_locator(MaxNLocator(integer=True))
+    return drawn
 
 
 def map(  # noqa: A001  the public name; the builtin is not used here
@@ -120,13 +119,12 @@ def map(  # noqa: A001  the public name; the builtin is not used here
     across, up = placed[x].to_numpy(dtype=float), placed[y].to_numpy(dtype=float)
     length, scale = map_unit(placed, x, y)
     squares = _squares(across, up) / scale
-    with style.style():
-        ax = style.axes(ax, height=3.0)
-        ax.set_aspect("equal")
-        _draw(ax, squares, placed[column].to_numpy(dtype=float), column)
-        ax.autoscale_view()
-        ax.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
-    return ax
+    with style.panel(ax, height=3.0) as drawn:
+        drawn.set_aspect("equal")
+        _draw(drawn, squares, placed[column].to_numpy(dtype=float), column)
+        drawn.autoscale_view()
+        drawn.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
+    return drawn
 
 
 def map_unit(table: pd.DataFrame, x: str = "x", y: str = "y") -> tuple[str, float]:
@@ -165,20 +163,19 @@ def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | N
         raise InputError(f"no curve of the map has both a {by} and a value of {column!r}")
     words, factor = _axis(column, known[column].to_numpy(dtype=float))
     parts = {str(name): part[column].to_numpy(dtype=float) / factor for name, part in known.groupby(by)}
-    with style.style():
-        ax = style.axes(ax, width=0.75 * style.PAGE, height=2.8)
+    with style.panel(ax, width=0.75 * style.PAGE, height=2.8) as drawn:
         ink: Any = {f"{part}props": {"color": style.FIT} for part in ("box", "whisker", "cap", "median")}
-        ax.boxplot(list(parts.values()), showfliers=False, **ink)
+        drawn.boxplot(list(parts.values()), showfliers=False, **ink)
         for place, values in enumerate(parts.values(), start=1):
             # Side by side over a third of the distance of two boxes.
             across = place + np.linspace(-0.15, 0.15, len(values))
-            ax.plot(across, values, "o", ms=3.0, mec="none", color=style.DATA)
-        ax.set_xticks(
+            drawn.plot(across, values, "o", ms=3.0, mec="none", color=style.DATA)
+        drawn.set_xticks(
             range(1, len(parts) + 1), [f"{one_line(name, 24)} ({len(parts[name])})" for name in parts]
         )
-        ax.set_ylim(bottom=0.0)
-        ax.set_ylabel(words)
-    return ax
+        drawn.set_ylim(bottom=0.0)
+        drawn.set_ylabel(words)
+    return drawn
 
 
 def _require(table: pd.DataFrame, *columns: str) -> None:
@@ -284,19 +281,18 @@ def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None
     """
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
     length, scale = map_unit(table, x, y)
-    with style.style():
-        ax = style.axes(ax, width=0.5 * style.PAGE, height=2.7)
+    with style.panel(ax, width=0.5 * style.PAGE, height=2.7) as drawn:
         size = max(0.5, min(6.0, 110.0 / np.sqrt(len(table))))
         handles = []
         for name, colour, marker in _VERDICTS:
             these = (table["verdict"] == name).to_numpy()
-            ax.plot(across[these] / scale, up[these] / scale, marker, ms=size, color=colour, ls="none")
+            drawn.plot(across[these] / scale, up[these] / scale, marker, ms=size, color=colour, ls="none")
             words = f"{name} ({np.count_nonzero(these)})"
             handles.append(Line2D([], [], marker=marker, color=colour, ls="none", ms=4.0, label=words))
-        ax.set_aspect("equal")
-        ax.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
-        ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    return ax
+        drawn.set_aspect("equal")
+        drawn.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
+        drawn.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return drawn
 
 
 def population(result: Population, *, ax: Axes | None = None) -> Axes:
@@ -318,36 +314,35 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
     groups = list(result.groups.values())
     words, factor = _axis(result.parameter, np.array([groups[0].mean]))
     rows = sum(_shown(group) + 2 for group in groups)
-    with style.style():
-        ax = style.axes(ax, width=0.75 * style.PAGE, height=_HEAD + _ROW * rows)
+    with style.panel(ax, width=0.75 * style.PAGE, height=_HEAD + _ROW * rows) as drawn:
         place, names = 0, dict[int, str]()
         for group in groups:
             low, high = (np.clip(end / factor, 1e-300, 1e300) for end in (group.low, group.high))
             below = place + _shown(group) + 1
-            ax.fill_betweenx([place - 0.5, below - 0.6], low, high, color=style.FIT, alpha=0.13, lw=0.0)
+            drawn.fill_betweenx([place - 0.5, below - 0.6], low, high, color=style.FIT, alpha=0.13, lw=0.0)
             for name, row in list(group.unit_values.iterrows())[:_MOST_UNITS]:
                 ends = [row["low"] / factor, row["high"] / factor]
-                ax.plot(ends, [place, place], color=style.DATA, lw=1.0)
-                ax.plot(row["own"] / factor, place, "o", ms=4.0, mfc="white", mec=style.GREY)
-                ax.plot(row["mean"] / factor, place, "o", ms=4.0, color=style.DATA)
+                drawn.plot(ends, [place, place], color=style.DATA, lw=1.0)
+                drawn.plot(row["own"] / factor, place, "o", ms=4.0, mfc="white", mec=style.GREY)
+                drawn.plot(row["mean"] / factor, place, "o", ms=4.0, color=style.DATA)
                 names[place] = f"{one_line(name, 24)}  ({row['curves']:.0f})"
                 place += 1
             if len(group.unit_values) > _MOST_UNITS:
                 names[place] = f"and {len(group.unit_values) - _MOST_UNITS} more"
                 place += 1
-            ax.plot([low, high], [place, place], color=style.FIT, lw=2.4)
-            ax.plot(group.mean / factor, place, "D", ms=5.0, color=style.FIT)
+            drawn.plot([low, high], [place, place], color=style.FIT, lw=2.4)
+            drawn.plot(group.mean / factor, place, "D", ms=5.0, color=style.FIT)
             names[place] = f"{one_line(group.name, 24) or 'all'}: mean"
             place = below + 1
-        ax.set_xscale("log")
-        ax.set_yticks(list(names), list(names.values()))
-        for text in ax.get_yticklabels():
+        drawn.set_xscale("log")
+        drawn.set_yticks(list(names), list(names.values()))
+        for text in drawn.get_yticklabels():
             text.set_color(style.FIT if text.get_text().endswith(": mean") else style.INK)
-        ax.invert_yaxis()
-        ax.set_xlabel(words)
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        narrow = np.divide(*ax.get_xlim()[::-1]) < _NARROW
-        ax.xaxis.set_minor_formatter(FuncFormatter(_every if narrow else _some))
+        drawn.invert_yaxis()
+        drawn.set_xlabel(words)
+        drawn.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        narrow = np.divide(*drawn.get_xlim()[::-1]) < _NARROW
+        drawn.xaxis.set_minor_formatter(FuncFormatter(_every if narrow else _some))
         if result.by:
             what = result.by[0]
             handles = [
@@ -364,8 +359,8 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
                 ),
                 Line2D([], [], marker="D", color=style.FIT, lw=2.4, ms=5.0, label="mean of the group, 95 %"),
             ]
-            ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    return ax
+            drawn.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    return drawn
 
 
 def _shown(group: Group) -> int:

@@ -45,8 +45,7 @@ def pointwise_modulus(
     length, metre = style.unit_for(0.1 * found.depth, "length")
     level = float(found.apparent.expected[-1]) if answer is None else answer.value
     name, pascal = style.unit_of(level, "pressure")
-    with style.style():
-        panel = style.axes(ax)
+    with style.panel(ax) as panel:
         band = answer is not None and not answer.is_open and not found.relaxing
         words = [("layer on substrate" if found.layered else "half-space (Hertz)", style.FIT)]
         if answer is not None and band:
@@ -122,8 +121,7 @@ def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
     depth, bare = table["depth"].to_numpy(), table["half-space modulus"].to_numpy()
     length, metre = style.unit_for(depth, "length")
     name, pascal = style.unit_for(bare, "pressure")
-    with style.style():
-        panel = style.axes(ax)
+    with style.panel(ax) as panel:
         panel.plot(
             depth / metre,
             bare / pascal,

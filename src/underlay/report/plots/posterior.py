@@ -239,16 +239,17 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
     unit, factor = style.unit_of(value, kind_of(walk.name))
     top = 1.25 * max(walk.threshold(0.95), float(walk.delta_chi_square.min()))
     parts = [walk, *(branch for branch in walk.branches if branch.delta_chi_square.min() < top)]
-    with style.style():
-        ax = style.axes(ax, height=2.3)
-        ax.plot(walk.values / factor, walk.delta_chi_square, "o-", ms=2.5, color=style.FIT, label="profile")
+    with style.panel(ax, height=2.3) as drawn:
+        drawn.plot(
+            walk.values / factor, walk.delta_chi_square, "o-", ms=2.5, color=style.FIT, label="profile"
+        )
         for number, branch in enumerate(parts[1:]):
-            ax.plot(branch.values / factor, branch.delta_chi_square, "s--", ms=2.5, lw=1.0, color=style.ACCENT,
+            drawn.plot(branch.values / factor, branch.delta_chi_square, "s--", ms=2.5, lw=1.0, color=style.ACCENT,
                     label="" if number else "about another optimum")  # fmt: skip
         if np.isfinite(error) and error > 0.0:
             # By its own width: it may be a hundredth of the profile's, or stand beside it.
             z = np.sqrt(top) * np.linspace(-1.0, 1.0, 201)
-            ax.plot(
+            drawn.plot(
                 (value + z * error) / factor,
                 z * z,
                 "-",
@@ -256,19 +257,19 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
                 color=style.REFERENCE,
                 label="standard error",
             )
-        ax.set_ylim(0.0, top)
+        drawn.set_ylim(0.0, top)
         ends = np.array([value, *(end for part in parts for end in _reach(part, top))]) / factor
         room = 0.05 * np.ptp(ends)
-        ax.set_xlim(ends.min() - room, ends.max() + room)
-        _shade(ax, walk, factor)
+        drawn.set_xlim(ends.min() - room, ends.max() + room)
+        _shade(drawn, walk, factor)
         for level, line in _LEVELS:
-            _draw_threshold(ax, walk, level, line, factor)
-        ax.set(
+            _draw_threshold(drawn, walk, level, line, factor)
+        drawn.set(
             xlabel=style.with_unit(label(walk.name), unit),
             ylabel="(deviate of the level)²" if walk.averaged else "rise of chi-square",
         )
-        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
-    return ax
+        drawn.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+    return drawn
 
 
 def _shade(ax: Axes, walk: LikelihoodProfile, factor: float) -> None:

@@ -259,8 +259,7 @@ def effects(
     sizes = effect_sizes(scene, deepest * np.geomspace(_SHALLOWEST, 1.0, _EFFECTS_POINTS), wanted)
     depth = sizes.pop("depth").to_numpy()
     length, unit = style.unit_for(depth, "length")
-    with style.style():
-        drawn = style.axes(ax, height=3.2)
+    with style.panel(ax, height=3.2) as drawn:
         for name, size in sizes.items():
             if not size.any():  # nothing has no place on a logarithmic axis
                 continue

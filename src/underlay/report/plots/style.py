@@ -102,6 +102,13 @@ def axes(ax: Axes | None, *, width: float = PAGE, height: float = 2.9) -> Axes:
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
 
 
+@contextmanager
+def panel(ax: Axes | None, *, width: float = PAGE, height: float = 2.9) -> Iterator[Axes]:
+    """Draw with the style of this package into what `axes` returns, inside a ``with`` block."""
+    with style():
+        yield axes(ax, width=width, height=height)
+
+
 def with_strip(ax: Axes, share: float = 0.3) -> tuple[Axes, Axes]:
     """Divide axes: their lower `share` becomes a strip with the same x axis.
 
