@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -370,6 +369,7 @@ def simulate(
 def _made(test: _Test, seed: int, noise: list[str], offset: list[str], rate: str | None) -> ul.Curve:
     """Make the curve of a scene file, with noise, instrument offsets and sampling rate of the options."""
     from underlay._arrays import positive
+    from underlay.quantities import field_quantities
     from underlay.scene.instrument import Instrument
     from underlay.scene.noise import Noise
 
@@ -377,7 +377,11 @@ def _made(test: _Test, seed: int, noise: list[str], offset: list[str], rate: str
     given = [text for text in noise if text.strip() != "none"]
     stated = file.noise if len(given) == len(noise) else None
     kind = Noise if stated is None else type(stated)
-    of_noise, of_others, of_instrument = _kinds(kind), _kinds(ul.Disturbances), _kinds(Instrument)
+    # The names that an option takes, each with its kind of quantity, as dataclasses declare them.
+    of_noise, of_others, of_instrument = (
+        {name: known.kind for name, known in field_quantities(declared).items()}
+        for declared in (kind, ul.Disturbances, Instrument)
+    )
     of_instrument.pop("compliance")
     written = {} if stated is None else {name: getattr(stated, name) for name in of_noise}
     numbers = {**written, **options.named_quantities("--noise", given, {**of_noise, **of_others})}
@@ -386,9 +390,13 @@ def _made(test: _Test, seed: int, noise: list[str], offset: list[str], rate: str
     if numbers.get("outlier_sd") and not numbers.get("outliers"):
         raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")
     others = ul.Disturbances(**{name: numbers[name] for name in of_others if name in numbers})
-    model = _noise_model(kind, {name: numbers[name] for name in of_noise if numbers.get(name)})
-    clock: dict[str, Any]
-    depth, clock = steps.depth, {"time": steps.time}
+    sizes = {name: numbers[name] for name in of_noise if numbers.get(name)}
+    if set(sizes) == {"correlation_time"}:
+        raise InputError(
+            'correlation_time says how long a noise lasts; name the noise too, e.g. --noise force="2 uN"'
+        )
+    model = kind(**sizes) if sizes else None
+    depth, clock = steps.depth, dict[str, Any](time=steps.time)
     if rate is not None:
         hertz = positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")
         if steps.is_timed:
@@ -399,24 +407,6 @@ def _made(test: _Test, seed: int, noise: list[str], offset: list[str], rate: str
     if model is None and others == ul.Disturbances() and rate is None:
         return ul.simulate(scene, depth, **clock, solver=file.solver)
     return ul.synthesize(scene, depth, model, seed, **clock, disturbances=others, solver=file.solver)
-
-
-def _kinds(declared: type) -> dict[str, str]:
-    """Return the names that an option takes, each with its kind of quantity, as a dataclass declares them."""
-    from underlay.quantities import field_quantities
-
-    return {name: known.kind for name, known in field_quantities(declared).items()}
-
-
-def _noise_model(kind: type[NoiseModel], numbers: Mapping[str, float]) -> NoiseModel | None:
-    """Return the noise model with the given parameters that are not zero (SI); None if there are none."""
-    if not numbers:
-        return None
-    if set(numbers) == {"correlation_time"}:
-        raise InputError(
-            'correlation_time says how long a noise lasts; name the noise too, e.g. --noise force="2 uN"'
-        )
-    return kind(**numbers)
 
 
 def _command(

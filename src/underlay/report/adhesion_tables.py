@@ -42,15 +42,9 @@ def adhesion_frame(result: Fit) -> pd.DataFrame:
     for number in range(len(result.curves)):
         for known in adhesive_estimates(result, number):
             unit, factor = human_unit(known.value, kind_of_quantity(known.name))
-            low, high = known.low / factor, known.high / factor
-            row = {
-                "quantity": known.name,
-                "value": known.value / factor,
-                "low": low,
-                "high": high,
-                "unit": unit,
-            }
-            rows.append(row | ({"curve": number + 1} if len(result.curves) > 1 else {}))
+            ends = {end: getattr(known, end) / factor for end in ("value", "low", "high")}
+            own = {"curve": number + 1} if len(result.curves) > 1 else {}
+            rows.append({"quantity": known.name, **ends, "unit": unit, **own})
     return pd.DataFrame(rows)
 
 

@@ -24,9 +24,8 @@ from underlay.inference.recipe import steps_to_ours
 from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.report import adhesion_tables, plots, screen, tables
-from underlay.report.labels import label, labelled, start
+from underlay.report.labels import label, labelled, listed, start
 from underlay.report.limits import advice, distinct_scenes, rivals
-from underlay.report.methods import listed
 from underlay.report.scene_tables import effects_table, scene_table
 from underlay.scene.parameters import kind_of
 from underlay.units import format_ends, format_quantity, human_unit, interval_digits, printed, printed_unit
@@ -335,13 +334,14 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
     rows = []
     for name, row in posterior.summary(derived=True).iterrows():
         kind = kind_of_quantity(str(name))
+        drawn = (float(row["median"]), float(row["hdi95_low"]), float(row["hdi95_high"]))
+        known = None if posterior.problem is None else posterior.answer(str(name))
+        stated = drawn if known is None else (known.value, known.low, known.high)
         rows.append(
             {
                 "parameter": label(str(name)),
-                "value (95 % interval)": screen.interval_text(*_stated(posterior, str(name), row), kind),
-                "median of the samples (95 %)": screen.interval_text(
-                    row["median"], row["hdi95_low"], row["hdi95_high"], kind
-                ),
+                "value (95 % interval)": screen.interval_text(*stated, kind),
+                "median of the samples (95 %)": screen.interval_text(*drawn, kind),
                 "68 % interval": _span(row["hdi68_low"], row["hdi68_high"], kind),
                 "effective samples": f"{row['ess']:.0f}",
                 "R-hat": "" if np.isnan(row["rhat"]) else f"{row['rhat']:.4f}",
@@ -349,14 +349,6 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
             }
         )
     return tables.labelled_table(rows)
-
-
-def _stated(posterior: Posterior, name: str, row: pd.Series) -> tuple[float, float, float]:
-    """Return value, low and high end (SI) of `Posterior.answer`; without a problem, those of the draws."""
-    if posterior.problem is None:
-        return float(row["median"]), float(row["hdi95_low"]), float(row["hdi95_high"])
-    known = posterior.answer(name)
-    return known.value, known.low, known.high
 
 
 def _span(low: float, high: float, kind: str) -> str:
@@ -387,7 +379,12 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
     """Return the diagnostics of the sampling, a row each, as text: convergence, effective draws, errors."""
     d = posterior.diagnostics
     judged = {"draws": "weighted, then resampled; a chain begun from them agrees"} if d.weighted else {}
-    kept = "of the chain that judges" if d.weighted else f"{d.burn_in} dropped, {_every(d.thin)} kept"
+    every = "all others" if d.thin == 1 else f"one in {d.thin}"
+    kept = "of the chain that judges" if d.weighted else f"{d.burn_in} dropped, {every} kept"
+    errors = "; ".join(
+        f"{label(name)} {', '.join(f'{error:.2f}' for error in known)}"
+        for name, known in d.quantile_errors.items()
+    )
     chain = {
         **judged,
         "steps, walkers": f"{d.steps}, {d.walkers} ({kept})",
@@ -400,7 +397,7 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
         "why it stopped": d.reason,
         **(chain if d.method == "emcee" else {"draws": "weighted, then resampled: no chain"}),
         "effective samples": ", ".join(f"{size:.0f}" for size in d.effective) or "not kept",
-        "errors of the 2.5, 50, 97.5 % quantiles": _errors(posterior),
+        "errors of the 2.5, 50, 97.5 % quantiles": f"{errors} standard deviations" if errors else "not kept",
         **_weighted(posterior),
         "evaluations": f"{d.evaluations}, of which {d.failures} failed",
         "model error": f"{d.model_error:.1e} of the force",
@@ -411,22 +408,6 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
         "time": f"{d.seconds:.1f} s",
     }
     return tables.facts_table(rows)
-
-
-def _every(thin: int) -> str:
-    return "all others" if thin == 1 else f"one in {thin}"
-
-
-def _errors(posterior: Posterior) -> str:
-    """Write the Monte Carlo errors of each parameter's quantiles (2.5, 50, 97.5 %).
-
-    They are in units of its posterior standard deviation.
-    """
-    told = "; ".join(
-        f"{label(name)} {', '.join(f'{error:.2f}' for error in errors)}"
-        for name, errors in posterior.diagnostics.quantile_errors.items()
-    )
-    return f"{told} standard deviations" if told else "not kept"
 
 
 def _weighted(posterior: Posterior) -> dict[str, str]:

@@ -6,20 +6,19 @@ value, and no text is interpreted: nothing that came from another file can becom
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import io
 import math
 import os
 from collections.abc import Mapping, Sequence
 from numbers import Real
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from underlay._files import write_atomic
+from underlay._files import require_writable_folder, write_atomic
 from underlay._text import one_line
 from underlay._version import VERSION
 from underlay.errors import InputError, missing_extra
@@ -57,18 +56,28 @@ _WHICH = ("name", "path", "sha256", "x", "y", "status", "verdict", "reason", "de
 _VERSION = pd.DataFrame({"setting": ["underlay", "units"], "value": [VERSION, "SI: m, N, Pa, s"]})
 
 
-def excel_library() -> ModuleType:
-    """Import and return ``xlsxwriter``, the library that writes Excel files.
+def excel_path(path: str | os.PathLike[str]) -> Path:
+    """Return `path`, checked to be one that an Excel file can be written to.
 
     Raises
     ------
+    InputError
+        If it does not end in ``.xlsx``.
     MissingExtraError
-        If it is not installed.
+        If the extra ``excel`` is not installed.
+    FileAccessError
+        If its folder cannot be written.
     """
-    try:
-        return importlib.import_module("xlsxwriter")
-    except ImportError as error:
-        raise missing_extra("an Excel file needs xlsxwriter", "excel") from error
+    if Path(path).suffix.lower() != ".xlsx":
+        raise InputError(f"an Excel file ends in .xlsx; got {Path(path).name!r}")
+    _require_library()
+    require_writable_folder(Path(path).absolute().parent)
+    return Path(path)
+
+
+def _require_library() -> None:
+    if importlib.util.find_spec("xlsxwriter") is None:
+        raise missing_extra("an Excel file needs xlsxwriter", "excel")
 
 
 def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
@@ -84,7 +93,7 @@ def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
     InputError
         If a table has more rows than a sheet can hold.
     """
-    excel_library()
+    _require_library()
     for name, table in sheets.items():
         if len(table) > MOST_ROWS:
             raise InputError(
@@ -267,9 +276,7 @@ def write_excel(
     FileAccessError
         If the file cannot be written.
     """
-    if Path(path).suffix.lower() != ".xlsx":
-        raise InputError(f"an Excel file ends in .xlsx; got {Path(path).name!r}")
-    return write_atomic(path, excel_bytes(*results, settings=settings))
+    return write_atomic(excel_path(path), excel_bytes(*results, settings=settings))
 
 
 def excel_bytes(*results: _Reported, settings: Mapping[str, str] | None = None) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import curve_of, path_of
@@ -67,6 +68,12 @@ def symbol(name: str) -> str:
     elif path.startswith("substrate."):
         letter = f"{letter}_2"
     return letter if curve is None else f"{letter}^{{({curve + 1})}}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence: ``"a, b and c"``."""
+    *first, last = names or ("nothing",)
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def is_of_the_sample(name: str) -> bool:

@@ -18,7 +18,7 @@ from underlay.data.quality import check_quality
 from underlay.errors import UnderlayError
 from underlay.inference.design.second_test import remedy
 from underlay.inference.profiles import interval_threshold
-from underlay.report.labels import is_of_the_sample, label, start
+from underlay.report.labels import is_of_the_sample, label, listed, start
 from underlay.report.screen import answer_text
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
@@ -91,15 +91,10 @@ def distinct_scenes(scenes: Sequence[Scene], curves: Sequence[Curve]) -> tuple[D
             members, key=lambda i: float(curves[i].depth.max()) - scenes[i].instrument.contact_depth
         )
         numbers = tuple(number + 1 for number in members)
-        label = _label(numbers) if len(groups) > 1 else ""
+        name = f"curve{'s' if len(numbers) > 1 else ''} {listed([str(number) for number in numbers])}"
+        label = name if len(groups) > 1 else ""
         found.append(DistinctScene(scenes[deepest], numbers, float(curves[deepest].depth.max()), label))
     return tuple(found)
-
-
-def _label(numbers: tuple[int, ...]) -> str:
-    if len(numbers) == 1:
-        return f"curve {numbers[0]}"
-    return f"curves {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
 
 
 def rivals(result: Fit) -> list[str]:

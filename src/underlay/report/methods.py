@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from underlay._version import VERSION
@@ -10,7 +10,7 @@ from underlay.inference.citation import Work, work
 from underlay.mechanics.body import RIGID
 from underlay.quantities import numbers_of
 from underlay.report import screen
-from underlay.report.labels import label, labelled, start
+from underlay.report.labels import label, labelled, listed, start
 from underlay.report.scene_tables import number_rows
 from underlay.units import format_quantity
 
@@ -56,11 +56,6 @@ def sample_words(scene: Scene) -> str:
     return f"{what} {bond if len(scene.layers) == 1 else 'on'} {under}"
 
 
-def references(fit: Fit) -> list[Work]:
-    """Return the works that the methods paragraph of a fit cites, this program first."""
-    return cited_works(fit.used)
-
-
 def cited_works(used: Mapping[str, str]) -> list[Work]:
     """Return the works to cite for an analysis.
 
@@ -73,12 +68,6 @@ def cited_works(used: Mapping[str, str]) -> list[Work]:
     return [work(key) for key, why in used.items() if not why.startswith(_COMMON)]
 
 
-def listed(names: Sequence[str]) -> str:
-    """Return names as a list in a sentence: ``"a, b and c"``."""
-    *first, last = names or ("nothing",)
-    return f"{', '.join(first)} and {last}" if first else last
-
-
 def methods_paragraph(
     fit: Fit, by_depth: PointwiseModulus | None = None, half_space: Fit | None = None
 ) -> str:
@@ -86,7 +75,10 @@ def methods_paragraph(
 
     `by_depth` (modulus at each depth) and `half_space` (the fit without the substrate) add a sentence each.
     """
-    sentences = [_model(fit), _parameters(fit), *_numbers(fit)]
+    answers = [fit.answer(name) for name in screen.told_names(fit)]
+    # The first number also states the sources of its uncertainty.
+    numbers = [_number(known, whole=place == 0) for place, known in enumerate(answers)]
+    sentences = [_model(fit), _parameters(fit), *numbers]
     if by_depth is not None and (trend := screen.by_depth_words(by_depth)):
         sentences.append(f"Read from the force at each depth the modulus was {trend}.")
     if half_space is not None:
@@ -103,7 +95,7 @@ def _model(fit: Fit) -> str:
         "A force-indentation curve was" if number == 1 else f"{number} force-indentation curves were jointly"
     )
     law = _LAWS.get(fit.statistics.law_method, f"the contact model {fit.statistics.law_method}")
-    after = ", ".join(f"[{n}]" for n in range(2, len(references(fit)) + 1))
+    after = ", ".join(f"[{n}]" for n in range(2, len(cited_works(fit.used)) + 1))
     cited = f"underlay {VERSION} [1]{f'; after {after}' if after else ''}"
     return f"{curves} fitted with {law} for a {tip_words(scene)}, on {sample_words(scene)} ({cited})."
 
@@ -129,12 +121,6 @@ def _parameters(fit: Fit) -> str:
     told += [(listed(guessed), len(guessed), "assumed, not measured")] if guessed else []
     said = "; ".join(f"{names} {'was' if count == 1 else 'were'} {how}" for names, count, how in told)
     return f"{start(said)}."
-
-
-def _numbers(fit: Fit) -> list[str]:
-    """Return one sentence per number of the sample; the first one also states the sources of its uncertainty."""
-    found = [fit.answer(name) for name in screen.told_names(fit)]
-    return [_number(known, whole=place == 0) for place, known in enumerate(found)]
 
 
 def _number(known: Answer, *, whole: bool) -> str:

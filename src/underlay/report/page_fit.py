@@ -12,9 +12,9 @@ import numpy as np
 
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.report import details, page, plots, screen
-from underlay.report.labels import labelled, start
+from underlay.report.labels import labelled, listed, start
 from underlay.report.limits import DistinctScene, distinct_scenes
-from underlay.report.methods import listed, methods_paragraph, references, sample_words, tip_words
+from underlay.report.methods import cited_works, methods_paragraph, sample_words, tip_words
 from underlay.report.plots.style import in_words
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class FitPage(page.Page[Fit]):
             return "<h2>Methods paragraph</h2>" + page.tag("p", page.words(reason), kind="none")
         found = self.by_depth[0]
         text = methods_paragraph(self.result, None if isinstance(found, str) else found, self.half_space)
-        return page.methods_block(text, references(self.result))
+        return page.methods_block(text, cited_works(self.result.used))
 
     def origin(self) -> Iterator[str]:
         """Yield the file of each curve, or else its points, with their hashes, and the scene file."""

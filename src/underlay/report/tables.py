@@ -386,8 +386,7 @@ def reading_table(tests: Sequence[tuple[int, Curve]]) -> pd.DataFrame:
 
 
 def _test_row(number: int, curve: Curve) -> dict[str, object]:
-    labels = curve.segments()
-    counts = {label: int((labels == label).sum()) for label in (LOADING, HOLD, UNLOADING)}
+    counts = {label: int((curve.segments() == label).sum()) for label in (LOADING, HOLD, UNLOADING)}
     return {
         "test": number,
         "name": str(curve.metadata.get("name", "")),
