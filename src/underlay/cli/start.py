@@ -57,12 +57,8 @@ def browser_page(
         raise InputError(f"--port must be from 0 to 65535; got {port}")
     from underlay.app.server import serve
 
-    serve(folder, port, show=browser, tell=_tell)
-
-
-def _tell(address: str) -> None:
-    say("The page is at this address, which opens once; end it with Ctrl-C.")
-    say(address)
+    told = "The page is at this address, which opens once; end it with Ctrl-C."
+    serve(folder, port, show=browser, tell=lambda address: say(f"{told}\n{address}"))
 
 
 def formats(

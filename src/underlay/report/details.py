@@ -157,8 +157,9 @@ def _parameters(fit: Fit) -> Part:
         f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f})."
         for first, second, value in tables.known_together(fit)
     ]
-    pairs = tables.correlated_pairs(fit)
-    content += [pairs] if len(pairs) else []
+    if pairs := tables.strong_pairs(fit):
+        rows = [(f"{first} and {second}", f"{value:+.3f}") for first, second, value in pairs]
+        content.append(pd.DataFrame(rows, columns=["parameters", "correlation"]))
     if steps := steps_to_ours(fit):
         content += [
             Heading("From the instrument's number to the value of this fit"),

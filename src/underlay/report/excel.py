@@ -25,7 +25,6 @@ from underlay.errors import InputError, missing_extra
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.population.result import Population
-from underlay.mechanics.solver import Solver
 from underlay.quantities import curve_of, numbers_of, path_of
 from underlay.report.tables import fit_table
 from underlay.scene.noise import NoiseModel
@@ -181,7 +180,7 @@ def _setting_rows(result: Fit) -> pd.DataFrame:
     They are the scenes as text, priors, noise, solver, files and versions.
     """
     problem, record = result.problem, result.provenance
-    rows: list[tuple[str, str]] = [("solver", _solver(result.solver))]
+    rows: list[tuple[str, str]] = [("solver", f"{result.solver.label}: {result.solver!r}")]
     rows += [(f"free: {name}", repr(prior)) for name, prior in problem.priors.items()]
     rows += [("shared by all curves", ", ".join(problem.shared))] if problem.shared else []
     rows.append(("noise", _noise(problem.noise)))
@@ -194,10 +193,6 @@ def _setting_rows(result: Fit) -> pd.DataFrame:
         ]
     rows += [(f"version of {name}", version) for name, version in record["versions"].items()]
     return pd.DataFrame([(name, one_line(text)) for name, text in rows], columns=["setting", "value"])
-
-
-def _solver(solver: Solver) -> str:
-    return f"{solver.label}: {solver!r}"
 
 
 def _noise(given: Any) -> str:

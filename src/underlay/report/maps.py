@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -134,33 +134,28 @@ def decision_table(table: pd.DataFrame) -> pd.DataFrame:
 
     More than 50 are counted in a last row.
     """
-    decided = _decisions(table)
-    columns = {"curve": decided["name"], "decision": decided["decision"], "why": decided["decision_reason"]}
-    return _first_of(columns, "")
+    return _first_of(_decisions(table).set_axis(["curve", "decision", "why"], axis=1), "")
 
 
 def _decisions(table: pd.DataFrame) -> pd.DataFrame:
-    if "decision" not in table.columns:
-        return table.iloc[:0]
-    return table[table["decision"].isin([ACCEPT, REFUSE])]
+    decided = table.reindex(columns=["name", "decision", "decision_reason"])
+    return decided[decided["decision"].isin([ACCEPT, REFUSE])]
 
 
-def _first_of(columns: Mapping[str, pd.Series[Any]], otherwise: str) -> pd.DataFrame:
-    """Return the first 50 rows of columns as text, the others counted; `otherwise` stands where there are none."""
-    whole = pd.DataFrame(dict(columns)).fillna("").astype(str)
-    first, *_, last = columns
-    rows = [dict(zip(columns, row, strict=True)) for row in whole[:_LISTED].itertuples(index=False)]
-    if len(whole) > _LISTED:
-        rows.append(
-            dict.fromkeys(columns, "") | {first: f"and {len(whole) - _LISTED} more", last: "see the table"}
-        )
-    return labelled_table(rows or [dict.fromkeys(columns, "") | {first: "none", last: otherwise}])
+def _first_of(table: pd.DataFrame, otherwise: str) -> pd.DataFrame:
+    """Return the first 50 rows of a table as text, the others counted; `otherwise` stands where there are none."""
+    between = [""] * (table.shape[1] - 2)
+    rows = table[:_LISTED].fillna("").astype(str).to_numpy().tolist()
+    if len(table) > _LISTED:
+        rows.append([f"and {len(table) - _LISTED} more", *between, "see the table"])
+    rows = rows or [["none", *between, otherwise]]
+    return labelled_table([dict(zip(table.columns, row, strict=True)) for row in rows])
 
 
 def failure_table(table: pd.DataFrame) -> pd.DataFrame:
     """Return the curves without a fit, each with the reason, as text; more than 50 are counted in a last row."""
-    failed = table[table["status"] != FITTED]
-    return _first_of({"curve": failed["name"], "reason": failed["reason"]}, "every curve was fitted")
+    failed = table.loc[table["status"] != FITTED, ["name", "reason"]]
+    return _first_of(failed.set_axis(["curve", "reason"], axis=1), "every curve was fitted")
 
 
 def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: str) -> pd.DataFrame:

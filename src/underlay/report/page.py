@@ -172,24 +172,23 @@ def number_block(title: str, number: str, unit: str, under: str, kind: str = "")
     )
 
 
-def verdict_block(word: str, reason: str, cause: str = "", step: str = "", more: str = "") -> str:
-    """Return a verdict as HTML.
+def verdict_block(verdict: Advice, more: str = "") -> str:
+    """Return a verdict as HTML, with its likely cause and next step where it has them, and one further sentence.
 
-    Parameters
-    ----------
-    word : str
-        ``"good"``, ``"check"`` or ``"reject"``: sets colour and symbol.
-    reason, cause, step, more : str
-        The reason; then the likely cause, the next step and one further sentence, each left out where empty.
+    Its word sets colour and symbol.
     """
+    word, reason = str(verdict.word), _sentence(verdict.reason)
     shape = f'<i aria-hidden="true">{_SHAPES.get(word, "")}</i> '
-    clause = reason[:1].upper() + reason[1:]
-    lines = [tag("p", shape, f"<b>{words(word.capitalize())}.</b> {words(clause)}.")]
-    pairs = [(name, text) for name, text in (("Likely cause", cause), ("Next step", step)) if text]
-    cells = "".join(f"<dt>{name}</dt><dd>{words(text[:1].upper() + text[1:])}.</dd>" for name, text in pairs)
+    lines = [tag("p", shape, f"<b>{words(word.capitalize())}.</b> {reason}")]
+    pairs = [("Likely cause", verdict.cause), ("Next step", verdict.next)]
+    cells = "".join(f"<dt>{name}</dt><dd>{_sentence(text)}</dd>" for name, text in pairs if text)
     lines += [tag("dl", cells)] if cells else []
     lines += [tag("p", words(more))] if more else []
     return tag("div", *lines, kind=f"verdict {word if word in _SHAPES else 'check'}")
+
+
+def _sentence(text: str) -> str:
+    return f"{words(start(labelled(text)))}."
 
 
 def headline(answers: list[Answer], verdict: Advice, curves: Iterable[Curve] = (), more: str = "") -> str:
@@ -200,10 +199,7 @@ def headline(answers: list[Answer], verdict: Advice, curves: Iterable[Curve] = (
     assumed = assumed_words(assumed_inputs(curves))
     more = f"{more} Assumed: {assumed}.".strip() if assumed else more
     numbers = [_number(known, place, str(verdict.word)) for place, known in enumerate(answers[:_NUMBERS])]
-    told = verdict_block(
-        verdict.word, labelled(verdict.reason), labelled(verdict.cause), labelled(verdict.next), more
-    )
-    return tag("section", *numbers, told, kind="head")
+    return tag("section", *numbers, verdict_block(verdict, more), kind="head")
 
 
 def _number(known: Answer, place: int, verdict: str) -> str:

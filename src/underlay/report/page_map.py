@@ -14,6 +14,7 @@ from underlay._version import VERSION
 from underlay.inference.batch.decisions import without_refused
 from underlay.inference.batch.results_table import FITTED
 from underlay.inference.citation import used_by
+from underlay.inference.uncertainty.answer import Advice
 from underlay.report import maps, page, plots
 from underlay.report.details import Part, Picture
 from underlay.report.labels import label, start
@@ -88,11 +89,8 @@ class MapPage(page.Page[pd.DataFrame]):
     def _verdict(self) -> str:
         good = bool((self.sites["verdict"] == "good").all())
         sentences = (maps.errors_in_words(self.sites), maps.decision_words(self.result))
-        return page.verdict_block(
-            "good" if good else "check",
-            f"verdicts of the curves: {verdict_counts(self.sites)}",
-            more=" ".join(filter(None, sentences)),
-        )
+        told = Advice("good" if good else "check", f"verdicts of the curves: {verdict_counts(self.sites)}")
+        return page.verdict_block(told, " ".join(filter(None, sentences)))
 
     def _pictures(self, *, drawn: bool) -> Iterator[str]:
         columns = maps.columns_to_draw(self.sites)
@@ -156,9 +154,8 @@ def together_block(found: Population | str, curves: pd.DataFrame, label: str) ->
         number, _, unit = mean.rpartition(" ")
         title_of = f"{title} {letter}, {called or 'mean'}"
         numbers.append(page.number_block(title_of, number, unit, f"geometric mean of {of}; 95 %", "second"))
-    verdict = maps.population_verdict(found)
     more = f"{maps.shared_error_words(found)}." if found.shared_error else ""
-    told = page.verdict_block(verdict.word, verdict.reason, verdict.cause, verdict.next, more)
+    told = page.verdict_block(maps.population_verdict(found), more)
     drawn = []
     if found.by:
         alt = "Curves, animals and the population with its interval, group by group."

@@ -155,16 +155,7 @@ def fit_table(result: Fit) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def correlated_pairs(result: Fit) -> pd.DataFrame:
-    """Return a row per pair of parameters whose correlation exceeds 0.9 in absolute value, strongest first."""
-    rows = [
-        {"parameters": f"{first} and {second}", "correlation": f"{value:+.3f}"}
-        for first, second, value in _strong_pairs(result)
-    ]
-    return pd.DataFrame(rows, columns=["parameters", "correlation"])
-
-
-def _strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
+def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
     """Return name, name and correlation of pairs with correlation above 0.9 in absolute value, strongest first."""
     frame = result.correlations
     matrix, names = frame.to_numpy(), [str(name) for name in frame.columns]
@@ -189,7 +180,7 @@ def known_together(result: Fit) -> list[tuple[str, str, float]]:
     """
     index = {name: i for i, name in enumerate(result.names)}
     pairs = []
-    for first, second, value in _strong_pairs(result):
+    for first, second, value in strong_pairs(result):
         errors = [
             math.sqrt(float(result.scaled_covariance[index[name], index[name]])) for name in (first, second)
         ]

@@ -405,14 +405,9 @@ def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0
     # 24 bytes in, a PNG says its size.
     width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
     box = ax.get_position()
-    left, right, top, bottom = (
-        box.x0 * width,
-        box.x1 * width,
-        (1.0 - box.y1) * height,
-        (1.0 - box.y0) * height,
-    )
+    sides = (box.x0 * width, box.x1 * width, (1.0 - box.y1) * height, (1.0 - box.y0) * height)
     # Plain floats: what numpy's write of themselves is no number to anyone else.
-    return Canvas(data, width, height, *map(float, (left, right, top, bottom, *across, *up)))
+    return Canvas(data, width, height, *map(float, (*sides, *across, *up)))
 
 
 def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:

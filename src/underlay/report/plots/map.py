@@ -121,7 +121,15 @@ def map(  # noqa: A001  the public name; the builtin is not used here
     squares = _squares(across, up) / scale
     with style.panel(ax, height=3.0) as drawn:
         drawn.set_aspect("equal")
-        _draw(drawn, squares, placed[column].to_numpy(dtype=float), column)
+        values = placed[column].to_numpy(dtype=float)
+        known = np.isfinite(values)
+        words, factor = _axis(column, values[known])
+        drawn.add_collection(PolyCollection(list(squares[~known]), facecolors=style.GREY, **_NO_GAPS))
+        shades: Any = {"array": values[known] / factor, "cmap": style.SEQUENTIAL}
+        filled = drawn.add_collection(PolyCollection(list(squares[known]), **shades, **_NO_GAPS))
+        if (figure := drawn.get_figure(root=False)) is not None:
+            bar = figure.colorbar(filled, cax=drawn.inset_axes((1.04, 0.0, 0.05, 1.0)))
+            bar.set_label(words.replace(" of the ", "\nof the "))
         drawn.autoscale_view()
         drawn.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
     return drawn
@@ -194,20 +202,6 @@ def _axis(column: str, values: FloatArray) -> tuple[str, float]:
     """Return the words of an axis for a column's finite values (SI), and the SI value of its unit."""
     unit, factor = style.unit_of(float(np.median(np.abs(values))), _kind(column))
     return style.with_unit(label(column), unit), factor
-
-
-def _draw(ax: Axes, squares: FloatArray, values: FloatArray, column: str) -> None:
-    known = np.isfinite(values)
-    words, factor = _axis(column, values[known])
-    ax.add_collection(PolyCollection(list(squares[~known]), facecolors=style.GREY, **_NO_GAPS))
-    drawn = PolyCollection(
-        list(squares[known]), array=values[known] / factor, cmap=style.SEQUENTIAL, **_NO_GAPS
-    )
-    ax.add_collection(drawn)
-    figure = ax.get_figure(root=False)
-    if figure is not None:
-        bar = figure.colorbar(drawn, cax=ax.inset_axes((1.04, 0.0, 0.05, 1.0)))
-        bar.set_label(words.replace(" of the ", "\nof the "))
 
 
 def _squares(across: FloatArray, up: FloatArray) -> FloatArray:
