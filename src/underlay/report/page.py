@@ -351,7 +351,7 @@ class Page(ABC, Generic[_Result]):
             f"<header><span><b>underlay</b> indentation report</span><span>{words(self.day)}</span></header>"
             f'<h1>{words(self.title)}</h1><p class="sub">{words(self.about)}</p>'
         )
-        return document(f"{self.title}: indentation report", head, self.sheet(opened=opened))
+        return document(f"{self.title} · indentation report", head, self.sheet(opened=opened))
 
     def with_foot(self, *blocks: str, opened: bool) -> str:
         """Return the blocks of a sheet as HTML with the foot of the page and the folded parts below them.
