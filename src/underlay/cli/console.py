@@ -43,7 +43,7 @@ def say_error(text: str, steps: Sequence[str] = ()) -> None:
         Console(stderr=True, highlight=False).print(each, markup=False, soft_wrap=True)
 
 
-def say_table(frame: pd.DataFrame, title: str) -> None:
+def say_table(frame: pd.DataFrame, title: str = "") -> None:
     """Print a table: numbers right-aligned, text left-aligned; an index of names becomes the first column."""
     import pandas as pd
 
@@ -70,24 +70,18 @@ def say_table(frame: pd.DataFrame, title: str) -> None:
 
 
 def say_parts(parts: Iterable[Part]) -> None:
-    """Print what stands behind a result: sentences, and tables under their headings; pictures are left out."""
+    """Print what stands behind a result: headings, sentences and tables; pictures are left out."""
     import pandas as pd
-
-    from underlay.report.details import Heading
 
     for title, note, content in parts:
         told = [one for one in content if isinstance(one, str | pd.DataFrame)]
         if told:
             say(f"{title}{f' ({note})' if note else ''}")
-        heading = ""
         for one in told:
-            if isinstance(one, Heading):
-                heading = one
-            elif isinstance(one, str):
+            if isinstance(one, str):
                 say(one)
             else:
-                say_table(one, heading)
-                heading = ""
+                say_table(one)
 
 
 def _cell(value: object) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -52,7 +52,9 @@ def fit(
         problem = ul.load_problem(curve, scene)
         problem = problem.revised(solver=options.wanted_solver(problem.solver, solver, rtol))
         quality_doubts(problem)
-        with _at_work() if any(one.drainage for one in problem.base_scenes) else nullcontext():
+        # Seen on a terminal only: of a draining layer under a sphere a fit may take a minute.
+        work = Console(stderr=True).status("fitting; a layer that drains may take a minute")
+        with work if any(one.drainage for one in problem.base_scenes) else nullcontext():
             result = ul.fit(problem)
             result.answers  # noqa: B018  they take longest, and are kept
     _show(result, details=details)
@@ -67,11 +69,6 @@ def fit(
 
         by_depth = [found for found in pointwise_of(result) if not isinstance(found, str)]
         say(f"wrote {ul.write_excel(excel, result, *by_depth)}")
-
-
-def _at_work() -> AbstractContextManager[object]:
-    """Show on a terminal that a fit goes on: of a draining layer under a sphere it may take a minute."""
-    return Console(stderr=True).status("fitting; a layer that drains may take a minute")
 
 
 def _show(result: ul.Fit, *, details: bool = False) -> None:

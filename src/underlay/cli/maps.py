@@ -168,11 +168,10 @@ def _show(table: pd.DataFrame) -> None:
 def _draw(table: pd.DataFrame, folder: Path) -> list[Path]:
     from underlay.inference.batch.results_table import fitted_names
 
-    names = fitted_names(table.columns)
-    parameter = next(iter(sorted(names, key=lambda name: name != "layer.E")), None)
-    if parameter is None or not table[parameter].notna().any():
+    names = sorted(fitted_names(table.columns), key=lambda name: name != "layer.E")
+    if not names or not table[names[0]].notna().any():
         return []
-    return [ul.plots.save(ul.plots.survey(table, parameter), folder / "map.png")]
+    return [ul.plots.save(ul.plots.survey(table, names[0]), folder / "map.png")]
 
 
 def population(

@@ -99,16 +99,10 @@ def halfspace_sentence(scene: Scene, pull_off_force: float) -> str:
     of the tip. Empty for a scene without a substrate, for a tip that is neither paraboloid nor sphere, and for
     adhesion models other than JKR.
     """
-    radius, adhesion = scene.parameters.get("indenter.radius"), scene.adhesion
-    rounded = scene.indenter.shape in ("paraboloid", "sphere")
-    if (
-        radius is None
-        or adhesion is None
-        or adhesion.model != "jkr"
-        or not rounded
-        or scene.substrate is None
-    ):
+    rounded = scene.indenter.shape in ("paraboloid", "sphere") and scene.substrate is not None
+    if not rounded or scene.adhesion is None or scene.adhesion.model != "jkr":
         return ""
+    radius = scene.parameters["indenter.radius"]
     read, work = pull_off_force / (_HALF_SPACE * math.pi * radius), scene.parameters["adhesion.work"]
     return (
         f"Read from this pull-off force as 3/2 pi R w, which holds on a half-space, the work of adhesion would be "

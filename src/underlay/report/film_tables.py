@@ -21,15 +21,10 @@ from underlay.units import format_ends, format_quantity, human_unit
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
 
-_UNITS = {
-    "depth": "m",
-    "contact radius": "m",
-    "stiffness": "N/m",
-    "fitted stiffness": "N/m",
-    "noise": "N/m",
-    "half-space modulus": "Pa",
-    "layer modulus": "Pa",
-    "layer modulus noise": "Pa",
+_COLUMNS = {
+    "m": ("depth", "contact radius"),
+    "N/m": ("stiffness", "fitted stiffness", "noise"),
+    "Pa": ("half-space modulus", "layer modulus", "layer modulus noise"),
 }
 
 
@@ -38,14 +33,12 @@ def film_table(found: StiffnessFit) -> pd.DataFrame:
     rows = []
     for name, value in found.values.items():
         low, high, kind = found.low[name], found.high[name], kind_of(name)
-        ends = " to ".join(format_ends(low, high, kind))
+        ends = " to ".join(format_ends(low, high, kind)) if math.isfinite(high) else "no scatter in the file"
         rows.append(
             {
                 "parameter": name,
                 "value": format_quantity(value, kind),
-                "95 % interval (a test as a whole)": ends
-                if math.isfinite(high)
-                else "no scatter in the file",
+                "95 % interval (a test as a whole)": ends,
                 "1 % more area": f"{found.area_sensitivity[name]:+.2f} %",
             }
         )
@@ -100,7 +93,7 @@ def film_notes(found: StiffnessFit, *, perfect: bool) -> list[str]:
 
 def write_film(found: StiffnessFit, folder: Path, stem: str) -> list[Path]:
     """Write both tables (CSV) and the picture (PNG) of a film; return the paths of the three files."""
-    units = {name: f"{name} ({unit})" for name, unit in _UNITS.items()}
+    units = {name: f"{name} ({unit})" for unit, names in _COLUMNS.items() for name in names}
     tables = {"csv": film_moduli(found), "depths.csv": found.table.rename(columns=units)}
     files = {f"{stem}.film.{name}": table for name, table in tables.items()}
     return write_all(folder, {**files, f"{stem}.film.png": partial(plots.film, found)})

@@ -42,15 +42,11 @@ def _words(path: str) -> str:
     if not known.label:
         return _FOREIGN.sub("?", path)
     number = _INDEX.search(last)
-    words = known.label.format(part=_part(_FOREIGN.sub("?", place)))
+    # The part of a scene that the path leads to: "layer"; "layer 2" of "substrate.layers[0]".
+    part, _, inner = _FOREIGN.sub("?", place).partition(".")
+    deeper = _INDEX.search(inner)
+    words = known.label.format(part=f"layer {int(deeper[1]) + 2}" if deeper else part)
     return f"{words} (term {int(number[1]) + 1})" if number else words
-
-
-def _part(place: str) -> str:
-    """Name the part of a scene that a path leads to: ``"layer"``; ``"substrate.layers[0]"`` -> ``"layer 2"``."""
-    whole, _, inner = place.partition(".")
-    number = _INDEX.search(inner)
-    return f"layer {int(number[1]) + 2}" if number else whole
 
 
 def symbol(name: str) -> str:

@@ -26,7 +26,7 @@ from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.compare import BondComparison
-    from underlay.inference.least_squares.fit_result import Alternative, Fit
+    from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.problem import Problem
 
 _LEVEL = 0.95
@@ -105,9 +105,22 @@ def rivals(result: Fit) -> list[str]:
     ``"A second optimum explains these data as well: layer modulus 0.3311 MPa, layer thickness 0.2276 mm;
     chi-square higher by 3.6. The intervals reach over it too; a posterior shows how far they can be trusted."``
     """
-    return [
-        _rival_sentence(result, other, rival_name(place)) for place, other in enumerate(result.alternatives)
-    ]
+    sentences = []
+    for place, other in enumerate(result.alternatives):
+        shown = [path for path in other.values if is_of_the_sample(path)] or list(other.values)
+        numbers = ", ".join(
+            f"{label(path)} {format_quantity(other.values[path], kind_of(path))}" for path in shown
+        )
+        nearly = "" if other.delta_chi_square <= interval_threshold(result, _LEVEL) else "nearly "
+        inside = all(other.values[path] in result.interval(path, _LEVEL) for path in shown)
+        reach = "reach over it too" if inside else "stop short of it"
+        # With two optima intervals from chi-square hold the truth less often than they say.
+        sentences.append(
+            f"A {rival_name(place)} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
+            f"{other.delta_chi_square:.2g}. The intervals {reach}; a posterior shows how far they can "
+            "be trusted."
+        )
+    return sentences
 
 
 def advice(result: Fit) -> list[str]:
@@ -134,22 +147,6 @@ def advice(result: Fit) -> list[str]:
 def rival_name(place: int) -> str:
     """Return the ordinal of an entry of `Fit.alternatives` (from 0) among all optima: ``"second"`` for entry 0."""
     return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 2}th"
-
-
-def _rival_sentence(result: Fit, other: Alternative, name: str) -> str:
-    shown = [path for path in other.values if is_of_the_sample(path)] or list(other.values)
-    numbers = ", ".join(
-        f"{label(path)} {format_quantity(other.values[path], kind_of(path))}" for path in shown
-    )
-    nearly = "" if other.delta_chi_square <= interval_threshold(result, _LEVEL) else "nearly "
-    inside = all(other.values[path] in result.interval(path, _LEVEL) for path in shown)
-    reach = "reach over it too" if inside else "stop short of it"
-    # With two optima intervals from chi-square hold the truth less often than they say.
-    return (
-        f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
-        f"{other.delta_chi_square:.2g}. The intervals {reach}; a posterior shows how far they can "
-        "be trusted."
-    )
 
 
 def bonds_sentences(told: BondComparison) -> list[str]:

@@ -390,9 +390,7 @@ def _test_row(number: int, curve: Curve) -> dict[str, object]:
 
 def _span(values: FloatArray, kind: str) -> str:
     finite = values[np.isfinite(values)]
-    if not finite.size:
-        return "no finite number"
-    return span(float(finite.min()), float(finite.max()), kind)
+    return span(float(finite.min()), float(finite.max()), kind) if finite.size else "no finite number"
 
 
 def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:

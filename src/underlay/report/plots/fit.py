@@ -24,7 +24,6 @@ from underlay.report.screen import half_space_fit
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.mechanics.body import Layer
 
 # More points than the picture has pixels only make the file heavy.
 _MOST_POINTS = 1500
@@ -357,7 +356,8 @@ def laws(
     length, metre = _axis_unit(np.array([low - contact, high - contact]), "length")
     load, newton = _axis_unit(np.array(force_ends(curve, low, high)), "force")
     with style.style():
-        ax = _wide_axes() if ax is None else ax
+        # Page width with fixed margins: a computed layout draws the picture three times.
+        ax = ax or plt.figure(figsize=(style.PAGE, 3.9)).add_axes((0.085, 0.12, 0.9, 0.86))
         words = [
             ("measured", style.SOFT),
             *([("used in the fit", style.DATA)] if len(used) < len(curve) else []),
@@ -384,11 +384,6 @@ def force_ends(curve: Curve, low: float, high: float) -> tuple[float, float]:
     least, most = float(np.min(forces)), float(np.max(forces))
     room = 0.06 * (most - least)
     return least - room, most + room
-
-
-def _wide_axes() -> Axes:
-    """Return axes of page width with fixed margins: a computed layout draws the picture three times."""
-    return plt.figure(figsize=(style.PAGE, 3.9)).add_axes((0.085, 0.12, 0.9, 0.86))
 
 
 def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0, 1.0)) -> Canvas:
@@ -441,7 +436,9 @@ def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     member = result.problem.members[curve]
 
     def moduli(physical: FloatArray) -> FloatArray:
-        return np.stack([_modulus(member.scene_at(row).layer, time) for row in physical])
+        """Return the in-plane modulus (Pa) of each row of parameters (k,) at the times (n,): (k, n)."""
+        layers = [member.scene_at(row).layer for row in physical]
+        return np.stack([one.material.E * one.relaxation.modulus(time) for one in layers if one.relaxation])
 
     low, middle, high = result.band(moduli)
     name, pascal = style.unit_for(middle, "pressure")
@@ -451,8 +448,7 @@ def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
                 time, low / pascal, high / pascal, color=style.FIT, alpha=0.25, lw=0.0, label="95 %"
             )
         panel.plot(time, middle / pascal, color=style.FIT, label="fit")
-        panel.set_xscale("log")
-        panel.set(xlabel="time after a sudden strain (s)", ylabel=f"layer modulus ({name})")
+        panel.set(xscale="log", xlabel="time after a sudden strain (s)", ylabel=f"layer modulus ({name})")
         panel.legend(loc="best")
     return panel
 
@@ -497,13 +493,6 @@ def drainage(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         panel.set(xlabel="root of the time since the peak (s$^{1/2}$)", ylabel="force left to fall, g")
         panel.legend(loc="best")
     return panel
-
-
-def _modulus(layer: Layer, time: FloatArray) -> FloatArray:
-    """Return the in-plane modulus (Pa), (n,), of a relaxing layer at times (s), (n,), after a sudden strain."""
-    if layer.relaxation is None:
-        return np.full(len(time), layer.material.E)
-    return np.asarray(layer.material.E * layer.relaxation.modulus(time))
 
 
 def segments(curve: Curve, *, title: str = "", ax: Axes | None = None) -> Axes:

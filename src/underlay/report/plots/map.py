@@ -334,9 +334,10 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
             text.set_color(style.FIT if text.get_text().endswith(": mean") else style.INK)
         drawn.invert_yaxis()
         drawn.set_xlabel(words)
-        drawn.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        drawn.xaxis.set_major_formatter(plain)
         narrow = np.divide(*drawn.get_xlim()[::-1]) < _NARROW
-        drawn.xaxis.set_minor_formatter(FuncFormatter(_every if narrow else _some))
+        drawn.xaxis.set_minor_formatter(plain if narrow else FuncFormatter(_some))
         if result.by:
             what = result.by[0]
             handles = [
@@ -359,10 +360,6 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
 
 def _shown(group: Group) -> int:
     return min(len(group.unit_values), _MOST_UNITS + 1)
-
-
-def _every(value: float, _: int) -> str:
-    return f"{value:g}"
 
 
 def _some(value: float, _: int) -> str:

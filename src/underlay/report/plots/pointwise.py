@@ -122,15 +122,8 @@ def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
     length, metre = style.unit_for(depth, "length")
     name, pascal = style.unit_for(bare, "pressure")
     with style.panel(ax) as panel:
-        panel.plot(
-            depth / metre,
-            bare / pascal,
-            ".-",
-            ms=3.0,
-            lw=0.9,
-            color=style.REFERENCE,
-            label="half-space formula",
-        )
+        dots: dict[str, Any] = {"marker": ".", "ms": 3.0, "lw": 0.9}
+        panel.plot(depth / metre, bare / pascal, **dots, color=style.REFERENCE, label="half-space formula")
         if "layer modulus" in table:
             layer = table["layer modulus"].to_numpy()
             noise = table["layer modulus noise"].to_numpy() / layer
@@ -139,15 +132,8 @@ def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
                 panel.fill_between(
                     depth / metre, low, high, color=style.FIT, alpha=0.2, lw=0.0, label="noise, 95 %"
                 )
-            panel.plot(
-                depth / metre,
-                layer / pascal,
-                ".-",
-                ms=3.0,
-                lw=0.9,
-                color=style.FIT,
-                label="film, base in the model",
-            )
+            label = "film, base in the model"
+            panel.plot(depth / metre, layer / pascal, **dots, color=style.FIT, label=label)
             panel.axhline(found.values["layer.E"] / pascal, ls="--", lw=1.0, color=style.FIT, label="fit")
         panel.set_ylim(0.0)
         panel.set(xlabel=f"depth ({length})", ylabel=f"modulus ({name})")

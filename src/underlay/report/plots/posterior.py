@@ -101,14 +101,11 @@ class _Column:
         low, high = np.quantile(self.draws, (_MARGIN, 1.0 - _MARGIN))
         # A quantity known to its order of magnitude at best is one spike on an even axis.
         self.scale = "log" if low > 0.0 and high / low > _DECADES else "linear"
-        if self.scale == "log":
-            room = (high / low) ** 0.05
-            self.window = (float(low / room), float(high * room))
-            self.edges = np.geomspace(*self.window, _BINS + 1)
-        else:
-            room = 0.05 * (high - low)
-            self.window = (float(low - room), float(high + room))
-            self.edges = np.linspace(*self.window, _BINS + 1)
+        ends = np.log([low, high]) if self.scale == "log" else np.array([low, high])
+        room = 0.05 * np.ptp(ends)
+        even = np.linspace(ends[0] - room, ends[1] + room, _BINS + 1)
+        self.edges = np.exp(even) if self.scale == "log" else even
+        self.window = (float(self.edges[0]), float(self.edges[-1]))
 
     def draw(self, cell: Axes) -> None:
         """Draw the histogram, with prior, median and true value."""

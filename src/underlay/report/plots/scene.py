@@ -5,6 +5,8 @@ The drawing shows indenter, layer, substrate and contact; the effects are compar
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -61,13 +63,17 @@ def scene(
     law = test.contact_law(pressed, solver=solver)
     tip = float(test.instrument.chain.tip_depth(law, np.array([float(depth)]))[0])
     radius = float(law.contact_radius(np.array([max(tip, 0.0)]))[0])
-    size = radius or max(tip, 1e-3 * _length_of(test))
+    # Of a test that does not touch: its thickness, or else the radius of the tip.
+    lengths = [one for one in (test.layer.thickness, test.indenter.max_radius) if np.isfinite(one)]
+    size = radius or max(tip, 1e-3 * float((*lengths, 1e-3)[0]))
     thick = test.layer.thickness
     shown = min(thick, _DEEPEST * size)
     half = max(_WIDTH * size, 0.9 * shown)
     unit, factor = style.unit_of(max(half, shown), "length")
     with style.style():
-        beside = _names_beside(test) and shown == thick
+        # The names of the layers may be too long to be written inside the picture.
+        long = len(test.layers) > 1 or (test.substrate is not None and test.layer.bond != "bonded")
+        beside = long and shown == thick
         ax = style.axes(ax, width=style.COLUMN + (_BESIDE if beside else 0.0), height=2.6)
         top = 0.55 * half
         deeper = sum(layer.thickness for layer in test.layers[1:])
@@ -89,11 +95,6 @@ def scene(
         if title:
             ax.set_title(title)
     return ax
-
-
-def _length_of(test: Scene) -> float:
-    finite = test.layer.thickness if np.isfinite(test.layer.thickness) else test.indenter.max_radius
-    return float(finite) if np.isfinite(finite) else 1e-3
 
 
 def _draw_layer(
@@ -131,11 +132,6 @@ def _draw_below(ax: Axes, test: Scene, half: float, bottom: float, factor: float
             ax.axhline(
                 -face / factor, color=style.INK, lw=0.9, ls="-" if layer.held.bond == "bonded" else "--"
             )
-
-
-def _names_beside(test: Scene) -> bool:
-    """Whether the names of the layers are too long to be written inside the picture."""
-    return len(test.layers) > 1 or (test.substrate is not None and test.layer.bond != "bonded")
 
 
 def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], factor: float) -> None:
@@ -263,20 +259,13 @@ def effects(
         for name, size in sizes.items():
             if not size.any():  # nothing has no place on a logarithmic axis
                 continue
-            drawn.loglog(
-                depth / unit, 100.0 * np.abs(size.to_numpy()), label=_label(str(name), size.iloc[-1])
-            )
+            label = f"{name} ({100.0 * size.iloc[-1]:+.3g} %)"
+            drawn.loglog(depth / unit, 100.0 * np.abs(size.to_numpy()), label=label)
         if wanted.tolerance:
             drawn.axhline(100.0 * wanted.tolerance, color=style.GREY, ls=":", lw=1.0)
-            drawn.annotate(
-                f"rtol = {wanted.tolerance:g}",
-                # On the right, where effects are large.
-                (0.99, 100.0 * wanted.tolerance),
-                xycoords=("axes fraction", "data"),
-                ha="right",
-                va="bottom",
-                fontsize=7.0,
-            )
+            # On the right, where effects are large.
+            how: dict[str, Any] = {"transform": drawn.get_yaxis_transform(), "ha": "right", "va": "bottom"}
+            drawn.text(0.99, 100.0 * wanted.tolerance, f"rtol = {wanted.tolerance:g}", **how, fontsize=7.0)
         drawn.set(xlabel=f"depth since contact ({length})", ylabel="change of the force (%)")
         if len(sizes.columns):
             drawn.legend(
@@ -287,10 +276,6 @@ def effects(
                 alignment="left",
             )
     return drawn
-
-
-def _label(name: str, size: float) -> str:
-    return f"{name} ({100.0 * size:+.3g} %)"
 
 
 def _usual_depth(scene: Scene) -> float:
