@@ -188,7 +188,7 @@ def test_longer_chains_come_closer_and_the_panels_name_everything(table, answers
     figure = plots.what_accuracy_costs(table, answers, drawn)
     force, answer, posterior = figure.axes
     assert "halfspace" in named(force)
-    assert {"half-space", "Garcia 2018", "exact 1e-2", "exact 1e-6"} <= named(answer)
+    assert {"halfspace", "garcia2018", "exact 1e-02", "exact 1e-06"} <= named(answer)
     assert {"emcee, 20 steps", "emcee, 300 steps", "fit, as a normal", "importance"} == named(posterior)
     assert figure.get_figwidth() == pytest.approx(PAGE)
     plt.close(figure)
